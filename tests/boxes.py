@@ -1,7 +1,5 @@
 """Whether what a page shows overlaps or spills, measured from the boxes of its elements in a headless Chromium."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager

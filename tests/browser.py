@@ -1,7 +1,5 @@
 """Drives a headless Chromium through its debugging pipe (the DevTools protocol, messages end with a zero byte)."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

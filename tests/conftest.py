@@ -1,7 +1,5 @@
 """Chains that many tests need, built directly, without scenario files."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections import Counter

@@ -1,7 +1,5 @@
 """Ctrl-C for tests: a shell that starts them in the background lets them, and their children, ignore it."""
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Results of a benchmark made up so that what a report has to say is known."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Generator, Iterable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Files that have gone wrong: texts with pieces put in, documents with values put in, left out or moved."""
 
-from __future__ import annotations
-
 import json
 from random import Random
 from typing import Any

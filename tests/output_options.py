@@ -1,7 +1,5 @@
 """Every word of the command line that names a file to write, and a command line that writes it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

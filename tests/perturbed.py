@@ -1,7 +1,5 @@
 """Random pushes, and chains that are off in one number: built from changed objects, not by the code under test."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product

@@ -1,7 +1,5 @@
 """Scenarios without what the defaults add, for tests of searches and timing by themselves."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from pushplan.scenario.file import load_scenario

@@ -1,7 +1,5 @@
 """Plans made by hand, with executions: what pictures and windows show is known without a search."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Plans made by hand: of one push of a chain along a path or a trajectory."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ Messages are made from the definitions of ROS 2 Humble that rosbags holds: they 
 generated messages have, refuse others, and are serialised by rosbags, which checks the types of all values.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Scenarios made in Python are those that a file states, with the same checks."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

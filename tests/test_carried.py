@@ -1,18 +1,12 @@
 """What contacts carry: which objects, their common centre of friction, and every centre that loads may have."""
 
-from __future__ import annotations
-
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 import shapely
 
 from pushplan.mechanics.contacts import center_range, common_centers
-
-if TYPE_CHECKING:
-    pass
 
 
 def test_where_there_is_no_friction_the_plain_mean_stands_in() -> None:

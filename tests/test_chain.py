@@ -1,21 +1,16 @@
 """Chains, paths and trajectories cannot be built wrong: what is refused, and how it is said."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from conftest import ChainMaker
 
 from pushplan.errors import ChainError, PushplanError
 from pushplan.mechanics.chain import PLATE, Chain
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 
 def test_a_chain_has_objects_and_a_contact_for_each(make_chain: ChainMaker) -> None:

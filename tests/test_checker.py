@@ -1,7 +1,5 @@
 """The independent checker: it finds what is there, whoever hits it, and refines coarse motions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

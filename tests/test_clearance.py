@@ -1,7 +1,5 @@
 """The clearance is a hard minimum: of every pose of a path, of start and goal, and nobody comes nearer by chance."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The command line, end to end: what is printed where, what is written, and the exit codes."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """`pushplan plan` and `pushplan replay`, end to end: numbers, files, exit codes."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The collision check against shapely: distances, overlaps, sweeps."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 

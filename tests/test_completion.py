@@ -1,7 +1,5 @@
 """Completion scripts: every command, option and example, run by the shells there are."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from pathlib import Path

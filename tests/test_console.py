@@ -1,7 +1,5 @@
 """The streams of a command: results, remarks, JSON, colours, progress, failures."""
 
-from __future__ import annotations
-
 import io
 import time
 from collections.abc import Callable

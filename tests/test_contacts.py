@@ -1,21 +1,16 @@
 """The contact conditions against a linear program over forces at the contacts' ends, and their invariances."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from conftest import ChainMaker
 from scipy.optimize import linprog
 
 from pushplan.mechanics.chain import Chain, Contact
 from pushplan.mechanics.contacts import contact_state, friction_wrench
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 
 def random_twists(chain: Chain, seed: int, count: int) -> FloatArray:

@@ -1,7 +1,5 @@
 """The controls of a planner lie in the stable set and within what the drive can do."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The costs to choose: objectives agree with what they stand for, and each planner's path is best by its own."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Why it failed: exact words for every cause, nothing called impossible that is possible, the nearest path kept."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What README and docs say is so: commands run, code runs, options, links, pictures and public names exist."""
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import importlib

@@ -3,8 +3,6 @@
 It takes a built site: `sphinx-build -b html docs SITE`, and PUSHPLAN_SITE=SITE.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,12 +1,10 @@
 """Dynamic contact conditions against Newton's law by finite differences and a linear program over forces."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from conftest import ChainMaker
 from scipy.optimize import linprog
 
 from pushplan.errors import PushplanError, SupportError
@@ -22,9 +20,6 @@ from pushplan.mechanics.dynamics import (
 from pushplan.mechanics.inertia import inertia_of
 from pushplan.mechanics.support import FeetSupport, UnknownSupport
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 STEP = 1e-3
 

@@ -4,8 +4,6 @@ Rows are uses, columns kinds. A cell looks at what comes out, against the execut
 says so in a sentence.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The scripts in examples/ run, are one screen long, and say what they do."""
 
-from __future__ import annotations
-
 import runpy
 from pathlib import Path
 

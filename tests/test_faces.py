@@ -1,7 +1,5 @@
 """The chain that the plate pushes from another face is the one that a scenario file would state there."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,11 +1,8 @@
 """Feet that stand for a pressure: positive, inside, with the same moments and the same friction."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
+from conftest import ChainMaker
 
 from pushplan.errors import SupportError
 from pushplan.mechanics.chain import PushedObject
@@ -19,9 +16,6 @@ from pushplan.mechanics.support import (
 )
 from pushplan.sim.feet import DEGREE, feet_of, polygon_rule
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 BOX = np.array([[-0.05, -0.03], [0.05, -0.03], [0.05, 0.03], [-0.05, 0.03]])
 

@@ -1,7 +1,5 @@
 """A robot that follows twists of its base ends where the plan does; one that leaves the path is stopped."""
 
-from __future__ import annotations
-
 from functools import cache
 from math import radians
 

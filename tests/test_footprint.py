@@ -1,7 +1,5 @@
 """The robot behind the plate keeps clear of everything, judged by shapely on the union of all bodies."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,12 +1,10 @@
 """The closed forms of floor friction against quadrature of Coulomb's law, and the laws that friction obeys."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from conftest import ChainMaker
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad_vec
@@ -20,9 +18,6 @@ from pushplan.mechanics.packed import pack_object
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 

@@ -1,7 +1,5 @@
 """The example that makes the paper's figures anew."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from importlib.util import find_spec

@@ -1,7 +1,5 @@
 """Outlines and maps of others: right sizes and places, nothing uncovered, clear words for what cannot be read."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

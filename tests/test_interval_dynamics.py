@@ -1,21 +1,16 @@
 """Contact conditions with inertia over intervals: below every world that is built anew, and reached at vertices."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from conftest import ChainMaker
 
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.dynamics import ContactDynamics, dynamic_margins
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 
 def motions(chain: Chain, seed: int, count: int = 60) -> tuple[FloatArray, FloatArray]:

@@ -1,7 +1,5 @@
 """The JSON Schema of scenario files: packaged as generated, and of one mind with the loader."""
 
-from __future__ import annotations
-
 import json
 import re
 from random import Random

@@ -1,7 +1,5 @@
 """Judges of results can say no: good plans and executions spoilt in one way are refused, with the reason."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """The kinematic simulator: integration against an ODE solver, loss of stability where the margin ends."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Best-first search over cells keeps its promises: free arcs, the cheapest node in a cell, bounds, true distances."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What is known of a load: where it may rest, how far a push above the floor moves it, and what supports hold."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

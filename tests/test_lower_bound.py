@@ -1,7 +1,5 @@
 """The lower bound: no path beats it, it knows obstacles, and it is exact where nothing is in the way."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,16 +1,14 @@
 """The margin of a plan: what `auto` stands for, when it is lowered, and that this is said."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import cache
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from conftest import ChainMaker
 from plain import load_plain
 
 from pushplan.cli.main import main
@@ -25,9 +23,6 @@ from pushplan.scenario.model import Scenario
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 ITERATIONS = 6000
 

@@ -1,7 +1,5 @@
 """Planners and stable sets of others: by `module:attribute`, by entry points, handed over as they are."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The first own scenario: a commented file that loads, plans and is never overwritten."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The tree over obstacles finds what looking at every obstacle finds, and looks at few of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A push posed for OMPL: an exact chart and propagator, checks that look, and paths that any planner may leave."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

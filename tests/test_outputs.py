@@ -1,7 +1,5 @@
 """Outputs: whole or not there, written through links, streamed into pipes, and nothing that is no file destroyed."""
 
-from __future__ import annotations
-
 import errno
 import os
 import socket

@@ -1,7 +1,5 @@
 """Every output of every command against folders, closed and full file systems; see `test_outputs` for the rest."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """The package's public face: names, laziness, and what importing it must not do."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from importlib import import_module

@@ -1,21 +1,17 @@
 """Chains as the core holds them: what does not fit is refused, arrays are read-only, pickles are the same chain."""
 
-from __future__ import annotations
-
 import pickle
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
+from conftest import ChainMaker
 
 import pushplan.core.contacts as contacts
 import pushplan.core.uncertain as uncertain
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.packed import pack_chain
 from pushplan.mechanics.uncertain import pack_centred, pack_intervals
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 TWISTS = np.array([[1.0, 0.0, 0.0], [1.0, 0.2, 3.0], [0.1, -0.2, -20.0]])
 FIELDS = ("objects", "parts", "series", "links", "rows", "length")

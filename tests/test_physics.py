@@ -1,14 +1,12 @@
 """The physics engine as a judge: first judged itself by what can be worked out by hand, then of the predictions."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from functools import reduce
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from conftest import ChainMaker
 
 from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.chain import GRAVITY, Chain, Limits
@@ -26,9 +24,6 @@ from pushplan.sim.physics.engine import MissingEngineError, PhysicsError, Physic
 from pushplan.sim.physics.model import LoadTransfer, build_model
 from pushplan.sim.physics.simulate import simulate_trajectory, simulate_twist
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 try:
     import mujoco  # noqa: F401

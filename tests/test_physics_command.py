@@ -1,7 +1,5 @@
 """`--physics` of `plan` and `replay`: what is executed, what is refused, and the exit code."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,13 +1,11 @@
 """Worlds that differ from what a plan believes: what changes, what stays, and how the physics engine counts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 import shapely
+from conftest import ChainMaker
 from plans_of import push_of
 
 from pushplan.errors import ChainError
@@ -26,9 +24,6 @@ from pushplan.sim.physics.simulate import HARD, STEPS, simulate_in_physics, simu
 from pushplan.sim.report import ContactReport
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 
 def on_corners(outline: FloatArray) -> Support:

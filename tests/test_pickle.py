@@ -1,7 +1,5 @@
 """Plans and what makes them go to other processes, and are there what they were here."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np

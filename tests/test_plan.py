@@ -1,7 +1,5 @@
 """Planning end to end on packaged scenarios, judged by shapely, the margin and the integrated execution."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

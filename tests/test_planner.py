@@ -1,7 +1,5 @@
 """Many questions in one room: each answer is what a plan of its own would say."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 

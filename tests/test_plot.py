@@ -1,14 +1,13 @@
 """Pictures: what is drawn is what was executed, in every format, the same bytes each time, nothing covered."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
+from conftest import ChainMaker
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
@@ -34,9 +33,6 @@ from pushplan.scenario.model import PolygonObstacle, Workspace
 from pushplan.sets.cor_window import default_window
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
 KINDS = ("push", "multi-push", "rearrangement")

@@ -1,7 +1,5 @@
 """What is called boxed in is: all that pushes reach lies in the cells found, and no solvable problem is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import shapely

@@ -1,7 +1,5 @@
 """Paths that are shortened still lead to the goal through the stable set, and end where a convex optimiser ends."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What a terminal would obey is escaped; everything else stays as it is."""
 
-from __future__ import annotations
-
 import unicodedata
 
 from hypothesis import given

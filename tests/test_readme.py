@@ -1,7 +1,5 @@
 """The README shows what its commands print; that all of them run is the business of `test_docs`."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

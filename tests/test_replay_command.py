@@ -1,7 +1,5 @@
 """`pushplan replay`: its exports, by the words that a user types."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,13 +1,11 @@
 """What a plan tolerates: true just below and just above, by chains that are built anew; closed forms; words."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import perturbed
 import pytest
+from conftest import ChainMaker
 
 from pushplan.mechanics.support import FeetSupport, UnknownSupport
 from pushplan.planners.planner import plan
@@ -15,10 +13,6 @@ from pushplan.plans.robustness import MOST_ANGLE, MOST_SHARE, USED_UP, Robustnes
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import load_scenario
 from pushplan.sim.robustness import robustness_along, robustness_of
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
-
 
 SEEDS = (2, 3, 4, 6, 8, 9, 11, 12, 13, 14, 15, 16, 17, 19, 21, 22, 23, 24, 25, 27)
 """Of random motions that keep every contact as stated; docs/will-it-hold.md has figures of 500."""

@@ -1,7 +1,5 @@
 """The ROS 2 node of the examples drives a robot to the goal, and its messages are those of ROS 2."""
 
-from __future__ import annotations
-
 import runpy
 from pathlib import Path
 from types import SimpleNamespace

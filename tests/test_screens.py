@@ -4,8 +4,6 @@ Nothing overlaps or spills, no console has an error, and one thing has one colou
 one browser shows everything.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import time

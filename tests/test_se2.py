@@ -1,7 +1,5 @@
 """Group laws of planar poses, near the identity and far from it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

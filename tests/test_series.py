@@ -1,7 +1,5 @@
 """Rooms in series: easy ones that take many nodes, and narrow gaps, which searches never come through by chance."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 from types import ModuleType

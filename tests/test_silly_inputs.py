@@ -1,7 +1,5 @@
 """Inputs that are no numbers, absurd, stale, ahead or backward: nothing answers NaN, and nothing goes on moving."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Drives that take very long: they are sampled by a budget, and their logs are read back."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

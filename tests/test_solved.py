@@ -1,7 +1,5 @@
 """Solved means executed: a plan that loses a contact when it is driven is no solution, whoever asks."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """The sphere of twist directions: its angles, its centres of rotation, and the rows of stable intervals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

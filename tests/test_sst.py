@@ -1,7 +1,5 @@
 """The sparse tree keeps its promises, and OMPL gets what a planner owes it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from ompl import base as ob

@@ -1,12 +1,9 @@
 """Stable sets: boundaries on the twist sphere, COR regions, cones and radii against the margin alone."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 import shapely
+from conftest import ChainMaker
 
 from pushplan.errors import PushplanError
 from pushplan.mechanics.contacts import cof
@@ -14,9 +11,6 @@ from pushplan.mechanics.sphere import angles_of, twists_about, twists_at
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 
 @pytest.mark.parametrize("minimum", [0.0, 0.05])

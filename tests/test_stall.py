@@ -1,7 +1,5 @@
 """When a search without a better path ends: the sooner, the nearer its path is to what no path can beat."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from plain import load_plain

@@ -1,7 +1,5 @@
 """Exact connections: every word ends on the goal; for Dubins' car the shortest one is OMPL's."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from ompl import base as ob

@@ -1,7 +1,5 @@
 """The house: imports point downwards as docs/contributing.md draws them, and no modules form a circle."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

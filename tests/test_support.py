@@ -1,9 +1,6 @@
 """Supports: centres, pressures, and what is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -15,9 +12,6 @@ from pushplan.mechanics.support import (
     UniformSupport,
 )
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    pass
 
 BOX = np.array([[-0.05, -0.03], [0.05, -0.03], [0.05, 0.03], [-0.05, 0.03]])
 

@@ -1,7 +1,5 @@
 """Timed trajectories: limits by finite differences in the world, exact ends, poses by an ODE solver."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,22 +1,17 @@
 """What contacts transmit: the friction of all they carry, about near and far centres, and nothing without it."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from conftest import ChainMaker
 
 import pushplan.core.contacts as contacts
 from pushplan.mechanics.contacts import carried_objects, contact_state, friction_wrench
 from pushplan.mechanics.packed import pack_chain
 from pushplan.mechanics.support import UniformSupport
 from pushplan.sets.named import stable_set
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 TWISTS = np.array(
     [

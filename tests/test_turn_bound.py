@@ -1,7 +1,5 @@
 """The bound by turns: no stable path beats it, and where nothing is in the way the best ones nearly reach it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

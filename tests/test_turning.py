@@ -1,7 +1,5 @@
 """Turning radii that the drive can make: against a dense scan of its own family of twists, and in what users read."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

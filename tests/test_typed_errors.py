@@ -3,8 +3,6 @@
 Arguments of a wrong type are the point here: that is what mypy is told to ignore.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import cache

@@ -1,7 +1,5 @@
 """The window: what is dragged is what is planned and saved, bad poses are told in words, a browser shows it."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import signal

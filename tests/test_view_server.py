@@ -1,7 +1,5 @@
 """The server of the window, asked by strangers."""
 
-from __future__ import annotations
-
 import tracemalloc
 from collections.abc import Iterator
 from functools import partial

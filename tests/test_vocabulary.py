@@ -3,8 +3,6 @@
 `python tests/test_vocabulary.py` prints what is left, with its place.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Drives that turn wide: a goal that is out of reach is proven to be, and the drive's radius is blamed."""
 
-from __future__ import annotations
-
 import pytest
 
 import pushplan

@@ -1,7 +1,5 @@
 """The window in a headless Chromium: where its handles are on the screen, and how soon a drop shows its plan."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """How much work something is, whatever the speed of the machine."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 

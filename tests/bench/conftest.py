@@ -1,7 +1,5 @@
 """Planted runs as a module that processes find by name, and rows of results."""
 
-from __future__ import annotations
-
 import sqlite3
 from collections.abc import Callable
 from importlib import import_module

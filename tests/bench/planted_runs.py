@@ -1,7 +1,5 @@
 """Runs that go wrong on purpose, each as its seed says."""
 
-from __future__ import annotations
-
 import ctypes
 import fcntl
 import os

@@ -1,7 +1,5 @@
 """Batches: every run ends up as one row, whatever happens to it, to the batch, and in whatever order."""
 
-from __future__ import annotations
-
 import os
 import random
 import shutil

@@ -1,7 +1,5 @@
 """The same rows from a Dask cluster, also when a worker is killed."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

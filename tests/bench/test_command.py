@@ -1,7 +1,5 @@
 """`pushplan bench`: what it prints, what it leaves, how it ends."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """One process a run: each end has its status, nothing is left behind, nothing leaks into the next run."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

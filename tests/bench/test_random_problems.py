@@ -1,7 +1,5 @@
 """Random problems: the same text for the same seed, accepted by the loader, and as the parameters say."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import shapely

@@ -1,7 +1,5 @@
 """The report, the tables and the comparison of versions, from results made up so that the answers are known."""
 
-from __future__ import annotations
-
 import csv
 import html.parser
 import json

@@ -1,7 +1,5 @@
 """The report is right at first sight: nothing overlaps or spills on a phone or a desk, on light and dark ground."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Statistics against closed forms, against scipy, and against their own promises."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

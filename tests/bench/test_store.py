@@ -1,7 +1,5 @@
 """The database: the same tables as OMPL's own reader makes of a benchmark log, opened by Planner Arena itself."""
 
-from __future__ import annotations
-
 import importlib.util
 import sqlite3
 from collections.abc import Generator, Iterable

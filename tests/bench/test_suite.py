@@ -1,7 +1,5 @@
 """Suite files: what they mean, what is told when they are wrong, and the keys of their runs."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import cache

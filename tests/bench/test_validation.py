@@ -1,7 +1,5 @@
 """A run of a batch counts as solved only with the margin that its plan kept, and only if it holds with inertia."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

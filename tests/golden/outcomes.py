@@ -5,8 +5,6 @@
 Do that only where results are meant to change, and say in the commit what the change buys.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Callable, Mapping

@@ -4,8 +4,6 @@ Searches are of 300 iterations and numbers are compared to a ten-thousandth: ano
 algebra and sines otherwise in the last bit, and a search of thousands of iterations then decides otherwise somewhere.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Friction and loads from measured pushes: laws of the parts, truth inside intervals, the command."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path

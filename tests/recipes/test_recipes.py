@@ -3,8 +3,6 @@
 Its files are the recipes; none of them edits anything here, and what it adds is found by its entry points alone.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 import sys

@@ -1,7 +1,5 @@
 """A valid scenario file, and what is said about it after changes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import pytest

@@ -1,7 +1,5 @@
 """Contacts and overlaps of outlines against shapely, and laws of rigid motion."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

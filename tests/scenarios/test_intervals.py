@@ -1,7 +1,5 @@
 """Masses, frictions and loads that a scenario states as intervals: every answer holds for all values in them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Thousands of obstacles: files load, or are refused with words, by work that grows as they do (no clock is read)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

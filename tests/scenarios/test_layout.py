@@ -1,7 +1,5 @@
 """From objects in a file to the chain: stacking, stated poses, the chain frame, contacts, trees."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Maps as obstacles: cells are read as map_server reads them, nothing unknown is floor, the log holds the map."""
 
-from __future__ import annotations
-
 import io
 import os
 from pathlib import Path

@@ -4,8 +4,6 @@ Packaged scenarios, examples and those of the docs, as they were on 25 November 
 `Scenario.resolved()` and of the chain; keys may be added, but none may change.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator

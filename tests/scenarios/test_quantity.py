@@ -1,7 +1,5 @@
 """Numbers with units: values, dimensions, ranges, and the sentences about wrong ones."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

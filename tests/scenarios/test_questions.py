@@ -1,7 +1,5 @@
 """Numbers that a file may state but hardly means are asked about; with a unit they never are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

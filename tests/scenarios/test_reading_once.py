@@ -1,7 +1,5 @@
 """A scenario file is read once, and reading needs no compiled code."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The reference page of the scenario file agrees with what the loader takes."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The robot in a scenario file: where its parts are, what it may not meet, and its drive."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import shapely

@@ -1,7 +1,5 @@
 """A scenario as a whole: defaults, resolution, round trips, packaged ones, stable sets, any mutation."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from random import Random

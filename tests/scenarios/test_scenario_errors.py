@@ -1,7 +1,5 @@
 """Everything wrong in a scenario is told with its place, what is wrong, and what is allowed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Several pushes in a scenario file: what is read, what a file without them means, and what is wrong with it."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Measured poses: objects are moved onto the contacts that they nearly have, or it is told why not."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

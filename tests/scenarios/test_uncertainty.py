@@ -1,7 +1,5 @@
 """`uncertainty` in one line: the same as writing every interval, and it holds for all worlds within it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

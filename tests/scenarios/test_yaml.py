@@ -1,7 +1,5 @@
 """YAML text to located plain data: what is taken, and where and why the rest is refused."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

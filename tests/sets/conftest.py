@@ -1,7 +1,5 @@
 """Pressures with given centres, and twists where they matter."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -1,12 +1,10 @@
 """Boundaries against what nothing but a margin function tells, and against dense samples of it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from conftest import ChainMaker
 
 from pushplan.mechanics.sphere import twists_at
 from pushplan.sets.boundary_following import RefinedMeridians
@@ -15,9 +13,6 @@ from pushplan.sets.known_load_sets import IntersectionSet
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import BoolArray, FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 
 class ByContacts(StableSet):

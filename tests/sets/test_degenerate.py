@@ -1,11 +1,8 @@
 """Odd chains and odd questions: every set has a defined answer, never nan, or a clear error."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
+from conftest import ChainMaker
 
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.intervals import IntervalChain
@@ -16,9 +13,6 @@ from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import STABLE_SETS
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 INTERVALS = tuple(f"{name} of intervals" for name in STABLE_SETS if name != "cof")
 

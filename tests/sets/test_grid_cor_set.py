@@ -1,20 +1,14 @@
 """Algorithm 1 on a grid against the exact set."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
+from conftest import ChainMaker
 
 from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import UnknownSupport
 from pushplan.sets.grid_cor_set import grid_cor_set
 from pushplan.sets.named import stable_set
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 3])

@@ -1,13 +1,10 @@
 """The sets that are polyhedral cones, against the geometry that defines them."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 import shapely
 import shapely.affinity
+from conftest import ChainMaker
 
 from pushplan.errors import SupportError
 from pushplan.geometry.polygon import convex_hull
@@ -19,9 +16,6 @@ from pushplan.mechanics.uncertain import load_areas
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 
 def cors_near(chain: Chain, seed: int, count: int) -> FloatArray:

@@ -1,13 +1,11 @@
 """Loads and frictions known only as intervals: the vertices decide, and nothing in between is missed."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from conftest import ChainMaker
 
 from pushplan.errors import ChainError, PushplanError, SupportError
 from pushplan.mechanics.chain import GRAVITY, Chain
@@ -16,9 +14,6 @@ from pushplan.mechanics.support import FeetSupport, UnknownSupport
 from pushplan.sets.interval_set import stable_set_over
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 
 def forward_twists(chain: Chain, seed: int, count: int = 300) -> FloatArray:

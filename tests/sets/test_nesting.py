@@ -1,12 +1,11 @@
 """Every set that knows less lies inside the one that knows more, whatever the pressure turns out to be."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from conftest import ChainMaker
+from sets.conftest import Pressures
 
 from pushplan.errors import SupportError
 from pushplan.mechanics.chain import Chain
@@ -15,10 +14,6 @@ from pushplan.mechanics.uncertain import load_areas
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
-    from sets.conftest import Pressures
 
 
 def near_boundary(stable: StableSet, rng: np.random.Generator, count: int) -> FloatArray:

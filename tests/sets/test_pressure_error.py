@@ -1,7 +1,5 @@
 """Pressures that are a little off: none takes more from a row than is counted, and the worst takes about as much."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

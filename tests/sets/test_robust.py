@@ -1,15 +1,13 @@
 """The worst case over all pressures, against linear programs, enumeration and the pressures themselves."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 import shapely
 import shapely.affinity
+from conftest import ChainMaker
 from scipy.optimize import linprog
 
 import pushplan.core.uncertain as uncertain
@@ -23,9 +21,6 @@ from pushplan.sets.interval_set import stable_set_over
 from pushplan.sets.named import stable_set
 from pushplan.sets.robust_set import CONDITIONS, RobustSet
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 
 def placed_on(area: LoadArea, rng: np.random.Generator) -> Chain:

@@ -1,19 +1,13 @@
 """Smallest turns of squares in a row under any pressure, by linear programs that share no code with the package."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 import shapely
+from conftest import ChainMaker
 from scipy.optimize import linprog
 
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 MU = 0.5
 EXACT = {1: 0.81527, 2: 1.08427, 3: 1.32519, 4: 1.60345}

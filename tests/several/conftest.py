@@ -1,7 +1,5 @@
 """A box or a row of boxes in a room, and a robot that is somewhere else."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Ways of the robot alone: words that lead where they should, as the drive can, and around what is in the way."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rows of objects: read, refused with the place, planned together or one by one, closed under errors, checked."""
 
-from __future__ import annotations
-
 import json
 import runpy
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """Several pushes and several objects where contacts are real: they go as planned, and what is off comes home too."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Plans of several pushes: whole, timed, executed, judged; and refused with the reason."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

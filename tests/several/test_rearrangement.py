@@ -1,7 +1,5 @@
 """Several objects to goals of their own: in an order that works, with as little as possible put out of the way."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import count, groupby
 from typing import Any

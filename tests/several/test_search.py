@@ -1,7 +1,5 @@
 """The search for several pushes: exact graphs, sound bounds, descents that only descend, faces that fit."""
 
-from __future__ import annotations
-
 import time
 from itertools import pairwise, product
 

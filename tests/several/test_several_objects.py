@@ -1,7 +1,5 @@
 """Files in which several objects have goals of their own: read, refused with the place, planned, recorded."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from itertools import groupby

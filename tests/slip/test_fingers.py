@@ -1,7 +1,5 @@
 """Pushes with round fingers, also some that were measured."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

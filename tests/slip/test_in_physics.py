@@ -1,7 +1,5 @@
 """The slip simulator against MuJoCo: a small version of `benchmarks/slip_in_physics.py`."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from conftest import ChainMaker

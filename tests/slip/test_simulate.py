@@ -1,7 +1,5 @@
 """Simulated slip against mechanics that can be worked out otherwise."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

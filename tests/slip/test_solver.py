@@ -1,7 +1,5 @@
 """The slip simulator's solver: docs/will-it-hold.md has figures of a million steps."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Trials: sampled worlds, rates with intervals, the command, its picture and its log."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Logs of every kind: one push, several pushes, several objects, a closed loop, trials, and one without a plan."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace

@@ -1,7 +1,5 @@
 """What is made of a log of any kind shows the execution: page, picture of the film, bag, tables, layout."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

@@ -1,7 +1,5 @@
 """Hostile files end in one typed error with its place, after little work and in little memory."""
 
-from __future__ import annotations
-
 import json
 import os
 import resource

@@ -1,7 +1,5 @@
 """A run is recorded as it grows; what keeps the log from being written never costs the plan."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

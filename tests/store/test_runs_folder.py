@@ -1,7 +1,5 @@
 """Where runs are recorded without being told where."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

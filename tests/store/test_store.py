@@ -1,7 +1,5 @@
 """Logs of every kind: written and read back bit for bit, verified, and no change of them goes unnoticed."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import json

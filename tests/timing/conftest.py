@@ -1,7 +1,5 @@
 """Packaged scenarios planned once, by travel, without a margin and without inertia, for the tests of timing."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 

@@ -1,12 +1,9 @@
 """Limits of an arc from the contacts: inside the exact polygon, and never at the cost of a stall unsaid."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 import shapely
+from conftest import ChainMaker
 
 from pushplan.errors import TimingError
 from pushplan.mechanics.chain import Limits
@@ -19,9 +16,6 @@ from pushplan.plans.judge import contact_dynamics
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.scenario.file import load_scenario
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 FAST = Limits(speed=2.0, acceleration=20.0, jerk=1e3, angular_speed=20.0, angular_acceleration=90.0)
 

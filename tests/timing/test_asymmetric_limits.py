@@ -1,7 +1,5 @@
 """Limits that differ between the directions: read, kept by every motion, mirrored with the scenario."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,16 +1,14 @@
 """Blended trajectories: they end on the goal, keep limits and margin, touch nothing, and save time."""
 
-from __future__ import annotations
-
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 import shapely
+from conftest import ChainMaker
 from plans_of import push_of
 
 from pushplan.geometry.se2 import transform_points
@@ -30,9 +28,6 @@ from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.sim.kinematic import execute
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 Planned = Callable[[str], tuple[Scenario, PushPath]]
 

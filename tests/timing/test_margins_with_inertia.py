@@ -1,7 +1,5 @@
 """Default plans keep half of their margin with inertia: by finite differences of poses, in worlds built anew."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache

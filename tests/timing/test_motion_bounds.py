@@ -1,7 +1,5 @@
 """Bounds on speed, acceleration and jerk in the world against finite differences of the poses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike

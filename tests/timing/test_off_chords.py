@@ -1,7 +1,5 @@
 """How far a blended motion gets from the constant twists between its samples."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,13 +1,11 @@
 """Dynamic limits before the physics engine: with them a fast pusher keeps every contact, without them it does not."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from conftest import ChainMaker
 
 from pushplan.mechanics.chain import Chain, Limits
 from pushplan.mechanics.dynamics import ContactDynamics
@@ -20,9 +18,6 @@ from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.sim.physics.simulate import simulate_trajectory
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 FAST = Limits(0.8, 5.0, 100.0, 5.0, 30.0, 600.0)
 MARGIN = 0.05

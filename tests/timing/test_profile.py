@@ -1,7 +1,5 @@
 """Profiles of one parameter: Ruckig's answers, cut where arcs end."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

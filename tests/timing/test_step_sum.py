@@ -1,7 +1,5 @@
 """The sum of smooth steps: what it is by definition, and that it never leaves the hull of its levels."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,11 +1,8 @@
 """Touches of a timed motion against dense sampling with shapely."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import shapely
+from conftest import ChainMaker
 
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, Limits
@@ -16,9 +13,6 @@ from pushplan.planners.timing.sweep import Touches, find_touches, nudges
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory
 from pushplan.util.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from conftest import ChainMaker
 
 FREE = (-np.inf, -np.inf, np.inf, np.inf)
 CLEARANCE = 1e-3

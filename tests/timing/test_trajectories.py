@@ -1,7 +1,5 @@
 """The scenario chooses how a path is timed and which limits count."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 
