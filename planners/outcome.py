@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -44,6 +45,12 @@ class Outcome:
     tree: FloatArray = field(default_factory=lambda: np.zeros((0, 2, 3)))
     explain: Callable[[], tuple[str, tuple[Diagnosis, ...], Nearest | None]] | None = None
     scene: Scene | None = None
+
+    @classmethod
+    def without_plan(cls, proof: Diagnosis, margin: float) -> Outcome:
+        """Return that of a search that need not begin, with the lowest margin that it would have planned with."""
+        told = proof.text, (proof,), None
+        return cls((), margin, margin, 0, (), lambda segments: math.inf, explain=lambda: told)
 
 
 class Improvements:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pushplan.core.problem import remaining
 from pushplan.geometry import se2
-from pushplan.mechanics.body import SEAM, as_one
-from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.body import SEAM, Body, as_one
 from pushplan.planners.infeasible.turn_bound import Price, turn_bound
 from pushplan.plans.path import TURN_WEIGHT
 from pushplan.scenario.model import CircleObstacle, Obstacle, Scenario
@@ -41,15 +40,19 @@ class Disc(NamedTuple):
         return shapely.Point(se2.transform_points(pose, self.center))
 
 
-def largest_disc(chain: Chain) -> Disc:
-    """Return the largest disc inside the chain."""
-    circle = shapely.maximum_inscribed_circle([as_one(chain.bodies)])
-    return disc_at(chain, shapely.get_coordinates(circle)[0])
+def largest_disc(bodies: Iterable[Body]) -> Disc:
+    """Return the largest disc inside bodies of a chain."""
+    shape = as_one(bodies)
+    return _disc_at(shape, shapely.get_coordinates(shapely.maximum_inscribed_circle([shape]))[0])
 
 
-def disc_at(chain: Chain, center: FloatArray) -> Disc:
-    """Return the largest disc inside the chain around a point (2,) of it; its radius is 0 outside."""
-    shape, point = as_one(chain.bodies), shapely.Point(center)
+def disc_at(bodies: Iterable[Body], center: FloatArray) -> Disc:
+    """Return the largest disc inside bodies around a point (2,) of the chain frame; its radius is 0 outside."""
+    return _disc_at(as_one(bodies), center)
+
+
+def _disc_at(shape: BaseGeometry, center: FloatArray) -> Disc:
+    point = shapely.Point(center)
     radius = float(shape.boundary.distance(point)) if shape.contains(point) else 0.0
     return Disc(np.asarray(center, dtype=np.float64), max(0.0, radius - 10.0 * SEAM))
 
@@ -131,7 +134,7 @@ def time_bound(scenario: Scenario, segments: FloatArray) -> float:
     speed, turning = (max(limits.both(name)) for name in ("speed", "angular_speed"))
     gain, spin = (max(limits.both(name)) for name in ("acceleration", "angular_acceleration"))
     start, goal = scenario.start, scenario.goal.pose_chain
-    around = _way_around(scenario, disc_at(scenario.chain, np.zeros(2)), math.inf)
+    around = _way_around(scenario, disc_at(scenario.chain.bodies, np.zeros(2)), math.inf)
     bend = turn_bound(start, goal, segments, price=Price(speed / turning, 0.0))
     # The share of the top speed, max(|v| / speed, |omega| / turning), changes by `rate` at most.
     rate = max(gain / speed, spin / turning)
@@ -150,9 +153,9 @@ def _from_rest_to_rest(length: float, speed: float, gain: float) -> float:
 def _discs(scenario: Scenario) -> list[Disc]:
     """Discs around the chain frame's origin, and around the roomiest point that is near enough to it."""
     chain = scenario.chain
-    center = largest_disc(chain).center
+    center = largest_disc(chain.bodies).center
     near = center * min(1.0, TURN_WEIGHT / max(float(np.linalg.norm(center)), 1e-12))
-    return [disc_at(chain, point) for point in (np.zeros(2), near)]
+    return [disc_at(chain.bodies, point) for point in (np.zeros(2), near)]
 
 
 def _way_around(scenario: Scenario, disc: Disc, most: float) -> float:

@@ -33,7 +33,7 @@ def passage_faults(scenario: Scenario, headings: FloatArray) -> Iterator[list[Di
         scenario: The problem.
         headings: (k, 2) directions, in the chain frame, in which the chain can be pushed straight.
     """
-    disc = largest_disc(scenario.chain)
+    disc = largest_disc(scenario.chain.bodies)
     needed = disc.radius + scenario.clearance - CLEARANCE_ROOM
     ends = [disc.at(pose) for pose in (scenario.start, scenario.goal.pose_chain)]
 

@@ -19,18 +19,20 @@ from dataclasses import replace
 import numpy as np
 
 from pushplan.errors import PlanningError
+from pushplan.geometry import se2
+from pushplan.planners.infeasible.reaching import beyond_reach
 from pushplan.planners.multi.hands import Floor, Hand, Hands
 from pushplan.planners.multi.multi_push import plan_cost
-from pushplan.planners.multi.row_steps import Chance, Move, Situation, Steps
+from pushplan.planners.multi.row_steps import Chance, Situation, Steps
 from pushplan.planners.outcome import Improvements, Outcome, Segments
 from pushplan.plans.plan import Diagnosis, Nearest
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.model import Scenario
 
-WIDTHS = (4, 16, 64, 256, 1024)
+WIDTHS = (1, 4, 16, 64, 256, 1024)
 """Situations that are kept for each number of objects taken, in one pass after the other."""
 
-AT_FIRST = 2
+AT_FIRST = 3
 """So many of them are tried with one margin before a lower one."""
 
 LEVELS = 3
@@ -71,6 +73,9 @@ class GatheringSearch:
         improvements = Improvements(settings.observer, began)
         hands, floor = self.hands, Floor(scenario, settings.seed)
         self._require_pushable()
+        proof = self._proof()
+        if proof is not None:
+            return Outcome.without_plan(proof, hands.least_margin(()))
         beams = _Beams(Steps(hands, floor), settings, until, improvements)
         best = beams.search(WIDTHS[:AT_FIRST])
         tried = [beams]
@@ -92,6 +97,28 @@ class GatheringSearch:
             lambda segments: plan_cost(scenario, segments),
             explain=lambda: _explanation(beams, limit),
         )
+
+    def _proof(self) -> Diagnosis | None:
+        """Return the proof that the robot reaches no object, or not one of the row."""
+        scenario = self.scenario
+        assert scenario.row is not None
+        assert scenario.pushes is not None
+        away, poses = [-scenario.pushes.approach, 0.0, 0.0], scenario.poses
+        outlines = {
+            name: [se2.transform_points(poses[name], obj.outline) for obj in body.chain.objects]
+            for name, body in scenario.bodies.items()
+        }
+        faces = {
+            name: np.array(
+                [
+                    se2.compose(se2.compose(poses[name], way.entry), away)
+                    for (other, _), way in self.hands.ways.items()
+                    if other == name
+                ]
+            )
+            for name in scenario.row.of
+        }
+        return beyond_reach(scenario.alone(scenario.row.of[0]), outlines, faces, scenario.row.of)
 
     def _require_pushable(self) -> None:
         """Refuse a row of which an object cannot be pushed at all.
@@ -122,6 +149,8 @@ class _Beams:
     ) -> None:
         self.steps, self._settings, self._until = steps, settings, until
         self._improvements = improvements
+        self._most = settings.iterations or math.inf
+        self._turn = self._until, self._most
         self.best = math.inf
         self.farthest: Situation | None = None
 
@@ -131,8 +160,15 @@ class _Beams:
 
     def over(self) -> bool:
         """Whether there is no more time."""
-        spent = self.steps.floor.looked_at >= (self._settings.iterations or math.inf)
-        return spent or time.perf_counter() >= self._until or self._settings.observer.cancelled()
+        return self._past(self._until, self._most) or self._settings.observer.cancelled()
+
+    def _past(self, until: float, most: float) -> bool:
+        return self.steps.floor.looked_at >= most or time.perf_counter() >= until
+
+    def _half(self) -> tuple[float, float]:
+        """Return until when, and how many pushes and transits looked at, half of what is left lasts."""
+        counted = self.steps.floor.looked_at
+        return 0.5 * (time.perf_counter() + self._until), 0.5 * (counted + self._most)
 
     def search(self, widths: Sequence[int]) -> Segments:
         """Return the best plan of beams of some widths, none where none is better than the best so far."""
@@ -140,31 +176,47 @@ class _Beams:
         ways = {"auto": ((True, True), (False, True)), "never": ((False, True),), "always": ((True, False),)}
         for width in widths:
             truncated = False
-            for closes, delivers in ways[self.steps.row.gather]:
-                moves, cut = self._beam(width, closes, delivers)
+            turns = ways[self.steps.row.gather]
+            for closes, delivers in turns:
+                # Without any plan, one by one has its time too: what can be done so never fails.
+                waits = not found and math.isinf(self.best) and (closes, delivers) != turns[-1]
+                self._turn = self._half() if waits else (self._until, self._most)
+                end, cut = self._beam(width, closes, delivers)
+                while end is not None and not self._surely_closes(end):
+                    end, cut = self._beam(width, closes, delivers)
                 truncated = truncated or cut
-                if moves:
-                    found = self._taken(moves)
+                if end is not None:
+                    found = self._taken(end)
                 if self.over() or (found and self._settings.first):
                     return found
             if not truncated:
                 break
         return found
 
-    def _taken(self, moves: tuple[Move, ...]) -> Segments:
-        segments = self.steps.segments(moves)
+    def _surely_closes(self, end: Situation) -> bool:
+        """Tell whether every contact of a plan closes though what is closed onto may stand off."""
+        one: Situation | None = end
+        while one is not None:
+            if len(one.members) > 1 and not self.steps.hands.surely_closes(one.members):
+                return False
+            one = one.before
+        return True
+
+    def _taken(self, end: Situation) -> Segments:
+        self.best = end.cost
+        segments = self.steps.segments(end.way())
         self._improvements.add(plan_cost(self.steps.scenario, segments), self.steps.floor.looked_at, segments)
         return segments
 
-    def _beam(self, width: int, closes: bool, delivers: bool) -> tuple[tuple[Move, ...], bool]:
-        """Return the moves of the best plan of a beam that is better than the best so far, and whether it was cut."""
+    def _beam(self, width: int, closes: bool, delivers: bool) -> tuple[Situation | None, bool]:
+        """Return the end of the best plan of a beam that is better than the best so far, and whether it was cut."""
         chances = [(0.0, Chance(None, member, False)) for member in self.steps.members]
         truncated = False
         for _ in range(len(self.steps.row.of)):
             kept, cut = self._chosen(chances, width)
             truncated = truncated or cut
             if not kept:
-                return (), truncated
+                return None, truncated
             chances = []
             for one in kept:
                 if self.farthest is None or len(one.left) < len(self.farthest.left):
@@ -175,10 +227,7 @@ class _Beams:
                 chances += self.steps.next(one, closes, delivers)
         ends = [chance for one in kept for chance in self.steps.last(one)]
         done, _ = self._chosen(ends, 1)
-        if not done:
-            return (), truncated
-        self.best = done[0].cost
-        return done[0].way(), truncated
+        return (done[0] if done else None), truncated
 
     def _chosen(self, chances: list[tuple[float, Chance]], width: int) -> tuple[list[Situation], bool]:
         """Return the best situations that chances lead to, priced in the order of their bounds."""
@@ -189,7 +238,7 @@ class _Beams:
         heapq.heapify(queue)
         kept: list[Situation] = []
         seen: set[tuple[object, ...]] = set()
-        while queue and len(kept) < width and not self.over():
+        while queue and len(kept) < width and not (self._past(*self._turn) or self.over()):
             bound, _, chance, priced = heapq.heappop(queue)
             if bound >= self.best:
                 break
@@ -215,7 +264,7 @@ def _with_one_moved_first(tried: Sequence[_Beams]) -> tuple[Segments, _Beams]:
     for beams in tried[:: max(1, len(tried) - 1)]:
         for steps in beams.steps.with_one_moved():
             other = beams.after(steps)
-            found = other.search(WIDTHS[:1])
+            found = other.search(WIDTHS[:2])
             if found:
                 return found, other
             if beams.over():
@@ -241,6 +290,7 @@ def _explanation(beams: _Beams, limit: float) -> tuple[str, tuple[Diagnosis, ...
         what += f", with {len(farthest.left)} left to take" if farthest.left else ", and not to the row"
         hand = beams.steps.hands.hand(farthest.members)
     told = [Diagnosis("order", what, False)]
+    told += [Diagnosis("closing", text, True) for text in beams.steps.hands.unsure]
     radius = math.inf if hand is None else _radius(hand)
     area = beams.steps.scenario.workspace
     if hand is not None and area is not None and math.isfinite(radius):

@@ -29,6 +29,7 @@ from pushplan.plans.plan import Load, Poses, Segment
 from pushplan.plans.row_load import Member, row_load
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.sim.closing import closes
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import TRANSIT_CLEARANCE
 
@@ -121,6 +122,8 @@ class Hands:
         self._modes: dict[tuple[int, ...], ContactMode | None] = {}
         self._hands: dict[tuple[int, ...], Hand | None] = {}
         self._loads: dict[tuple[Member, ...], Load] = {}
+        self._sure: dict[tuple[int, ...], bool] = {}
+        self.unsure: dict[str, None] = {}
         keys: dict[bytes, int] = {}
         for name in scenario.row.of:
             obj = scenario.bodies[name].chain.objects[0]
@@ -133,13 +136,14 @@ class Hands:
     def among(self, scenario: Scenario) -> Hands:
         """Return the same for a scenario that differs in what stands in the room."""
         other = Hands(scenario, self.settings, self.level)
-        other._modes, other._hands = self._modes, self._hands
+        other._modes, other._hands, other._sure = self._modes, self._hands, self._sure
         return other
 
     def lower(self) -> Hands:
         """Return the same with the margins of the next level."""
         other = Hands(self.scenario, self.settings, self.level + 1)
-        other._modes, other._loads = self._modes, self._loads
+        other._modes, other._loads, other._sure = self._modes, self._loads, self._sure
+        other.unsure = self.unsure
         return other
 
     @property
@@ -169,6 +173,23 @@ class Hands:
         if kind not in self._hands:
             self._hands[kind] = self._made(members, kind)
         return self._hands[kind]
+
+    def surely_closes(self, members: tuple[Member, ...]) -> bool:
+        """Tell whether the last of some members becomes flush with the others, though it may stand off.
+
+        Where it does not, there is no such hand from then on.
+        """
+        kind, hand = tuple(self.forms[member] for member in members), self.hand(members)
+        assert hand is not None
+        assert self.scenario.row is not None
+        if kind not in self._sure:
+            chain, other = self.load(members).chain, self.scenario.row.friction[0]
+            self._sure[kind] = closes(chain, SHORT, hand.packed.settle, other)
+        if not self._sure[kind]:
+            self._hands[kind] = None
+            *held, last = (f"'{name}'" for name, _ in members)
+            self.unsure[f"{last} does not surely become flush with {', '.join(held)}"] = None
+        return self._sure[kind]
 
     def _made(self, members: tuple[Member, ...], kind: tuple[int, ...]) -> Hand | None:
         if kind not in self._modes:

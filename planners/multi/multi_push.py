@@ -10,6 +10,7 @@ import numpy as np
 from pushplan.core.collision import SLACK, separation
 from pushplan.errors import EmptyStableSetError, PlanningError
 from pushplan.geometry import se2
+from pushplan.planners.infeasible.reaching import beyond_reach
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes
 from pushplan.planners.multi.graph import PushSequence
 from pushplan.planners.multi.room import Contact, PushRoom, Question
@@ -89,6 +90,14 @@ class MultiPushSearch:
         rooms = {level: replace(room, scenario=scenario) for level, room in self._rooms.items()}
         return MultiPushSearch(scenario, self.modes, rooms)
 
+    def plates_before(self, load: FloatArray) -> FloatArray:
+        """Return the poses (k, 3) of the plate before each contact, with the load at a pose (3,)."""
+        pushes, plate = self.scenario.pushes, self.scenario.chain.pusher.plate_pose
+        assert pushes is not None
+        robots = [se2.compose(mode.place.contact, mode.robot) for mode in self.modes]
+        before = se2.compose(se2.compose(load, np.array(robots)), [-pushes.approach, 0.0, 0.0])
+        return np.asarray(se2.compose(before, plate))
+
     def search(self, settings: PlanSettings, began: float) -> Outcome:
         """Return the best plan that was found.
 
@@ -106,6 +115,9 @@ class MultiPushSearch:
         assert gap is not None
         assert settings.seed is not None
         goals = free_goals(scenario)
+        proof = self._proof()
+        if proof is not None:
+            return Outcome.without_plan(proof, min(mode.margin(self.levels - 1) for mode in self.modes))
         improvements = Improvements(settings.observer, began)
         share = 0.0
         for level in range(self.levels):
@@ -139,6 +151,12 @@ class MultiPushSearch:
             found.lower_bound,
             explain=lambda: _explanation(room, question, found, limit),
         )
+
+    def _proof(self) -> Diagnosis | None:
+        """Return the proof that the robot does not reach the load."""
+        scenario = self.scenario
+        outlines = [se2.transform_points(scenario.start, obj.outline_chain) for obj in scenario.chain.objects]
+        return beyond_reach(scenario, {"load": outlines}, {"load": self.plates_before(scenario.start)})
 
     def segments(self, room: PushRoom, sequence: PushSequence, before: Poses) -> Segments:
         """Return the segments of what a search found, not timed.

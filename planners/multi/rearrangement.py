@@ -22,6 +22,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
+from pushplan.planners.infeasible.reaching import beyond_reach
 from pushplan.planners.multi.multi_push import MultiPushSearch, backed_off, free_goals, plan_cost
 from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.search import Found, Limits, search
@@ -218,6 +219,10 @@ class RearrangementSearch:
         if not left:
             raise PlanningError("every object is at a goal already: there is nothing to push")
         now, until = Situation(scenario.pushes.robot_start, poses, left), began + limit
+        margin = min(mode.margin(0) for piece in self.pieces for mode in piece.search.modes)
+        proof = self._proof(now)
+        if proof is not None:
+            return Outcome.without_plan(proof, margin)
         improvements = Improvements(settings.observer, began)
         order = _Order(self.pieces, settings, until)
         transfers = order.find(now)
@@ -233,7 +238,6 @@ class RearrangementSearch:
                 better = self._better(now, transfers, until, settings)
                 if better is not None:
                     candidates = (self._take(better, order.looked_at, improvements), *candidates)
-        margin = min(mode.margin(0) for piece in self.pieces for mode in piece.search.modes)
         return Outcome(
             candidates[:1],
             margin,
@@ -243,6 +247,15 @@ class RearrangementSearch:
             lambda segments: plan_cost(scenario, segments),
             explain=lambda: self._explanation(now, limit),
         )
+
+    def _proof(self, now: Situation) -> Diagnosis | None:
+        """Return the proof that the robot reaches no object, or not one that has to be moved."""
+        pieces = dict(zip((piece.name for piece in self.pieces), self.pieces, strict=True))
+        poses = dict(zip(pieces, now.poses, strict=True))
+        outlines = {name: piece.outlines(poses[name]) for name, piece in pieces.items()}
+        faces = {name: piece.search.plates_before(poses[name]) for name, piece in pieces.items()}
+        needed = [self.pieces[k].name for k in sorted(now.left)]
+        return beyond_reach(self.pieces[0].search.scenario, outlines, faces, needed)
 
     def _take(self, transfers: tuple[Transfer, ...], looked_at: int, improvements: Improvements) -> Segments:
         """Return the segments of transfers, one after the other."""

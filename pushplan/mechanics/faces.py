@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import shapely
@@ -99,13 +100,23 @@ class Through:
         return None if self.exit is None else se2.relative(self.entry, self.exit)
 
 
-def ways_through(outline: FloatArray, faces: Sequence[str | float] | None = None) -> Iterator[Through]:
-    """Yield the faces of an outline (v, 2) by which an object may be pushed, with those opposite.
+def ways_through(outline: FloatArray, faces: Sequence[str | float] | None = None) -> tuple[Through, ...]:
+    """Return the faces of an outline (v, 2) by which an object may be pushed, with those opposite.
 
     Args:
         outline: In the object's own frame, counter-clockwise, m.
         faces: As in `places`.
     """
+    wanted = None if faces is None else tuple(faces)
+    return _ways_through(np.asarray(outline, dtype=np.float64).tobytes(), wanted)
+
+
+@lru_cache(maxsize=256)
+def _ways_through(corners: bytes, faces: tuple[str | float, ...] | None) -> tuple[Through, ...]:
+    return tuple(_each_way_through(np.frombuffer(corners).reshape(-1, 2), faces))
+
+
+def _each_way_through(outline: FloatArray, faces: tuple[str | float, ...] | None) -> Iterator[Through]:
     edges = list(_edges(outline))
     for begin, end in edges:
         normal = _outward(begin, end)

@@ -7,6 +7,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -193,6 +194,15 @@ class Scenario:
         """
         if name not in self.bodies or self.pushes is None:
             raise ChainError(f"no object is called {name!r}; there are {', '.join(self.bodies)}")
+        if name not in self._alone:
+            self._alone[name] = self._made_alone(name, self.pushes)
+        return self._alone[name]
+
+    @cached_property
+    def _alone(self) -> dict[str, Scenario]:
+        return {}
+
+    def _made_alone(self, name: str, pushes: Pushes) -> Scenario:
         body = self.bodies[name]
         start = body.start
         goals = body.goals or (Goal(body.pose, name, start, *DEFAULT_TOLERANCE),)
@@ -206,7 +216,7 @@ class Scenario:
             stated=body.stated,
             interval=body.interval,
             contact_friction=body.contact_friction,
-            pushes=dataclasses.replace(self.pushes, goals=goals),
+            pushes=dataclasses.replace(pushes, goals=goals),
             bodies={},
             row=None,
         )
@@ -312,7 +322,7 @@ class Scenario:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process gets: all but the file as it was read, whose tree is large."""
-        return {**self.__dict__, "origin": None}
+        return {**self.__dict__, "origin": None, "_alone": {}}
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Scenario):

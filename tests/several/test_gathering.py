@@ -15,11 +15,13 @@ import pushplan
 from pushplan.errors import PlanningError, ScenarioError
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import ways_through
+from pushplan.planners.multi import hands
 from pushplan.planners.validator import Validator
 from pushplan.plans.plan import Plan, Segment
 from pushplan.plans.row_load import row_load
 from pushplan.scenario.file import load_scenario, scenario_from_document
 from pushplan.scenario.model import Scenario
+from pushplan.sim import closing
 from pushplan.sim.slip.simulator import simulate
 from pushplan.sim.world import World
 
@@ -294,3 +296,63 @@ def test_a_row_that_nothing_can_push_says_so() -> None:
     stated = document(contacts={"friction": 0.5}, pusher={"width": 0.285, "friction": 0.0})
     with pytest.raises(PlanningError, match="'a' cannot be pushed"):
         pushplan.plan(scenario_from_document(stated), seed=1, time_limit=5.0)
+
+
+@pytest.mark.parametrize(
+    ("off", "push", "flush"),
+    [(closing.OFF, 0.02, True), ((0.0, np.radians(25.0)), 0.02, False), (closing.OFF, 1e-4, False)],
+    ids=["as it may stand", "turned far", "pushed too little"],
+)
+def test_a_closing_is_simulated(
+    made: tuple[Scenario, Plan],
+    monkeypatch: pytest.MonkeyPatch,
+    off: tuple[float, float],
+    push: float,
+    flush: bool,
+) -> None:
+    monkeypatch.setattr(closing, "OFF", off)
+    load = made[1].segments[-1].load
+    assert load is not None
+    assert closing.closes(load.chain, 0.02, push, 0.5) is flush
+
+
+def test_no_plan_has_a_closing_that_is_not_sure(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hands, "closes", lambda chain, gap, push, friction: len(chain.objects) < 3)
+    pairs = solved(document(gather="auto"))
+    assert max(len(names) for _, names in kinds(pairs)) == 2
+    none = pushplan.plan(scenario_from_document(document(gather="always")), seed=1, iterations=40)
+    assert not none.solved
+    assert "does not surely become flush with 'a', 'b'" in none.reason
+
+
+CAGE = [{"box": [0.1, 1.3], "pose": [x, 1.4, 0]} for x in (1.4, 2.6)]
+CAGE += [{"box": [1.3, 0.1], "pose": [2.0, y, 0]} for y in (0.8, 2.0)]
+
+
+@pytest.mark.parametrize(
+    ("obstacles", "told", "blocking"),
+    [
+        ([*CAGE, {"box": [0.1, 4.0], "pose": [3.9, 2.0, 0]}], "'b' cannot be reached", (0, 1, 2, 3)),
+        ([{"box": [0.04, 3.8], "pose": [0.62, 1.9, 0]}], "the robot is boxed in", (0,)),
+    ],
+    ids=["a caged object", "a wall but for a gap"],
+)
+def test_what_the_robot_cannot_come_up_to_is_proven(
+    obstacles: list[dict[str, Any]], told: str, blocking: tuple[int, ...]
+) -> None:
+    apart = {"a": {"pose": [1.2, 3.2, 0.0]}, "b": {"pose": [3.2, 3.4, 0.0]}}
+    alone = {"objects": [{key: value for key, value in DOCUMENT["objects"][1].items() if key != "pose"}]}
+    for more in (
+        {"goals": {"row": {"of": ["a", "b", "c"], "pose": [3.0, 2.6, 0.0]}}},
+        {"goals": apart},
+        {**alone, "goals": None, "start": [2.0, 1.4, 0.3], "goal": {"pose": [3.2, 3.4, 0.0]}},
+    ):
+        stated = {
+            key: value
+            for key, value in {**DOCUMENT, **more, "obstacles": obstacles}.items()
+            if value is not None
+        }
+        plan = pushplan.plan(scenario_from_document(stated), seed=1, iterations=1)
+        (why,) = plan.diagnosis
+        assert (why.cause, why.proven, why.blocking) == ("boxed in", True, blocking)
+        assert told in plan.reason or "goals" not in stated
