@@ -291,7 +291,7 @@ def _whole(instance: Instance, walls: str, height: float, seconds: float, judged
     first = Whole(True, spent, len(transfers) - len(set(transfers)), _travel(found))
     if not judged:
         return first
-    longer = planner.plan(time_limit=spent + LONGER, seed=1)
+    longer = planner.plan(time_limit=spent + LONGER, seed=1, first=False)
     return replace(first, later=_travel(longer) if longer.solved else np.inf, valid=longer.solved)
 
 

@@ -233,8 +233,9 @@ class Validator:
         sense = 1.0 if segment.kind == APPROACH else -1.0
         if (np.abs(twists[:, 1:]) > STRAIGHT).any() or (np.sign(twists[:, 0]) != sense).any():
             return f"the {segment.kind} is not straight"
-        outlines = [
-            shapely.Polygon(se2.transform_points(segment.before[obj.name], obj.outline))
+        # Drawn in by what touching bodies may overlap.
+        touching = [
+            shapely.Polygon(se2.transform_points(segment.before[obj.name], obj.outline)).buffer(-2.0 * TOUCH)
             for task in self._scenario.tasks
             for obj in task.chain.objects
             if obj.name in touched
@@ -242,12 +243,11 @@ class Validator:
         chain = self._scenario.tasks[0].chain
         motion = Motion.through(poses, chain.reach)
         whole = motion.travel[-1]
-        for pose in motion.at(np.linspace(0.0, whole, int(np.ceil(whole / NEAR)) + 1)):
-            for body in chain.carried:
-                moved = shapely.Polygon(se2.transform_points(pose, body.outline))
-                # Drawn in by what touching bodies may overlap.
-                if any(moved.intersects(outline.buffer(-2.0 * TOUCH)) for outline in outlines):
-                    return f"'{body.name}' overlaps the load in the {segment.kind}"
+        along = motion.at(np.linspace(0.0, whole, int(np.ceil(whole / NEAR)) + 1))
+        for body in chain.carried:
+            moved = shapely.polygons([se2.transform_points(pose, body.outline) for pose in along])
+            if shapely.intersects(moved[:, None], touching).any():
+                return f"'{body.name}' overlaps the load in the {segment.kind}"
         return ""
 
     def _room(self, owner: object, key: tuple[str, ...], scenario: Scenario) -> Room:

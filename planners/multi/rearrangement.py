@@ -5,7 +5,7 @@ plan, situations are searched depth first: a body is brought to its goal only wh
 a plan of its own (or waits for another body to leave its goal); where none can be, one that is in the way is put
 somewhere from where the rest goes on, and has to be brought to its goal afterwards, also where it stood there before.
 As few are moved as possible. What is spent on each transfer grows while there is no order. With the time that is left
-other orders are tried, and every transfer is searched for again from where the one before ends.
+other orders, and each goal of a body by itself, are tried in beams, and every transfer is searched for again.
 """
 
 from __future__ import annotations
@@ -62,8 +62,9 @@ ROOM = 0.05
 OTHER_ORDERS = 0.5
 """Share of the time that is left after the first order in which others are tried."""
 
-NOISE = 0.5
-"""Of the ways by which pieces are ordered then, in natural logarithms."""
+BEAMS = ((1, 1), (1, 2), (2, 3), (4, 4), (8, 4), (16, 6), (32, 6), (64, 8))
+"""Situations that are kept then after each transfer, and pieces that may be next, the nearest ones: one beam after
+the other."""
 
 GAIN = 1e-6
 """Smallest saving that counts, m."""
@@ -276,8 +277,8 @@ class RearrangementSearch:
         for k, one in enumerate(transfers):
             share = (until - time.perf_counter()) / (len(transfers) - k)
             limits = Limits(time.perf_counter() + max(share, 0.0), stop=settings.observer.cancelled)
-            places = () if one.delivers else (self._put(one),)
-            again = _transfer(self.pieces, now, one.piece, limits, settings.seed, places)
+            goals = (self._put(one),)
+            again = _transfer(self.pieces, now, one.piece, limits, settings.seed, goals, one.delivers)
             if again is None:
                 return None
             found.append(again)
@@ -286,7 +287,7 @@ class RearrangementSearch:
         return tuple(found) if saved > GAIN else None
 
     def _put(self, one: Transfer) -> Goal:
-        """Return where a transfer puts a piece that is in the way."""
+        """Return where a transfer puts a piece, as a goal."""
         stated = self.pieces[one.piece].search.scenario.goal
         return replace(stated, pose=one.end, of=None, pose_chain=one.end)
 
@@ -315,12 +316,12 @@ def _transfer(
     piece: int,
     limits: Limits,
     seed: int,
-    places: tuple[Goal, ...] = (),
+    goals: tuple[Goal, ...],
+    delivers: bool = True,
 ) -> Transfer | None:
-    """Return a transfer of one piece to one of its goals, or of other places; None where none was found."""
+    """Return a transfer of one piece to one of some goals, or to places out of the way; None where none was found."""
     own = pieces[piece].search.scenario
     assert own.pushes is not None
-    goals = places or pieces[piece].goals
     others = tuple(
         PolygonObstacle(outline)
         for k, other in enumerate(pieces)
@@ -344,7 +345,7 @@ def _transfer(
     room = searching.room(0)
     question = Question(backed_off(room, scenario), np.array(scenario.start), free)
     found = search(room, question, limits, seed)
-    return None if found.best is None else Transfer(piece, searching, room, found, not places)
+    return None if found.best is None else Transfer(piece, searching, room, found, delivers)
 
 
 class _Order:
@@ -379,39 +380,81 @@ class _Order:
                 return found
         return None
 
-    def _greedy(
-        self, now: Situation, noise: float = 0.0, below: float = math.inf
-    ) -> tuple[Transfer, ...] | None:
-        """Return transfers, each to the nearest piece that has a plan, None where some are left without one.
-
-        Args:
-            now: Where everything is.
-            noise: Of the ways by which the nearest one is chosen, in natural logarithms.
-            below: They cost less, m.
-        """
+    def _greedy(self, now: Situation) -> tuple[Transfer, ...] | None:
+        """Return transfers, each to the nearest piece that has a plan, None where some are left without one."""
         steps: list[Transfer] = []
         while now.left:
-            found = (self._delivery(now, piece) for piece in self._nearest_first(now, noise))
+            found = (self._delivery(now, piece) for piece in self._nearest_first(now))
             step = next((one for one in found if one is not None), None)
             if step is None or self._over():
                 return None
             steps.append(step)
-            below -= step.cost
-            if below <= 0.0:
-                return None
             now = _after(self._pieces, step, now)
         return tuple(steps)
 
     def cheaper(self, now: Situation, best: tuple[Transfer, ...], until: float) -> tuple[Transfer, ...]:
-        """Return transfers in another order that cost less, the same ones where none was found in time."""
+        """Return transfers in another order, or to other goals, that cost less; the same ones where there are none.
+
+        A beam search: of all that were brought to a goal as often, the best situations go on.
+        """
         self._until, whole = until, self._until
-        cost = sum(step.cost for step in best)
-        while not self._over():
-            found = self._greedy(now, NOISE, cost - GAIN)
-            if found is not None:
-                best, cost = found, sum(step.cost for step in found)
+        for width, most in BEAMS:
+            found, cut = self._beam(now, width, most, sum(step.cost for step in best) - GAIN)
+            best = best if found is None else found
+            if self._over() or not cut:
+                break
         self._until = whole
         return best
+
+    def _beam(
+        self, now: Situation, width: int, most: int, below: float
+    ) -> tuple[tuple[Transfer, ...] | None, bool]:
+        """Return transfers that cost less than `below` (m), None where there are none, and whether any were left out.
+
+        Args:
+            now: Where everything is.
+            width: So many situations are kept.
+            most: So many pieces may be next.
+            below: See above.
+        """
+        kept: list[tuple[float, tuple[Transfer, ...], Situation]] = [(0.0, (), now)]
+        cut = False
+        for _ in now.left:
+            chances: list[tuple[float, float, tuple[Transfer, ...], Situation]] = []
+            for cost, steps, here in kept:
+                pieces = self._nearest_first(here)
+                cut = cut or len(pieces) > most
+                for piece in pieces[:most]:
+                    for goal in self._pieces[piece].goals:
+                        step = self._delivery(here, piece, goal)
+                        if self._over():
+                            return None, True
+                        if step is None:
+                            continue
+                        after = _after(self._pieces, step, here)
+                        least = cost + step.cost + self._rest(after)
+                        if least < below:
+                            chances.append((least, cost + step.cost, (*steps, step), after))
+            chances.sort(key=lambda chance: chance[0])
+            cut = cut or len(chances) > width
+            kept = [(cost, steps, here) for _, cost, steps, here in chances[:width]]
+        return (kept[0][1] if kept else None), cut
+
+    def _rest(self, now: Situation) -> float:
+        """Return what the rest costs at least, about: straight pushes, and a way from the nearest end of another."""
+        ends = [now.plate[:2]]
+        ends += [goal.pose_chain[:2] for k in now.left for goal in self._pieces[k].goals[:1]]
+        rest = 0.0
+        for k in now.left:
+            own, start = self._pieces[k], now.poses[k][:2]
+            assert own.search.scenario.pushes is not None
+            weight = own.search.scenario.pushes.transit_weight
+            goal = min(own.goals, key=lambda goal: math.dist(goal.pose_chain[:2], start))
+            others = [end for end in ends if end is not goal.pose_chain]
+            rest += math.dist(goal.pose_chain[:2], start) + weight * min(
+                math.dist(end, start) for end in others
+            )
+        return rest
 
     def _over(self) -> bool:
         spent = self.looked_at >= self._most
@@ -433,30 +476,37 @@ class _Order:
                     return (step, *rest)
         return self._make_way(now, relocations) if relocations else None
 
-    def _nearest_first(self, now: Situation, noise: float = 0.0) -> list[int]:
+    def _nearest_first(self, now: Situation) -> list[int]:
         """Return the pieces that are left, those first that the robot drives to and pushes the shortest way."""
-        factors = np.exp(self._random.normal(scale=noise, size=len(self._pieces))) if noise else None
 
         def way(piece: int) -> float:
             own = self._pieces[piece]
             pushes, start = own.search.scenario.pushes, now.poses[piece]
             assert pushes is not None
             push = min(math.hypot(*(goal.pose_chain - start)[:2]) for goal in own.goals)
-            length = pushes.transit_weight * math.hypot(*(start - now.plate)[:2]) + push
-            return length if factors is None else length * float(factors[piece])
+            return pushes.transit_weight * math.hypot(*(start - now.plate)[:2]) + push
 
         return sorted(sorted(now.left), key=way)
 
-    def _delivery(self, now: Situation, piece: int) -> Transfer | None:
-        key = (piece, now.plate.tobytes(), now.poses.tobytes())
+    def _delivery(self, now: Situation, piece: int, goal: Goal | None = None) -> Transfer | None:
+        """Return the transfer of a piece to a goal, any of its goals without one; None where none was found."""
+        key = (
+            piece,
+            now.plate.tobytes(),
+            now.poses.tobytes(),
+            None if goal is None else goal.pose_chain.tobytes(),
+        )
         if key not in self._known:
-            self._known[key] = self._search(now, piece)
+            goals = self._pieces[piece].goals if goal is None else (goal,)
+            self._known[key] = self._search(now, piece, goals)
         return self._known[key]
 
-    def _search(self, now: Situation, piece: int, places: tuple[Goal, ...] = ()) -> Transfer | None:
+    def _search(
+        self, now: Situation, piece: int, goals: tuple[Goal, ...], delivers: bool = True
+    ) -> Transfer | None:
         self.looked_at += 1
         limits = Limits(self._until, first=True, iterations=self._patience, stop=self._cancelled)
-        return _transfer(self._pieces, now, piece, limits, self._seed, places)
+        return _transfer(self._pieces, now, piece, limits, self._seed, goals, delivers)
 
     def _is_open(self, now: Situation, piece: int) -> bool:
         """Tell whether a piece has a plan, or only waits for others that are left to leave all its goals."""
@@ -479,7 +529,7 @@ class _Order:
         for piece in self._in_the_way(now):
             places = self._parking(now, piece)
             for _ in range(PLACES):
-                step = self._search(now, piece, places) if places else None
+                step = self._search(now, piece, places, delivers=False) if places else None
                 if step is None or self._over():
                     break
                 after = _after(self._pieces, step, now)
