@@ -246,7 +246,7 @@ class Validator:
         along = motion.at(np.linspace(0.0, whole, int(np.ceil(whole / NEAR)) + 1))
         for body in chain.carried:
             moved = shapely.polygons([se2.transform_points(pose, body.outline) for pose in along])
-            if shapely.intersects(moved[:, None], touching).any():
+            if shapely.intersects(np.array(moved)[:, None], touching).any():
                 return f"'{body.name}' overlaps the load in the {segment.kind}"
         return ""
 
