@@ -98,13 +98,14 @@ class Validator:
         return next(filter(None, (_wrong_order(a, b) for a, b in pairwise(segments))), "")
 
     def _missed_goal(self, segments: tuple[Segment, ...]) -> str:
-        """Return that an object with a goal is not at one at the end: exactly where it was pushed."""
+        """Return that an object with a goal is not at one at the end: exactly where it is the only load."""
         end = segments[-1].after if segments else self._scenario.poses
         pushed = {name for s in segments if s.pushes and s.load is not None for name in s.load.names}
         for task in self._scenario.tasks:
             first = task.chain.objects[0]
             load = se2.compose(end[first.name], se2.inverse(first.pose_chain))
-            if first.name not in pushed and any(goal.is_reached(load) for goal in task.goals):
+            stands = self._scenario.bodies or first.name not in pushed
+            if stands and any(goal.is_reached(load) for goal in task.goals):
                 continue
             errors = [se2.pose_error(load, goal.pose_chain) for goal in task.goals]
             if errors and not any(position <= EXACT and angle <= EXACT for position, angle in errors):

@@ -158,6 +158,7 @@ def test_an_end_with_something_just_in_the_way_is_perhaps_boxed_in(
     barred = replace(scenario, obstacles=(PolygonObstacle(turned),))
     (proven,) = short(barred).diagnosis
     assert (proven.cause, proven.proven, [*proven.numbers]) == ("boxed in", True, [f"radius_around_{end}"])
+    assert proven.blocking == (0,)
     monkeypatch.setattr(pocket, "LOOKS", ())
     result = short(barred)
     boxed = [item for item in result.diagnosis if item.cause == "boxed in"]
@@ -165,6 +166,7 @@ def test_an_end_with_something_just_in_the_way_is_perhaps_boxed_in(
     assert boxed[0].text.startswith(f"perhaps the {end} is boxed in: {text}")
     assert 0.0 < boxed[0].numbers[f"free_from_{end}"] < 0.02
     assert not boxed[0].proven
+    assert boxed[0].blocking == (0,)
 
 
 def test_the_command_tells_reason_and_nearest_path(

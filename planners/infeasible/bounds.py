@@ -74,6 +74,12 @@ def grown(obstacles: Sequence[Obstacle], radius: float) -> NDArray[np.object_]:
     return np.asarray(shapely.buffer(shapes, np.array(own) + radius, quad_segs=ARC_SEGMENTS))
 
 
+def near_to(obstacles: Sequence[Obstacle], areas: Sequence[BaseGeometry], within: float) -> tuple[int, ...]:
+    """Return the indices of the obstacles that are within a distance (m) of any of the areas."""
+    taken = shapely.union_all(areas)
+    return tuple(k for k, shape in enumerate(grown(obstacles, 0.0)) if shape.distance(taken) <= within)
+
+
 def room(scenario: Scenario, radius: float) -> BaseGeometry:
     """Return where the centre of a disc can be: inside the workspace and away from the obstacles.
 

@@ -13,7 +13,9 @@ from pushplan.core.collision import Scene, sweep_is_free
 from pushplan.core.infeasible import CLOSED, MET, ORIGIN, Steps, spread
 from pushplan.core.problem import Problem
 from pushplan.geometry import se2
+from pushplan.mechanics.body import as_one
 from pushplan.planners.controls import control_segments, segment_ends
+from pushplan.planners.infeasible.bounds import near_to
 from pushplan.planners.infeasible.turning import tightest_turn
 from pushplan.plans.path import cost_rate
 from pushplan.plans.plan import Diagnosis
@@ -32,6 +34,10 @@ Many headings, on the last one, tell turns apart that are wide against the body.
 
 LOOKS = (8_000, 60_000, 200_000)
 """Cells looked at before a level is left; the next of these only after all levels."""
+
+
+SHORTEST_TRY = 1e-3
+"""Of the pushes that are tried where nothing is proven, m."""
 
 
 class Pocket(NamedTuple):
@@ -175,18 +181,28 @@ def boxed_in_faults(scenario: Scenario, stable: StableSet, problem: Problem) -> 
         problem: The same problem compiled.
     """
     for pocket in find_pocket(scenario, stable, problem):
-        yield [_proven(pocket, tightest_turn(scenario, stable, problem.segments))] if pocket else []
+        yield [_proven(scenario, pocket, tightest_turn(scenario, stable, problem.segments))] if pocket else []
     yield _perhaps(scenario, problem)
 
 
-def _proven(pocket: Pocket, turn: str) -> Diagnosis:
+def _proven(scenario: Scenario, pocket: Pocket, turn: str) -> Diagnosis:
     if pocket.is_goal:
         name, words = "goal", "it is boxed in: pushes into it, however combined, begin"
     else:
         name, words = "start", "the start is boxed in: pushes, however combined, end"
     text = f"the goal cannot be reached: {words} no farther than {pocket.radius:.3g} m from it "
     text += f"(middle of the chain){turn}"
-    return Diagnosis("boxed in", text, True, {f"radius_around_{name}": pocket.radius})
+    end = scenario.goal.pose_chain if pocket.is_goal else scenario.start
+    around = _around(scenario, end, pocket.radius)
+    return Diagnosis("boxed in", text, True, {f"radius_around_{name}": pocket.radius}, around)
+
+
+def _around(scenario: Scenario, pose: FloatArray, reach: float) -> tuple[int, ...]:
+    """Return the obstacles that the chain at a pose (3,) of its frame is not farther away from than it gets, m."""
+    outline = shapely.transform(
+        as_one(scenario.chain.bodies), lambda corners: se2.transform_points(pose, corners)
+    )
+    return near_to(scenario.obstacles, [outline], reach + scenario.clearance)
 
 
 def _perhaps(scenario: Scenario, problem: Problem) -> list[Diagnosis]:
@@ -199,7 +215,8 @@ def _perhaps(scenario: Scenario, problem: Problem) -> list[Diagnosis]:
         free, tried = _longest_push(problem.scene, sign * _some_pushes(problem.segments), pose, reach)
         if free < reach:
             text = f"perhaps the {name} is boxed in: none of {tried} pushes tried {words} {1e3 * free:.3g} mm"
-            found.append(Diagnosis("boxed in", text, False, {f"free_from_{name}": free}))
+            around = _around(scenario, pose, 2.0 * free + SHORTEST_TRY)
+            found.append(Diagnosis("boxed in", text, False, {f"free_from_{name}": free}, around))
     return found
 
 
@@ -214,7 +231,7 @@ def _longest_push(scene: Scene, twists: FloatArray, pose: FloatArray, enough: fl
     """Longest free push (m) from a pose, up to `enough`, and how many were tried."""
     best = 0.0
     for tried, twist in enumerate(twists, 1):
-        length = max(1e-3, 2.0 * best)
+        length = max(SHORTEST_TRY, 2.0 * best)
         while sweep_is_free(scene, pose[0], pose[1], pose[2], twist[0], twist[1], twist[2], length):
             best = length
             if best >= enough:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from pushplan.core.pushes import approaches_are_free, find_push, settles, word_costs
+from pushplan.core.pushes import PackedMode, approaches_are_free, find_push, settles, word_costs
 from pushplan.core.sequences import cheapest_sequence
 from pushplan.core.transit import find_transit, shortened, transit_is_free
 from pushplan.geometry import se2
 from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.problem import sampling_box
 from pushplan.plans.path import TURN_WEIGHT
+from pushplan.scenario.parts import DETOUR
 from pushplan.util.arrays import FloatArray
 
 
@@ -44,7 +45,10 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class PushSequence:
-    """A plan: its pushes and what it costs, the robot's ways and changes of the contact included, m."""
+    """A plan: its pushes and what it costs, m.
+
+    The robot's ways, changes of the contact and `parts.DETOUR` for an end beside the goal are included.
+    """
 
     steps: tuple[Step, ...]
     cost: float
@@ -73,6 +77,17 @@ def _bounds(starts: FloatArray, goals: FloatArray, middle: FloatArray, faster: f
 
 EFFORT = (30, 200, 1000)
 """Poses drawn in search of a way of the robot: a way that is not found is looked for again, with more, later on."""
+
+BESIDE = np.array(
+    [(x, y, turn) for x, y in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)) for turn in (0, 1, -1)], dtype=float
+)
+"""Where an object may end: at the goal, and beside it, as shares of what may be used of its tolerance."""
+
+ALONG = 400
+"""Poses along a turn or a straight push, of which the nearest to a goal is looked for."""
+
+NEAR_TRIES = 4
+"""Poses within the tolerance that are tried for each push but the last, those first that cost least."""
 
 SAME = 1e-9
 """Costs that differ by less are what was assumed, m."""
@@ -212,6 +227,69 @@ class Graph:
             for old, new in zip(best.steps, found, strict=True)
         )
         return PushSequence(tuple(found), best.cost - self._weighed(saved))
+
+    def end_near(self, best: PushSequence) -> PushSequence:
+        """Return a plan that ends within a goal's tolerance where one of its pushes, or another first one, can."""
+        if not self._question.within.all():
+            return best
+        starts: list[tuple[tuple[Step, ...], Step]] = [((), first) for first in self._first_steps()]
+        starts += [(best.steps[:k], step) for k, step in enumerate(best.steps) if k]
+        for before, step in starts:
+            contact = self._room.contacts[step.contact]
+            for end, price in self._near(contact.packed, step.before):
+                cost, arcs = find_push(contact.scene, contact.packed, step.before, end)
+                steps = (*before, replace(step, after=end, arcs=arcs, cost=cost))
+                if self._cost(steps) + price < best.cost:
+                    best = PushSequence(steps, self._cost(steps) + price)
+        return best
+
+    def _first_steps(self) -> Iterator[Step]:
+        """Yield a step of no length for each contact to which the robot has a way at first."""
+        for k in np.flatnonzero(self.begins & self.leaves):
+            change, load = (0, FIRST, int(k)), self.poses[0]
+            if change not in self._known_transits:
+                self._look_at_transit(change, 0)
+            if change in self._known_transits:
+                way = self._known_transits[change]
+                yield Step(int(k), load, load, self._question.robot, way, np.zeros((0, 4)), 0.0)
+
+    def _near(self, mode: PackedMode, load: FloatArray) -> list[tuple[FloatArray, float]]:
+        """Return poses (3,) at goals and beside them to which pushes by a contact lead, and what an end there costs.
+
+        They are on a grid, and where turns and straight pushes come nearest; those that cost least come first.
+        """
+        within, inner = self._question.within, self._room.scenario.chain.objects[0].pose_chain
+        goals = se2.compose(self._question.goals, inner)
+        begin = se2.compose(load, mode.contact)
+        begin = se2.compose(begin, se2.exp(mode.settling * mode.settle))
+        far = 1.5 * float(np.hypot(*(goals - load)[:, :2].T).max())
+        found = [se2.compose(goals[:, None], within[[0, 0, 1]] * BESIDE).reshape(-1, 3)]
+        for twist in mode.families.reshape(-1, 3):
+            arc = se2.compose(begin, se2.exp(np.linspace(0.0, far, ALONG)[:, None] * twist))
+            poses = se2.compose(se2.compose(arc, se2.inverse(mode.contact)), inner)
+            away = poses[:, None] - goals
+            distance, angle = np.hypot(away[..., 0], away[..., 1]), np.abs(se2.wrap_angle(away[..., 2]))
+            share = np.maximum(distance / within[0], angle / within[1]).min(axis=1)
+            if share.min() <= 1.0:
+                found.append(poses[share.argmin(), None])
+        ends = se2.compose(np.concatenate(found), se2.inverse(inner))
+        prices = np.full(len(ends), DETOUR)
+        prices[: len(goals) * len(BESIDE) : len(BESIDE)] = 0.0
+        free = approaches_are_free(self._room.robot, mode, ends, True)
+        ends, prices = ends[free], prices[free]
+        costs = word_costs(mode, load[None], ends, np.zeros(1), prices, np.inf)[0] + prices
+        return [(ends[k], float(prices[k])) for k in np.argsort(costs, kind="stable")[:NEAR_TRIES]]
+
+    def _cost(self, steps: tuple[Step, ...]) -> float:
+        """What pushes cost in all, m."""
+        ways = sum(
+            float(step.transit[:, 3].sum()) + self._pushes.approach + self._pushes.retreat for step in steps
+        )
+        return (
+            sum(step.cost for step in steps)
+            + self._weighed(ways)
+            + (len(steps) - 1) * self._pushes.switch_cost
+        )
 
     def _all_known(self, rows: list[tuple[int, int, int]]) -> bool:
         """Look at what is assumed of a sequence, pushes, then changes, then the first way, until one costs more."""

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
 
 from pushplan.core.collision import SLACK, separation
 from pushplan.errors import EmptyStableSetError, PlanningError
 from pushplan.geometry import se2
+from pushplan.mechanics.body import Body, as_one
+from pushplan.planners.infeasible.bounds import near_to
 from pushplan.planners.infeasible.reaching import beyond_reach
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes
 from pushplan.planners.multi.graph import PushSequence
@@ -272,22 +276,48 @@ def _reasons(room: PushRoom, question: Question, found: Found) -> Iterator[Diagn
     usable = [contact for contact, begins in zip(room.contacts, found.begins, strict=True) if begins]
     if not usable:
         what = "at the start, the robot has no room to drive up to any face that it may push"
-        yield Diagnosis(BOXED_IN, what, _all_taken(room, question.load[None]))
+        yield _no_room(room, question.load[None], what)
         return
     faces = ", ".join(dict.fromkeys(contact.mode.place.face for contact in usable))
     if not (found.begins & found.leaves).any():
         what = f"at the start, the robot can drive up to {faces} only, and from there the load is against something"
         # If every settling push ends in something, no longer one is free either.
         against = all(_ends_in_something(contact, question) for contact in usable)
-        yield Diagnosis(BOXED_IN, what, against)
+        ahead = [_settled(contact, question) for contact in usable]
+        around = near_to(room.scenario.obstacles, ahead, room.scenario.clearance)
+        yield Diagnosis(BOXED_IN, what, against, blocking=around)
         return
     if not found.ends.any():
         what = "at the goal, the robot has no room to push the load there from any face, and to back off"
-        yield Diagnosis(BOXED_IN, what, _all_taken(room, question.goals))
+        yield _no_room(room, question.goals, what)
         return
     if not found.arrives:
         what = f"the robot found no transit to where it would push first ({faces})"
         yield Diagnosis(BOXED_IN, what, False)
+
+
+def _no_room(room: PushRoom, loads: FloatArray, what: str) -> Diagnosis:
+    """Return that the robot has no room beside the load at any of the poses (k, 3), and what takes it."""
+    carried = room.scenario.chain.carried
+    driven = [
+        shapely.union_all([_area(carried, mode.robot_at(load, behind)) for behind in (0.0, mode.approach)])
+        for mode in (contact.packed for contact in room.contacts)
+        for load in loads
+    ]
+    around = near_to(room.scenario.obstacles, [one.convex_hull for one in driven], room.scenario.clearance)
+    return Diagnosis(BOXED_IN, what, _all_taken(room, loads), blocking=around)
+
+
+def _settled(contact: Contact, question: Question) -> BaseGeometry:
+    """Return what the chain covers after its settling push from the start."""
+    pose = se2.compose(question.load, contact.packed.contact)
+    ahead = se2.compose(pose, se2.exp(contact.packed.settle * contact.packed.settling))
+    return _area(contact.mode.load.problem.chain.bodies, ahead)
+
+
+def _area(bodies: Sequence[Body], pose: FloatArray) -> BaseGeometry:
+    """Return what bodies cover with their frame at a pose (3,)."""
+    return shapely.transform(as_one(bodies), lambda corners: se2.transform_points(pose, corners))
 
 
 def _ends_in_something(contact: Contact, question: Question) -> bool:

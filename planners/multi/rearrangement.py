@@ -31,7 +31,7 @@ from pushplan.plans.plan import Diagnosis, Nearest, Poses
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.build import overlapping_goals
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import Goal, PolygonObstacle, Workspace
+from pushplan.scenario.parts import TOLERANCE_USED, Goal, PolygonObstacle, Workspace
 from pushplan.util.arrays import FloatArray, frozen
 
 STAGES = ((1, 0), (1, 1), (4, 1), (16, 1), (4, 2), (16, 2), (16, 3), (64, 3), (256, 6))
@@ -277,7 +277,7 @@ class RearrangementSearch:
         for k, one in enumerate(transfers):
             share = (until - time.perf_counter()) / (len(transfers) - k)
             limits = Limits(time.perf_counter() + max(share, 0.0), stop=settings.observer.cancelled)
-            goals = (self._put(one),)
+            goals = (self._aim(one),)
             again = _transfer(self.pieces, now, one.piece, limits, settings.seed, goals, one.delivers)
             if again is None:
                 return None
@@ -286,9 +286,12 @@ class RearrangementSearch:
         saved = sum(one.cost for one in transfers) - sum(one.cost for one in found)
         return tuple(found) if saved > GAIN else None
 
-    def _put(self, one: Transfer) -> Goal:
-        """Return where a transfer puts a piece, as a goal."""
-        stated = self.pieces[one.piece].search.scenario.goal
+    def _aim(self, one: Transfer) -> Goal:
+        """Return the goal that a transfer brings a piece to, or where it puts one that is in the way, as a goal."""
+        piece = self.pieces[one.piece]
+        if one.delivers:
+            return min(piece.goals, key=lambda goal: max(se2.pose_error(one.end, goal.pose_chain)))
+        stated = piece.search.scenario.goal
         return replace(stated, pose=one.end, of=None, pose_chain=one.end)
 
     def _explanation(self, now: Situation, limit: float) -> tuple[str, tuple[Diagnosis, ...], Nearest | None]:
@@ -343,9 +346,22 @@ def _transfer(
     searching.room(0)  # kept with the piece: what does not depend on the others is made once
     searching = searching.with_obstacles(scenario)
     room = searching.room(0)
-    question = Question(backed_off(room, scenario), np.array(scenario.start), free)
+    within = _within(pieces, now, piece) if delivers else np.zeros(2)
+    question = Question(backed_off(room, scenario), np.array(scenario.start), free, within)
     found = search(room, question, limits, seed)
     return None if found.best is None else Transfer(piece, searching, room, found, delivers)
+
+
+def _within(pieces: tuple[Piece, ...], now: Situation, piece: int) -> FloatArray:
+    """Return how far (m, rad) a piece may end beside its goals; 0 where goals of others are close to these."""
+    own = pieces[piece]
+    used = TOLERANCE_USED * np.min([(g.position_tolerance, g.angle_tolerance) for g in own.goals], axis=0)
+    size = max(float(np.hypot(*corner)) for corner in own.search.scenario.chain.objects[0].outline)
+    room = own.search.scenario.clearance + 2.0 * float(used[0] + used[1] * size)
+    others = [pieces[k].area(goal.pose_chain) for k in now.left - {piece} for goal in pieces[k].goals]
+    taken = shapely.union_all(others).buffer(room)
+    near = any(taken.intersects(own.area(goal.pose_chain)) for goal in own.goals)
+    return np.zeros(2) if near else np.asarray(used)
 
 
 class _Order:
@@ -395,10 +411,13 @@ class _Order:
     def cheaper(self, now: Situation, best: tuple[Transfer, ...], until: float) -> tuple[Transfer, ...]:
         """Return transfers in another order, or to other goals, that cost less; the same ones where there are none.
 
-        A beam search: of all that were brought to a goal as often, the best situations go on.
+        A beam search: of all that were brought to a goal as often, the best situations go on. Where something is put
+        out of the way, other places for that are tried.
         """
         self._until, whole = until, self._until
-        for width, most in BEAMS:
+        if not all(step.delivers for step in best):
+            best = self._elsewhere(now, best)
+        for width, most in BEAMS if all(step.delivers for step in best) else ():
             found, cut = self._beam(now, width, most, sum(step.cost for step in best) - GAIN)
             best = best if found is None else found
             if self._over() or not cut:
@@ -455,6 +474,31 @@ class _Order:
                 math.dist(end, start) for end in others
             )
         return rest
+
+    def _elsewhere(self, now: Situation, best: tuple[Transfer, ...]) -> tuple[Transfer, ...]:
+        """Return the same transfers with the cheapest places for what is in the way that were drawn in time."""
+        cost = sum(step.cost for step in best)
+        while not self._over():
+            steps, here = [], now
+            for one in best:
+                step = (
+                    self._delivery(here, one.piece) if one.delivers else self._put_somewhere(here, one.piece)
+                )
+                if step is None:
+                    break
+                steps.append(step)
+                here = _after(self._pieces, step, here)
+            spent = sum(step.cost for step in steps)
+            if len(steps) == len(best) and spent < cost - GAIN:
+                best, cost = tuple(steps), spent
+        return best
+
+    def _put_somewhere(self, now: Situation, piece: int) -> Transfer | None:
+        places = self._parking(now, piece)
+        if not places:
+            return None
+        chosen = self._random.choice(len(places), min(PLACES, len(places)), replace=False)
+        return self._search(now, piece, tuple(places[k] for k in chosen), delivers=False)
 
     def _over(self) -> bool:
         spent = self.looked_at >= self._most

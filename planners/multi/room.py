@@ -140,11 +140,13 @@ class Question:
         robot: (3,) pose of the robot's frame.
         load: (3,) pose of the load.
         goals: (g, 3) poses of the load, any of which will do.
+        within: (2,) how far (m, rad) the first object may end beside a goal where that saves `parts.DETOUR`.
     """
 
     robot: FloatArray
     load: FloatArray
     goals: FloatArray
+    within: FloatArray = field(default_factory=lambda: np.zeros(2))
 
 
 def find_drive(

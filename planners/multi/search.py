@@ -103,7 +103,8 @@ def search(
         below = math.inf if best is None else best.cost - 1e-6  # the smallest saving that counts, m
         found = graph.cheapest(below, partial(limits.over, batches, best is None))
         if found is not None:
-            best = found if limits.first else graph.shorten_transits(found)
+            best = graph.end_near(found)
+            best = best if limits.first else graph.shorten_transits(best)
             first = time.perf_counter() - began if first is None else first
             if improved is not None:
                 improved(best, graph.looked_at)

@@ -333,7 +333,7 @@ def scene_keys(scene: Scene) -> list[Artist]:
         keys += [Patch(facecolor=one.colour, edgecolor=INK, label=cut(one.name, 20)) for one in objects]
     keys.append(Patch(facecolor="none", label="goal", **_GOAL))
     known = {one.unknown for one in scene.obstacles}
-    named = {palette.OBSTACLE: "obstacle", palette.BLOCKING: "parts start and goal"}
+    named = {palette.OBSTACLE: "obstacle", palette.BLOCKING: "in the way"}
     for colour in sorted({one.colour for one in scene.obstacles if not one.unknown}):
         keys.append(Patch(facecolor=colour, edgecolor=palette.OBSTACLE_EDGE, label=named[colour]))
     if True in known:

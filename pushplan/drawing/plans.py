@@ -83,6 +83,8 @@ def plot_plan(
     events = tuple(events)
     scene = Scene.of(plan.scenario, plan, execution, events)
     view = view_of(scene.window)
+    if "floor" in panels and not (plan.solved or plan.scenario.kind == "push" or len(plan.why_not) > 1):
+        panels = ("floor",)  # there are no pushes to list, and nothing more to tell
     width = float(_HEIGHT * view.size[0] / view.size[1]) if "floor" in panels else 0.0
     side = _LEFT + (width + _GAP if width else 0.0)
     beside = {"set", "margin"} & set(panels)
@@ -217,7 +219,7 @@ class _Steps:
 def _title(plan: Plan, scene: Scene, executed: bool, letters: int) -> list[str]:
     """Return the lines of the title: what the plan, or another execution, comes to, or why there is none."""
     if not plan.solved:
-        return textwrap.wrap(f"{cut(plan.scenario.name, letters // 2)}: no plan, {plan.reason}", letters)[:4]
+        return textwrap.wrap(f"{cut(plan.scenario.name, letters // 2)}: no plan: {plan.reason}", letters)[:4]
     if executed:
         replans = sum(mark.kind == "replan" for mark in scene.marks)
         outcome = f": executed in {scene.t[-1]:.1f} s, {replans} replan{'' if replans == 1 else 's'}"

@@ -338,7 +338,8 @@ class Diagnosis:
         text: The same in a sentence, with the numbers.
         proven: There is no plan for this reason; False stands for a guess.
         numbers: The numbers by name, SI units.
-        blocking: Indices of the scenario's obstacles that part start and goal, where they are known.
+        blocking: Indices of the scenario's obstacles that part start and goal or box in an end or the robot, where
+            they are known.
     """
 
     cause: str
@@ -507,7 +508,7 @@ class Plan:
 
     @property
     def blocking(self) -> frozenset[int]:
-        """Indices of the scenario's obstacles that part start and goal, as far as that is known."""
+        """Indices of the scenario's obstacles that are in the way, as far as that is known."""
         return frozenset(k for found in self.diagnosis for k in found.blocking)
 
     @property

@@ -198,7 +198,7 @@ def goal_error(scenario: Scenario, poses: Poses) -> tuple[float, float]:
         first = task.chain.objects[0]
         load = se2.compose(poses[first.name], se2.inverse(first.pose_chain))
         reach = task.chain.reach
-        each = [se2.pose_error(load, goal.pose_chain) for goal in task.goals]
+        each = [goal.errors(load) for goal in task.goals]
         if each:
             errors.append(min(each, key=lambda error: error[0] + reach * error[1]))
     return (max((e[0] for e in errors), default=0.0), max((e[1] for e in errors), default=0.0))

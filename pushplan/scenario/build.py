@@ -393,7 +393,7 @@ def _goals_of(stated: Any, name: str) -> tuple[GoalPose, ...]:
     if isinstance(stated, ObjectGoal):
         return (GoalPose.model_construct(of=name, **dict(stated)),)
     if isinstance(stated[0], float):
-        return (GoalPose.model_construct(of=name, pose=stated),)
+        return _goals_of(ObjectGoal.model_construct(pose=stated), name)
     return tuple(goal for one in stated for goal in _goals_of(one, name))
 
 

@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from pushplan.mechanics.chain import Limits
 from pushplan.scenario import fields as t
-from pushplan.scenario.parts import DEFAULT_TOLERANCE
+from pushplan.scenario.parts import DEFAULT_TOLERANCE, TOLERANCE_OF_SEVERAL
 from pushplan.scenario.units import fault
 from pushplan.util import names
 
@@ -284,19 +284,34 @@ class Tolerance(t.Strict):
     angle: t.AngleTolerance = Field(default=DEFAULT_TOLERANCE[1], description="an angle in rad")
 
 
-class ObjectGoal(t.Strict):
-    """Where to bring an object."""
+class ToleranceOfSeveral(Tolerance):
+    """How far from its goal one of several objects is still there."""
+
+    position: t.PositionTolerance = Field(default=TOLERANCE_OF_SEVERAL[0], description=LENGTH)
+    angle: t.AngleTolerance = Field(default=TOLERANCE_OF_SEVERAL[1], description="an angle in rad")
+
+
+class _Aim(t.Strict):
+    """A pose, and after how many equal turns it is the same."""
 
     pose: t.Pose = Field(description="[x, y, theta] in the world")
-    tolerance: Tolerance = Field(default_factory=Tolerance, description="{position: ..., angle: ...}")
     symmetry: t.Symmetry = Field(
         default=1, description="a whole number: after so many equal turns the frame meant is as it was"
     )
 
 
-class GoalPose(ObjectGoal):
+class ObjectGoal(_Aim):
+    """Where to bring one of several objects."""
+
+    tolerance: ToleranceOfSeveral = Field(
+        default_factory=ToleranceOfSeveral, description="{position: ..., angle: ...}"
+    )
+
+
+class GoalPose(_Aim):
     """Where to bring the chain."""
 
+    tolerance: Tolerance = Field(default_factory=Tolerance, description="{position: ..., angle: ...}")
     of: str | None = Field(
         default=None, description="the name of the object meant; left out, the chain frame is meant"
     )

@@ -20,12 +20,10 @@ from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
 from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.model import Obstacle, Scenario
-from pushplan.scenario.parts import Goal
+from pushplan.scenario.parts import DETOUR, TOLERANCE_USED, Goal
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.util.arrays import FloatArray, IntArray
 
-DETOUR = 0.05
-"""Way (m of path cost) that going to the exact goal may be longer than going somewhere within the tolerances."""
 CAUTION = (1.0, 0.5, 0.0)
 """Shares of what may be off, friction and places, that plans are made for, one after the other until there is one."""
 MERIDIANS = 96
@@ -36,8 +34,6 @@ ITERATIONS = 10_000
 """Of the search of a plan, a few hundredths of a second: where they, not the time limit, end it, runs repeat."""
 SAME = 0.03
 """Share of a contact's length up to which a slide does not make it another chain."""
-SHARE = 0.6
-"""Part of the tolerances that goals may use up beside the exact one."""
 _GRID = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
 INTERVAL_SETS = ("ecof", "robust")
 """Stable sets that hold for intervals of floor friction."""
@@ -95,7 +91,7 @@ class Aim:
         exact, places = self.exact(chain), chain.places
         center = places[self.objects].mean(axis=0) * [1.0, 1.0, 0.0]
         x, y, turn = (grid.ravel() for grid in np.meshgrid(_GRID, _GRID, _GRID, indexing="ij"))
-        room = SHARE * self.tolerance
+        room = TOLERANCE_USED * self.tolerance
         moves = np.column_stack([x * room[0], y * room[0], turn * room[1]])
         poses = compose(compose(compose(exact, center), moves), inverse(center))
         errors = self.errors(compose(poses[:, None], places))

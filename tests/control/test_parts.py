@@ -15,10 +15,10 @@ from pushplan.planners.planner import plan as plan_in
 from pushplan.plans.path import cost_rate
 from pushplan.plans.settings import Observer
 from pushplan.plans.trajectory import Trajectory
-from pushplan.scenario.parts import Goal
+from pushplan.scenario.parts import TOLERANCE_USED, Goal
 from pushplan.sim.control.closing import GAP, ClosingPush, Spread, closing_push, contacts_at
 from pushplan.sim.control.estimator import Estimator, Sample
-from pushplan.sim.control.replanner import SHARE, Aim
+from pushplan.sim.control.replanner import Aim
 from pushplan.sim.control.sensing import Measurements, Sensor, Sightings
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance, disturbed
@@ -76,7 +76,7 @@ def test_goals_within_the_tolerances_are_within_them(crates: pushplan.Scenario) 
         poses = aim.candidates(crates.chain)
         errors = aim.errors(compose(poses[:, None], crates.chain.places))
         assert len(poses) > 10
-        assert (errors <= SHARE * aim.tolerance + 1e-9).all()
+        assert (errors <= TOLERANCE_USED * aim.tolerance + 1e-9).all()
 
 
 def test_what_cannot_be_nearer_lies_in_the_middle(crates: pushplan.Scenario) -> None:

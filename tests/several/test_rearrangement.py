@@ -1,5 +1,6 @@
 """Several objects to goals of their own: in an order that works, with as little as possible put out of the way."""
 
+import math
 from collections.abc import Mapping
 from itertools import count, groupby
 from typing import Any
@@ -14,6 +15,7 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.run import goal_error
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import TOLERANCE_USED
 
 LIMIT = 60.0
 HERE, THERE = (1.0, 1.0), (1.0, 2.0)
@@ -81,6 +83,25 @@ def test_more_search_makes_the_same_transfers_cheaper(monkeypatch: pytest.Monkey
     assert first.cost is not None
     assert better.cost is not None
     assert better.cost < first.cost
+
+
+@pytest.mark.parametrize("stated", [{}, {"tolerance": {"position": 0.002, "angle": 0.004}}])
+def test_an_object_ends_within_the_tolerance_where_that_saves_a_detour(stated: dict[str, Any]) -> None:
+    """A car's robot cannot push by 0.1 m and 5 mm aside at once."""
+    document = problem_document()
+    (shape,) = document.pop("objects")
+    del document["start"], document["goal"]
+    document["objects"] = [
+        {**shape, "name": name, "pose": [x, 1.0, 0.0]} for name, x in (("a", 1.0), ("b", 2.0))
+    ]
+    document["goals"] = {"a": {"pose": [1.1, 1.005, 0.0], **stated}, "b": [2.1, 1.0, 0.0]}
+    scenario = scenario_from_document(document)
+    found = plan(scenario, first=True, time_limit=LIMIT)
+    assert found.solved, found.reason
+    off = max(goal_error(scenario, found.segments[-1].after))
+    assert found.pushed_distance is not None
+    assert (found.pushed_distance < 0.25) == (not stated)  # else aside first, or around
+    assert off < 1e-9 if stated else 1e-3 < off <= TOLERANCE_USED * math.radians(2.0)
 
 
 def test_objects_that_are_at_their_goals_need_no_plan() -> None:
