@@ -90,6 +90,7 @@ def viewed(execution: Execution) -> IntArray:
 
 
 def worst_contacts(execution: Execution, most: int = 6) -> list[int]:
-    """Return the columns of the contacts with the smallest margins, at most so many, in order."""
+    """Return the columns of the contacts with the smallest margins, at most so many, in order; none never pushed."""
     least = np.where(np.isnan(execution.margins), np.inf, execution.margins).min(axis=0, initial=np.inf)
-    return sorted(np.argsort(least, kind="stable")[:most].tolist())
+    pushed = np.argsort(least, kind="stable")[: np.isfinite(least).sum()]
+    return sorted(pushed[:most].tolist())

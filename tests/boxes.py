@@ -1,6 +1,8 @@
 """Whether what a page shows overlaps or spills, measured from the boxes of its elements in a headless Chromium."""
 
+import os
 import shutil
+from base64 import b64decode
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import combinations
@@ -14,6 +16,9 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 
 SCREENS = [(width, dark) for width in (390, 1280) for dark in (False, True)]
 """Width of a phone and of a desk, in pixels; on light and on dark ground."""
+
+KEPT = os.environ.get("PUSHPLAN_SCREENS")
+"""Folder in which pictures of what is shown are kept, to be looked at; none are kept without it."""
 
 _ERRORS = ("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded")
 
@@ -45,6 +50,19 @@ def show(browser: Any, page: Path | str, width: int, dark: bool = False, height:
     browser.events.clear()
     browser.open(page)
     browser.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def keep(browser: Any, name: str) -> None:
+    """Keep a picture of all that the page shows, where such pictures are asked for."""
+    if KEPT is None:
+        return
+    if browser.evaluate("document.querySelector('#pushplan-answer') !== null"):  # its scene fades in
+        browser.evaluate("new Promise((done) => setTimeout(done, 5000))")
+        browser.evaluate("document.querySelectorAll('.mantine-Notification-root').forEach((e) => e.remove())")
+    picture = browser.call("Page.captureScreenshot", format="png", captureBeyondViewport=True)["data"]
+    path = Path(KEPT) / f"{name.replace(' ', '-')}.png"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(b64decode(picture))
 
 
 def boxes(browser: Any, selector: str) -> list[dict[str, Any]]:

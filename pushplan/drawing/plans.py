@@ -48,6 +48,8 @@ _HEIGHT, _SIDE, _MARGIN_HEIGHT = 4.0, 2.2, 1.05
 _SCENARIO_SIDE, _LEAST_WIDTH = 2.6, 4.5
 _STEPS_IN_A_ROW, _MOST_STEPS, _STEP_GAP, _STEP_TITLE = 4, 12, 0.15, 0.26
 """Small pictures of single pushes: how many, and inches between them and for the title of each."""
+_CROWDED = 0.35
+"""Least top of the margins from which on the labels of 0 and 0.05 would touch."""
 _LINE = 0.155
 """Of a line of the letters beside the floor, inches."""
 _TITLE = 10.0
@@ -258,6 +260,9 @@ def draw_margins(axes: Axes, scene: Scene, kept: float | None = None) -> None:
     axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     for tick, label in zip(ticks, axes.get_yticklabels(), strict=True):
         label.set_color(palette.margin_colour(tick) or INK)
+    if top > _CROWDED:
+        for label, side in zip(axes.get_yticklabels(), ("top", "bottom"), strict=False):
+            label.set_verticalalignment(side)
     if kept is not None:
         axes.axhline(kept, color=INK, linewidth=0.7, linestyle=(0, (3, 2)), zorder=1.5)
     for mark in scene.marks:
@@ -298,10 +303,14 @@ def _push_text(push: Segment, several: bool) -> str:
     """Return what is pushed, through which face and how far."""
     if push.load is None:
         return f"{push.cost:.2f} m"
-    names = ", ".join(push.load.names)
     face = f"{push.load.face} face, {push.cost:.2f} m"
-    letters = int(letters_across_inches(_SIDE - 0.38, _LETTERS))
-    return f"{cut(names, max(6, letters - len(face) - 2))}: {face}" if several else face
+    if not several:
+        return face
+    names = ", ".join(push.load.names)
+    letters = int(letters_across_inches(_SIDE - 0.38, _LETTERS)) - 2
+    if len(names) + len(face) > letters:
+        face = face.replace(" face", "")
+    return f"{cut(names, max(6, letters - len(face)))}: {face}"
 
 
 def letters_across_inches(inches: float, points: float) -> float:

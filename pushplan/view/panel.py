@@ -20,8 +20,10 @@ from pushplan.view.draft import MOST_DRAGGED, ROBOT, START, Draft
 
 _STYLE = "padding:0 12px;font-size:13px;line-height:1.45"
 _RULES = """<style>
-#pushplan-answer { height: 13.5em; overflow-y: auto; overflow-wrap: anywhere; }
-@media (max-width: 576px) { #pushplan-answer { height: 6.5em; } .pushplan-set { display: none; } }
+#pushplan-answer { height: calc(9 * 1.45em); overflow-y: auto; overflow-wrap: anywhere; }
+[data-mantine-color-scheme="dark"] #pushplan-trouble { filter: brightness(1.5); }
+[data-mantine-color-scheme="dark"] .pushplan-set span { filter: brightness(1.6); }
+@media (max-width: 576px) { #pushplan-answer { height: calc(4 * 1.45em); } .pushplan-set { display: none; } }
 </style>"""
 """The plan's height does not change, so that nothing below it jumps; on phones the floor needs the room."""
 
@@ -58,7 +60,8 @@ def _plan(answer: Answer, milliseconds: float) -> str:
     if plan.path is not None:
         rows.append(("path", f"{plan.path.cost:.3f} m in {len(plan.path.twists)} arcs"))
     else:
-        rows.append(("pushed", f"{plan.pushed_distance:.3f} m in {len(plan.pushes)} pushes"))
+        count = len(plan.pushes)
+        rows.append(("pushed", f"{plan.pushed_distance:.3f} m in {count} push{'' if count == 1 else 'es'}"))
         rows += [(f"push {k}", _push(push)) for k, push in enumerate(plan.pushes, start=1)]
     if plan.min_margin is not None:
         rows.append(("least margin", f"{plan.min_margin:.3f}"))
@@ -82,7 +85,8 @@ _STAGES = {"path": "first plan", "timed": "first plan, timed", "polished": "poli
 
 def _troubles(answer: Answer) -> str:
     items = "".join(f"<li>{escape(text)}</li>" for text in answer.findings)
-    return f'<b style="color:{SLIPS}">no plan</b><ul style="margin:0;padding-left:18px">{items}</ul>'
+    head = f'<b id="pushplan-trouble" style="color:{SLIPS}">no plan</b>'
+    return f'{head}<ul style="margin:0;padding-left:18px">{items}</ul>'
 
 
 def stable_set_html(stable: StableSet | None) -> str:

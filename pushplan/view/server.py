@@ -14,6 +14,11 @@ from pushplan.util.extras import optional
 LARGEST_MESSAGE = 1 << 16
 """What a browser may send at once, bytes; a dragged pose takes some hundred."""
 
+_THEME = b"""<script>
+window.__VISER_EMBED_CONFIG__ = { darkMode: matchMedia("(prefers-color-scheme: dark)").matches };
+</script>"""
+"""Asks the browser, which alone knows, whether the window shall be dark; viser's own setting is one for all."""
+
 
 def serve(port: int, label: str) -> Any:
     """Start a server of viser on this machine that heeds its own page only, and return it.
@@ -53,6 +58,13 @@ def _own_origin_first(respond: Callable[[Any, Any], Any]) -> Callable[[Any, Any]
         websocket = bool(request.headers.get_all("Upgrade"))
         if not own.issuperset(said) or (websocket and len(said) != 1):
             return connection.respond(HTTPStatus.FORBIDDEN, "Only the page of this window may connect.\n")
-        return respond(connection, request)
+        if not websocket:
+            request.headers.pop("Accept-Encoding", None)  # what is sent is changed below
+        response = respond(connection, request)
+        if response is not None and response.headers.get("Content-Type", "").startswith("text/html"):
+            response.body = response.body.replace(b"<head>", b"<head>" + _THEME, 1)
+            del response.headers["Content-Length"]
+            response.headers["Content-Length"] = str(len(response.body))
+        return response
 
     return checked

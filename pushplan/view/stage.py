@@ -49,6 +49,7 @@ class Stage:
         self._scene = scene
         self._drawn: dict[str, Any] = {}
         self._handles: dict[str, tuple[Any, Moved]] = {}
+        self._obstacles: list[tuple[Any, str]] = []
         self.handle_size = 0.8 * max(task.chain.reach for task in draft.original.tasks)
         scene.set_up_direction("+z")
         # Without a graphics card shadows cost most of the time; viser's lights, standard material and grid cost
@@ -117,6 +118,14 @@ class Stage:
             colour = palette.mixed(one.colour, "#ffffff", 0.5) if one.unknown else one.colour
             mesh = self._body(f"/{key}/body", se2.transform_points(se2.inverse(place), one.outline), colour)
             self._dragged_itself(mesh, f"/{key}")
+            self._obstacles.append((mesh, colour))
+
+    def tint(self, blocking: frozenset[int]) -> None:
+        """Tint the obstacles with these indices, which are in the way of a plan, and no others."""
+        for k, (mesh, colour) in enumerate(self._obstacles):
+            wanted = red_green_blue(palette.BLOCKING if k in blocking else colour)
+            if mesh.color != wanted:
+                mesh.color = wanted
 
     def draw_bodies(self, draft: Draft, scene: Scene) -> None:
         """Draw bodies and goals under what they are dragged by, and those that play the plan."""
@@ -127,8 +136,9 @@ class Stage:
             self._dragged_itself(mesh, f"/{key}")
             self._body(f"/played/{k}/body", body.outline, body.colour, z=_PLAYED)
         for k, goal in enumerate(scene.goals):
-            key = GOAL if GOAL in draft.poses else f"{GOAL}/{goal.name}"
-            outline = se2.transform_points(se2.inverse(draft.poses[key]), goal.outline)
+            known = [name for name in (GOAL, f"{GOAL}/{goal.name}", f"{GOAL}/row") if name in draft.poses]
+            key = known[0] if known else f"{GOAL}/{goal.name}"  # of a row at a wall, which no pose says
+            outline = se2.transform_points(se2.inverse(draft.poses.get(key, np.zeros(3))), goal.outline)
             tinted = palette.mixed(goal.colour, palette.GOAL, 0.5)
             self._dragged_itself(self._body(f"/{key}/body{k}", outline, tinted, opacity=0.5), f"/{key}")
             ring = np.stack([outline, np.roll(outline, -1, axis=0)], axis=1)

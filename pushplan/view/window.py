@@ -133,6 +133,8 @@ class Window:
                 self._set.content = stable_set_html(answer.stable)
             self._seen = None if plan is None else Scene.of(plan.scenario, plan)
             self.stage.draw_plan(self._seen)
+            found = answer.plan
+            self.stage.tint(frozenset() if found is None or found.solved else found.blocking)
             self.answer, self._number = answer, self._number + 1
             spent = 1e3 * (time.perf_counter() - began)
             self._said.content = answer_html(answer, self._number, spent, dropped)
