@@ -261,8 +261,9 @@ def draw_margins(axes: Axes, scene: Scene, kept: float | None = None) -> None:
     for tick, label in zip(ticks, axes.get_yticklabels(), strict=True):
         label.set_color(palette.margin_colour(tick) or INK)
     if top > _CROWDED:
-        for label, side in zip(axes.get_yticklabels(), ("top", "bottom"), strict=False):
-            label.set_verticalalignment(side)
+        zero, least = axes.get_yticklabels()[:2]
+        zero.set_verticalalignment("top")
+        least.set_verticalalignment("bottom")
     if kept is not None:
         axes.axhline(kept, color=INK, linewidth=0.7, linestyle=(0, (3, 2)), zorder=1.5)
     for mark in scene.marks:
