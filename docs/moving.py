@@ -1,8 +1,12 @@
-"""Make the moving picture of the README: `python docs/moving.py`. An obstacle is dragged, and the plan follows."""
+"""Make the moving pictures of README and docs: `python docs/moving.py`, or one of them by its name.
+
+`moving.webp`: an obstacle is dragged, and the plan follows. `pencils.webp`: twelve pencils are swept to a wall.
+"""
 
 from __future__ import annotations
 
 import math
+import sys
 import tempfile
 from dataclasses import replace
 from io import BytesIO
@@ -17,10 +21,12 @@ from pushplan.drawing.figure import axes_at, figure_for
 from pushplan.drawing.floor import draw_scene, set_view, view_of
 from pushplan.drawing.palette import INK
 from pushplan.drawing.scene import Scene
+from pushplan.logging.film import HEIGHT, WIDTH, Film
 from pushplan.plans.plan import Plan
+from pushplan.plans.run import Run
 from pushplan.scenario.model import CircleObstacle, Scenario
 
-PICTURE = Path(__file__).with_name("moving.webp")
+DOCS = Path(__file__).parent
 FRAMES, PACE = 40, 100
 """Pictures of one round, and milliseconds that each is seen."""
 DRAGGED = -3
@@ -31,18 +37,50 @@ ASIDE = 0.22
 """How far the path bends to either side, m."""
 SIDE, PIXELS = 4.6, 640
 """Of the picture, inches and pixels."""
+FILMED = 80
+"""Pictures of the film of the pencils, the last of which is seen for longer."""
+REST = 1500
+"""For which it is seen, ms."""
 
 
 def main() -> None:
-    """Plan for every place of the obstacle, draw, and write the picture."""
+    """Make the pictures that are asked for; without names both."""
+    for name in sys.argv[1:] or MOVING:
+        frames, durations = MOVING[name]()
+        whole = BytesIO()
+        frames[0].save(
+            whole,
+            "WEBP",
+            save_all=True,
+            append_images=frames[1:],
+            duration=durations,
+            loop=0,
+            quality=55,
+            method=6,
+        )
+        (DOCS / name).write_bytes(whole.getvalue())
+        print(f"{DOCS / name}: {len(whole.getvalue()) / 1e3:.0f} kB")
+
+
+def _dragged_about() -> tuple[list[Image.Image], list[int]]:
+    """Return pictures of the plan for every place of the obstacle."""
     scenario = pushplan.load_scenario("two-crates")
-    frames = [_drawn(_planned(_dragged(scenario, k / FRAMES))) for k in range(FRAMES)]
-    whole = BytesIO()
-    frames[0].save(
-        whole, "WEBP", save_all=True, append_images=frames[1:], duration=PACE, loop=0, quality=55, method=6
+    return [_drawn(_planned(_dragged(scenario, k / FRAMES))) for k in range(FRAMES)], [PACE] * FRAMES
+
+
+def _swept() -> tuple[list[Image.Image], list[int]]:
+    """Return pictures of the film of the pencils' plan."""
+    scenario = pushplan.load_scenario(DOCS.parent / "examples" / "pencils.yaml")
+    plan = pushplan.plan(scenario, first=True, time_limit=600.0)
+    assert plan.execution is not None, plan.reason
+    end = float(plan.execution.t[-1])
+    film = Film(
+        Run(plan.scenario, plan, plan.execution), plan.execution, rate=round(1e3 * end / PACE / FILMED)
     )
-    PICTURE.write_bytes(whole.getvalue())
-    print(f"{PICTURE}: {len(whole.getvalue()) / 1e3:.0f} kB")
+    shown = (film.picture(float(t)) for t in np.linspace(0.0, end, FILMED))
+    size = PIXELS, PIXELS * HEIGHT // WIDTH
+    frames = [Image.fromarray(one).resize(size, Image.Resampling.LANCZOS) for one in shown]
+    return frames, [*[PACE] * (FILMED - 1), REST]
 
 
 def _dragged(scenario: Scenario, share: float) -> Scenario:
@@ -81,6 +119,8 @@ def _drawn(plan: Plan) -> Image.Image:
         with Image.open(path) as image:
             return image.convert("RGB").resize((PIXELS, PIXELS), Image.Resampling.LANCZOS)
 
+
+MOVING = {"moving.webp": _dragged_about, "pencils.webp": _swept}
 
 if __name__ == "__main__":
     main()

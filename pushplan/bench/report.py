@@ -234,13 +234,16 @@ QUANTITIES: tuple[tuple[str, str, Show], ...] = (
 
 
 def spread(results: Results) -> Table:
-    """Return percentiles of everything measured, over the runs with a valid path."""
+    """Return percentiles of everything measured, over the runs with a valid path; what no run has is left out."""
     which, rows = (5, 25, 50, 75, 95), []
     for label, name, show in QUANTITIES:
-        for planner in results.planners:
-            runs = results.of(planner)
-            values = runs[runs.outcome == OK][name].dropna().to_numpy()
-            rows.append([label, planner, str(len(values)), *map(show, percentiles(values, which))])
+        each = {planner: results.of(planner) for planner in results.planners}
+        known = {planner: runs[runs.outcome == OK][name].dropna() for planner, runs in each.items()}
+        if not any(len(values) for values in known.values()):
+            continue
+        for planner, values in known.items():
+            shares = percentiles(values.to_numpy(), which)
+            rows.append([label, planner, str(len(values)), *map(show, shares)])
     return Table(["", "planner", "runs", *(f"{p} %" for p in which)], rows, note="Runs with a valid path.")
 
 

@@ -47,6 +47,8 @@ _ROW_STYLES = ("-", "-", "--", "--")
 _TOUCHING = 1e-9
 _NAMED = 2
 """Contacts up to which each is named where it is."""
+_OVER = 36.0
+"""Room that the label of the cones needs over them, points."""
 _LABEL: Any = {"fontsize": SMALL, "bbox": HALO, "zorder": 9.0}
 
 
@@ -118,9 +120,9 @@ def _label_contacts(axes: Axes, chain: Chain) -> None:
     first = chain.contacts[0]
     cone = friction_cone(first, first.left, 0.5 * first.length)
     tip = cone[np.argmax(cone[:, 1])]
-    axes.annotate(
-        "friction\ncone", tuple(tip), (-26.0, 16.0), va="bottom", color=palette.CONE, **look, **_LABEL
-    )
+    over = _points(axes, axes.get_ylim()[1] - float(tip[1])) > _OVER
+    place = {"xytext": (-26.0, 16.0), "va": "bottom"} if over else {"xytext": (22.0, -12.0), "va": "top"}
+    axes.annotate("friction\ncone", tuple(tip), color=palette.CONE, **place, **look, **_LABEL)
 
 
 def _points(axes: Axes, length: float) -> float:
