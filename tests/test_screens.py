@@ -40,6 +40,7 @@ from pushplan.plans.events import Event, Feedback, Measured
 from pushplan.plans.plan import Diagnosis, Nearest, Plan
 from pushplan.plans.run import Run
 from pushplan.scenario.file import load_scenario, scenario_from_text
+from pushplan.view import tone
 
 KINDS = ("push", "multi-push", "rearrangement", "gathering", "closed loop", "unsolved", "not executed")
 EVERY = pytest.mark.parametrize("kind", KINDS)
@@ -172,6 +173,7 @@ def test_the_words_of_a_film_do_not_overlap(kind: str) -> None:
 def test_one_thing_has_one_colour_everywhere(kind: str) -> None:
     from pushplan.view.draft import Draft
     from pushplan.view.stage import Stage
+    from pushplan.view.tone import of_body
 
     run = made(kind)
     scene = Scene.of(run.scenario, run.plan, run.execution, run.events)
@@ -205,7 +207,25 @@ def test_one_thing_has_one_colour_everywhere(kind: str) -> None:
     stage = Stage(seen, draft)
     stage.draw_bodies(draft, Scene.of(run.scenario))
     played = [seen.colours[f"/played/{k}/body"] for k in range(len(scene.bodies))]
-    assert played == [palette.red_green_blue(body.colour) for body in scene.bodies]
+    assert played == [of_body(body.colour) for body in scene.bodies]
+
+
+def test_a_colour_that_the_window_is_told_is_seen_as_the_palette_has_it() -> None:
+    """Through the filmic curve of three.js, written down here as three.js has it."""
+
+    def seen(linear: Any) -> Any:
+        v = tone.INTO @ (np.asarray(linear) / 0.6)
+        v = (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081)
+        mapped = np.clip(tone.OUT @ v, 0.0, 1.0)
+        return 255.0 * np.where(mapped < 0.0031308, 12.92 * mapped, 1.055 * mapped ** (1.0 / 2.4) - 0.055)
+
+    for colour in (*palette.OBJECTS, *palette.NAMED.values(), palette.ROBOT, palette.PLATE, palette.BLOCKING):
+        told = np.array(tone.of_body(colour)) / 255.0
+        lit = tone.LIGHT * np.where(told < 0.04045, told / 12.92, ((told + 0.055) / 1.055) ** 2.4)
+        np.testing.assert_allclose(seen(lit), palette.red_green_blue(colour), atol=3.0)
+    for colour in (palette.PATH, palette.GOAL, palette.ALONE, palette.WALL, *(c for _, c in palette.MARGINS)):
+        told = np.array(tone.of_line(colour)) / 255.0
+        np.testing.assert_allclose(seen(told), palette.red_green_blue(colour), atol=5.0)
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in ("closed loop", "not executed")])

@@ -34,6 +34,7 @@ from pushplan.util.arrays import FloatArray
 from pushplan.view import answers as answering
 from pushplan.view.answers import Answers, Worker
 from pushplan.view.draft import Draft
+from pushplan.view.tone import of_line
 
 KINDS = ("push", "multi-push", "rearrangement")
 
@@ -167,7 +168,7 @@ def test_the_stage_shows_bodies_goals_and_path_where_the_scene_has_them(
         pushed = seen.lines["/plan/pushed"]
         drawn = Scene.of(plan.scenario, plan)
         assert len(pushed.points) == sum(len(line.points) - 1 for line in drawn.lines if line.pushes)
-        assert tuple(pushed.colors[0, 0]) == palette.red_green_blue(palette.margin_colour(0.3) or "")
+        assert tuple(pushed.colors[0, 0]) == of_line(palette.margin_colour(0.3) or "")
         stage.show_played(drawn.end)
         assert stage.played is not None
         np.testing.assert_allclose(stage.played[:, :2], drawn.end[:, :2], atol=1e-12)

@@ -10,12 +10,12 @@ import shapely
 import trimesh
 
 from pushplan.drawing import palette
-from pushplan.drawing.palette import red_green_blue
 from pushplan.drawing.scene import Line, Scene, piece_colours
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.util.arrays import FloatArray
 from pushplan.view.draft import GOAL, MOST_DRAGGED, ROBOT, START, Draft
+from pushplan.view.tone import of_body, of_line
 
 _HEIGHT = 0.04
 """Of all bodies in the picture, m."""
@@ -23,10 +23,12 @@ _PLAYED = 0.002
 """Height of bodies that play the plan above those that stand, m."""
 _CELL = 0.5
 """Between the lines of the floor, m."""
+_GRID = "#bcc1c7"
+"""Of these lines, on light and on dark ground: the server does not know which it is."""
 _FLOOR = 10.0
 """Half the side of the floor of a room without walls, m."""
-_AMBIENT, _SUN = 1.8, 1.6
-"""Strengths of the lights, in viser's measure: colours of the top look as in other pictures."""
+_AMBIENT, _SUN = 5.0, 4.4
+"""Strengths of the lights, in viser's measure; `tone.LIGHT` is measured with them."""
 _OUTLINES = 12
 """Places along a single push at which the chain is outlined."""
 
@@ -123,7 +125,7 @@ class Stage:
     def tint(self, blocking: frozenset[int]) -> None:
         """Tint the obstacles with these indices, which are in the way of a plan, and no others."""
         for k, (mesh, colour) in enumerate(self._obstacles):
-            wanted = red_green_blue(palette.BLOCKING if k in blocking else colour)
+            wanted = of_body(palette.BLOCKING if k in blocking else colour)
             if mesh.color != wanted:
                 mesh.color = wanted
 
@@ -187,9 +189,7 @@ class Stage:
         if not visible:
             segments, colours = np.zeros((1, 2, 2)), [palette.FAINT]
         points = np.concatenate([segments, np.full((*segments.shape[:2], 1), z)], axis=2).astype(np.float32)
-        paints = np.repeat(
-            np.array([red_green_blue(one) for one in colours], dtype=np.uint8)[:, None], 2, axis=1
-        )
+        paints = np.repeat(np.array([of_line(one) for one in colours], dtype=np.uint8)[:, None], 2, axis=1)
         if (
             name in self._drawn
         ):  # made anew, the browser compiles its shader again: 50 ms without a graphics card
@@ -207,7 +207,7 @@ class Stage:
             name,
             vertices + np.array([0.0, 0.0, z]),
             faces,
-            color=red_green_blue(colour),
+            color=of_body(colour),
             opacity=opacity,
             material="toon3",
             flat_shading=True,
@@ -223,7 +223,7 @@ class Stage:
             else (walls.min(axis=0), walls.max(axis=0))
         )
         grid = _grid(low, high)
-        self._lines("/floor", grid, ["#d8dade"] * len(grid), 1.0, z=0.0)
+        self._lines("/floor", grid, [_GRID] * len(grid), 1.0, z=0.0)
         if walls is not None:
             ring = np.stack([walls, np.roll(walls, -1, axis=0)], axis=1)
             self._lines("/walls", ring, [palette.WALL] * len(ring), 3.0)
