@@ -5,6 +5,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 # Its threads spin while they wait; on these small matrices that took up to six times the work.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -15,7 +16,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
-from pushplan.geometry.se2 import rotate, transform_points
+from pushplan.geometry.se2 import compose, rotate, transform_points
 from pushplan.mechanics.chain import PLATE, Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
 from pushplan.util.arrays import FloatArray
@@ -24,7 +25,9 @@ _exit_code = pytest.StashKey[int]()
 
 # Hypothesis has a test fail when an example takes longer than 0.2 s, or when making them takes long; the first one
 # pays for imports, and machines that test are often busy.
-settings.register_profile("patient", settings(), deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile(
+    "patient", settings(), max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.load_profile("patient")
 
 
@@ -54,6 +57,15 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         os._exit(config.stash.get(_exit_code, 1))
 
 
+Value = TypeVar("Value")
+
+
+def there(value: Value | None) -> Value:
+    """Return what has to be there."""
+    assert value is not None
+    return value
+
+
 PLATE_OUTLINE = np.array([[-0.03, -0.1], [0.0, -0.1], [0.0, 0.1], [-0.03, 0.1]])
 
 
@@ -76,25 +88,13 @@ class ChainMaker:
         support: Callable[[FloatArray], Support] = UniformSupport,
     ) -> Chain:
         """Return n equal boxes in a row, flush and centred in front of the plate."""
-        outline = self.box(*size)
-        objects = tuple(
-            PushedObject(
-                f"box{i}",
-                outline,
-                1.0,
-                floor_friction,
-                support(outline),
-                np.array([(i + 0.5) * size[0], 0.0, 0.0]),
-            )
-            for i in range(n)
-        )
-        frictions = [pusher_friction, *[contact_friction] * (n - 1)]
-        ends = [[np.array([i * size[0], s * size[1] / 2]) for s in (-1.0, 1.0)] for i in range(n)]
-        contacts = tuple(
-            Contact(right, left, mu, i, i - 1)
-            for i, ((right, left), mu) in enumerate(zip(ends, frictions, strict=True))
-        )
-        return Chain(objects, contacts, Pusher(PLATE_OUTLINE, pusher_friction, contact_height))
+        outline, objects, contacts = self.box(*size), [], []
+        for i, mu in enumerate([pusher_friction, *[contact_friction] * (n - 1)]):
+            pose = np.array([(i + 0.5) * size[0], 0.0, 0.0])
+            objects.append(PushedObject(f"box{i}", outline, 1.0, floor_friction, support(outline), pose))
+            right, left = (np.array([i * size[0], side * size[1] / 2]) for side in (-1.0, 1.0))
+            contacts.append(Contact(right, left, mu, i, i - 1))
+        return Chain(tuple(objects), tuple(contacts), Pusher(PLATE_OUTLINE, pusher_friction, contact_height))
 
     def star(self, rng: np.random.Generator, corners: int, size: float = 0.05) -> FloatArray:
         """Return the outline of a star-shaped, mostly non-convex polygon about the origin."""
@@ -109,71 +109,50 @@ class ChainMaker:
         for i in range(n):
             outline = self.star(rng, int(rng.integers(3, 9)))
             pose = np.array([0.1 * i + 0.05, rng.uniform(-0.02, 0.02), rng.uniform(-np.pi, np.pi)])
-            objects.append(
-                PushedObject(
-                    f"object{i}",
-                    outline,
-                    float(rng.uniform(0.3, 2.0)),
-                    float(rng.uniform(0.1, 0.6)),
-                    self._support(rng, outline, feet),
-                    pose,
-                )
-            )
+            mass, friction = float(rng.uniform(0.3, 2.0)), float(rng.uniform(0.1, 0.6))
+            support: Support = UniformSupport(outline)
+            if feet:
+                support = FeetSupport(outline, rng.dirichlet(np.full(len(outline), 2.0)))
+            objects.append(PushedObject(f"object{i}", outline, mass, friction, support, pose))
             middle = np.array([0.1 * i, rng.uniform(-0.01, 0.01)])
             half = rotate(rng.uniform(-0.1, 0.1), [0.0, rng.uniform(0.02, 0.05)])
             pusher = int(rng.integers(PLATE, i)) if tree and i else i - 1
-            friction = float(rng.uniform(0.1, 0.8))
-            contacts.append(Contact(middle - half, middle + half, friction, i, pusher))
+            contacts.append(Contact(middle - half, middle + half, float(rng.uniform(0.1, 0.8)), i, pusher))
         return Chain(tuple(objects), tuple(contacts), Pusher(PLATE_OUTLINE, 0.5))
 
     def moved(self, chain: Chain, pose: FloatArray) -> Chain:
         """Return the chain with every object and contact moved by a pose (3,)."""
-        objects = tuple(
-            replace(
-                obj,
-                pose_chain=np.append(transform_points(pose, obj.pose_chain[:2]), obj.pose_chain[2] + pose[2]),
-            )
-            for obj in chain.objects
-        )
-        contacts = tuple(
-            replace(c, right=transform_points(pose, c.right), left=transform_points(pose, c.left))
-            for c in chain.contacts
-        )
-        return Chain(objects, contacts, chain.pusher)
+        objects = [replace(obj, pose_chain=compose(pose, obj.pose_chain)) for obj in chain.objects]
+        ends = [(transform_points(pose, c.right), transform_points(pose, c.left)) for c in chain.contacts]
+        return self._changed(chain, objects, ends)
 
     def mirrored(self, chain: Chain) -> Chain:
         """Return the chain mirrored in the x axis; uniform supports only."""
         flip = np.array([1.0, -1.0])
-        objects = tuple(
-            replace(
-                obj,
-                outline=obj.outline[::-1] * flip,
-                support=UniformSupport(obj.outline[::-1] * flip),
-                pose_chain=obj.pose_chain * [1.0, -1.0, -1.0],
-            )
-            for obj in chain.objects
-        )
-        contacts = tuple(replace(c, right=c.left * flip, left=c.right * flip) for c in chain.contacts)
-        return Chain(objects, contacts, chain.pusher)
+        ends = [(c.left * flip, c.right * flip) for c in chain.contacts]
+        return self._changed(chain, self._shaped(chain, lambda o: o[::-1] * flip, [1.0, -1.0, -1.0]), ends)
 
     def scaled(self, chain: Chain, factor: float) -> Chain:
         """Return the chain with all lengths multiplied; uniform supports only."""
-        objects = tuple(
-            replace(
-                obj,
-                outline=obj.outline * factor,
-                support=UniformSupport(obj.outline * factor),
-                pose_chain=obj.pose_chain * [factor, factor, 1.0],
-            )
-            for obj in chain.objects
-        )
-        contacts = tuple(replace(c, right=c.right * factor, left=c.left * factor) for c in chain.contacts)
-        return Chain(objects, contacts, chain.pusher)
+        ends = [(c.right * factor, c.left * factor) for c in chain.contacts]
+        return self._changed(chain, self._shaped(chain, lambda o: o * factor, [factor, factor, 1.0]), ends)
 
-    def _support(self, rng: np.random.Generator, outline: FloatArray, feet: bool) -> Support:
-        if not feet:
-            return UniformSupport(outline)
-        return FeetSupport(outline, rng.dirichlet(np.full(len(outline), 2.0)))
+    def _shaped(
+        self, chain: Chain, shape: Callable[[FloatArray], FloatArray], factors: list[float]
+    ) -> list[PushedObject]:
+        made = [(obj, shape(obj.outline)) for obj in chain.objects]
+        return [
+            replace(
+                obj, outline=outline, support=UniformSupport(outline), pose_chain=obj.pose_chain * factors
+            )
+            for obj, outline in made
+        ]
+
+    def _changed(
+        self, chain: Chain, objects: list[PushedObject], ends: list[tuple[FloatArray, FloatArray]]
+    ) -> Chain:
+        contacts = [replace(c, right=a, left=b) for c, (a, b) in zip(chain.contacts, ends, strict=True)]
+        return Chain(tuple(objects), tuple(contacts), chain.pusher)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -1,79 +1,20 @@
-"""Random pushes, and chains that are off in one number: built from changed objects, not by the code under test."""
+"""Chains that are off in one number: built from changed objects, not by the code under test."""
 
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
 
 import numpy as np
-from plans_of import timed
 
-from pushplan.bench.random_problems import generate
-from pushplan.bench.schema import ProblemParameters
-from pushplan.errors import SupportError, TimingError
+from pushplan.errors import SupportError
 from pushplan.geometry.polygon import find_touch
 from pushplan.geometry.se2 import compose, rotate, transform_points
 from pushplan.mechanics.chain import PLATE, Chain, PushedObject
 from pushplan.mechanics.dynamics import dynamic_margins
-from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support, UniformSupport
-from pushplan.plans.path import PushPath, cost_rate
+from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
 from pushplan.plans.trajectory import Trajectory
-from pushplan.scenario.file import scenario_from_text
-from pushplan.scenario.model import Scenario
-from pushplan.sets.stable_set import StableSet
-from pushplan.util.arrays import FloatArray
 
 KINDS = ("contact_friction", "floor_friction", "load", "position", "angle")
-PARAMETERS = ProblemParameters(objects=(1, 4), supports=("uniform", "feet"), obstacles=(0, 3))
-
-
-def random_scenario(seed: int) -> Scenario:
-    """Return a random problem on known loads of all kinds; a third is pushed above the floor."""
-    scenario = scenario_from_text(generate(PARAMETERS, seed))
-    rng = np.random.default_rng([seed, 1])
-    objects = tuple(_dressed(rng, obj) for obj in scenario.chain.objects)
-    height = float(rng.choice([0.0, 0.0, rng.uniform(0.001, 0.01)]))
-    pusher = scenario.chain.pusher
-    limits = replace(pusher.limits, contact="dynamic")
-    chain = replace(
-        scenario.chain, objects=objects, pusher=replace(pusher, contact_height=height, limits=limits)
-    )
-    stability = replace(scenario.stability, margin=0.05)
-    how = str(rng.choice(["exact", "blended"]))
-    return replace(scenario, chain=chain, stability=stability, trajectory=how)
-
-
-def _dressed(rng: np.random.Generator, obj: PushedObject) -> PushedObject:
-    """Return the object, every other one on a plane or map of pressure in place of an even one."""
-    if not isinstance(obj.support, UniformSupport) or rng.random() < 0.5:
-        return obj
-    size = np.ptp(obj.outline, axis=0)
-    center = obj.support.center + rng.uniform(-0.04, 0.04, 2) * size
-    if rng.random() < 0.5:
-        return replace(obj, support=UniformSupport(obj.outline, center))
-    points = obj.support.center + rng.uniform(-0.35, 0.35, (12, 2)) * size
-    return replace(obj, support=PressureMapSupport(points, rng.dirichlet(np.full(12, 8.0))))
-
-
-def random_trajectory(scenario: Scenario, seed: int) -> Trajectory | None:
-    """Return a random stable motion of the scenario's chain, None where there is hardly any."""
-    rng = np.random.default_rng([seed, 2])
-    free = replace(scenario, obstacles=(), workspace=None)
-    try:
-        stable = free.stable_set()
-        twists = _stable_twists(rng, free, stable)
-        if not len(twists):
-            return None
-        lengths = rng.uniform(0.05, 0.5, len(twists))
-        return timed(free, PushPath(np.zeros(3), twists, lengths))
-    except (SupportError, TimingError):
-        return None
-
-
-def _stable_twists(rng: np.random.Generator, scenario: Scenario, stable: StableSet) -> FloatArray:
-    length = scenario.chain.characteristic_length
-    drawn = np.column_stack([np.ones(600), rng.normal(0.0, 0.3, 600), rng.normal(0.0, 0.6, 600) / length])
-    kept = drawn[stable.margin(drawn) > 1.02 * scenario.required_margin][: int(rng.integers(1, 6))]
-    return kept / cost_rate(kept)[:, None]
 
 
 def perturbed(chain: Chain, kind: str, size: float) -> Iterator[Chain | None]:
@@ -126,16 +67,10 @@ def _leaning(obj: PushedObject, axis: int, share: float) -> Support:
         along = (support.outline - support.moments.centroid) @ e
         shift = share * support.moments.second @ e / support.moments.area / np.abs(along).max()
         return UniformSupport(support.outline, support.center + shift)
-    if isinstance(support, FeetSupport):
-        assert support.fractions is not None
-        return FeetSupport(support.positions, _shifted(support.positions, support.fractions, e, share))
-    assert isinstance(support, PressureMapSupport)
-    return PressureMapSupport(support.points, _shifted(support.points, support.fractions, e, share))
-
-
-def _shifted(points: FloatArray, loads: FloatArray, e: FloatArray, share: float) -> FloatArray:
-    along = (points - loads @ points) @ e
-    return np.asarray(loads * (1.0 + share * along / np.abs(along).max()))
+    assert isinstance(support, FeetSupport)
+    assert support.fractions is not None
+    along = (support.positions - support.fractions @ support.positions) @ e
+    return FeetSupport(support.positions, support.fractions * (1.0 + share * along / np.abs(along).max()))
 
 
 def _aside(chain: Chain, i: int, distance: float) -> Chain | None:
@@ -170,11 +105,3 @@ def _turned(chain: Chain, i: int, angle: float) -> Chain:
         if k in carried:
             objects[k] = replace(objects[k], pose_chain=compose(motion, objects[k].pose_chain))
     return replace(chain, objects=tuple(objects), contacts=tuple(contacts))
-
-
-def pushable(scenario: Scenario) -> bool:
-    """Tell whether the chain can be pushed straight ahead with the margin asked for, no part of it lifting."""
-    try:
-        return float(scenario.stable_set().margin([[1.0, 0.0, 0.0]])[0]) > scenario.required_margin
-    except SupportError:
-        return False

@@ -1,7 +1,8 @@
-"""The command line, end to end: what is printed where, what is written, and the exit codes."""
+"""The command line: what is printed where, exit codes, completion, the first own scenario."""
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,22 +12,10 @@ import pytest
 import shapely
 
 from pushplan.cli.main import main
-from pushplan.scenario.file import example_names, example_text, load_scenario
+from pushplan.scenario.file import example_names, load_scenario
 from pushplan.sets.named import stable_set
 
 Captured = pytest.CaptureFixture[str]
-
-
-@pytest.mark.parametrize("command", ["plan", "check"])
-def test_a_chain_that_cannot_be_pushed_is_a_finding(command: str, tmp_path: Path, capsys: Captured) -> None:
-    file = tmp_path / "slippery.yaml"
-    text = example_text("two-crates")
-    assert "between: [{objects: [near, far], friction: 0.30}]" in text
-    file.write_text(
-        text.replace("offset: 0.01", "offset: 0.075").replace("friction: 0.30}]", "friction: 0.0}]")
-    )
-    assert main([command, str(file)]) == 2
-    assert "the stable set is empty" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", example_names())
@@ -56,39 +45,31 @@ def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captur
     assert ">left turns<" in (tmp_path / "s.svg").read_text()
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ([], "Usage: pushplan COMMAND"),
-        (["pul"], "No such command 'pul'"),
-        (["plan"], "Missing argument 'SCENARIO'"),
-        (["plan", "two-crates", "--planner", "rtr"], "did you mean 'rrt'?"),
-        (["plan", "two-crates", "--set", "none"], "'none' is not known"),
-        (["plan", "two-crates", "--time-limit", "nan"], "'nan' is no time limit"),
-        (["plan", "two-crates", "--time-limit", "0"], "'0' is no time limit; allowed: a number above 0"),
-        (["plan", "two-crates", "--time-limit", "soon"], "also with a unit (s, ms, min, h)"),
-        (["plan", "two-crates", "--seed", "-1"], "'-1' is no seed; allowed: a whole number from 0"),
-        (["plan", "two-crates", "--iterations", "0"], "'0' is no number; allowed: a whole number from 1"),
-        (["plan", ""], "there is an empty word, which names nothing"),
-        (["bench", "smoke", "-o", ""], "there is an empty word, which names nothing"),
-        (
-            ["identify", "none.mcap", "--into", "none", "-o", "l.yaml"],
-            "none: cannot read the file: No such file",
-        ),
-        (["replay", "@first"], "@first is neither a file nor a recorded run; the last run is @1"),
-        (["trial", "two-crates", "--samples", "0"], "'0' is no number; allowed: a whole number from 1"),
-        (["plan", "two-crates", "--see", "1"], "'--seed'"),
-        (["plan", "two-crates", "--time-limit", "1x"], "'1x' is no time limit"),
-        (["pln", "two-crates"], "Did you mean 'plan'?"),
-        (["plan", "two-crates", "--planner", "autoo"], "did you mean 'auto'?"),
-        (["plan", "two-crates", "more"], "unexpected extra argument (more)"),
-        (["plan", "two-crates", "--plot", "p.bmp"], "a picture ends in .png, .svg, .pdf, not in .bmp"),
-        (["plan", "two-crates", "-o", "/no/such/folder/r.mcap"], "there is no folder /no/such/folder"),
-        (["plan", "two-crates", "--html", "x", "-o", "./x"], "this file is read or written already"),
-        (["plan", "no-such.yaml"], "no-such.yaml: cannot read the file: No such file"),
-        (["replay", "no-such.mcap"], "no-such.mcap"),
-    ],
-)
+@pytest.mark.parametrize(("words", "message"), [
+    ([], "Usage: pushplan COMMAND"), (["pul"], "No such command 'pul'"), (["plan"], "Missing argument 'SCENARIO'"),
+    (["plan", "two-crates", "--planner", "rtr"], "did you mean 'rrt'?"),
+    (["plan", "two-crates", "--set", "none"], "'none' is not known"),
+    (["plan", "two-crates", "--time-limit", "nan"], "'nan' is no time limit"),
+    (["plan", "two-crates", "--time-limit", "0"], "'0' is no time limit; allowed: a number above 0"),
+    (["plan", "two-crates", "--time-limit", "soon"], "also with a unit (s, ms, min, h)"),
+    (["plan", "two-crates", "--seed", "-1"], "'-1' is no seed; allowed: a whole number from 0"),
+    (["plan", "two-crates", "--iterations", "0"], "'0' is no number; allowed: a whole number from 1"),
+    (["plan", ""], "there is an empty word, which names nothing"),
+    (["bench", "smoke", "-o", ""], "there is an empty word, which names nothing"),
+    (["identify", "none.mcap", "--into", "none", "-o", "l.yaml"], "none: cannot read the file: No such file"),
+    (["replay", "@first"], "@first is neither a file nor a recorded run; the last run is @1"),
+    (["trial", "two-crates", "--samples", "0"], "'0' is no number; allowed: a whole number from 1"),
+    (["plan", "two-crates", "--see", "1"], "'--seed'"),
+    (["plan", "two-crates", "--time-limit", "1x"], "'1x' is no time limit"),
+    (["pln", "two-crates"], "Did you mean 'plan'?"),
+    (["plan", "two-crates", "--planner", "autoo"], "did you mean 'auto'?"),
+    (["plan", "two-crates", "more"], "unexpected extra argument (more)"),
+    (["plan", "two-crates", "--plot", "p.bmp"], "a picture ends in .png, .svg, .pdf, not in .bmp"),
+    (["plan", "two-crates", "-o", "/no/such/folder/r.mcap"], "there is no folder /no/such/folder"),
+    (["plan", "two-crates", "--html", "x", "-o", "./x"], "this file is read or written already"),
+    (["plan", "no-such.yaml"], "no-such.yaml: cannot read the file: No such file"),
+    (["replay", "no-such.mcap"], "no-such.mcap"),
+])  # fmt: skip
 def test_wrong_words_end_with_a_message_and_exit_code_2(
     words: list[str], message: str, capsys: Captured
 ) -> None:
@@ -151,3 +132,81 @@ def test_code_that_a_file_names_is_told_before_its_import_or_refused(
     assert main(planned) == 2
     error = capsys.readouterr().err
     assert error.index("one-box: imports the module no_such_module") < error.index("cannot load")
+
+
+# Completion scripts: every command, option and example, run by the shells there are.
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_shell_can_read_its_script(shell: str, tmp_path: Path, capsys: Captured) -> None:
+    assert main(["completion", shell]) == 0
+    script = capsys.readouterr().out
+    assert "_PUSHPLAN_COMPLETE" in script
+    if shutil.which(shell) is None:
+        pytest.skip(f"there is no {shell} here")
+    (tmp_path / "script").write_text(script)
+    subprocess.run([shell, "-n", str(tmp_path / "script")], check=True, timeout=30)
+
+
+@pytest.mark.parametrize(("typed", "offered"), [
+    ("pl", {"plain,plan"}), ("plan two", {"plain,two-crates", "file,two"}),
+    ("plan two-crates --pl", {"plain,--planner", "plain,--plot"}),
+    ("examples narr", {"plain,narrow-gap", "file,narr"}), ("completion f", {"plain,fish"}),
+])  # fmt: skip
+def test_words_are_completed(
+    typed: str, offered: set[str], monkeypatch: pytest.MonkeyPatch, capsys: Captured
+) -> None:
+    words = f"pushplan {typed}"
+    monkeypatch.setenv("_PUSHPLAN_COMPLETE", "bash_complete")
+    monkeypatch.setenv("COMP_WORDS", words)
+    monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))
+    with pytest.raises(SystemExit):
+        main([])
+    assert set(capsys.readouterr().out.split()) == offered
+
+
+# The first own scenario: a commented file that loads, plans and is never overwritten.
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_new_scenario_loads_passes_its_check_and_plans(capsys: Captured) -> None:
+    assert main(["new", "mine"]) == 0
+    assert "wrote mine.yaml" in capsys.readouterr().out
+    assert load_scenario("mine.yaml").name == "mine"
+    assert main(["check", "mine.yaml"]) == 0
+    assert main(["plan", "mine.yaml", "--first"]) == 0
+
+
+def test_a_file_is_never_overwritten(capsys: Captured) -> None:
+    Path("mine.yaml").write_text("precious")
+    for name in ("mine", "mine.yaml"):
+        assert main(["new", name]) == 2
+        assert capsys.readouterr().err == (
+            "error: mine.yaml: this file exists already; choose another name or remove it\n"
+        )
+    assert Path("mine.yaml").read_text() == "precious"
+
+
+@pytest.mark.parametrize("name", [" ", "_x", "a\tb", "-", "x" * 65])
+def test_a_name_that_no_scenario_can_have_is_refused(name: str, capsys: Captured) -> None:
+    assert main(["new", "--", name]) == 2
+    assert "cannot be a scenario's name; allowed: a name of up to 64" in capsys.readouterr().err
+    assert not list(Path().iterdir())
+
+
+MAP = Path(__file__).parents[1] / "examples" / "office"
+
+
+@pytest.mark.parametrize("drive", ["omnidirectional", "car"])
+def test_a_scenario_in_a_map_for_any_drive_loads_and_plans(drive: str, capsys: Captured) -> None:
+    shutil.copytree(MAP, "maps")
+    assert main(["new", "mine", "--map", "maps/office.yaml", "--drive", drive]) == 0
+    scenario = load_scenario("mine.yaml")
+    assert scenario.chain.pusher.drive.kind == drive
+    assert any(getattr(obstacle, "unknown", False) for obstacle in scenario.obstacles)
+    assert main(["check", "mine.yaml"]) == 0
+    assert main(["plan", "mine.yaml", "--first"]) == 0

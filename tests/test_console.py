@@ -1,19 +1,21 @@
-"""The streams of a command: results, remarks, JSON, colours, progress, failures."""
+"""The streams of a command: results, remarks, JSON, progress, failures, and what a terminal would obey."""
 
 import io
 import time
+import unicodedata
 from collections.abc import Callable
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pushplan.cli import console as console_module
 from pushplan.cli.console import Console, Progress
 from pushplan.cli.main import _failed
 from pushplan.errors import PlanningError
+from pushplan.util.printable import printable
 
 Captured = pytest.CaptureFixture[str]
-
-
 EVIL = "\x1b]0;owned\x07\x1b[31m\u202e\x9b2J"
 SHOWN = r"\x1b]0;owned\x07\x1b[31m\u202e\x9b2J"
 
@@ -54,17 +56,14 @@ def _wait_for(condition: Callable[[], bool]) -> None:
         time.sleep(0.01)
 
 
-@pytest.mark.parametrize(
-    ("error", "code", "message"),
-    [
-        (KeyboardInterrupt(), 130, "interrupted"),
-        (PlanningError("the goal overlaps a wall"), 2, "error: the goal overlaps a wall"),
-        (FileNotFoundError(2, "No such file or directory", "x.mcap"), 2, "error: x.mcap: No such file"),
-        (PermissionError(13, "Permission denied", "/x.png"), 2, "error: /x.png: Permission denied"),
-        (OSError(28, "No space left on device"), 1, "error: No space left on device"),
-        (MemoryError(), 1, "error: out of memory"),
-    ],
-)
+@pytest.mark.parametrize(("error", "code", "message"), [
+    (KeyboardInterrupt(), 130, "interrupted"),
+    (PlanningError("the goal overlaps a wall"), 2, "error: the goal overlaps a wall"),
+    (FileNotFoundError(2, "No such file or directory", "x.mcap"), 2, "error: x.mcap: No such file"),
+    (PermissionError(13, "Permission denied", "/x.png"), 2, "error: /x.png: Permission denied"),
+    (OSError(28, "No space left on device"), 1, "error: No space left on device"),
+    (MemoryError(), 1, "error: out of memory"),
+])  # fmt: skip
 def test_every_failure_has_its_exit_code_and_a_message_without_traceback(
     error: BaseException, code: int, message: str, capsys: Captured
 ) -> None:
@@ -105,3 +104,24 @@ def test_what_files_say_never_reaches_the_terminal_as_a_command(
     assert second == f"  {SHOWN}  {SHOWN}"
     assert third.split() == [r"two\nlines", r"[bold]two\nlines"]
     assert err == f"{SHOWN}\n"
+
+
+# What a terminal would obey is escaped; everything else stays as it is.
+
+BIDIRECTIONAL = {"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"}
+
+
+@given(st.text())
+def test_nothing_that_controls_is_left(text: str) -> None:
+    for character in printable(text):
+        assert unicodedata.category(character) not in ("Cc", "Cs", "Zl", "Zp")
+        assert unicodedata.bidirectional(character) not in BIDIRECTIONAL
+
+
+@given(st.text(st.characters(codec="ascii", categories=("L", "N", "P", "S", "Zs"))))
+def test_what_people_write_stays(text: str) -> None:
+    assert printable(text) == text
+
+
+def test_breaks_of_lines_may_be_kept() -> None:
+    assert printable("a\n\tb\r", keep="\n\t") == "a\n\tb\\r"

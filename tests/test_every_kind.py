@@ -4,12 +4,14 @@ Rows are uses, columns kinds. A cell looks at what comes out, against the execut
 says so in a sentence.
 """
 
+import re
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import there
 from matplotlib import image
 from planned_by_hand import MULTI, ROW, SWAP
 
@@ -40,6 +42,13 @@ from pushplan.view.draft import Draft
 
 KINDS = ("push", "multi-push", "rearrangement", "gathering")
 EVERY = pytest.mark.parametrize("kind", KINDS)
+TEXTS = {
+    kind: re.sub(
+        r"(pusher: {.*)}", r"\1, limits: {speed: 0.5, acceleration: 1.5, jerk: 30, angular_speed: 2}}", text
+    )
+    for kind, text in (("multi-push", MULTI), ("rearrangement", SWAP), ("gathering", ROW))
+}
+"""Fast ones: half of the time to simulate."""
 LOOPS = tuple(f"{kind} in closed loop" for kind in KINDS)
 CLOSED = pytest.mark.parametrize("kind", LOOPS)
 EXECUTED = pytest.mark.parametrize("kind", [*KINDS, *LOOPS])
@@ -63,13 +72,12 @@ def made(kind: str) -> Made:
         loop = run_closed_loop(whole.scenario, disturbances=[disturbance], plan=whole.plan, settings=settings)
         assert loop.outcome == "arrived", loop.reason
         return Made(whole.scenario, loop.plan, loop.execution, loop)
-    text = {"multi-push": MULTI, "rearrangement": SWAP, "gathering": ROW}.get(kind)
+    text = TEXTS.get(kind)
     scenario = pushplan.load_scenario("two-crates") if text is None else pushplan.scenario_from_text(text)
     assert scenario.kind == ("rearrangement" if kind == "gathering" else kind)
     plan = pushplan.plan(scenario, seed=1, first=True, time_limit=60.0)
     assert plan.solved, plan.reason
-    assert plan.execution is not None
-    return Made(scenario, plan, plan.execution)
+    return Made(scenario, plan, there(plan.execution))
 
 
 def names_of(segment: Segment) -> tuple[str, ...]:
@@ -84,8 +92,7 @@ def at_goals(scenario: Scenario, objects: FloatArray) -> bool:
 @EVERY
 def test_a_plan_is_timed_executed_and_judged(kind: str) -> None:
     one = made(kind)
-    trajectory = one.plan.trajectory
-    assert trajectory is not None
+    trajectory = there(one.plan.trajectory)
     assert one.plan.times[-1] == pytest.approx(trajectory.duration) == pytest.approx(one.execution.t[-1])
     for before, after in zip(one.plan.segments, one.plan.segments[1:], strict=False):
         np.testing.assert_allclose(before.path.end[:2], after.path.start[:2], atol=1e-7)
@@ -93,10 +100,8 @@ def test_a_plan_is_timed_executed_and_judged(kind: str) -> None:
     assert one.execution.loss is None
     assert one.execution.goal_error[0] < 1e-6
     assert at_goals(one.scenario, one.execution.objects[-1])
-    assert one.execution.min_margin is not None
-    assert one.execution.min_margin > 0.0
-    robustness = one.plan.robustness
-    assert robustness is not None
+    assert there(one.execution.min_margin) > 0.0
+    robustness = there(one.plan.robustness)
     assert robustness.known
     assert 0.0 < (robustness.contact_friction or 0.0) < 1.0
 
@@ -153,8 +158,7 @@ def test_the_window_plans_what_is_dragged(kind: str) -> None:
     one = made(kind)
     answer = Answers(one.scenario).timed(Draft.of(one.scenario))
     assert answer.solved, answer.findings
-    assert answer.plan is not None
-    assert answer.plan.segments[-1].after.keys() == one.plan.segments[-1].after.keys()
+    assert there(answer.plan).segments[-1].after.keys() == one.plan.segments[-1].after.keys()
 
 
 @EVERY
@@ -171,8 +175,7 @@ def test_trials_arrive_in_a_world_as_planned_and_can_be_looked_at(kind: str, tmp
 
 @CLOSED
 def test_a_closed_loop_is_a_run_that_can_be_repeated_shown_and_verified(kind: str, tmp_path: Path) -> None:
-    loop = made(kind).loop
-    assert loop is not None
+    loop = there(made(kind).loop)
     assert pushplan.trial(loop.plan, 2).samples == 2
     loop.write(tmp_path / "loop.mcap")
     report = verify_log(tmp_path / "loop.mcap")
@@ -204,8 +207,7 @@ def test_what_was_pushed_is_learned_from(tmp_path: Path, monkeypatch: pytest.Mon
         monkeypatch.setattr(posterior, name, value)  # a rough answer is one, too
     monkeypatch.setattr("pushplan.sim.identify.identify.LOOKED_AT", 16)
     monkeypatch.setattr("pushplan.sim.identify.identify.STARTS", 1)
-    made_loop = made("push in closed loop").loop
-    assert made_loop is not None
+    made_loop = there(made("push in closed loop").loop)
     made_loop.write(tmp_path / "loop.mcap")
     found = pushplan.identify([tmp_path / "loop.mcap"], seed=1)
     assert len(found.estimates) > 0
@@ -217,7 +219,7 @@ def test_what_was_pushed_is_learned_from(tmp_path: Path, monkeypatch: pytest.Mon
 
 @EVERY
 def test_a_batch_runs_it(kind: str, tmp_path: Path) -> None:
-    text = {"multi-push": MULTI, "rearrangement": SWAP, "gathering": ROW}.get(kind)
+    text = TEXTS.get(kind)
     if text is not None:
         (tmp_path / "problem.yaml").write_text(text)
     problem = "two-crates" if text is None else "problem.yaml"

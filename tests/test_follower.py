@@ -1,10 +1,15 @@
-"""A robot that follows twists of its base ends where the plan does; one that leaves the path is stopped."""
+"""A robot that follows twists of its base ends where the plan does, also as a node of ROS 2."""
 
+import runpy
 from functools import cache
 from math import radians
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from conftest import there
+from ros2_stand_ins import Messages, Robot, install
 from scipy.integrate import solve_ivp
 
 import pushplan
@@ -95,9 +100,8 @@ def followed(
             break
         pose = moved(pose, command.twist, 0.02 * slow)
         poses.append(pose)
-    trajectory = run.trajectory
-    assert trajectory is not None
-    way = trajectory.base_poses_at(np.arange(0.0, trajectory.duration, 1e-3))[:, :2]
+    trajectory = there(run.trajectory)
+    way = trajectory.base_poses_at(np.arange(0.0, trajectory.duration, 3e-3))[:, :2]
     off = np.array([np.hypot(*(way - p[:2]).T).min() for p in np.array(poses)])
     return np.array(poses), off, command
 
@@ -106,8 +110,7 @@ def followed(
 def test_a_robot_at_50_hz_stays_within_a_millimetre_even_if_its_clock_is_slow(drive: str) -> None:
     """A clock that is 5 % slow keeps every twist 5 % too long; the measured pose makes up for it."""
     run = pushed(drive)
-    trajectory = run.trajectory
-    assert trajectory is not None
+    trajectory = there(run.trajectory)
     follower = Follower(run)
     poses, off, command = followed(run, follower, trajectory.base_poses[0], slow=1.05)
     assert command.state is FollowerState.ARRIVED
@@ -118,8 +121,7 @@ def test_a_robot_at_50_hz_stays_within_a_millimetre_even_if_its_clock_is_slow(dr
 @pytest.mark.parametrize("drive", DRIVES)
 def test_a_robot_that_starts_beside_the_path_comes_back_on_stable_twists(drive: str) -> None:
     run = pushed(drive)
-    trajectory = run.trajectory
-    assert trajectory is not None
+    trajectory = there(run.trajectory)
     chain, stable = run.scenario.chain, run.scenario.stable_set()
     start = se2.compose(trajectory.base_poses[0], np.array([0.0, 0.01, radians(-0.5)]))
     follower = Follower(run, off=(0.03, radians(5.0)))
@@ -132,21 +134,6 @@ def test_a_robot_that_starts_beside_the_path_comes_back_on_stable_twists(drive: 
     moving = np.abs(of_chain).max(axis=1) > 1e-6
     assert stable.margin(of_chain[moving]).min() > 0.4 * (run.min_margin or 0.0) > 0.0
     assert chain.pusher.limits.both("angular_speed")[1] >= np.abs(of_chain[:, 2]).max()
-
-
-def test_a_robot_that_is_held_up_is_waited_for() -> None:
-    run = pushed("differential")
-    trajectory = run.trajectory
-    assert trajectory is not None
-    follower, pose = Follower(run), trajectory.base_poses[0]
-    for _ in range(200):
-        command = follower.step(pose)
-        pose = moved(pose, command.twist, 0.02)
-    before = command.time
-    for _ in range(500):
-        command = follower.step(pose)  # wheels do not turn
-    assert command.state is FollowerState.FOLLOWING
-    assert command.time < before + 0.05
 
 
 def test_leaving_the_path_or_losing_an_object_aborts_and_says_so() -> None:
@@ -171,20 +158,50 @@ def test_leaving_the_path_or_losing_an_object_aborts_and_says_so() -> None:
     assert follower.step().reason == "operator"
 
 
-def test_a_stopped_robot_slows_down_within_its_limits_and_stands_on_the_path() -> None:
-    run = pushed("differential")
-    trajectory = run.trajectory
-    assert trajectory is not None
-    follower, pose, twists = Follower(run), trajectory.base_poses[0], []
-    for step in range(400):
-        if step == 150:
-            follower.stop()
-        command = follower.step(pose)
-        twists.append(command.twist)
-        pose = moved(pose, command.twist, 0.02)
-    assert command.state is FollowerState.STOPPED
-    assert 0.0 < command.progress < 1.0
-    assert command.off is not None
-    assert command.off[0] < 1e-3
-    most = run.scenario.pusher.limits.both("acceleration")[0]
-    assert np.abs(np.diff(np.array(twists)[150:, 0])).max() / 0.02 < 1.2 * most
+# The ROS 2 node of the examples drives a robot to the goal, and its messages are those of ROS 2.
+
+NODE = Path(__file__).parents[1] / "examples" / "ros2" / "follower_node.py"
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("node") / "run.mcap"
+    pushplan.run(pushplan.load_scenario("carts"), log=file, first=True, seed=1)
+    return file
+
+
+def driven(robot: Robot, messages: Messages, told: SimpleNamespace) -> list[FloatArray]:
+    poses = []
+    for _ in range(10_000):
+        told.step()
+        if not told.running:
+            break
+        (twist,) = [message.twist for message in messages.published["cmd_vel"][-1:]]
+        step = np.array([twist.linear.x, twist.linear.y, twist.angular.z]) * told.period
+        robot.pose = se2.compose(robot.pose, se2.exp(step))
+        poses.append(robot.pose)
+    return poses
+
+
+def test_the_node_drives_to_the_goal_with_messages_of_ros_2(
+    log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = there(pushplan.read_run(log).plan)
+    trajectory = there(plan.trajectory)
+    messages, robot = Messages(), Robot(trajectory.base_poses[0])
+    told = install(monkeypatch, messages, robot)
+    node = runpy.run_path(str(NODE))["PushFollower"](str(log))
+    driven(robot, messages, told)
+    assert told.lines == ["arrived "]
+    assert np.hypot(*(robot.pose - trajectory.base_poses[-1])[:2]) < 1e-3
+    twists = messages.sent("cmd_vel")
+    assert {message.header.frame_id for message in twists} == {"base_link"}
+    assert max(abs(message.twist.linear.y) for message in twists) < 1e-12  # the truck has two driven wheels
+    assert (twists[-1].twist.linear.x, twists[-1].twist.angular.z) == (0.0, 0.0)
+    (way,) = messages.sent("push_path")
+    assert (way.header.frame_id, way.poses[0].header.stamp.sec) == ("map", 7)
+    end = way.poses[-1].pose.position
+    np.testing.assert_allclose([end.x, end.y], trajectory.base_poses[-1, :2])
+    (footprint,) = messages.sent("footprint")
+    corners = np.array([[p.x, p.y] for p in footprint.polygon.points])
+    np.testing.assert_allclose(corners, node.follower.footprint, atol=1e-6)  # 32 bits

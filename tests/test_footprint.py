@@ -1,6 +1,7 @@
-"""The robot behind the plate keeps clear of everything, judged by shapely on the union of all bodies."""
+"""The robot behind the plate keeps clear of everything, and pushes from any face."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,13 +9,15 @@ import shapely
 
 from pushplan.bench.validation import clearance
 from pushplan.core.collision import sweep_is_free
+from pushplan.errors import ChainError
 from pushplan.geometry import se2
+from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.faces import places, pushed_at, pushed_from
 from pushplan.planners.clearance import find_collision
-from pushplan.planners.planner import plan
 from pushplan.planners.scene import build_scene
 from pushplan.plans.path import cost_rate
 from pushplan.plans.run import Execution
-from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.file import scenario_from_document, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Scenario
 from pushplan.util.arrays import FloatArray
 
@@ -32,7 +35,6 @@ goal: {pose: [3.0, 0.0, 0.0]}
 clearance: 0.001
 """
 """A waisted robot with a trailer that does not touch it."""
-
 NOWHERE = (-np.inf, -np.inf, np.inf, np.inf)
 
 
@@ -104,21 +106,80 @@ def test_the_sweep_and_the_checker_agree_with_shapely_about_the_robot(scenario: 
     assert min(found.values()) >= 8
 
 
-def test_plans_keep_the_robot_clear_where_the_plate_alone_would_cut_a_corner() -> None:
-    """A post that the robot's tail sweeps over: the plan without the robot runs it into that, the other not."""
-    text = TEXT.replace("goal: {pose: [3.0, 0.0, 0.0]}", "goal: {pose: [0.7, 0.4, 1.2]}")
-    tail = "{box: [0.5, 0.4], pose: [-0.29, 0, 0]}"
-    begin, end = text.index("    - polygon"), text.index("goal:")
-    text = (
-        text[:begin] + f"    - {tail}\n" + text[end:] + "obstacles: [{circle: 0.03, center: [0.18, 0.26]}]\n"
-    )
-    scenario = scenario_from_text(text, "tail.yaml")
-    body = shapely.union_all([shapely.Polygon(each.outline) for each in scenario.chain.bodies])
-    post = shapely.Point(0.18, 0.26).buffer(0.03, quad_segs=64)
-    without = plan(bare(scenario), seed=1, time_limit=60.0, iterations=3000)
-    with_robot = plan(scenario, seed=1, time_limit=60.0, iterations=3000)
-    assert without.path is not None
-    assert with_robot.path is not None
-    assert with_robot.solved
-    assert gap_along(body, without.path.sampled(0.002), post) == 0.0
-    assert gap_along(body, with_robot.path.sampled(0.002), post) > 0.9 * scenario.clearance
+# The chain that the plate pushes from another face is the one that a scenario file would state there.
+
+LENGTHS = (0.10, 0.20, 0.14)
+CAR = {"car": {"axle": [-0.3, 0.01, 0.1], "min_radius": 1.0}}
+
+
+def _document(order: tuple[int, ...], turned: bool = False, offset: float = 0.0) -> dict[str, Any]:
+    """Return a row of boxes in an order, each one turned by half a turn where the row is pushed from its far end."""
+    boxes = [{"name": f"b{k}", "shape": {"box": [LENGTHS[k], 0.15]}, "mass": 1.0 + k} for k in range(3)]
+    ends = np.cumsum([LENGTHS[k] for k in order])
+    objects = [
+        boxes[k] | {"pose": [float(end - LENGTHS[k] / 2), 0.0, np.pi if turned else 0.0]}
+        for k, end in zip(order, ends, strict=True)
+    ]
+    objects[0]["offset"] = -offset
+    pairs = [("b0", "b1", 0.2), ("b1", "b2", 0.3)]
+    return {
+        "format": "pushplan/1",
+        "name": "row",
+        "floor": {"friction": 0.3},
+        "objects": objects,
+        "contacts": {"between": [{"objects": [a, b], "friction": mu} for a, b, mu in pairs]},
+        "pusher": {"width": 0.1, "friction": 0.5},
+        "robot": {"footprint": {"box": [0.4, 0.2], "pose": [-0.25, 0.0, 0.0]}, "drive": CAR},
+        "start": [0.0, 0.0, 0.0],
+        "goal": {"pose": [1.0, 0.0, 0.0]},
+    }
+
+
+def _numbers(chain: Chain) -> list[Any]:
+    """Return all numbers of a chain in one order; names and indices are compared beside it."""
+    pusher = chain.pusher
+    contacts = [(*c.left, *c.right, c.friction) for c in chain.contacts]
+    return [chain.places, pusher.outline, pusher.plate_pose, pusher.drive.axle, *pusher.footprint, *contacts]
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.015])
+def test_the_far_end_of_a_row_is_the_row_stated_from_there(offset: float) -> None:
+    chain = scenario_from_document(_document((0, 1, 2))).chain
+    document = _document((2, 1, 0), turned=True)
+    # The frame is the middle of the contact, which is the plate's own middle: the row moves aside instead.
+    for obj in document["objects"]:
+        obj["pose"][1] -= offset
+    document["objects"][0]["offset"] = -offset
+    stated = scenario_from_document(document).chain
+    found = pushed_at(chain, "b2 front", offset)
+    assert [obj.name for obj in found.objects] == ["b2", "b1", "b0"]
+    assert [(c.pushed, c.pusher) for c in found.contacts] == [(c.pushed, c.pusher) for c in stated.contacts]
+    for mine, theirs in zip(_numbers(found), _numbers(stated), strict=True):
+        np.testing.assert_allclose(mine, theirs, rtol=0.0, atol=1e-12)
+    assert found.pusher.limits == chain.pusher.limits
+
+
+def test_at_every_place_the_objects_keep_their_poses_and_the_plate_touches() -> None:
+    document = _document((0, 1, 2))
+    del document["robot"]
+    chain = scenario_from_document(document).chain
+    found = list(places(chain, None, (0.0, 0.02)))
+    assert len(found) > 4
+    for place in found:
+        pushed = pushed_from(chain, place)
+        for obj in pushed.objects:
+            stood = chain.objects[chain.index_of(obj.name)].pose_chain
+            np.testing.assert_allclose(se2.compose(place.contact, obj.pose_chain), stood, atol=1e-12)
+        plate = se2.compose(place.contact, pushed.pusher.plate_pose)
+        np.testing.assert_allclose(plate, place.plate, atol=1e-12)
+        middle = 0.5 * (pushed.contacts[0].left + pushed.contacts[0].right)
+        np.testing.assert_allclose(middle, 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("face", "offset", "message"),
+    [("b7 rear", 0.0, "no face"), ("left", 0.0, "2 faces"), ("b0 rear", 0.5, "no face")],
+)
+def test_what_is_no_face_is_refused(face: str, offset: float, message: str) -> None:
+    with pytest.raises(ChainError, match=message):
+        pushed_at(scenario_from_document(_document((0, 1, 2))).chain, face, offset)

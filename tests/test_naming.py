@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import pushplan
 from pushplan.cli.main import main
 from pushplan.errors import PushplanError
 from pushplan.planners.search.planners import planner_named
 from pushplan.sets.known_load_sets import EcofSet
-from pushplan.sets.named import add_set, stable_set
+from pushplan.sets.named import add_set
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 PLANNER, SET = "a_planner_of_your_own:LazyRRT", "a_stable_set_of_your_own:Leaning"
@@ -27,18 +26,7 @@ def _in_examples(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_planner_and_a_set_by_their_places(capsys: pytest.CaptureFixture[str]) -> None:
-    words = [
-        "plan",
-        "two-crates",
-        "--planner",
-        PLANNER,
-        "--set",
-        SET,
-        "--first",
-        "--time-limit",
-        "20",
-        "--json",
-    ]
+    words = f"plan two-crates --planner {PLANNER} --set {SET} --first --time-limit 20 --json".split()
     assert main(words) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told["planner"], told["set"]) == (PLANNER, "leaning")
@@ -50,15 +38,12 @@ def test_a_planner_and_a_set_by_their_places(capsys: pytest.CaptureFixture[str])
     assert low < right < left < high
 
 
-@pytest.mark.parametrize(
-    ("given", "what"),
-    [
-        ("nobody", "no planner is called 'nobody'; there are auto, rrt, est"),
-        ("no_such_module:Planner", "cannot load 'no_such_module:Planner': No module named 'no_such_module'"),
-        ("math:nothing", "cannot load 'math:nothing': module 'math' has no attribute 'nothing'"),
-        ("math:pi", "the planner 'math:pi' is a float"),
-    ],
-)
+@pytest.mark.parametrize(("given", "what"), [
+    ("nobody", "no planner is called 'nobody'; there are auto, rrt, est"),
+    ("no_such_module:Planner", "cannot load 'no_such_module:Planner': No module named 'no_such_module'"),
+    ("math:nothing", "cannot load 'math:nothing': module 'math' has no attribute 'nothing'"),
+    ("math:pi", "the planner 'math:pi' is a float"),
+])  # fmt: skip
 def test_what_is_no_planner_is_refused(given: str, what: str) -> None:
     with pytest.raises(PushplanError) as caught:
         planner_named(given)
@@ -73,10 +58,3 @@ def test_what_is_no_stable_set_is_refused() -> None:
     false = type("False_", (EcofSet,), {"name": "cof"})
     with pytest.raises(PushplanError, match="has the name 'cof'; allowed: a text other than ecof, cof"):
         add_set(false)
-
-
-def test_a_log_loads_no_code() -> None:
-    chain = pushplan.load_scenario("one-box").chain
-    with pytest.raises(PushplanError, match="no stable set is called 'this:s'"):
-        stable_set(chain, "this:s")
-    assert "this" not in sys.modules

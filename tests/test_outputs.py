@@ -1,4 +1,4 @@
-"""Outputs: whole or not there, written through links, streamed into pipes, and nothing that is no file destroyed."""
+"""Outputs: whole or not there, through links and pipes, nothing destroyed; every output of every command."""
 
 import errno
 import os
@@ -9,7 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from output_options import OPTIONS, words
 
+from pushplan.cli.main import main
 from pushplan.errors import OutputError
 from pushplan.util.files import Output, check_output, write_pieces, write_whole
 
@@ -143,3 +145,54 @@ def test_one_process_at_a_time_writes_a_file(tmp_path: Path) -> None:
         Output(tmp_path / "a")
     file.discard()
     assert names(tmp_path) == []
+
+
+EVERY = pytest.mark.parametrize(("command", "option", "suffix"), OPTIONS)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("log") / "run.mcap"
+    assert main(["plan", "one-box", "--first", "-o", str(path)]) == 0
+    return path
+
+
+@pytest.fixture(autouse=True)
+def _short_films(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pushplan.logging.film.PICTURES_PER_SECOND", 1)
+
+
+def test_there_are_as_many_as_the_documentation_names() -> None:
+    assert len(OPTIONS) == len(set(OPTIONS)) == 19
+
+
+@EVERY
+@pytest.mark.parametrize("full", [False, True])
+def test_a_folder_or_a_full_disk_ends_in_a_clear_error_and_leaves_nothing(
+    full: bool,
+    command: str,
+    option: str,
+    suffix: str,
+    log: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Whatever the command: a folder is refused before the work, and what is written in part is not published."""
+    pytest.importorskip({"mp4": "av", "ros2": "rosbags"}.get(option, "json"))
+    path, write = tmp_path / f"there{suffix}", os.write
+    if not full:
+        path.mkdir()
+
+    def refuse(descriptor: int, data: bytes) -> int:
+        if os.readlink(f"/proc/self/fd/{descriptor}").startswith(str(tmp_path)):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(descriptor, data)
+
+    monkeypatch.setattr(os, "write", refuse if full else write)
+    assert main(words(command, option, path, log)) == 2
+    out, error = capsys.readouterr()
+    assert ("No space left on device" if full else "this is a folder") in error or "exists already" in error
+    assert full or "solved" not in out
+    assert os.listdir(tmp_path) == ([] if full else [path.name])
+    assert full or not os.listdir(path)

@@ -1,19 +1,42 @@
-"""Planning end to end on packaged scenarios, judged by shapely, the margin and the integrated execution."""
+"""Plans end to end: packaged scenarios, planners, questions in one room, judges and pickles."""
 
+import json
+import pickle
 from dataclasses import replace
+from functools import cache
+from itertools import product
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from conftest import there
 from plain import load_plain
 
-from pushplan.errors import ScenarioError
+import pushplan
+from pushplan.bench.validation import validation_error
+from pushplan.cli.main import main
+from pushplan.errors import PlanningError
 from pushplan.geometry import se2
+from pushplan.mechanics.chain import Limits
+from pushplan.mechanics.dynamics import dynamic_margins
 from pushplan.planners.clearance import find_collision
-from pushplan.planners.planner import plan
-from pushplan.plans.plan import Plan
+from pushplan.planners.planner import Planner, plan
+from pushplan.planners.problem import build_problem
+from pushplan.planners.search.form import free_word
+from pushplan.planners.search.session import Budget, Session
+from pushplan.planners.timing.arc_limits import Bounds
+from pushplan.planners.timing.exact_timing import time_path
+from pushplan.planners.validator import Validator
+from pushplan.plans.judge import judging_set, planning_set
+from pushplan.plans.path import PushPath
+from pushplan.plans.plan import Plan, Segment
+from pushplan.plans.run import Execution
 from pushplan.plans.settings import Observer
-from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_text
-from pushplan.scenario.model import PolygonObstacle, Scenario
+from pushplan.scenario.file import example_names, load_scenario
+from pushplan.scenario.model import Goal, PolygonObstacle, Scenario
+from pushplan.sets.named import stable_set
+from pushplan.sets.stable_set import StableSet
 from pushplan.util.names import PLANNERS
 
 PATIENT = 60.0
@@ -22,32 +45,29 @@ PATIENT = 60.0
 
 def _check(scenario: Scenario, result: Plan) -> None:
     assert result.solved, result.reason
-    execution = result.execution
-    assert execution is not None
-    assert result.path is not None
+    execution = there(result.execution)
     assert execution.loss is None
     assert execution.margins.min() > 0.0
     assert max(execution.goal_error) < 1e-6
     pushed = se2.compose(execution.poses, se2.inverse(scenario.chain.pusher.plate_pose))
     assert find_collision(scenario, pushed) is None
-    np.testing.assert_allclose(pushed[-1], result.path.end, atol=1e-9)
+    np.testing.assert_allclose(pushed[-1], there(result.path).end, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", example_names())
-def test_packaged_scenarios_solve_exactly_with_six_seeds(name: str) -> None:
+def test_packaged_scenarios_solve_exactly(name: str) -> None:
     scenario = load_scenario(name)
-    for seed in range(1, 7):
+    for seed in (1, 2):
         result = plan(scenario, seed=seed, time_limit=PATIENT, first=True)
         assert result.solved, f"seed {seed}: {result.reason}"
-        execution = result.execution
-        assert execution is not None
+        execution = there(result.execution)
         assert execution.margins.min() > 0.0, f"seed {seed}"
         assert max(execution.goal_error) < 1e-6, f"seed {seed}"
     _check(scenario, result)
 
 
 @pytest.mark.parametrize("planner", sorted(PLANNERS))
-@pytest.mark.parametrize("name", ["carts", "narrow-gap"])
+@pytest.mark.parametrize("name", ["narrow-gap"])
 def test_every_planner_solves_and_shortens(planner: str, name: str) -> None:
     scenario = load_plain(name)
     first = plan(scenario, planner=planner, time_limit=PATIENT, first=True)
@@ -61,43 +81,10 @@ def test_every_planner_solves_and_shortens(planner: str, name: str) -> None:
     assert result.improvements[-1].cost == pytest.approx(result.path.cost, abs=1e-9)
 
 
-@pytest.mark.parametrize("planner", sorted(PLANNERS))
-def test_the_same_seed_gives_the_same_plan(planner: str) -> None:
-    scenario = load_scenario("two-crates")
-    one, two = (plan(scenario, planner=planner, seed=7, time_limit=PATIENT, first=True) for _ in range(2))
-    assert one.path is not None
-    assert two.path is not None
-    np.testing.assert_array_equal(one.path.twists, two.path.twists)
-    np.testing.assert_array_equal(one.path.lengths, two.path.lengths)
-    assert one.iterations == two.iterations
-
-
-TIGHT = "stability: {margin: 1e-6}"
-
-
-def test_a_path_that_leaves_no_room_for_inertia_is_a_result_with_a_reason() -> None:
-    """The shortest path turns at the boundary of the stable set; ranked by time, paths keep away from it."""
-    scenario = scenario_from_text(f"{example_text('free-space')}\n{TIGHT}\n", "tight.yaml")
-    assert plan(scenario, time_limit=PATIENT, iterations=20_000).solved
-    result = plan(scenario, time_limit=PATIENT, iterations=20_000, cost="travel")
-    assert not result.solved
-    assert result.reason.startswith("a plan was found that cannot be driven: an arc along the twist")
-    assert (result.path, result.trajectory) == (None, None)
-    assert result.execution is None
-
-
-def test_dynamic_contact_limits_without_a_margin_are_refused_on_reading() -> None:
-    text = f"{example_text('two-crates')}\nstability: {{margin: 0}}\n"
-    with pytest.raises(ScenarioError, match=r"needs a stability\.margin above 0") as caught:
-        scenario_from_text(text, "no-room.yaml")
-    (finding,) = caught.value.findings
-    assert finding.where == "pusher.limits.contact"
-
-
 def test_improvements_are_told_as_they_happen() -> None:
     heard: list[float] = []
     observer = Observer(improved=lambda better: heard.append(better.cost))
-    result = plan(load_scenario("one-box"), observer=observer, time_limit=PATIENT)
+    result = plan(load_scenario("one-box"), observer=observer, time_limit=PATIENT, iterations=2000)
     assert heard == [point.cost for point in result.improvements]
     assert len(heard) > 1
 
@@ -110,3 +97,198 @@ def test_a_limit_that_ends_while_the_problem_is_posed_is_an_ordinary_failure() -
     assert "the time limit ended while the problem was posed" in result.reason
     assert [item.cause for item in result.diagnosis] == ["time"]
     assert (result.path, result.trajectory, result.improvements) == (None, None, ())
+
+
+# Many questions in one room: each answer is what a plan of its own would say.
+
+START, GOAL = np.array([0.3, 0.3, 0.8]), np.array([3.5, 3.4, 0.5])
+
+
+@pytest.fixture(scope="module")
+def clutter() -> Scenario:
+    return load_scenario("three-boxes-clutter")
+
+
+@pytest.fixture(scope="module")
+def planner(clutter: Scenario) -> Planner:
+    return Planner(clutter)
+
+
+def _between(scenario: Scenario, start: np.ndarray, goal: np.ndarray) -> Scenario:
+    return replace(scenario, start=start, goal=Goal(goal, None, goal, 0.002, 0.003))
+
+
+def test_a_plan_is_the_first_plan_of_its_own_scenario(planner: Planner, clutter: Scenario) -> None:
+    asked, own = planner.plan(START, GOAL, seed=3), plan(_between(clutter, START, GOAL), seed=3, first=True)
+    assert asked.solved, asked.reason
+    np.testing.assert_array_equal(there(asked.path).twists, there(own.path).twists)
+    np.testing.assert_array_equal(there(asked.trajectory).poses, there(own.trajectory).poses)
+    assert asked.robustness == own.robustness
+    assert asked.lower_bound == own.lower_bound
+
+
+def test_reach_is_the_cost_of_the_free_word_of_each_pair(planner: Planner, clutter: Scenario) -> None:
+    rng = np.random.default_rng(2)
+    poses = rng.uniform([0.0, 0.0, -3.0], [4.0, 4.0, 3.0], (60, 3))
+    free = [find_collision(clutter, pose[None]) is None for pose in poses]
+    poses = np.concatenate([poses[free][:12], poses[np.logical_not(free)][:2]])
+    starts, goals = poses[:7], poses[7:]
+    costs = planner.reach(starts, goals)
+    asked = clutter.with_margin(0.05)
+    stable, found = asked.stable_set(), 0
+    for (i, start), (j, goal) in product(enumerate(starts), enumerate(goals)):
+        session = Session(build_problem(_between(asked, start, goal), stable), start, Budget(1.0), seed=0)
+        ends = (find_collision(clutter, end[None]) is None for end in (start, goal))
+        word = free_word(session, start, goal) if all(ends) else None
+        assert costs[i, j] == pytest.approx(np.inf if word is None else word[:, 3].sum(), rel=1e-12)
+        found += word is not None
+    assert 1 < found < costs.size
+
+
+def test_other_obstacles_change_the_room_and_nothing_else(planner: Planner) -> None:
+    free = planner.with_obstacles([])
+    assert np.isfinite(free.reach([START], [GOAL])).all()
+    wall = PolygonObstacle(np.array([[0.0, 2.0], [4.0, 2.0], [4.0, 2.1], [0.0, 2.1]]))
+    walled = free.with_obstacles([wall])
+    assert np.isinf(walled.reach([START], [GOAL])).all()
+    assert not walled.plan(START, GOAL, time_limit=0.3).solved
+    assert free.plan(START, GOAL).solved
+
+
+def test_poses_that_are_none_or_blocked_are_refused(planner: Planner) -> None:
+    with pytest.raises(PlanningError, match=r"start have the shape \(1, 2\); allowed: finite poses \(k, 3\)"):
+        planner.plan([0.0, 0.0], GOAL)
+    with pytest.raises(PlanningError, match="goals have the shape"):
+        planner.reach([START], [[np.nan, 0.0, 0.0]])
+    with pytest.raises(PlanningError, match="at the goal, 'third'"):
+        planner.plan(START, [1.0, 0.45, 0.0])
+    with pytest.raises(PlanningError, match="nothing to push"):
+        planner.plan(START, START)
+
+
+# Solved means executed: a plan that loses a contact when it is driven is no solution, whoever asks.
+
+ITERATIONS = 4000
+FAST = Limits(5.0, 50.0, 2000.0, 50.0, 500.0, 2e4)
+
+
+def too_fast(
+    scenario: Scenario, path: PushPath, stable: StableSet, bounds: Bounds, rate: float, scene: object
+) -> SimpleNamespace:
+    return SimpleNamespace(trajectory=time_path(path, Bounds(FAST), rate))
+
+
+@pytest.fixture
+def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every path is driven much too fast for its contacts."""
+    monkeypatch.setattr("pushplan.planners.planner.blend_path", too_fast)
+
+
+def test_a_plan_in_cof_is_cut_down_to_what_the_judge_accepts() -> None:
+    scenario = load_scenario("one-box")
+    result = plan(scenario, stable_set="cof", time_limit=60.0, iterations=ITERATIONS)
+    assert result.solved, result.reason
+    assert result.stable_set == "cof"
+    assert there(result.execution).loss is None
+    for name in ("ecof", "cof"):
+        assert stable_set(scenario.chain, name).margin(there(result.path).twists).min() > there(result.margin)
+    own = result.segments[0].contact_trajectory
+    found = dynamic_margins(scenario.chain, own.directions, own.rates_at(own.t))
+    assert found.min() == pytest.approx(result.min_dynamic_margin)
+    assert found.min() > 0.0
+
+
+def test_the_set_to_plan_in_is_what_both_sets_have_in_common() -> None:
+    scenario = load_scenario("one-box")
+    rng = np.random.default_rng(3)
+    twists = rng.normal(size=(3000, 3)) * [0.2, 0.4, 2.0] + [1.0, 0.0, 0.0]
+    cof, ecof = (stable_set(scenario.chain, name) for name in ("cof", "ecof"))
+    both = planning_set(scenario, "cof")
+    np.testing.assert_array_equal(both.margin(twists), np.minimum(cof.margin(twists), ecof.margin(twists)))
+    assert ((cof.margin(twists) > 0.0) & (ecof.margin(twists) <= 0.0)).sum() > 10  # there is something to cut
+    assert judging_set(scenario, "cof").name == "ecof"
+    for name in ("ecof", "stable", "robust"):
+        assert planning_set(scenario, name).name == name
+
+
+def test_the_command_says_so_in_words_in_json_in_the_log_and_by_its_exit_code(
+    hurried: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "run.mcap"
+    words = ["--iterations", str(ITERATIONS), "--time-limit", "60", "--json", "-o", str(log)]
+    assert main(["plan", "two-crates", *words]) == 3
+    said = capsys.readouterr()
+    found = json.loads(said.out)
+    assert found["solved"] is False
+    assert found["reason"].startswith("the plan does not hold when it is executed: ")
+    assert "two-crates: not solved" in said.err
+    assert main(["replay", str(log)]) == 0
+    assert "two-crates: not solved" in capsys.readouterr().out
+
+
+# Judges of results can say no: good plans and executions spoilt in one way are refused, with the reason.
+
+
+@cache
+def good() -> tuple[Plan, Execution]:
+    found = plan(load_scenario("free-space"), time_limit=60.0, first=True)
+    assert found.solved
+    return found, there(found.execution)
+
+
+def path() -> PushPath:
+    found = there(good()[0].path)
+    return found
+
+
+def flaw(scenario: Scenario, segment: Segment) -> str:
+    return Validator(scenario).flaw((segment,), good()[1])
+
+
+def test_a_margin_at_what_is_asked_for_is_too_small() -> None:
+    found, execution = good()
+    smallest = there(execution.min_margin)
+    said = validation_error(replace(found, margin=smallest), execution)
+    assert said == f"the smallest margin is {smallest:.3g}; it must be above {smallest:g}"
+    (push,) = found.segments
+    smallest = float(found.scenario.stable_set().margin(path().twists).min())
+    said = flaw(found.scenario, replace(push, margin=smallest))
+    assert said.endswith(f"the path's smallest margin is {smallest:.3g}; it must be above {smallest:g}")
+
+
+def test_a_path_that_ends_elsewhere_is_refused() -> None:
+    found, _ = good()
+    (push,) = found.segments
+    whole = path()
+    short = PushPath(whole.start, whole.twists, whole.lengths * [*[1.0] * (len(whole.lengths) - 1), 0.5])
+    elsewhere = Segment.push(there(push.load), short, push.before, push.margin)
+    assert flaw(found.scenario, elsewhere).startswith("the path misses the goal by ")
+    assert "moves what it does not push" in flaw(found.scenario, replace(elsewhere, after=push.after))
+
+
+# Plans and what makes them go to other processes, and are there what they were here.
+
+
+@pytest.fixture(scope="module")
+def plan_pickle() -> pushplan.Plan:
+    return pushplan.plan(pushplan.load_scenario("two-crates"), first=True, time_limit=60.0)
+
+
+def test_a_plan_comes_back_with_what_is_worked_out_late(plan_pickle: pushplan.Plan) -> None:
+    back = pickle.loads(pickle.dumps(plan_pickle))
+    assert back.metrics() == plan_pickle.metrics()
+    assert back.robustness == plan_pickle.robustness
+    np.testing.assert_array_equal(there(back.trajectory).poses, there(plan_pickle.trajectory).poses)
+
+
+def test_sets_and_planners_answer_as_before(plan_pickle: pushplan.Plan) -> None:
+    stable = plan_pickle.scenario.stable_set()
+    twists = np.array([[1.0, 0.0, 0.0], [1.0, 0.1, 0.5]])
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(stable)).margin(twists), stable.margin(twists))
+    planner = pickle.loads(pickle.dumps(pushplan.Planner(plan_pickle.scenario)))
+    assert planner.plan(time_limit=60.0).cost == pytest.approx(plan_pickle.cost)
+
+
+def test_a_controller_goes_on_where_it_was(plan_pickle: pushplan.Plan) -> None:
+    controller = pickle.loads(pickle.dumps(pushplan.Controller(plan_pickle)))
+    assert controller.step(0.0).any()

@@ -1,53 +1,38 @@
-"""Supports: centres, pressures, and what is refused."""
+"""How objects rest on the floor: supports, where loads may be, and feet that stand for a pressure."""
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import ChainMaker
 
 from pushplan.errors import SupportError
+from pushplan.geometry.se2 import transform_points
+from pushplan.mechanics.chain import PushedObject
+from pushplan.mechanics.contacts import friction_wrench
+from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import (
     FeetSupport,
     PressureMapSupport,
+    Support,
     UniformSupport,
+    UnknownSupport,
 )
+from pushplan.mechanics.uncertain import load_area
+from pushplan.sim.feet import DEGREE, feet_of, polygon_rule
 from pushplan.util.arrays import FloatArray
 
 BOX = np.array([[-0.05, -0.03], [0.05, -0.03], [0.05, 0.03], [-0.05, 0.03]])
 
 
-def test_affine_pressure_has_its_centre_where_asked() -> None:
-    """Checked by summing p over a fine grid of the box."""
-    support = UniformSupport(BOX, np.array([0.01, -0.004]))
-    x, y = np.meshgrid((np.arange(200) + 0.5) / 2000 - 0.05, (np.arange(120) + 0.5) / 2000 - 0.03)
-    points = np.column_stack([x.ravel(), y.ravel()])
-    loads = (1.0 / support.moments.area + (points - support.moments.centroid) @ support.gradient) / 2000**2
-    assert loads.sum() == pytest.approx(1.0)
-    np.testing.assert_allclose(loads @ points, [0.01, -0.004], rtol=1e-4)
-
-
-def test_affine_pressure_is_refused_outside_the_middle_third() -> None:
-    UniformSupport(BOX, np.array([0.1 / 6, 0.0]))
-    with pytest.raises(
-        SupportError, match=r"centre at \(0.02, 0\) would be negative at \(-0.05, .*-0.2 of the mean"
-    ):
-        UniformSupport(BOX, np.array([0.02, 0.0]))
-    with pytest.raises(SupportError, match=r"would be negative at \(0.05, .*-0.2 of the mean"):
-        UniformSupport(BOX, np.array([-0.02, 0.0]))
-
-
-@pytest.mark.parametrize(
-    ("fractions", "center", "text"),
-    [
-        ([0.5, 0.5, 0.5, -0.5], None, "-0.5 of point 3 must be > 0"),
-        ([0.5, 0.25, 0.0, 0.25], None, "load fraction 0 of point 2 must be > 0"),
-        ([0.25, 0.25, 0.25, 0.2], None, "sum to 0.95; they must sum to 1"),
-        ([0.5, 0.5], None, "shape"),
-        (None, None, "either"),
-        ([0.25] * 4, [0.0, 0.0], "either"),
-        (None, [0.06, 0.0], r"center_of_mass \(0.06, 0\) lies outside"),
-    ],
-)
+@pytest.mark.parametrize(("fractions", "center", "text"), [
+    ([0.5, 0.5, 0.5, -0.5], None, "-0.5 of point 3 must be > 0"),
+    ([0.5, 0.25, 0.0, 0.25], None, "load fraction 0 of point 2 must be > 0"),
+    ([0.25, 0.25, 0.25, 0.2], None, "sum to 0.95; they must sum to 1"), ([0.5, 0.5], None, "shape"),
+    (None, None, "either"), ([0.25] * 4, [0.0, 0.0], "either"),
+    (None, [0.06, 0.0], r"center_of_mass \(0.06, 0\) lies outside"),
+])  # fmt: skip
 def test_wrong_feet_are_refused(fractions: FloatArray | None, center: FloatArray | None, text: str) -> None:
     with pytest.raises(Exception, match=text) as caught:
         FeetSupport(BOX, fractions, center)
@@ -63,21 +48,102 @@ def test_pressure_map_from_csv(tmp_path: Path) -> None:
     np.testing.assert_allclose(support.center, [0.025, 0.0])
 
 
-@pytest.mark.parametrize(
-    ("text", "finding"),
-    [
-        ("x,y\n1,2\n", "map.csv:1: the header is 'x,y'; it must name x, y and pressure"),
-        ("", "map.csv:1: the header is ''"),
-        ("x,y,pressure\n0,0,1\n1,2\n", "map.csv:3: 2 cells; there must be 3"),
-        ("x,y,pressure\n0,0,one\n", "map.csv:2: could not convert"),
-        ("x,y,pressure\n0,0,-1\n", "map.csv:2: x, y and pressure must be finite and pressure >= 0"),
-        ("x,y,pressure\n0,nan,1\n", "map.csv:2: x, y and pressure must be finite"),
-        ("x,y,pressure\n0,0,0\n", "map.csv: no row has a pressure > 0"),
-    ],
-)
+@pytest.mark.parametrize(("text", "finding"), [
+    ("x,y\n1,2\n", "map.csv:1: the header is 'x,y'; it must name x, y and pressure"),
+    ("", "map.csv:1: the header is ''"),
+    ("x,y,pressure\n0,0,1\n1,2\n", "map.csv:3: 2 cells; there must be 3"),
+    ("x,y,pressure\n0,0,one\n", "map.csv:2: could not convert"),
+    ("x,y,pressure\n0,0,-1\n", "map.csv:2: x, y and pressure must be finite and pressure >= 0"),
+    ("x,y,pressure\n0,nan,1\n", "map.csv:2: x, y and pressure must be finite"),
+    ("x,y,pressure\n0,0,0\n", "map.csv: no row has a pressure > 0"),
+])  # fmt: skip
 def test_wrong_pressure_maps_name_file_and_line(tmp_path: Path, text: str, finding: str) -> None:
     path = tmp_path / "map.csv"
     path.write_text(text)
     with pytest.raises(SupportError) as caught:
         PressureMapSupport.from_csv(path)
     assert finding in str(caught.value)
+
+
+# What is known of a load: where it may rest, how far a push above the floor moves it, and what supports hold.
+
+BOX_LOAD = np.array([[-0.2, -0.1], [0.2, -0.1], [0.2, 0.1], [-0.2, 0.1]])
+POSE = np.array([0.5, 0.1, 0.7])
+
+
+def resting(support: Support, friction: float = 0.5) -> PushedObject:
+    return PushedObject("box", BOX_LOAD, 2.0, friction, support, POSE)
+
+
+def test_a_push_above_the_floor_moves_the_load_until_it_tips() -> None:
+    """The box tips over its short side, 0.1 m off the middle, at height 0.1 / mu = 0.2 m."""
+    obj = resting(UnknownSupport(BOX_LOAD))
+    assert load_area(obj, 0.06).shift == pytest.approx(0.03)
+    assert load_area(obj, 0.2).shift == pytest.approx(0.1)
+    text = (
+        "a push at height 0.21 m could tip 'box': the load's centre moves by up to 0.105 m and is 0.1 m inside the "
+        "support; the contact height must be at most 0.2 m"
+    )
+    with pytest.raises(SupportError, match=f"^{re.escape(text)}$"):
+        load_area(obj, 0.21)
+
+
+@pytest.mark.parametrize("center", [None, [0.03, -0.01]])
+def test_elements_of_an_affine_pressure_have_its_centre_and_spread(center: list[float] | None) -> None:
+    given: FloatArray | None = None if center is None else np.array(center)
+    away = np.array([0.3, 0.2])
+    moved = BOX_LOAD + away
+    support = UniformSupport(moved, None if given is None else given + away)
+    places, parts = support.elements(5000)
+    places = transform_points(POSE, places)
+    np.testing.assert_allclose(parts @ places, transform_points(POSE, support.center), atol=1e-5)
+    assert len(places) == 5000
+    spread = parts @ ((places - POSE[:2]) ** 2).sum(axis=1)
+    turned = transform_points(-POSE * [0, 0, 1], places - POSE[:2])
+    np.testing.assert_allclose(turned.min(axis=0), moved.min(axis=0) + 0.002, atol=1e-12)  # squares of 4 mm
+    assert spread == pytest.approx(float(parts @ (turned**2).sum(axis=1)))
+
+
+# Feet that stand for a pressure: positive, inside, with the same moments and the same friction.
+
+
+def outlines(make_chain: ChainMaker) -> list[FloatArray]:
+    """A box and stars with up to nine corners, not convex."""
+    return [BOX, *(make_chain.star(np.random.default_rng(seed), 3 + seed) for seed in range(7))]
+
+
+def test_the_rule_on_a_polygon_has_its_area_centroid_and_second_moments(make_chain: ChainMaker) -> None:
+    for outline in outlines(make_chain):
+        moments = UniformSupport(outline).moments
+        rule = polygon_rule(outline, 2)
+        assert rule.weights.sum() == pytest.approx(moments.area, rel=1e-12)
+        np.testing.assert_allclose(rule.weights @ rule.points / moments.area, moments.centroid, atol=1e-15)
+        offsets = rule.points - moments.centroid
+        np.testing.assert_allclose(
+            (offsets * rule.weights[:, None]).T @ offsets, moments.second, rtol=1e-10, atol=1e-18
+        )
+
+
+def test_feet_have_the_moments_of_the_pressure_up_to_their_degree() -> None:
+    """Against a much finer rule, monomial by monomial."""
+    fine = polygon_rule(BOX, 12)
+    feet = feet_of(UniformSupport(BOX))
+    for i in range(DEGREE + 1):
+        for j in range(DEGREE + 1 - i):
+            want = fine.weights @ np.prod(fine.points ** [i, j], axis=1) / fine.weights.sum()
+            have = feet.fractions @ np.prod(feet.positions ** [i, j], axis=1)
+            assert have == pytest.approx(want, abs=1e-12 * 0.05 ** (i + j))
+
+
+@pytest.mark.parametrize("center", [None, np.array([0.008, -0.004])])
+def test_friction_on_the_feet_is_that_of_the_pressure(center: FloatArray | None) -> None:
+    """The wrench at centres of rotation around the footprint, twice as far out as its corners."""
+    support = UniformSupport(BOX, center)
+    feet = feet_of(support)
+    angle = np.linspace(-np.pi, np.pi, 40)
+    twists = twists_about(0.12 * np.stack([np.cos(angle), np.sin(angle)], axis=1), +1)
+    wrenches = [
+        friction_wrench(PushedObject("box", BOX, 1.0, 0.3, each, np.zeros(3)), twists)
+        for each in (support, FeetSupport(feet.positions, feet.fractions))
+    ]
+    np.testing.assert_allclose(wrenches[1], wrenches[0], atol=3e-6)

@@ -2,15 +2,10 @@
 
 import tracemalloc
 from collections.abc import Iterator
-from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
-from threading import Thread
 from typing import Any
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
-import boxes
 import pytest
 
 pytest.importorskip("viser")
@@ -110,40 +105,3 @@ def test_a_large_message_ends_the_connection(server: Any) -> None:
             all(iter(lambda: socket.recv(timeout=30.0), None))  # until it ends
     assert ended.value.rcvd is not None
     assert ended.value.rcvd.code == 1009
-
-
-def test_in_a_browser_the_own_page_connects_and_others_do_not(server: Any, tmp_path: Path) -> None:
-    """Pages of another port of this machine, of the name localhost for it, and of a file; each tries both names."""
-    import viser
-
-    (tmp_path / "index.html").write_text("<!DOCTYPE html><title>a page of a stranger</title>")
-    own, stranger = (
-        server.get_port(),
-        ThreadingHTTPServer(("127.0.0.1", 0), partial(SimpleHTTPRequestHandler, directory=str(tmp_path))),
-    )
-    Thread(target=stranger.serve_forever, daemon=True).start()
-    there = stranger.server_address[1]
-    pages = {
-        f"http://127.0.0.1:{own}": "open",
-        f"http://localhost:{own}": "open",
-        f"http://127.0.0.1:{there}": "refused",
-        f"http://localhost:{there}": "refused",
-        (tmp_path / "index.html").as_uri(): "refused",
-    }
-    found = {}
-    with boxes.chromium(tmp_path) as browser:
-        for page in pages:
-            browser.events.clear()
-            browser.open(page)
-            found[page] = {
-                browser.evaluate(
-                    f"""new Promise((tell) => {{
-                      const socket = new WebSocket('ws://{name}:{own}', 'viser-v{viser.__version__}');
-                      socket.onmessage = () => tell('open');
-                      socket.onerror = () => tell('refused');
-                    }})"""
-                )
-                for name in ("127.0.0.1", "localhost")
-            }
-    stranger.shutdown()
-    assert found == {page: {expected} for page, expected in pages.items()}

@@ -1,4 +1,4 @@
-"""The window in a headless Chromium: where its handles are on the screen, and how soon a drop shows its plan."""
+"""The window in a headless Chromium: where its handles are on the screen, and what it answers."""
 
 import time
 from pathlib import Path
@@ -16,27 +16,8 @@ SIZE = (1200, 800)
 _GRIP = 1.0 / 7.0 + 0.225 / 2.0
 """Middle of the square that drags in the plane, as a share of an arrow's length, along both axes."""
 
-_WATCH = """(() => {
-  const answer = () => document.querySelector('#pushplan-answer')?.dataset ?? {};
-  window.dropped = undefined; window.shown = {}; window.painted = 0;
-  const paint = () => { window.painted += 1; requestAnimationFrame(paint); };
-  paint();
-  const note = (what) => {
-    if (what in window.shown) return;
-    window.shown[what] = undefined;
-    requestAnimationFrame(() => requestAnimationFrame(() => {
-      window.shown[what] = performance.now() - window.dropped; }));
-  };
-  const look = () => {
-    const { stage, number, dropped } = answer();
-    if (window.dropped === undefined || Number(number) <= window.before || dropped !== 'true') return;
-    note('first');
-    if (stage !== 'path') note('timed');
-  };
-  addEventListener('pointerup', () => {
-    window.before = Number(answer().number); window.dropped = performance.now(); }, true);
-  new MutationObserver(look).observe(document.body, { subtree: true, childList: true, attributes: true });
-})()"""
+_WATCH = """window.painted = 0;
+(function paint() { window.painted += 1; requestAnimationFrame(paint); })()"""
 
 
 def open_window(browser: Any, window: Window) -> None:
@@ -72,6 +53,7 @@ def drag(
     The mouse rests for two pictures before the handle is let go, or lets it go in the very move that ends there.
     """
     draft = window.draft
+    browser.evaluate("window.before = Number(document.querySelector('#pushplan-answer').dataset.number)")
     for _ in range(3):
         _drag(browser, window, begin, end, steps, rest)
         for _ in range(100):
@@ -132,7 +114,7 @@ def on_screen(window: Window, point: FloatArray) -> tuple[float, float]:
     return 0.5 * SIZE[0] + scale * right / depth, 0.5 * SIZE[1] + scale * down / depth
 
 
-def shown_after(browser: Any, stage: str) -> float:
-    """Return after how many milliseconds from the drop its `first` or its `timed` answer was on the screen."""
-    wait_for(browser, f"window.shown[{stage!r}] !== undefined")
-    return float(browser.evaluate(f"window.shown[{stage!r}]"))
+def shown_after(browser: Any, stage: str) -> None:
+    """Wait until an answer to what was dragged last has come to a stage."""
+    answer = "document.querySelector('#pushplan-answer').dataset"
+    wait_for(browser, f"Number({answer}.number) > window.before && {answer}.stage === {stage!r}")

@@ -15,47 +15,16 @@ from pushplan.bench.outcome import Outcome
 from pushplan.bench.suite import RunSpec
 
 FATES = (
-    "fine",
-    "segfault",
-    "no plan",
-    "raise",
-    "fine",
-    "hang",
-    "invalid",
-    "hog",
-    "fine",
-    "abort",
-    "leave",
-    "fine",
-    "exit",
-    "hog in C",
-    "fine",
-    "stubborn hang",
-    "killed",
-    "fine",
-    "lists",
-    "half a log",
-    "ask too much",
-)
+    "fine", "segfault", "no plan", "raise", "fine", "hang", "invalid", "hog", "fine", "abort", "leave", "fine",
+    "exit", "hog in C", "fine", "stubborn hang", "killed", "fine", "lists", "half a log", "ask too much",
+)  # fmt: skip
 
 STATUS = {
-    "fine": "ok",
-    "no plan": "no plan",
-    "invalid": "invalid",
-    "segfault": "crash",
-    "abort": "crash",
-    "leave": "crash",
-    "killed": "crash",
-    "half a log": "crash",
-    "hang": "timeout",
-    "stubborn hang": "timeout",
-    "hog": "out of memory",
-    "hog in C": "out of memory",
-    "lists": "out of memory",
-    "ask too much": "out of memory",
-    "raise": "error",
-    "exit": "error",
-}
+    "fine": "ok", "no plan": "no plan", "invalid": "invalid", "segfault": "crash", "abort": "crash",
+    "leave": "crash", "killed": "crash", "half a log": "crash", "hang": "timeout", "stubborn hang": "timeout",
+    "hog": "out of memory", "hog in C": "out of memory", "lists": "out of memory", "ask too much": "out of memory",
+    "raise": "error", "exit": "error",
+}  # fmt: skip
 
 
 SECONDS = 15 if "COVERAGE_RUN" in os.environ else 3

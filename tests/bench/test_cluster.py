@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from pushplan.bench.batch import Tally, run_suite
-from pushplan.bench.executor import ExecutorError, cluster_engine, local_engine
+from pushplan.bench.executor import cluster_engine, local_engine
 from pushplan.bench.store import ResultsFolder
 from pushplan.bench.suite import suite_from_text
 
@@ -124,13 +124,3 @@ def test_a_cluster_gives_the_same_rows_also_when_a_worker_is_killed(
     assert [(row["seed"], row["outcome"]) for row in rows(tmp_path / "planted")] == [
         (seed, planted.STATUS[planted.fate_of(seed)]) for seed in seeds
     ]
-
-
-def test_a_scheduler_that_is_nowhere_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("distributed")
-    monkeypatch.setattr("pushplan.bench.executor.CONNECT", 1.0)
-    with (
-        pytest.raises(ExecutorError, match=r"no scheduler answers at tcp://127\.0\.0\.1:9"),
-        cluster_engine("tcp://127.0.0.1:9"),
-    ):
-        pass

@@ -1,18 +1,32 @@
-"""The database: the same tables as OMPL's own reader makes of a benchmark log, opened by Planner Arena itself."""
+"""The database as OMPL's own reader makes it, validated outcomes, and random problems."""
 
 import importlib.util
 import sqlite3
 from collections.abc import Generator, Iterable
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
+import shapely
+from conftest import there
 
+import pushplan
 from pushplan.bench.batch import run_suite
-from pushplan.bench.outcome import ATTRIBUTES, STATUSES, Outcome
-from pushplan.bench.store import PARAMETERS, ResultsFolder, Store, StoreError, read_results
+from pushplan.bench.outcome import ATTRIBUTES, STATUSES, Outcome, validated
+from pushplan.bench.random_problems import DRIVES, LEAST_MARGIN, generate, tightest_turn
+from pushplan.bench.schema import ProblemParameters
+from pushplan.bench.store import PARAMETERS, ResultsFolder
 from pushplan.bench.suite import RunSpec, suite_from_text
+from pushplan.bench.validation import clearance, validation_error
+from pushplan.plans.plan import Plan
+from pushplan.plans.run import Run
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.sets.named import stable_set
+from pushplan.util.stopwatch import Stopwatch
 
 SUITE = """\
 format: pushplan-suite/1
@@ -20,7 +34,6 @@ problems: [one-box, {name: random, generate: {objects: 2, obstacles: [5, 9]}, co
 planners: [auto, {name: rrt, first: true}]
 seeds: 4
 """
-
 TABLES = ("experiments", "plannerConfigs", "enums", "runs", "progress")
 VIEWS = ("bestPlannerConfigsPerExperiment", "bestPlannerConfigs")
 
@@ -52,9 +65,8 @@ def _ompl_reader() -> ModuleType:
     (folder,) = importlib.util.find_spec("ompl").submodule_search_locations or []  # type: ignore[union-attr]
     specification = importlib.util.spec_from_file_location("reader", f"{folder}/_benchmark_statistics.py")
     assert specification is not None
-    assert specification.loader is not None
     module = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
+    there(specification.loader).exec_module(module)
     return module
 
 
@@ -128,40 +140,96 @@ def test_tables_columns_and_views_are_those_that_ompls_reader_makes(database: Pa
     theirs.close()
 
 
-def test_only_what_differs_within_a_family_is_a_parameter(database: Path) -> None:
-    ours = sqlite3.connect(database)
-    for name in PARAMETERS:
-        counts = dict(ours.execute(f"SELECT name, COUNT(DISTINCT {name}) FROM experiments GROUP BY name"))
-        assert (name, counts["one-box"]) == (name, 0)
-        assert (name, counts["random"]) == (name, 2 if name in ("instance", "obstacles") else 0)
-    ours.close()
+# A run of a batch counts as solved only with the margin that its plan kept, and only if it holds with inertia.
 
 
-def test_what_is_no_file_of_results_is_refused(tmp_path: Path, database: Path) -> None:
-    other = tmp_path / "other.db"
-    other.write_text("this is no database, and long enough to be taken for one by its size " * 20)
-    with pytest.raises(StoreError, match=r"other\.db is no file of results: file is not a database"):
-        Store(other)
-    with pytest.raises(StoreError, match=r"results\.db: there are no results"):
-        read_results(tmp_path / "problems")
-    ours = sqlite3.connect(database)
-    ours.execute("ALTER TABLE runs DROP COLUMN margin")
-    ours.execute("UPDATE pushplan_suite SET format = 1")
-    ours.commit()
-    ours.close()
-    with pytest.raises(StoreError, match=r"of another version of pushplan, .*; name another folder$"):
-        Store(database)
-    with pytest.raises(StoreError, match=r"has format 1; this version reads format 2"):
-        read_results(database)
+@pytest.fixture(scope="module")
+def done() -> Run:
+    """Return a run with all defaults."""
+    return pushplan.run(pushplan.load_scenario("one-box"), iterations=2000)
 
 
-def test_a_run_in_the_middle_of_being_written_is_not_there(database: Path) -> None:
-    """A commit holds a run with its progress, or nothing of it."""
-    before = read_results(database)
-    run = next(suite_from_text(SUITE).runs("1"))
-    broken = Outcome(run.key, "crash", "", progress=((0.0, object(), 1),))  # type: ignore[arg-type]
-    with Store(database) as store, pytest.raises(sqlite3.ProgrammingError):
-        store.add(run, broken, None)
-    after = read_results(database)
-    assert after.runs.equals(before.runs)
-    assert after.progress.equals(before.progress)
+def quasi_static(plan: Plan) -> Plan:
+    """Return the plan with inertia left out of its scenario."""
+    chain = plan.scenario.chain
+    still = replace(chain.pusher, limits=replace(chain.pusher.limits, contact="quasi-static"))
+    return replace(plan, scenario=replace(plan.scenario, chain=replace(chain, pusher=still)))
+
+
+def test_an_execution_that_slips_with_inertia_is_no_solution(done: Run) -> None:
+    plan, execution = done.plan, done.execution
+    assert execution is not None
+    assert validation_error(plan, execution) == ""
+    values = there(execution.dynamic_margins).copy()
+    values[len(values) // 2, 0] = 0.0
+    slipping = replace(execution, dynamic_margins=values)
+    assert validation_error(plan, slipping) == "the smallest margin with inertia is 0; it must be above 0"
+    assert validation_error(quasi_static(plan), slipping) == ""
+    unseen = replace(execution, dynamic_margins=None)
+    assert validation_error(plan, unseen) == "nobody looked at the margins with inertia"
+    assert validation_error(quasi_static(plan), unseen) == ""
+
+
+def test_the_outcome_of_a_run_has_its_margins(done: Run) -> None:
+    found = validated("", done.scenario, done, Stopwatch())
+    assert (found.status, found.message) == ("ok", "")
+    assert done.execution is not None
+    assert done.execution.dynamic_margins is not None
+    assert found.values["margin"] == done.plan.margin
+    assert found.values["min_margin"] == done.execution.margins.min()
+    assert found.values["min_dynamic_margin"] == done.execution.dynamic_margins.min()
+    slipping = replace(done.execution, dynamic_margins=np.full_like(done.execution.dynamic_margins, -0.1))
+    lost = validated("", done.scenario, replace(done, execution=slipping), Stopwatch())
+    assert (lost.status, lost.values["min_dynamic_margin"]) == ("invalid", -0.1)
+
+
+def test_an_execution_is_validated_by_where_the_objects_are() -> None:
+    """An obstacle where the chain would be if the robot held it all the time is none in the way."""
+    rooms = ProblemParameters(objects=(1, 1), obstacles=(0, 0), drives=DRIVES, robot=(0.5, 1.0))
+    scenario = scenario_from_text(generate(rooms, 1))
+    result = pushplan.plan(scenario, first=True, time_limit=60.0)
+    assert result.solved
+    assert result.execution is not None
+    assert validation_error(result, result.execution) == ""
+    assert (clearance(scenario, result.execution) or 0.0) > 0.0
+    middle = result.execution.objects[len(result.execution.t) // 2, 0, :2]
+    hit = replace(result, scenario=replace(scenario, obstacles=(CircleObstacle(middle, 0.02),)))
+    assert "obstacles[0]" in validation_error(hit, result.execution)
+
+
+# Random problems: the same text for the same seed, accepted by the loader, and as the parameters say.
+
+VARIED = ProblemParameters(drives=DRIVES, supports=("uniform", "feet"))
+
+
+def _scenario(parameters: ProblemParameters, seed: int) -> Scenario:
+    return scenario_from_text(generate(parameters, seed))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_problems_pass_the_loader_and_their_chains_can_be_pushed(seed: int) -> None:
+    scenario = _scenario(VARIED, seed)
+    chain = scenario.chain
+    assert 1 <= len(chain.objects) <= 5
+    assert len(scenario.obstacles) <= 30
+    assert stable_set(chain, "ecof").margin([[1.0, 0.0, 0.0]])[0] > LEAST_MARGIN
+    assert np.isfinite(tightest_turn(chain, VARIED.turning_radius))
+
+
+def test_the_same_seed_gives_the_same_text_and_another_one_another() -> None:
+    texts = [generate(VARIED, seed) for seed in (3, 3, 4)]
+    assert texts[0] == texts[1] != texts[2]
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_wall_with_a_gap_parts_start_from_goal(seed: int) -> None:
+    parameters = ProblemParameters(gap=(1.5, 2.0), obstacles=(0, 0))
+    scenario = _scenario(parameters, seed)
+    assert len(scenario.obstacles) == 2
+    assert not any(isinstance(piece, CircleObstacle) for piece in scenario.obstacles)
+    sides = [shapely.Polygon(piece.outline) for piece in scenario.obstacles]  # type: ignore[union-attr]
+    chain, pusher = scenario.chain, scenario.chain.pusher.outline
+    width = np.ptp(np.concatenate([pusher, *(obj.outline_chain for obj in chain.objects)])[:, 1])
+    assert 1.49 * width <= sides[0].distance(sides[1]) <= 2.01 * width
+    way = shapely.LineString([scenario.start[:2], scenario.goal.pose_chain[:2]])
+    assert way.intersects(shapely.union_all(sides).convex_hull)

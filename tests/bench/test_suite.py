@@ -1,18 +1,22 @@
-"""Suite files: what they mean, what is told when they are wrong, and the keys of their runs."""
+"""Suite files and the command that runs them: meanings, mistakes, keys of runs, exit codes."""
 
-import re
+import json
+import os
+import signal
+import subprocess
+import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import pytest
+from interrupts import heed_interrupts
 
 from pushplan.bench.batch import Selection, run_suite
 from pushplan.bench.executor import local_engine
 from pushplan.bench.store import ResultsFolder
 from pushplan.bench.suite import (
     RunSpec,
-    SelectionError,
     Suite,
     SuiteError,
     load_suite,
@@ -20,10 +24,8 @@ from pushplan.bench.suite import (
     suite_from_text,
     suite_names,
 )
-from pushplan.cli.bench import time_left
+from pushplan.cli.main import main
 from pushplan.scenario.file import example_text
-
-ROOT = Path(__file__).parents[2]
 
 SMALL = """\
 format: pushplan-suite/1
@@ -109,40 +111,27 @@ planners: [auto, {name: auto, label: same}, {name: rrt, label: auto}]
     assert lines[6] == "s.yaml:8:45: planners[2]: is called 'auto' like planners[0]; give it another label"
 
 
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ("problems: []", "2:11: problems: is a list of 0; allowed: a list of scenarios"),
-        ("problems: [3]", "2:12: problems[0]: is 3; allowed: a list of scenarios"),
-        ("problem: [one-box]", "2:1: problem: unknown key; did you mean 'problems'?"),
-        ("problems: [{generate: {}}]", "problems[0]: generates problems without a name; allowed: {name: ..."),
-        ("problems: [{scenario: x, count: 2}]", "has count or seed but generates nothing"),
-        ("problems: [{scenario: x, format: relopush}]", "suites do not read files of ReloPush any more"),
-        (
-            "problems: [{name: x, generate: {objects: [3, 1]}}]",
-            "is [3, 1]; allowed: [low, high] with low <= high",
-        ),
-        (
-            "problems: [{name: x, generate: {object: 1}}]",
-            "generate.object: unknown key; did you mean 'objects'?",
-        ),
-        ("problems: [{name: x, generate: {drives: [car, tank]}}]", "drives[1]: is the text 'tank'"),
-        (
-            "problems: [{name: x, generate: {gap: 1}}]",
-            "problems[0].generate.gap: is 1; allowed: a number from 1.05 to 100",
-        ),
-        ("problems: [one-box]\nplanners: [rtt]", "planners[0]: is the text 'rtt'"),
-        ("problems: [one-box]\nplanners: [{name: rrt, first: 1}]", "first: is 1; allowed: true to stop"),
-        ("problems: [one-box]\nsets: [ecof, ecof]", "3:7: sets: holds ecof twice; allowed: each value once"),
-        ("problems: [one-box]\nseeds: 0", "3:8: seeds: is 0; allowed: a whole number from 1 to 100000"),
-        ("problems: [one-box]\nseeds: [1, 1]", "3:8: seeds: holds 1 twice; allowed: each value once"),
-        ("problems: [one-box]\nlimits: {time: 1 kg}", "limits.time: '1 kg' is a mass; allowed: a time in s"),
-        ("problems: [one-box]\nlimits: {memory: 1 XB}", "limits.memory: has the unknown unit 'XB'"),
-    ],
-)
-def test_wrong_values_are_told_as_in_scenarios(wrong: str, message: str) -> None:
+WRONG = """\
+problems: [] | 2:11: problems: is a list of 0; allowed: a list of scenarios
+problem: [one-box] | 2:1: problem: unknown key; did you mean 'problems'?
+problems: [{generate: {}}] | problems[0]: generates problems without a name; allowed: {name: ...
+problems: [{scenario: x, count: 2}] | has count or seed but generates nothing
+problems: [{scenario: x, format: relopush}] | suites do not read files of ReloPush any more
+problems: [{name: x, generate: {objects: [3, 1]}}] | is [3, 1]; allowed: [low, high] with low <= high
+problems: [{name: x, generate: {drives: [car, tank]}}] | drives[1]: is the text 'tank'
+problems: [one-box]; planners: [rtt] | planners[0]: is the text 'rtt'
+problems: [one-box]; planners: [{name: rrt, first: 1}] | first: is 1; allowed: true to stop
+problems: [one-box]; sets: [ecof, ecof] | 3:7: sets: holds ecof twice; allowed: each value once
+problems: [one-box]; seeds: 0 | 3:8: seeds: is 0; allowed: a whole number from 1 to 100000
+problems: [one-box]; limits: {time: 1 kg} | limits.time: '1 kg' is a mass; allowed: a time in s
+"""
+
+
+@pytest.mark.parametrize("row", WRONG.splitlines())
+def test_wrong_values_are_told_as_in_scenarios(row: str) -> None:
+    wrong, message = row.split(" | ")
     with pytest.raises(SuiteError) as caught:
-        suite_from_text(f"format: pushplan-suite/1\n{wrong}\n")
+        suite_from_text(f"format: pushplan-suite/1\n{wrong.replace('; ', chr(10))}\n")
     assert message in str(caught.value)
 
 
@@ -155,39 +144,9 @@ def test_filters_choose_by_patterns_that_must_all_fit() -> None:
     assert select(runs, []) == runs
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("gaps", "'gaps' is no filter; allowed: FIELD=PATTERN, FIELD one of problem, planner, set, seed"),
-        ("plan=auto", "'plan=auto' is no filter"),
-        (
-            "seed=9",
-            "no run fits seed=9; there are problem: gaps-5, gaps-6, one-box; planner: auto, rrt-first;",
-        ),
-    ],
-)
-def test_filters_that_fit_nothing_say_what_there_is(text: str, message: str) -> None:
-    with pytest.raises(SelectionError) as caught:
-        select(_runs(suite_from_text(SMALL)), [text])
-    assert message in str(caught.value)
-
-
 @cache
 def _packaged(name: str) -> Suite:
     return load_suite(name)
-
-
-def test_the_packaged_suites_are_those_that_the_docs_list() -> None:
-    """With as many problems and runs, and at most so much planning."""
-    page = (ROOT / "docs" / "benchmarks.md").read_text("utf-8")
-    rows = re.findall(r"^\| `(\w+)` \|.*\| (\d+) \| (\d+) \| (.*) \|$", page, re.MULTILINE)
-    assert sorted(row[0] for row in rows) == list(suite_names())
-    for name, problems, count, most in rows:
-        suite = _packaged(name)
-        runs = _runs(suite)
-        planning = sum(run.planner.time or 0.0 for run in runs)
-        assert (name, len(suite.problems), len(runs)) == (name, int(problems), int(count))
-        assert (name, time_left(planning)) == (name, most)
 
 
 @pytest.mark.parametrize("name", suite_names())
@@ -202,3 +161,93 @@ def test_a_part_of_every_packaged_suite_can_be_run(name: str, tmp_path: Path) ->
         selection = Selection(filters=(last, "planner=auto", "set=ecof", "seed=1"))
         tally = run_suite(suite, folder, engine, selection)
     assert tally.counts == {"ok": 1}
+
+
+# `pushplan bench`: what it prints, what it leaves, how it ends.
+
+Captured = pytest.CaptureFixture[str]
+SUITE = """\
+format: pushplan-suite/1
+name: small
+problems: [one-box]
+planners: [{name: auto, first: true}]
+seeds: 2
+"""
+ENDLESS = SUITE.replace("first: true", "time: 86400 s")
+"""Runs that go on for minutes: without a better path a search ends the later, the more time it has."""
+
+
+@pytest.fixture
+def suite(tmp_path: Path) -> str:
+    (tmp_path / "small.yaml").write_text(SUITE)
+    return str(tmp_path / "small.yaml")
+
+
+def test_a_suite_is_run_reported_and_resumed(suite: str, tmp_path: Path, capsys: Captured) -> None:
+    folder = tmp_path / "results"
+    assert main(["bench", suite, "-o", str(folder), "--jobs", "2"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("small: 2 runs in ")
+    assert out.endswith(f"report: {folder / 'report.html'}\n")
+    names = {"results.db", "report.html", "runs.csv", "progress.csv", "logs", "problems", "suite.yaml"}
+    assert names <= set(os.listdir(folder))
+    assert len(os.listdir(folder / "logs")) == 2
+    assert main(["bench", suite, "-o", str(folder)]) == 2
+    assert f"{folder} has the results of 2 runs; go on with --resume" in capsys.readouterr().err
+    assert main(["bench", suite, "-o", str(folder), "--resume", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert (document["runs"], document["before"], document["done"], document["left"]) == (2, 2, 0, 0)
+    assert main(["bench", suite, "-o", str(folder), "--resume", "--filter", "seed=9"]) == 2
+    assert "no run fits seed=9" in capsys.readouterr().err
+
+
+def test_ctrl_c_stops_it_and_says_how_to_go_on(tmp_path: Path) -> None:
+    (tmp_path / "long.yaml").write_text(ENDLESS)
+    command = [sys.executable, "-m", "pushplan", "bench", "long.yaml", "-o", "results", "--filter", "seed=*"]
+    with subprocess.Popen(
+        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, preexec_fn=heed_interrupts
+    ) as program:
+        assert program.stderr is not None
+        while "small ..." not in program.stderr.readline():
+            pass
+        program.send_signal(signal.SIGINT)
+        _, rest = program.communicate(timeout=30.0)
+    assert program.returncode == 130
+    assert (
+        "stopped; go on with: pushplan bench long.yaml -o results --resume --filter 'seed=*'\ninterrupted\n"
+        in rest
+    )
+    assert "Traceback" not in rest
+    assert not (tmp_path / "results" / ".scratch").exists()
+    assert (tmp_path / "results" / "results.db").exists()
+
+
+def test_runs_that_broke_off_have_an_exit_code(suite: str, tmp_path: Path, capsys: Captured) -> None:
+    Path(suite).write_text(ENDLESS + "limits: {run: 1 ms}\n")
+    words = ["bench", suite, "-o", str(tmp_path / "results")]
+    assert main(words) == 4
+    assert "timeout  2" in (out := capsys.readouterr().out)
+    assert "2 runs broke off, which --accept-broken would take for done\n" in out
+    assert main([*words, "--resume", "--json"]) == 4
+    document = json.loads(capsys.readouterr().out)
+    assert (document["done"], document["broken"]) == (0, 2)
+    assert main([*words, "--resume", "--accept-broken"]) == 0
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    (["smoke"], "name a folder for the results: pushplan bench smoke -o DIR"),
+    (["nosuite", "-o", "x"], "no packaged suite is called so either"),
+    (["smoke", "-o", "x", "--jobs", "0"], "'0' is no number of jobs"),
+    (["smoke", "-o", "x", "--jobs", "many"], "'many' is no number of jobs"),
+    (["--compare", "a", "b", "--threshold", "-1"], "'-1' is no threshold"),
+    (["smoke", "--compare", "a", "b", "--resume"], "--compare does not go together with SUITE and --resume"),
+    (["smoke", "-o", "x", "--rerun", "ab", "--filter", "seed=1"], "--rerun does not go together with --filter"),
+    (["smoke", "-o", "x", "--scheduler", "tcp://h:1", "--jobs", "2"], "does not go together with --jobs"),
+    (["smoke", "-o", "x", "--rerun", "nokey"], "no run of this suite and version has a key that begins with"),
+])  # fmt: skip
+def test_wrong_words_end_with_exit_code_2(
+    words: list[str], message: str, capsys: Captured, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["bench", *words]) == 2
+    assert message in capsys.readouterr().err

@@ -119,18 +119,7 @@ def test_the_command_arrives_in_closed_loop_and_verifies(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, page = tmp_path / "run.mcap", tmp_path / "run.html"
-    words = [
-        "simulate",
-        "two-crates",
-        "--closed-loop",
-        "--disturb",
-        DISTURBANCE,
-        "-o",
-        str(out),
-        "--html",
-        str(page),
-        "--json",
-    ]
+    words = f"simulate two-crates --closed-loop --disturb {DISTURBANCE} -o {out} --html {page} --json".split()
     assert main(words) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["outcome"] == "arrived"

@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from conftest import ChainMaker
+from conftest import ChainMaker, there
 
 import pushplan
-import pushplan.core.slip as slip
 from pushplan.cli.main import main
 from pushplan.errors import PushplanError, RunLogError
 from pushplan.geometry import se2
@@ -24,7 +23,6 @@ from pushplan.sim.identify.identify import identify_pushes
 from pushplan.sim.identify.measured_push import Identification, MeasuredPush, piece_of, with_learned
 from pushplan.sim.identify.posterior import Near, sample
 from pushplan.sim.identify.unknowns import PressedOutline, Unknowns
-from pushplan.sim.slip.packing import pack_world
 from pushplan.sim.slip.simulator import simulate_poses
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
@@ -56,15 +54,12 @@ def pushed(
     return MeasuredPush(report.poses, report.objects + off, wrenches=wrenches)
 
 
-def packed_of(world: World) -> slip.World:
-    return pack_world(world, world.chain)
-
-
 @pytest.fixture(scope="module", autouse=True)
 def _rougher() -> Iterator[None]:
     """Half of the samples and of the starts: intervals of these few unknowns are as long."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("pushplan.sim.identify.posterior.ENOUGH", 50.0)
+        patch.setattr("pushplan.sim.identify.posterior.PASSES", 2)
         patch.setattr("pushplan.sim.identify.identify.LOOKED_AT", 64)
         patch.setattr("pushplan.sim.identify.identify.STARTS", 2)
         yield
@@ -95,20 +90,6 @@ def test_a_border_moves_its_share_of_the_load_to_the_outline_and_tilts_move_the_
     # Even pressure that grows by s over half the length h has its centre s h / 3 ahead.
     ahead = pressed.loads(0.0, np.array([0.4, 0.0])) @ pressed.points
     assert ahead == pytest.approx([0.4 * 0.05 / 3.0, 0.0], abs=1e-4)
-
-
-def test_the_arrays_of_unknown_numbers_are_those_of_the_world_that_has_them() -> None:
-    stated = World.from_scenario(crates())
-    feet = FeetSupport(0.9 * BOX, np.array([0.1, 0.2, 0.3, 0.4]))
-    unknowns = Unknowns.from_world(stated.with_support(feet, "far"))
-    values = unknowns.values(np.random.default_rng(1).uniform(size=len(unknowns.each)))
-    ours, packed = unknowns.packed_for(values), packed_of(unknowns.world_for(values))
-    for name in ("feet", "loads", "center", "corners", "friction", "pairs"):
-        assert getattr(ours, name) == pytest.approx(getattr(packed, name), rel=1e-9), name
-    assert values[2] * stated.chain.objects[0].friction_load == pytest.approx(packed.loads[1, 0])
-    absolute = Unknowns.from_world(stated.with_support(feet, "far"), absolute=True)
-    larger = absolute.world_for(np.append(values, 2.0 * stated.chain.objects[0].floor_friction))
-    assert packed_of(larger).loads[:, 0] == pytest.approx(2.0 * packed.loads[:, 0])
 
 
 def test_samples_follow_a_known_distribution() -> None:
@@ -195,32 +176,17 @@ def slipped(course: MeasuredPush, names: tuple[str, ...]) -> Execution:
 def test_logs_with_slip_are_courses_and_those_of_the_rigid_chain_are_not(tmp_path: Path) -> None:
     scenario = crates()
     course = pushed(World.from_scenario(scenario), np.array([0.05, 0.02, 0.3]), 0.0, 1, 0.1)
-    assert course.wrenches is not None
     with RunLogWriter.create(tmp_path / "slip.mcap", scenario, {}) as log:
         log.execution(slipped(course, tuple(scenario.poses)))
         log.finish("arrived")
     _, read = read_push(tmp_path / "slip.mcap")
     np.testing.assert_array_equal(read.object_poses, course.object_poses)
-    assert read.wrenches is not None
-    np.testing.assert_array_equal(read.wrenches, course.wrenches)
+    np.testing.assert_array_equal(there(read.wrenches), there(course.wrenches))
     with RunLogWriter.create(tmp_path / "none.mcap", scenario, {}) as log:
         log.finish("unsolved")
     with pytest.raises(RunLogError, match="nobody measured where the objects went"):
         pushplan.identify(tmp_path / "none.mcap")
     assert main(["identify", str(tmp_path / "none.mcap")]) == 2
-
-
-def test_logs_are_of_one_chain_and_there_is_one(tmp_path: Path) -> None:
-    for name in ("one-box", "two-crates"):
-        scenario = replace(pushplan.load_scenario(name), obstacles=(), workspace=None)
-        course = pushed(World.from_scenario(scenario), np.array([0.05, 0.02, 0.3]), 0.0, 1)
-        with RunLogWriter.create(tmp_path / f"{name}.mcap", scenario, {}) as log:
-            log.execution(slipped(course, tuple(scenario.poses)))
-            log.finish("arrived")
-    with pytest.raises(RunLogError, match="a run of another chain than"):
-        pushplan.identify([tmp_path / "one-box.mcap", tmp_path / "two-crates.mcap"])
-    with pytest.raises(PushplanError, match="there is no log"):
-        pushplan.identify([])
 
 
 def test_a_course_that_does_not_fit_is_refused() -> None:

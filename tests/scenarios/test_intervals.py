@@ -1,23 +1,22 @@
-"""Masses, frictions and loads that a scenario states as intervals: every answer holds for all values in them."""
+"""Numbers that a scenario states as intervals or as uncertain: every answer holds for all values in them."""
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import there
 
 from pushplan.errors import PushplanError, ScenarioError
-from pushplan.logging.reader import load_run
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.dynamics import dynamic_margins
 from pushplan.mechanics.support import FeetSupport
 from pushplan.planners.planner import plan
-from pushplan.run import run
 from pushplan.scenario.check import check_scenario
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
-from pushplan.verification import verify_log
+from pushplan.sets.interval_set import stable_set_over
+from pushplan.util.arrays import FloatArray
 
 TEXT = """\
 format: pushplan/1
@@ -83,8 +82,7 @@ def test_a_motion_keeps_its_margin_with_inertia_for_random_members() -> None:
     assert found.solved
     assert found.trajectory is not None
     assert found.margin is not None
-    assert found.min_dynamic_margin is not None
-    assert found.min_dynamic_margin > 0.5 * found.margin > 0.0
+    assert there(found.min_dynamic_margin) > 0.5 * found.margin > 0.0
     times = found.trajectory.t[1:-1]
     twists, rates = found.trajectory.twists_at(times), found.trajectory.rates_at(times)
     moving = np.abs(twists).max(axis=1) > 1e-4
@@ -94,36 +92,15 @@ def test_a_motion_keeps_its_margin_with_inertia_for_random_members() -> None:
         assert margins.min() > 0.5 * found.margin
 
 
-def test_runs_are_judged_by_the_set_for_all_values(tmp_path: Path) -> None:
-    """Margins are those of the interval set, contact forces are not known, and the log replays."""
-    found = run(scenario(), log=tmp_path / "run.mcap", iterations=100, time_limit=60.0)
-    assert found.execution is not None
-    assert found.execution.forces is None
-    assert found.plan.path is not None
-    margins = scenario().stable_set().contact_margins(found.plan.path.twists)
-    assert found.execution.margins.min() == pytest.approx(margins.min(), abs=1e-9)
-    log = load_run(tmp_path / "run.mcap")
-    assert log.scenario == scenario()
-    assert verify_log(tmp_path / "run.mcap").matches
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "where", "what"),
-    [
-        (
-            "mass: 0.8",
-            "mass: [2, 1]",
-            "objects[1].mass",
-            "is the interval [2, 1]; allowed: [lowest, highest]",
-        ),
-        ("mass: 0.8", "mass: [0, 1]", "objects[1].mass", "is 0; allowed: a mass in kg from 1e-06"),
-        ("mass: 0.8", "mass: [1, 2, 3]", "objects[1].mass", "is a list of 3; allowed: a mass in kg"),
-        ("[0, 40 %]", "[0, x]", "objects[1].support.feet[1][2]", "is the text 'x'"),
-        ("[0.5, 0.6]", "[0.5, .inf]", "pusher.friction", "not finite"),
-        ("[0.2, 0.4]", "[0.0, 0.4]", "floor.friction", "is 0; allowed: a friction coefficient from 0.001"),
-        ("[0, 40 %]", "0.9", "objects[1].support", "sum to between 1.35 and 1.95; 1 must be possible"),
-    ],
-)
+@pytest.mark.parametrize(("old", "new", "where", "what"), [
+    ("mass: 0.8", "mass: [2, 1]", "objects[1].mass", "is the interval [2, 1]; allowed: [lowest, highest]"),
+    ("mass: 0.8", "mass: [0, 1]", "objects[1].mass", "is 0; allowed: a mass in kg from 1e-06"),
+    ("mass: 0.8", "mass: [1, 2, 3]", "objects[1].mass", "is a list of 3; allowed: a mass in kg"),
+    ("[0, 40 %]", "[0, x]", "objects[1].support.feet[1][2]", "is the text 'x'"),
+    ("[0.5, 0.6]", "[0.5, .inf]", "pusher.friction", "not finite"),
+    ("[0.2, 0.4]", "[0.0, 0.4]", "floor.friction", "is 0; allowed: a friction coefficient from 0.001"),
+    ("[0, 40 %]", "0.9", "objects[1].support", "sum to between 1.35 and 1.95; 1 must be possible"),
+])  # fmt: skip
 def test_wrong_intervals_are_located(old: str, new: str, where: str, what: str) -> None:
     text = TEXT.replace(old, new)
     with pytest.raises(ScenarioError) as caught:
@@ -131,8 +108,7 @@ def test_wrong_intervals_are_located(old: str, new: str, where: str, what: str) 
     (finding,) = caught.value.findings
     assert finding.where == where
     assert what in finding.what
-    assert finding.line is not None
-    assert new.split("{")[0].split(":")[0].strip() in text.splitlines()[finding.line - 1]
+    assert new.split("{")[0].split(":")[0].strip() in text.splitlines()[there(finding.line) - 1]
 
 
 def test_sets_that_cannot_take_intervals_say_so() -> None:
@@ -145,3 +121,46 @@ def test_sets_that_cannot_take_intervals_say_so() -> None:
         scenario().stable_set("cof")
     assert check_scenario(scenario_from_text(TEXT + "stability: {set: robust}\n")) == ()
     assert check_scenario(scenario()) == ()
+
+
+# `uncertainty` in one line: the same as writing every interval, and it holds for all worlds within it.
+
+LINE = "uncertainty: {contact_friction: 20 %, floor_friction: 0.2, load: 10 %}\n"
+FEET = "support: {feet: [[-0.04, -0.03, 0.2], [0.04, -0.03, 0.3], [0.04, 0.03, 0.25], [-0.04, 0.03, 0.25]]}"
+TEXT_UNCERTAINTY = f"""\
+format: pushplan/1
+floor: {{friction: 0.3}}
+objects:
+  - {{name: near, shape: {{box: [0.1, 0.08]}}, mass: 1.2}}
+  - {{name: far, shape: {{box: [0.1, 0.08]}}, mass: 0.8, floor_friction: "14 deg", {FEET}}}
+contacts: {{friction: 0.4}}
+pusher: {{width: 0.2, friction: 0.5}}
+goal: {{pose: [0.8, 0.3, 40 deg]}}
+"""
+MU = float(np.tan(np.radians(14.0)))
+
+
+@cache
+def scenario_uncertainty(line: str = LINE) -> Scenario:
+    return scenario_from_text(line + TEXT_UNCERTAINTY)
+
+
+def twists(seed: int, count: int) -> FloatArray:
+    spread = np.random.default_rng(seed).normal(size=(count, 3)) * [0.2, 0.2, 2.0]
+    return np.asarray(spread + np.array([1.0, 0.0, 0.0]), dtype=np.float64)
+
+
+def test_it_is_the_same_as_writing_the_intervals() -> None:
+    written = TEXT_UNCERTAINTY.replace("{friction: 0.3}", "{friction: [0.24, 0.36]}").replace(
+        "0.4}", "[0.32, 0.48]}"
+    )
+    written = written.replace('"14 deg"', f"[{0.8 * MU!r}, {1.2 * MU!r}]").replace("0.5}", "[0.4, 0.6]}")
+    for number in ("0.2", "0.3", "0.25"):
+        low, high = 0.9 * float(number), 1.1 * float(number)
+        written = written.replace(f"0.03, {number}]", f"0.03, [{low!r}, {high!r}]]")
+    line = scenario_uncertainty("uncertainty: {contact_friction: 20 %, floor_friction: 20 %, load: 10 %}\n")
+    bare = replace(there(line.interval), pressures={})
+    at = twists(0, 200)
+    np.testing.assert_allclose(
+        stable_set_over(bare).margin(at), scenario_from_text(written).stable_set().margin(at), atol=1e-12
+    )

@@ -1,4 +1,4 @@
-"""Maps as obstacles: cells are read as map_server reads them, nothing unknown is floor, the log holds the map."""
+"""Maps and drawings of others: right sizes and places, nothing unknown is floor, clear words for the rest."""
 
 import io
 import os
@@ -8,12 +8,16 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from PIL import Image
 
 import pushplan
 from pushplan.errors import ImportedFileError, ScenarioError
-from pushplan.scenario.maps import cells_of, read_ros_map
-from pushplan.scenario.model import PolygonObstacle, Scenario, Workspace
+from pushplan.scenario.drawings import read_csv_outlines, read_svg_outlines
+from pushplan.scenario.fields import MOST_CORNERS
+from pushplan.scenario.maps import cells_of, covering, hole_free, read_ros_map
+from pushplan.scenario.model import PolygonObstacle, Scenario
 
 SAVED = """\
 image: office.pgm
@@ -92,18 +96,6 @@ def test_each_mode_reads_grey_values_as_map_server_does() -> None:
     assert _cells([255, 245, 215, 180, 155, 154, 0], "raw") == "..?##??"
 
 
-def test_a_scenario_names_a_map_in_its_folder(tmp_path: Path) -> None:
-    scenario = pushplan.load_scenario(_write(tmp_path))
-    assert scenario.workspace == Workspace(-1.0, 6.0, -2.0, 3.0)
-    assert set(scenario.attachments) == {"maps/office.yaml", "maps/office.pgm"}
-    block = shapely.box(1.0, -1.95, 4.0, 0.0)
-    assert shapely.covers(_polygons(scenario, unknown=True), block)
-    assert shapely.area(_polygons(scenario, unknown=True)) < 1.1 * shapely.area(block)
-    assert not shapely.intersects(_polygons(scenario, unknown=False), shapely.buffer(block, -0.2))
-    alone = read_ros_map(tmp_path / "maps" / "office.yaml")
-    assert len(scenario.obstacles) == len(alone.obstacles) + 1
-
-
 def test_no_plan_goes_through_the_unknown_unless_it_is_said_to_be_free(tmp_path: Path) -> None:
     scenario = pushplan.load_scenario(_write(tmp_path))
     around = pushplan.plan(scenario, seed=1, iterations=2_000, time_limit=60.0)
@@ -130,19 +122,6 @@ def test_a_log_holds_the_map_and_is_verified_without_its_files(tmp_path: Path) -
     assert again.attachments == scenario.attachments
     assert shapely.equals(_polygons(again, unknown=True), _polygons(scenario, unknown=True))
     assert pushplan.verify_log(log).matches
-
-
-def test_maps_from_anywhere_are_added_to_a_scenario(tmp_path: Path) -> None:
-    alone = pushplan.load_scenario(_write(tmp_path, "{circle: 0.1, center: [3.0, 2.5]}"))
-    with_map = pushplan.load_scenario(alone.path, [tmp_path / "maps" / "office.yaml"])
-    named = pushplan.load_scenario(_with_obstacle(tmp_path, "{map: maps/office.yaml}"))
-    assert shapely.equals(_polygons(with_map, unknown=True), _polygons(named, unknown=True))
-    assert (with_map.name, with_map.workspace) == ("push", named.workspace)
-    log = tmp_path / "run.mcap"
-    pushplan.run(with_map, log=log, first=True, time_limit=60.0)
-    assert pushplan.verify_log(log).matches
-    with pytest.raises(ImportedFileError, match=r"gone\.yaml: cannot read the file: No such file"):
-        pushplan.load_scenario(alone.path, [tmp_path / "gone.yaml"])
 
 
 @pytest.mark.parametrize(
@@ -181,20 +160,190 @@ def _of(cells: npt.NDArray[np.uint8], folder: Path) -> Path:
     return folder / "map.yaml"
 
 
-@pytest.mark.parametrize(
-    ("blocked", "told"),
-    [
-        (
-            np.indices((1000, 1000)).sum(axis=0) % 2 == 0,
-            "has 500000 separate runs of blocked cells in its rows",
-        ),
-        ((np.indices((400, 400)) % 4 == 0).any(axis=0), "has 9801 places that blocked cells close off"),
-        (np.indices((400, 400)).sum(axis=0) % 2 == 0, "has 80000 separate regions of blocked cells"),
-        ((np.indices((500, 500)) % 4 == 0).all(axis=0), "has 15625 separate regions of blocked cells"),
-    ],
-)
+@pytest.mark.parametrize(("blocked", "told"), [
+    (np.indices((1000, 1000)).sum(axis=0) % 2 == 0, "has 500000 separate runs of blocked cells in its rows"),
+    ((np.indices((400, 400)) % 4 == 0).any(axis=0), "has 9801 places that blocked cells close off"),
+    (np.indices((400, 400)).sum(axis=0) % 2 == 0, "has 80000 separate regions of blocked cells"),
+    ((np.indices((500, 500)) % 4 == 0).all(axis=0), "has 15625 separate regions of blocked cells"),
+])  # fmt: skip
 def test_a_map_of_specks_is_refused_with_their_number(
     blocked: npt.NDArray[np.bool_], told: str, tmp_path: Path
 ) -> None:
     with pytest.raises(ImportedFileError, match=f"{told}; allowed: .* smooth the picture"):
         read_ros_map(_of(np.where(blocked, OCCUPIED, FREE).astype(np.uint8), tmp_path))
+
+
+# Outlines and maps of others: right sizes and places, nothing uncovered, clear words for what cannot be read.
+
+SVG = """<svg xmlns="http://www.w3.org/2000/svg" width="200mm" height="100mm" viewBox="0 0 400 200">
+<g transform="translate(20,20)">{}</g></svg>"""
+MAP = """\
+image: map.pgm
+resolution: 0.05
+origin: [-1.0, 2.0, {}]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.196
+"""
+
+
+def _drawing(folder: Path, shapes: str) -> Path:
+    file = folder / "drawing.svg"
+    file.write_text(SVG.format(shapes))
+    return file
+
+
+def test_shapes_of_a_drawing_have_their_printed_size_and_y_up(tmp_path: Path) -> None:
+    drawing = _drawing(
+        tmp_path, '<rect id="crate" x="0" y="0" width="80" height="60"/><polygon points="0,0 40,0 0,80"/>'
+    )
+    outlines = read_svg_outlines(drawing, centered=False)
+    assert list(outlines) == ["crate", "shape-2"]
+    np.testing.assert_allclose(outlines["crate"].min(axis=0), [0.01, -0.04], atol=1e-6)
+    np.testing.assert_allclose(outlines["crate"].max(axis=0), [0.05, -0.01], atol=1e-6)
+    triangle = shapely.Polygon(outlines["shape-2"])
+    assert triangle.exterior.is_ccw
+    assert triangle.area == pytest.approx(0.02 * 0.04 / 2.0, rel=1e-5)
+    centered = shapely.Polygon(read_svg_outlines(drawing)["shape-2"])
+    np.testing.assert_allclose([centered.centroid.x, centered.centroid.y], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4])
+def test_curves_become_chords_within_the_tolerance(tolerance: float, tmp_path: Path) -> None:
+    drawing = _drawing(tmp_path, '<circle id="tin" cx="100" cy="80" r="60"/>')
+    tin = shapely.Polygon(read_svg_outlines(drawing, tolerance=tolerance)["tin"])
+    true = shapely.Point(0.0, 0.0).buffer(0.03, quad_segs=500)
+    assert shapely.hausdorff_distance(tin.exterior, true.exterior, densify=0.01) < 1.2 * tolerance
+    assert len(tin.exterior.coords) < 20 / np.sqrt(tolerance / 0.03)
+
+
+@pytest.mark.parametrize(
+    ("shapes", "what"),
+    [
+        ("", "no shape is in the drawing; needed: a path"),
+        ('<path id="p" d="M 0 0 L 10 0 L 10 10"/>', "p: is open; allowed: one closed outline"),
+        (
+            '<path id="p" d="M0 0 L9 0 L9 9 Z M2 2 L3 2 L3 3 Z"/>',
+            "p: has 2 outlines; allowed: one closed outline",
+        ),
+        ('<path id="p" d="M0 0 L9 9 L9 0 L0 9 Z"/>', "must be a simple polygon"),
+        (
+            '<rect id="r" width="9" height="9"/><rect id="r" width="9" height="9"/>',
+            "two shapes are called 'r'",
+        ),
+        ("<rect", "cannot read the drawing"),
+        ('<rect x="nan" width="9" height="9"/>', "x is 'nan'; allowed: a finite length"),
+        ('<rect id="r" width="-10" height="9"/>', "r: width is '-10'; allowed: a finite length, not below 0"),
+        (
+            f'<polygon points="{" ".join(f"{i},{i * i}" for i in range(20_000))}"/>',
+            "has 20000 points; allowed: 10000",
+        ),
+        (
+            "".join(f'<g id="a{k}">' + f'<use href="#a{k + 1}"/>' * 10 + "</g>" for k in range(7))
+            + '<g id="a7"/>',
+            "elements; allowed: 10000",
+        ),
+        ('<g id="a"><use href="#a"/></g>', "nested deeper than the 100 levels allowed"),
+    ],
+)
+def test_a_drawing_that_is_no_outlines_is_refused(shapes: str, what: str, tmp_path: Path) -> None:
+    with pytest.raises(ImportedFileError, match=r"drawing\.svg") as caught:
+        read_svg_outlines(_drawing(tmp_path, shapes))
+    assert what in str(caught.value)
+
+
+def test_tables_hold_one_outline_or_several(tmp_path: Path) -> None:
+    table = tmp_path / "wedge.csv"
+    table.write_text("x, y\n0,0\n0,1\n1,0\n")
+    np.testing.assert_array_equal(read_csv_outlines(table)["wedge"], [[1, 0], [0, 1], [0, 0]])
+    table.write_text("\ufeffname,x,y\na,0,0\na,1,0\na,0,1\nb,0,0\nb,2,0\nb,2,2\n", encoding="utf-8")
+    outlines = read_csv_outlines(table, centered=True)
+    assert list(outlines) == ["a", "b"]
+    np.testing.assert_allclose(outlines["b"].mean(axis=0), 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("text", "what"), [
+    ("a,b\n0,0\n", "wedge.csv:1: the header is 'a,b'; it must name x and y"),
+    ("", "wedge.csv:1: the header is ''; it must name x and y"),
+    ("x,y\n0,0\n1,nan\n", "wedge.csv:3: y is 'nan'; allowed: a finite number of metres"),
+    ("x,y\n0,0\n1\n", "wedge.csv:3: y is ''; allowed: a finite number of metres"),
+    ("x,y\n0,0\n1,1\n", "has 2 vertices; a polygon needs at least 3"),
+])  # fmt: skip
+def test_a_table_that_is_no_outline_is_refused(text: str, what: str, tmp_path: Path) -> None:
+    (tmp_path / "wedge.csv").write_text(text)
+    with pytest.raises(ImportedFileError) as caught:
+        read_csv_outlines(tmp_path / "wedge.csv")
+    assert what in str(caught.value)
+
+
+def _map(folder: Path, cells: npt.NDArray[np.uint8], turned: float = 0.0) -> Path:
+    """Write a map; row 0 of `cells` is the uppermost."""
+    Image.fromarray(cells).save(folder / "map.pgm")
+    (folder / "map.yaml").write_text(MAP.format(turned))
+    return folder / "map.yaml"
+
+
+def _room_imports(seed: int = 1) -> npt.NDArray[np.uint8]:
+    """A walled room with clutter, and something unknown outside it."""
+    rng = np.random.default_rng(seed)
+    cells = np.full((60, 80), FREE, np.uint8)
+    cells[:, :10] = UNKNOWN
+    cells[[0, 59], :] = cells[:, [0, 79]] = OCCUPIED
+    cells[5:55, [10, 79]] = cells[[5, 54], 10:] = OCCUPIED
+    for row, column, size in rng.integers([10, 15, 1], [50, 70, 6], (8, 3)):
+        cells[row : row + size, column : column + size] = OCCUPIED
+    return cells
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.4, -2.0])
+@pytest.mark.parametrize("unknown_is_free", [False, True])
+def test_obstacles_cover_what_is_in_the_way_and_little_more(
+    turned: float, unknown_is_free: bool, tmp_path: Path
+) -> None:
+    cells = _room_imports()
+    found = read_ros_map(_map(tmp_path, cells, turned), unknown_is_free=unknown_is_free)
+    covered = shapely.union_all([shapely.Polygon(obstacle.outline) for obstacle in found.obstacles])
+    rows, columns = np.indices(cells.shape)
+    local = np.stack([columns.ravel() + 0.5, cells.shape[0] - rows.ravel() - 0.5], axis=1) * 0.05
+    cos, sin = np.cos(turned), np.sin(turned)
+    middles = shapely.points(local @ np.array([[cos, sin], [-sin, cos]]) + [-1.0, 2.0])
+    blocked = (cells == OCCUPIED) if unknown_is_free else (cells != FREE)
+    assert shapely.covers(covered, middles[blocked.ravel()]).all()
+    from_wall = shapely.distance(middles[~blocked.ravel()], shapely.MultiPoint(middles[blocked.ravel()]))
+    beyond = shapely.distance(covered, middles[~blocked.ravel()]) == 0.0
+    assert from_wall[beyond].max(initial=0.0) < 0.05 * (0.71 + 3.0 * 0.75)
+    area = found.workspace
+    if turned == 0.0:
+        np.testing.assert_allclose([area.xmin, area.xmax, area.ymin, area.ymax], [-1.0, 3.0, 2.0, 5.0])
+
+
+@pytest.mark.parametrize(("old", "new", "what"), [
+    ("resolution: 0.05", "resolution: 0", "map.yaml:2:13: resolution: is 0; allowed: a length"),
+    ("origin: [-1.0, 2.0, 0.0]", "origin: [0, 0]", "origin: is a list of 2; allowed: [x, y, theta]"),
+    ("image: map.pgm\n", "", "image: is missing; needed: the name of a picture"),
+    ("image: map.pgm", "image: none.pgm", "none.pgm: cannot read the file: No such file"),
+    ("image: map.pgm", "image: map.yaml", "map.yaml: is no PGM, PPM, PNG or BMP picture"),
+    ("negate: 0", "negate: 0\nmode: grey", "mode: is the text 'grey'; allowed: trinary, scale or raw"),
+    ("negate: 0", "negate: [", "map.yaml:"),
+])  # fmt: skip
+def test_a_map_that_cannot_be_read_is_told(old: str, new: str, what: str, tmp_path: Path) -> None:
+    file = _map(tmp_path, _room_imports())
+    assert old in file.read_text()
+    file.write_text(file.read_text().replace(old, new))
+    with pytest.raises(ImportedFileError) as caught:
+        read_ros_map(file)
+    assert what in str(caught.value)
+
+
+@given(seed=st.integers(0, 10_000), share=st.floats(0.05, 0.7))
+@settings(max_examples=20)
+def test_any_region_is_covered_by_polygons_without_holes(seed: int, share: float) -> None:
+    rows, columns = np.nonzero(np.random.default_rng(seed).random((14, 14)) < share)
+    region = shapely.union_all(shapely.box(columns, rows, columns + 1, rows + 1))
+    for tolerance in (0.0, 0.75):
+        grown = covering(region, tolerance) if tolerance else region
+        outlines = list(hole_free(grown))
+        assert all(3 <= len(outline) <= MOST_CORNERS for outline in outlines)
+        whole = shapely.union_all([shapely.Polygon(outline) for outline in outlines])
+        assert shapely.area(shapely.difference(region, shapely.buffer(whole, 1e-9))) < 1e-9
+        assert shapely.area(whole) == pytest.approx(shapely.area(grown), rel=1e-5)

@@ -1,12 +1,16 @@
-"""The robot in a scenario file: where its parts are, what it may not meet, and its drive."""
+"""The robot and its pushes in a scenario file: where its parts are, which faces it takes, what is wrong."""
+
+import math
 
 import numpy as np
 import pytest
 import shapely
+from conftest import there
 from scenarios.conftest import Changed
 
-from pushplan.mechanics.body import BodyKind
-from pushplan.scenario.file import scenario_from_document
+from pushplan.errors import ScenarioError
+from pushplan.scenario.file import scenario_from_document, scenario_from_text
+from pushplan.scenario.model import Scenario
 
 ROOMY = "  - {circle: 0.1, center: [1.0, 0.2]}\n", ""
 """The change that leaves room for a robot at the goal."""
@@ -14,20 +18,6 @@ ROOMY = "  - {circle: 0.1, center: [1.0, 0.2]}\n", ""
 
 def with_robot(stated: str) -> tuple[str, str]:
     return "start: [0.0, 0.0, 0.0]", f"robot: {stated}\nstart: [0.0, 0.0, 0.0]"
-
-
-def test_a_box_stands_behind_the_front_edge_of_the_plate(valid: Changed) -> None:
-    chain = valid.scenario(with_robot("{footprint: {box: [0.42, 0.285], pose: [-0.21, 0, 0]}}"), ROOMY).chain
-    (part,) = chain.pusher.footprint
-    low, high = part.min(axis=0), part.max(axis=0)
-    np.testing.assert_allclose([*low, *high], [-0.42, -0.1425, 0.0, 0.1425], atol=1e-15)
-    assert [(body.name, body.kind) for body in chain.bodies] == [
-        ("robot", BodyKind.ROBOT),
-        ("pusher", BodyKind.PLATE),
-        ("near", BodyKind.OBJECT),
-        ("far", BodyKind.OBJECT),
-    ]
-    assert valid.scenario().chain.pusher.footprint == ()
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.07, -0.055])
@@ -47,9 +37,8 @@ def test_poses_are_in_the_frame_of_the_plate_wherever_that_touches(valid: Change
     expected = shapely.Polygon([(-0.3, 0.02), (-0.3, 0.22), (-0.4, 0.02)])
     assert shapely.Polygon(pusher.footprint[0] - front).symmetric_difference(expected).area < 1e-15
     assert (pusher.drive.kind, pusher.drive.min_radius) == ("car", 1.0)
-    assert pusher.drive.axle is not None
     np.testing.assert_allclose(
-        pusher.drive.axle, [front[0] - 0.3, front[1] + 0.01, np.radians(5.0)], atol=1e-15
+        there(pusher.drive.axle), [front[0] - 0.3, front[1] + 0.01, np.radians(5.0)], atol=1e-15
     )
 
 
@@ -69,30 +58,78 @@ def test_what_is_resolved_is_the_same_scenario(valid: Changed, stated: str) -> N
 
 
 @pytest.mark.parametrize(("stated", "finding"), [
-    (
-        "{footprint: {box: [0.42, 0.285], pose: [-0.2, 0, 0]}}",
-        "f.yaml:21:20: robot.footprint: 'robot' overlaps 'near' by 10 mm; move them apart",
-    ),
-    (
-        "{footprint: [{box: [0.1, 0.1], pose: [-0.1, 0, 0]}, {polygon: [[0, 0.1], [0.15, 0.03], [0.15, 0.1]]}]}",
-        "f.yaml:21:60: robot.footprint[1]: 'robot' overlaps 'far' by 20 mm; move them apart",
-    ),
-    (
-        "{footprint: {polygon: [[-0.2, -0.1], [0, -0.1], [0, -0.04], [0.1, -0.04], [0.1, -0.15], [-0.2, -0.15]]}}",
-        "f.yaml:21:20: robot.footprint: 'robot' touches 'near' beside the plate, which alone may push; move it back",
-    ),
-    (
-        "{drive: omnidirectional}",
-        "f.yaml:21:9: robot.drive: is stated in pusher.drive, too; keep one of them",
-    ),
-    (
-        "{footprint: {box: [0.55, 0.285], pose: [-0.275, 0, 0]}}",
-        "f.yaml:22:8: start: at the start, 'robot' leaves the workspace (x >= -0.5) by 50 mm",
-    ),
-    (
-        "{footprint: {box: [0.1, 0.1], pose: [-0.15, -1.15, 0]}}",
-        "f.yaml:24:9: goal.pose: at the goal, 'robot' leaves the workspace (x <= 2) by 410 mm",
-    ),
+    ("{footprint: {box: [0.42, 0.285], pose: [-0.2, 0, 0]}}",
+     "f.yaml:21:20: robot.footprint: 'robot' overlaps 'near' by 10 mm; move them apart"),
+    ("{footprint: {polygon: [[-0.2, -0.1], [0, -0.1], [0, -0.04], [0.1, -0.04], [0.1, -0.15], [-0.2, -0.15]]}}",
+     "f.yaml:21:20: robot.footprint: 'robot' touches 'near' beside the plate, which alone may push; move it back"),
+    ("{drive: omnidirectional}", "f.yaml:21:9: robot.drive: is stated in pusher.drive, too; keep one of them"),
+    ("{footprint: {box: [0.1, 0.1], pose: [-0.15, -1.15, 0]}}",
+     "f.yaml:24:9: goal.pose: at the goal, 'robot' leaves the workspace (x <= 2) by 410 mm"),
 ])  # fmt: skip
 def test_findings_name_the_place_and_what_helps(valid: Changed, stated: str, finding: str) -> None:
     assert finding in valid.findings(with_robot(stated))
+
+
+# Several pushes in a scenario file: what is read, what a file without them means, and what is wrong with it.
+
+FILE = """\
+format: pushplan/1
+name: behind
+floor: {friction: 0.3}
+objects:
+  - {name: box, shape: {box: [0.15, 0.15]}, mass: 1.0}
+pusher: {width: 0.2, friction: 0.5}
+robot: {start: [0.2, 1.0, 0.0]}
+start: [1.0, 1.0, 0.0]
+goal: {pose: [2.0, 1.0, 0.0], of: box}
+workspace: {x: [0.0, 3.0], y: [0.0, 3.0]}
+"""
+
+
+def changed(*changes: tuple[str, str]) -> str:
+    text = FILE
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+def read(*changes: tuple[str, str]) -> Scenario:
+    return scenario_from_text(changed(*changes))
+
+
+def findings(*changes: tuple[str, str]) -> list[str]:
+    with pytest.raises(ScenarioError) as error:
+        read(*changes)
+    return [finding.text("s.yaml") for finding in error.value.findings]
+
+
+def test_symmetry_turns_the_goal_about_the_object_that_it_is_for() -> None:
+    pushes = there(read(("of: box}", "of: box, symmetry: 4}")).pushes)
+    assert [round(math.degrees(goal.pose[2])) % 360 for goal in pushes.goals] == [0, 90, 180, 270]
+    for goal in pushes.goals:
+        ahead = 0.075 * np.array([math.cos(goal.pose[2]), math.sin(goal.pose[2])])
+        np.testing.assert_allclose(goal.pose_chain[:2] + ahead, [2.0, 1.0], atol=1e-12)
+
+
+WRONG = """\
+of: box} | of: box, symmetry: 4} | 8:40: goal.symmetry: is for multi-push plans: it needs a robot.start,
+friction: 0.5} | friction: 0.5, faces: all} | 6:37: pusher.faces: is for multi-push plans: it needs a robot.start,
+friction: 0.5} | friction: 0.5, faces: [behind]} | faces[0]: is the text 'behind'; allowed: rear, front, left, right,
+[0.2, 1.0, 0.0]} | [0.0, 1.0, 0.0]} | 7:16: robot.start: at the robot's start, 'pusher' leaves the workspace (x >= 0)
+[0.2, 1.0, 0.0]} | [1.05, 1.0, 0.0]} | 7:16: robot.start: at the robot's start, 'pusher' overlaps 'box' by 50 mm
+[2.0, 1.0, 0.0] | [3.0, 1.0, 0.0] | 9:14: goal.pose: at the goal, 'box' leaves the workspace (x <= 3) by 75 mm
+of: box | of: bix | 9:35: goal.of: no object is called 'bix'; did you mean 'box'? allowed: box
+name: behind | planner: {name: rrt} | planner.name: is for a single push; multi-push plans have auto only
+name: behind | pushes: {most: 0} | pushes.most: is 0; allowed: a whole number from 1 to 100
+name: behind | clearance: 0.1 | pushes.approach: is 0.05 m, and the robot keeps 0.1 m from the objects
+"""
+"""What is replaced in the file, by what, and what is told; what needs a robot's start is told where there is none."""
+
+
+@pytest.mark.parametrize("row", WRONG.splitlines())
+def test_what_is_wrong_is_told_with_its_place(row: str) -> None:
+    old, new, expected = row.split(" | ")
+    without = [("robot: {start: [0.2, 1.0, 0.0]}\n", "")] if "needs a robot.start" in expected else []
+    found = findings((old, new), *without)
+    assert any(expected in finding for finding in found), found

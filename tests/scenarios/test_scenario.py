@@ -1,52 +1,30 @@
-"""A scenario as a whole: defaults, resolution, round trips, packaged ones, stable sets, any mutation."""
+"""A scenario as a whole: defaults, resolution, round trips, packaged ones, thousands of obstacles, any mutation."""
 
 import json
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from random import Random
+from typing import Any
 
 import mutators
 import numpy as np
 import pytest
+from conftest import there
 from scenarios.conftest import Changed
+from work import calls_of
 
+import pushplan
 from pushplan.errors import ScenarioError
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
-from pushplan.scenario.check import check_scenario
+from pushplan.scenario import room, source
+from pushplan.scenario.builders import box, build_scenario, plate, polygon
+from pushplan.scenario.check import check_scenario, questions
 from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_text
-from pushplan.scenario.model import CircleObstacle, PolygonObstacle, Workspace
-
-SMALLEST = """\
-format: pushplan/1
-floor: {friction: 0.3}
-objects: [{name: box, shape: {box: [0.1, 0.2]}, mass: 1}]
-pusher: {width: 0.3, friction: 0.5}
-goal: {pose: [1, 0, 0]}
-"""
-
-
-def test_the_documented_example_is_understood(valid: Changed) -> None:
-    scenario = valid.scenario(
-        ("drive: omnidirectional", "drive: {car: {axle: [-0.3, 0, 10 deg], min_radius: 40 cm}}"),
-        ("thickness: 0.03", "thickness: 3 cm\n  contact_height: 25 mm\n  limits: {speed: 500 mm/s}"),
-        ("seed: 1", "seed: 7"),
-        ("margin: auto", "margin: 0.05"),
-    )
-    assert scenario.workspace == Workspace(-0.5, 2.0, -0.5, 2.0)
-    triangle, box, circle = scenario.obstacles
-    assert isinstance(triangle, PolygonObstacle)
-    assert isinstance(box, PolygonObstacle)
-    assert isinstance(circle, CircleObstacle)
-    np.testing.assert_allclose(box.outline.mean(axis=0), [0.3, 1.0])
-    assert np.linalg.norm(box.outline[1] - box.outline[0]) == pytest.approx(0.2)
-    assert circle.radius == 0.1
-    drive, limits = scenario.chain.pusher.drive, scenario.chain.pusher.limits
-    assert (drive.kind, drive.min_radius) == ("car", 0.4)
-    assert drive.axle is not None
-    np.testing.assert_allclose(drive.axle, [-0.3, 0.0, np.radians(10.0)])
-    assert (limits.speed, limits.jerk) == (0.5, 5.0)
-    assert scenario.chain.pusher.contact_height == 0.025
-    assert scenario.stability.margin == 0.05
-    assert scenario.planner.seed == 7
+from pushplan.scenario.model import CircleObstacle, PolygonObstacle, Scenario
+from pushplan.scenario.room import MOST_TOLD
 
 
 def test_supports_are_what_the_file_says(valid: Changed, tmp_path: Path) -> None:
@@ -63,8 +41,7 @@ def test_supports_are_what_the_file_says(valid: Changed, tmp_path: Path) -> None
     np.testing.assert_allclose(affine.center, [0.01, 0.005])
     loaded = support("support: {feet: [[0.04, 0.03, 25 %], [-0.04, 0.03, 0.25], [0, -0.03, 0.5]]}")
     assert isinstance(loaded, FeetSupport)
-    assert loaded.fractions is not None
-    np.testing.assert_allclose(loaded.fractions, [0.25, 0.25, 0.5])
+    np.testing.assert_allclose(there(loaded.fractions), [0.25, 0.25, 0.5])
     bare = support("support: {feet: [[0.04, 0.03], [-0.04, 0.03], [0, -0.03]]}")
     assert isinstance(bare, FeetSupport)
     assert not bare.known
@@ -95,29 +72,6 @@ def test_packaged_scenarios_load_and_resolve_to_themselves(name: str) -> None:
         assert one.friction == other.friction
 
 
-def test_a_file_comes_before_a_packaged_scenario_of_its_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "one-box").write_text(SMALLEST)
-    assert load_scenario("one-box").chain.objects[0].mass == 1.0
-    (tmp_path / "one-box").unlink()
-    assert load_scenario("one-box").chain.objects[0].mass == 6.0
-    with pytest.raises(ScenarioError):
-        load_scenario(Path("one-box"))
-
-
-def test_a_text_and_its_attachments_give_the_scenario_back(valid: Changed, tmp_path: Path) -> None:
-    file = tmp_path / "f.yaml"
-    file.write_text(valid(("support: uniform", "support: {pressure_map: map.csv}")))
-    (tmp_path / "map.csv").write_text("x,y,pressure\n0,0,1\n")
-    scenario = load_scenario(file)
-    assert dict(scenario.attachments) == {"map.csv": b"x,y,pressure\n0,0,1\n"}
-    assert scenario_from_text(scenario.source, "f.yaml", scenario.attachments) == scenario
-    other = {"map.csv": b"x,y,pressure\n0.01,0,1\n"}
-    assert scenario_from_text(scenario.source, "f.yaml", other) != scenario
-
-
 def test_an_empty_stable_set_is_found_at_the_contact_that_makes_it_empty(valid: Changed) -> None:
     assert check_scenario(valid.scenario()) == ()
     slippery = check_scenario(valid.scenario(("friction: 0.20", "friction: 0")))
@@ -132,7 +86,7 @@ def test_an_empty_stable_set_is_found_at_the_contact_that_makes_it_empty(valid: 
 
 def test_any_mutation_of_a_file_is_a_scenario_or_a_located_error(valid: Changed) -> None:
     document = json.loads(valid.scenario().to_json())
-    for seed in range(120):
+    for seed in range(60):
         assert_reads_or_refuses(mutators.mutated_text(valid(), Random(seed)))
         assert_reads_or_refuses(json.dumps(mutators.mutated_document(document, Random(seed))))
 
@@ -149,3 +103,179 @@ def assert_reads_or_refuses(text: str) -> None:
     for finding in findings:
         assert finding.line is not None
         assert finding.text("f.yaml").isprintable()
+
+
+# A scenario file is read once, and reading needs no compiled code.
+
+REARRANGEMENT = """\
+format: pushplan/1
+floor: {friction: 0.30}
+objects:
+  - {name: red, shape: {box: [0.30, 0.20]}, mass: 4.0, pose: [1.2, 1.0, 0.0]}
+  - {name: blue, shape: {box: [0.20, 0.20]}, mass: 3.0, pose: [1.2, 2.2, 90 deg], support: unknown}
+pusher: {width: 0.28, friction: 0.50, limits: {speed: 9}}
+robot: {start: [2.4, 1.6, 0.0]}
+goals: {red: [2.0, 2.0, 0.0]}
+stability: {set: ecof}
+"""
+
+
+@pytest.fixture
+def parsed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The texts that were parsed."""
+    texts: list[str] = []
+    decoded = source._decoded
+
+    def noted(data: bytes) -> str:
+        texts.append(decoded(data))
+        return texts[-1]
+
+    monkeypatch.setattr(source, "_decoded", noted)
+    return texts
+
+
+def test_reading_checking_and_asking_parse_a_file_once(tmp_path: Path, parsed: list[str]) -> None:
+    file = tmp_path / "two.yaml"
+    file.write_text(REARRANGEMENT)
+    scenario = pushplan.load_scenario(file)
+    (question,) = questions(there(scenario.origin))
+    assert (question.where, question.line, question.column) == ("pusher.limits.speed", 6, 55)
+    (finding,) = check_scenario(scenario.alone("blue"))
+    assert finding.where == "stability.set"
+    assert check_scenario(scenario.alone("red")) == ()
+    assert parsed == [REARRANGEMENT]
+
+
+def test_loading_a_scenario_loads_no_planner() -> None:
+    words = (
+        "import sys, pushplan.scenario.file as f; f.load_scenario('two-crates'); print('ompl' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
+
+
+# Thousands of obstacles: files load, or are refused with words, by work that grows as they do (no clock is read).
+
+HEAD = """\
+format: pushplan/1
+name: many
+floor: {friction: 0.35}
+objects: [{name: box, shape: {box: [0.3, 0.4]}, mass: 6.0}]
+pusher: {width: 0.5, friction: 0.5}
+goal: {pose: [2.2, 1.2, 60 deg]}
+obstacles:
+"""
+FORMS = {
+    "circle": "  - {{circle: 0.05, center: [{x:.4f}, {y:.4f}]}}\n",
+    "box": "  - {{box: [0.05, 0.04], pose: [{x:.4f}, {y:.4f}, 10 deg]}}\n",
+    "polygon": "  - {{polygon: [[{x:.4f}, {y:.4f}], [{u:.4f}, {y:.4f}], [{x:.4f}, {v:.4f}]]}}\n",
+}
+
+
+def _text(form: str, count: int, spacing: float, begin: float) -> str:
+    """Return a scenario with obstacles in rows of a hundred."""
+    places = [(begin + spacing * (i % 100), begin + spacing * (i // 100)) for i in range(count)]
+    return HEAD + "".join(FORMS[form].format(x=x, y=y, u=x + 0.05, v=y + 0.05) for x, y in places)
+
+
+def _free(form: str, count: int) -> str:
+    return _text(form, count, 0.2, 5.0)
+
+
+def _met(form: str, count: int) -> str:
+    """Return a scenario whose box has every obstacle in it at the start."""
+    return _text(form, count, 1e-4, 0.1)
+
+
+def _refusal(text: str) -> ScenarioError:
+    with pytest.raises(ScenarioError) as caught:
+        scenario_from_text(text)
+    return caught.value
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_body_amid_thousands_has_a_few_sentences(form: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """How deep it is in each takes long to find, and nobody reads thousands of lines."""
+    looked: list[str] = []
+    too_near = room._too_near
+
+    def counted(*args: object) -> str:
+        looked.append(str(args[2]))
+        return too_near(*args)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(room, "_too_near", counted)
+    findings = [finding.what for finding in _refusal(_met(form, 600)).findings]
+    near = [what for what in findings if "'box'" in what]
+    assert len(near) == MOST_TOLD + 1
+    assert near[0].startswith("at the start, 'box' overlaps obstacles[0] by ")
+    assert near[-1] == (
+        f"at the start, 'box' is as near to more obstacles than these {MOST_TOLD}, which are not listed"
+    )
+    assert looked.count("obstacles[20]") <= 2 * 2  # of box and pusher, at start and goal
+    assert len(looked) <= 4 * (MOST_TOLD + 1)
+
+
+@pytest.mark.parametrize(("form", "make"), [("circle", _free), ("polygon", _met)])
+def test_work_grows_as_the_file_does(form: str, make: Callable[[str, int], str]) -> None:
+    few, many = (calls_of(partial(scenario_from_text, make(form, count))) for count in (100, 200))
+    assert many < 2.2 * few
+
+
+# Scenarios made in Python are those that a file states, with the same checks.
+
+TRIANGLE = np.array([[0.5, 0.2], [0.7, 0.2], [0.6, 0.5]])
+TEXT = """\
+format: pushplan/1
+name: row
+floor: {friction: 0.3}
+objects:
+  - {name: a, shape: {box: [0.1, 0.08]}, mass: 1.2, support: unknown}
+  - {name: b, shape: {polygon: [[-0.05, -0.04], [0.05, -0.04], [0.05, 0.04], [-0.05, 0.04]]}, mass: 0.8, offset: 0.01}
+contacts: {friction: 14 deg}
+pusher: {width: 0.2, friction: 0.55, drive: {differential: {axle: [-0.3, 0, 0]}}}
+goal: {pose: [1.2, 0.8, 90 deg], of: b}
+workspace: {x: [-0.5, 2], y: [-0.5, 2]}
+obstacles:
+  - {polygon: [[0.5, 0.2], [0.7, 0.2], [0.6, 0.5]]}
+  - {circle: 0.1, center: [1.0, 0.2]}
+stability: {set: stable}
+"""
+
+
+def _row(**changes: Any) -> Scenario:
+    square = np.array([[-0.05, -0.04], [0.05, -0.04], [0.05, 0.04], [-0.05, 0.04]])
+    arguments: dict[str, Any] = {
+        "objects": [box("a", 0.1, 0.08, 1.2, support="unknown"), polygon("b", square, 0.8, offset=0.01)],
+        "pusher": plate(0.2, 0.55, drive={"differential": {"axle": np.array([-0.3, 0.0, 0.0])}}),
+        "goal": np.array([1.2, 0.8, np.pi / 2]),
+        "floor_friction": 0.3,
+        "contact_friction": "14 deg",
+        "of": "b",
+        "obstacles": [TRIANGLE, CircleObstacle(np.array([1.0, 0.2]), 0.1)],
+        "workspace": {"x": [-0.5, 2], "y": [-0.5, 2]},
+        "stability": {"set": "stable"},
+    }
+    return build_scenario("row", **(arguments | changes))
+
+
+def test_arguments_and_file_state_the_same_scenario() -> None:
+    assert _row() == scenario_from_text(TEXT)
+    assert _row(obstacles=[PolygonObstacle(TRIANGLE)]) == _row(obstacles=[TRIANGLE.tolist()])
+
+
+def test_mistakes_are_told_all_at_once_by_place() -> None:
+    with pytest.raises(ScenarioError) as caught:
+        _row(objects=[box("a", -0.1, 0.08, 1.2)], goal=(0.0, np.nan, 0.0), widht=3)
+    places = {finding.where for finding in caught.value.findings}
+    assert places == {"objects[0].shape.box[0]", "goal.pose[1]", "widht"}
+    assert all(finding.line is None for finding in caught.value.findings)
+    assert str(caught.value).startswith("row.json: objects[0].shape.box[0]: is -0.1; allowed: a length")
+
+
+def test_a_pressure_map_is_attached() -> None:
+    table = b"x,y,pressure\n0.01,0,1\n-0.01,0,1\n"
+    bodies = [box("a", 0.1, 0.08, 1.2, support={"pressure_map": "map.csv"})]
+    scenario = _row(objects=bodies, of="a", attachments={"map.csv": table})
+    assert scenario.attachments == {"map.csv": table}
+    with pytest.raises(ScenarioError, match=r"'map.csv' is not attached"):
+        _row(objects=bodies, of="a")

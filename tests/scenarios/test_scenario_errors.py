@@ -1,16 +1,19 @@
-"""Everything wrong in a scenario is told with its place, what is wrong, and what is allowed."""
+"""Everything wrong or doubtful in a scenario is told with its place, what is wrong, and what is allowed."""
 
+import math
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scenarios.conftest import Changed
 
-from pushplan.errors import ScenarioError
+from pushplan.errors import Finding, ScenarioError
+from pushplan.scenario.check import questions
 from pushplan.scenario.file import load_scenario
-from pushplan.util import names
+from pushplan.scenario.source import MOST_BYTES, MOST_DEPTH, MOST_NODES, DocumentError, Source, resolve
 
 MASS = 'a mass in kg from 1e-06 to 1000000, or with a unit, e.g. "800 g"'
-SETS = "one of ecof, cof, translation, stable, robust"
 
 
 def mistakes() -> list[tuple[str, str, str]]:
@@ -47,47 +50,6 @@ def test_findings_of_all_stages_are_told_at_once_in_the_order_of_the_file(valid:
     ]
 
 
-def test_a_planner_that_went_to_the_benchmarks_is_told_with_its_replacement(
-    valid: Changed, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(names, "PLANNERS", ("rrt", "auto"))
-    (found,) = valid.findings(("name: rrt,", "name: rrt-dubins,"))
-    assert found.startswith(
-        "f.yaml:32:17: planner.name: is 'rrt-dubins', a baseline that is in the benchmarks now;"
-    )
-    assert "allowed: auto" in found
-
-
-def test_start_and_goal_are_checked_beside_wrong_values(valid: Changed) -> None:
-    found = valid.findings(
-        ("start: [0.0, 0.0, 0.0]", "start: [-0.48, 0, 0]"),
-        ("set: ecof", "set: all"),
-        ("mass: 0.8", "mass: 0"),
-    )
-    assert found == [
-        f"f.yaml:11:11: objects[1].mass: is 0; allowed: {MASS}",
-        "f.yaml:21:8: start: at the start, 'pusher' leaves the workspace (x >= -0.5) by 10 mm",
-        f"f.yaml:31:18: stability.set: is the text 'all'; allowed: {SETS}",
-    ]
-
-
-def test_a_file_that_cannot_be_read_says_why(tmp_path: Path) -> None:
-    for path, reason in ((tmp_path / "none.yaml", "No such file or directory"), (tmp_path, "Is a directory")):
-        with pytest.raises(ScenarioError) as caught:
-            load_scenario(path)
-        assert str(caught.value) == f"{path}: cannot read the file: {reason}"
-
-
-def test_a_name_that_is_no_file_is_held_against_the_packaged_ones() -> None:
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario("two_crates")
-    expected = (
-        "two_crates: cannot read the file: No such file or directory; no packaged scenario is called so either; "
-        "did you mean 'two-crates'? there are asymmetric, carts, "
-    )
-    assert str(caught.value).startswith(expected)
-
-
 def test_a_pressure_map_stays_in_the_folder_of_the_scenario(valid: Changed, tmp_path: Path) -> None:
     (tmp_path / "inside").mkdir()
     (tmp_path / "secret.csv").write_text("x,y,pressure\n0,0,1\n")
@@ -101,3 +63,145 @@ def test_a_pressure_map_stays_in_the_folder_of_the_scenario(valid: Changed, tmp_
             f"f.yaml:8:14: objects[0].support: is the name '{name if len(name) < 41 else name[:37] + '...'}'; "
             "allowed: a file in the scenario's folder"
         ]
+
+
+# Numbers that a file may state but hardly means are asked about; with a unit they never are.
+
+IN_MILLIMETRES = """\
+format: pushplan/1
+name: mm
+floor: {friction: 0.30}
+objects:
+  - {name: near, shape: {box: [120, 80]}, mass: 1.2}
+  - {name: far, shape: {polygon: [[-50, -40], [50, -40], [50, 40], [-50, 40]]}, mass: 0.8}
+contacts: {friction: 0.5}
+pusher: {width: 200, thickness: 30, friction: 0.50, limits: {speed: 200}}
+start: [0, 0, 0]
+goal: {pose: [3000, 1000, 5]}
+workspace: {x: [-0.5, 4], y: [-0.5, 2]}
+"""
+SMALL = "[-0.05, -0.04], [0.05, -0.04], [0.05, 0.04], [-0.05, 0.04]"
+
+
+def asked(text: str) -> list[str]:
+    return [question.text("f.yaml") for question in questions(Source(text.encode()))]
+
+
+def test_what_follows_from_millimetres_is_one_finding(tmp_path: Path) -> None:
+    file = tmp_path / "mm.yaml"
+    file.write_text(IN_MILLIMETRES)
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(file)
+    (finding,) = caught.value.findings
+    assert (finding.where, finding.line, finding.column) == ("objects[0].shape.box", 5, 31)
+    assert 'is 120 m long: mm? plain numbers are m; write "120 mm"' in finding.what
+    assert "more error" in finding.what
+
+
+@pytest.mark.parametrize(("pusher", "question"), [
+    ("limits: {speed: 30}", "pusher.limits.speed: is 30 m/s: mm/s?"),
+    ("limits: {speed: 1.0e-4}", "pusher.limits.speed: is 0.1 mm/s: m/s?"),
+    ("drive: {differential: {axle: [-350, 0, 0]}}", "axle[0]: is -350 m from the plate: mm?"),
+    ("drive: {differential: {axle: [-0.35, 0, 0]}}, limits: {speed: 30 m/s}", ""),
+])  # fmt: skip
+def test_speeds_and_axles_are_asked_about(pusher: str, question: str) -> None:
+    text = IN_MILLIMETRES.replace("[3000, 1000, 5]", "[3, 1, 0]").replace("[120, 80]", "[0.12, 0.08]")
+    text = text.replace("[-50, -40], [50, -40], [50, 40], [-50, 40]", SMALL)
+    found = asked(text.replace("limits: {speed: 200}", pusher))
+    assert len(found) == bool(question)
+    assert question in "".join(found)
+
+
+# YAML text to located plain data: what is taken, and where and why the rest is refused.
+
+
+def findings_of(data: bytes) -> tuple[Finding, ...]:
+    """Return the findings about a text that cannot be read, or only in part."""
+    try:
+        return Source(data).findings
+    except DocumentError as error:
+        return error.findings
+
+
+def refusal(data: bytes | str) -> str:
+    """Return the findings as lines."""
+    raw = data if isinstance(data, bytes) else data.encode()
+    return "\n".join(finding.text("f") for finding in findings_of(raw))
+
+
+@pytest.mark.parametrize(("text", "value"), [
+    ("1e-3", 1e-3), ("-.5", -0.5), ("1.", 1.0), ("0o17", 15), ("0x1F", 31), ("+12", 12), ("1" * 30, int("1" * 30)),
+    ("true", True), ("FALSE", False), ("~", None), ("", None), ("no", "no"), ("on", "on"), ("1_000", "1_000"),
+    ("1:30", "1:30"), ("90 deg", "90 deg"), ("0b1", "0b1"), ("1e", "1e"), (".", "."), ("-.Inf", -math.inf),
+    ("1e999", math.inf), ("9" * 5000, math.inf), ("-" + "9" * 5000, -math.inf),
+])  # fmt: skip
+def test_scalars_follow_the_core_schema_of_yaml_1_2(text: str, value: object) -> None:
+    found = resolve(text)
+    assert found == value
+    assert type(found) is type(value)
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_every_float_that_python_prints_is_read_back(value: float) -> None:
+    assert resolve(repr(value)) == value
+
+
+def test_findings_know_their_place() -> None:
+    source = Source("# é\na: 1\nb:\n  - x\n  - {c: [1, 2]}\n".encode())
+    for place, at_key, position in (
+        (("b", 1, "c", 1), False, (5, 13)),
+        (("b", 1, "c"), True, (5, 6)),
+        (("b", 1, "missing"), False, (5, 5)),
+        (("b", 9), False, (4, 3)),
+    ):
+        found = source.finding(place, "is wrong", at_key)
+        assert (found.line, found.column) == position
+
+
+@pytest.mark.parametrize(
+    ("text", "finding"),
+    [
+        ("a: *x", "f:1:4: a: aliases (*x) are not supported; write the value out"),
+        ("a: &x 1", "f:1:4: a: anchors (&x) are not supported; leave it out"),
+        ("a: !!float 1", "f:1:4: a: tags (tag:yaml.org,2002:float) are not supported; leave it out"),
+        ("a: !mine 1", "f:1:4: a: tags (!mine) are not supported; leave it out"),
+        ("b:\n  <<: {a: 1}", "f:2:3: b.<<: merge keys (<<) are not supported; write the keys out"),
+        ("a: 1\nb: 2\na: 3", "f:3:1: a: the key stands twice, first in line 1; keep one"),
+        ("x:\n  - {a: 1, a: 2}", "f:2:12: x[0].a: the key stands twice, first in line 2; keep one"),
+        ("? [1, 2]\n: 3", "f:1:3: ?: a key must be text, not a list or a mapping"),
+        ("a: 1\n---\nb: 2", "f:2:1: a second document begins here; a file must hold one"),
+        ("a: 1\n\tb: 2", "f:2:1: not valid YAML: a tab cannot stand here; indent with spaces"),
+        ("a: [1, 2", "f:1:9: not valid YAML: a list in [...] lacks a ',' or its ']'"),
+        ("a: {b: 1", "f:1:9: not valid YAML: a mapping in {...} lacks a ',' or its '}'"),
+        ("a: 'x", "f:1:6: not valid YAML: a quoted text lacks its closing quote"),
+        (
+            "a: b: c",
+            "f:1:5: not valid YAML: a ':' cannot stand here; indent the line like its neighbours, or quote the text",
+        ),
+        ('a: "\\U00110000"', "f:1:7: not valid YAML: a number or an escape is out of range"),
+        ("a: x\x00y", "f:1:5: the control character U+0000 is not allowed"),
+        ("a: 1\nb: \u2028", "f:2:4: the control character U+2028 is not allowed"),
+        (b"a: 1\nb: '\xff'", "f:2:5: the byte 0xff is not UTF-8; save the file as UTF-8"),
+        ("a".encode("utf-16"), "f:1:1: the byte 0xff is not UTF-8; save the file as UTF-8"),
+    ],
+)
+def test_refusals_say_where_and_why(text: bytes | str, finding: str) -> None:
+    assert refusal(text) == finding
+
+
+def test_size_depth_and_number_of_values_are_limited() -> None:
+    assert (
+        refusal(b"#" * (MOST_BYTES + 1)) == f"f:1:1: the file is larger than the {MOST_BYTES} bytes allowed"
+    )
+    deep = "[" * 100 + "]" * 100
+    assert (
+        refusal(deep) == f"f:1:{MOST_DEPTH + 2}: [0][0]: nested deeper than the {MOST_DEPTH} levels allowed"
+    )
+    assert Source(("[" * MOST_DEPTH + "]" * MOST_DEPTH).encode()).findings == ()
+    many = "[" + "1," * MOST_NODES + "]"
+    assert refusal(many).endswith(f"the file holds more than the {MOST_NODES} values allowed")
+
+
+@given(st.text(alphabet="\t\n :-[]{}&*!|>'\"%@`#,?.~<=\\0a1é\x85", max_size=30))
+def test_any_text_is_read_or_refused_with_a_place(text: str) -> None:
+    assert all(finding.line is not None for finding in findings_of(text.encode()))

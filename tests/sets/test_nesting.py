@@ -42,7 +42,7 @@ def test_stable_is_inside_robust_is_inside_ecof(make_chain: ChainMaker, pressure
         margins = robust.margin(twists)
         assert not (stable_set(chain, "stable").contains(twists) & (margins <= 0.0)).any()
         inside += int((margins > 0.0).sum())
-        for _ in range(5):
+        for _ in range(3):
             for loaded in (pressures.on_points(chain), pressures.spread(chain)):
                 exact = stable_set(loaded, "ecof").margin(twists)
                 assert not ((margins > 0.0) & (exact < margins - 1e-9)).any()

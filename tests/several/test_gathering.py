@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from conftest import there
 
 import pushplan
-from pushplan.errors import PlanningError, ScenarioError
+from pushplan.errors import ScenarioError
 from pushplan.geometry import se2
-from pushplan.mechanics.faces import ways_through
 from pushplan.planners.multi import hands
 from pushplan.planners.validator import Validator
 from pushplan.plans.plan import Plan, Segment
@@ -107,37 +107,18 @@ def test_what_is_wrong_with_a_row_is_told_with_its_place(
     assert told in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("row", "more", "told"),
-    [
-        ({"anywhere": True}, {"gather": "never"}, "does not go together with a row anywhere"),
-        ({"wall": "xmin"}, {"workspace": None}, "needs a workspace, whose sides are the walls"),
-    ],
-)
-def test_rows_that_fit_nowhere_are_refused(row: dict[str, Any], more: dict[str, Any], told: str) -> None:
-    stated = {key: value for key, value in document(row, **more).items() if value is not None}
-    with pytest.raises(ScenarioError, match=told):
-        scenario_from_document(stated)
-
-
 def test_a_scenario_of_a_row_is_the_same_when_it_is_read_again() -> None:
     for row in ({"pose": [3.0, 2.0, 0.0]}, {"wall": "ymin", "order": "given"}, {"anywhere": True}):
         scenario = scenario_from_document(document(row, gather="auto"))
         again = scenario_from_document(json.loads(scenario.to_json()))
         assert again == scenario
-        assert again.row is not None
-        assert again.row.of == ("a", "b", "c")
+        assert there(again.row).of == ("a", "b", "c")
 
 
-@pytest.mark.parametrize(
-    ("row", "drive"),
-    [
-        ({"pose": [3.0, 2.0, 0.0]}, "car"),
-        ({"wall": "any", "order": "given"}, "omnidirectional"),
-        ({"anywhere": True}, "omnidirectional"),
-    ],
-    ids=["pose, car", "any wall, in order", "anywhere"],
-)
+@pytest.mark.parametrize(("row", "drive"), [
+    ({"pose": [3.0, 2.0, 0.0]}, "car"), ({"wall": "any", "order": "given"}, "omnidirectional"),
+    ({"anywhere": True}, "omnidirectional"),
+], ids=["pose, car", "any wall, in order", "anywhere"])  # fmt: skip
 def test_rows_are_made_and_pass_the_checks_of_other_hands(row: dict[str, Any], drive: str) -> None:
     stated = document(row)
     if drive == "car":
@@ -146,8 +127,7 @@ def test_rows_are_made_and_pass_the_checks_of_other_hands(row: dict[str, Any], d
     plan = solved(stated)
     told = json.loads(json.dumps(plan.to_dict(), default=float))
     assert list(wrong_in(stated, told, 0.1)) == []
-    assert plan.execution is not None
-    assert plan.execution.goal_error == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert there(plan.execution).goal_error == pytest.approx((0.0, 0.0), abs=1e-6)
     report = simulate(plan, World.from_scenario(plan.scenario))
     assert report.kept
     assert report.arrived(plan.scenario)
@@ -181,10 +161,8 @@ def test_objects_are_pushed_together_one_by_one_or_as_costs_decide(made: tuple[S
     assert max(len(names) for _, names in kinds(apart)) == 1
     assert sum(kind == "retreat" for kind, _ in kinds(apart)) == 3
     assert together.cost is not None
-    assert apart.cost is not None
-    assert chosen.cost is not None
-    assert together.cost < 0.7 * apart.cost
-    assert chosen.cost <= together.cost + 1e-9
+    assert together.cost < 0.7 * there(apart.cost)
+    assert there(chosen.cost) <= together.cost + 1e-9
 
 
 def test_a_stated_order_is_kept() -> None:
@@ -277,25 +255,9 @@ def test_loads_of_a_row_are_flush_and_have_the_intervals_of_their_objects() -> N
     middles = [obj.outline_chain.mean(axis=0) for obj in load.chain.objects]
     np.testing.assert_allclose(middles, [[0.075, 0.0], [0.225, 0.0], [0.375, 0.0]], atol=1e-12)
     assert [contact.friction for contact in load.chain.contacts] == pytest.approx([0.4, 0.4, 0.4])
-    interval = load.problem.interval
-    assert interval is not None
+    interval = there(load.problem.interval)
     np.testing.assert_allclose(interval.floor_friction, [[0.24, 0.36]] * 3)
     assert interval.pressures == {0: 0.1, 1: 0.1, 2: 0.1}
-
-
-def test_ways_through_an_outline_need_an_opposite_face() -> None:
-    triangle = np.array([[0.0, 0.0], [0.2, 0.0], [0.0, 0.2]])
-    assert [way.exit for way in ways_through(triangle)] == [None, None, None]
-    box = np.array([[0.0, 0.0], [0.3, 0.0], [0.3, 0.1], [0.0, 0.1]])
-    lengths = {way.face: (way.length, way.across) for way in ways_through(box)}
-    assert lengths["rear"][0] == pytest.approx(0.1)
-    np.testing.assert_allclose(np.array(lengths["rear"][1]), [0.3, 0.0, 0.0], atol=1e-12)
-
-
-def test_a_row_that_nothing_can_push_says_so() -> None:
-    stated = document(contacts={"friction": 0.5}, pusher={"width": 0.285, "friction": 0.0})
-    with pytest.raises(PlanningError, match="'a' cannot be pushed"):
-        pushplan.plan(scenario_from_document(stated), seed=1, time_limit=5.0)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from conftest import there
 from store.conftest import KINDS, record_names
 
 import pushplan.logging.schemas as schemas
@@ -51,9 +52,8 @@ def test_the_page_has_every_body_where_it_is(kind: str, runs: dict[str, Recorded
     margins = np.array(told["samples"]["margins"], dtype=float).T
     np.testing.assert_allclose(margins, run.execution.margins[kept], atol=1e-5)
     assert [body["name"] for body in told["bodies"] if body["kind"] == "object"] == list(run.execution.names)
-    assert run.plan is not None
     pushes = [load is not None for load in told["loads"]]
-    assert pushes == [segment.pushes for segment in run.plan.segments]
+    assert pushes == [segment.pushes for segment in there(run.plan).segments]
     assert [way["alone"] for way in told["ways"]] == [not push for push in pushes]
     assert bool(told["events"]) == (kind == "closed loop")
 
@@ -61,8 +61,7 @@ def test_the_page_has_every_body_where_it_is(kind: str, runs: dict[str, Recorded
 @EXECUTED
 def test_a_picture_of_the_film_shows_every_body_where_it_is(kind: str, runs: dict[str, RecordedRun]) -> None:
     run = runs[kind]
-    execution = run.execution
-    assert execution is not None
+    execution = there(run.execution)
     film = Film(run, execution)
     for time in (0.3 * float(execution.t[-1]), 0.8 * float(execution.t[-1])):
         picture, (plate, objects) = film.picture(time).astype(int), execution.poses_at(time)
@@ -77,11 +76,10 @@ def test_a_picture_of_the_film_shows_every_body_where_it_is(kind: str, runs: dic
 
 def test_a_film_lasts_as_long_as_its_run(runs: dict[str, RecordedRun], tmp_path: Path) -> None:
     av, run = pytest.importorskip("av"), runs["multi-push"]
-    assert run.execution is not None
     write_mp4(run, tmp_path / "run.mp4", rate=20.0)
     with av.open(str(tmp_path / "run.mp4")) as film:
         length = float(film.duration) * 1e-6
-    assert length == pytest.approx(run.execution.t[-1] / 20.0, abs=0.1)
+    assert length == pytest.approx(there(run.execution).t[-1] / 20.0, abs=0.1)
 
 
 def test_what_was_not_executed_says_why(runs: dict[str, RecordedRun], tmp_path: Path) -> None:
@@ -102,8 +100,7 @@ def test_what_was_not_executed_says_why(runs: dict[str, RecordedRun], tmp_path: 
 @EXECUTED
 def test_tables_hold_every_number(kind: str, runs: dict[str, RecordedRun], tmp_path: Path) -> None:
     run = runs[kind]
-    execution = run.execution
-    assert execution is not None
+    execution = there(run.execution)
     write_csv(run, tmp_path / "run.csv")
     with (tmp_path / "run.csv").open(newline="") as file:
         names, *rows = list(csv.reader(file))
@@ -120,8 +117,7 @@ def test_tables_hold_every_number(kind: str, runs: dict[str, RecordedRun], tmp_p
     write_trajectory(run, tmp_path / "run.json")
     told = json.loads((tmp_path / "run.json").read_text())
     assert run.plan is not None
-    assert run.plan.trajectory is not None
-    assert np.array(told["samples"]["plate_poses"]).tobytes() == run.plan.trajectory.poses.tobytes()
+    assert np.array(told["samples"]["plate_poses"]).tobytes() == there(run.plan.trajectory).poses.tobytes()
     assert [segment["kind"] for segment in told["segments"]] == [s.kind for s in run.plan.segments]
 
 
@@ -136,8 +132,7 @@ def test_rosbags_reads_the_bag_and_rviz_finds_its_topics(
     kind: str, runs: dict[str, RecordedRun], tmp_path: Path
 ) -> None:
     rosbag2, (run, store) = pytest.importorskip("rosbags.rosbag2"), (runs[kind], messages_of_ros())
-    execution = run.execution
-    assert execution is not None
+    execution = there(run.execution)
     write_ros2(run, tmp_path / "bag.mcap", frames=Frames("world", "odom", "robot"), epoch=1000.5)
     found: dict[str, list[Any]] = {}
     with rosbag2.Reader(tmp_path / "bag.mcap") as reader:
@@ -155,8 +150,8 @@ def test_rosbags_reads_the_bag_and_rviz_finds_its_topics(
             above = frames[frame]
             turn = above.transform.rotation
             angle = 2 * math.atan2(turn.z, turn.w)
-            there = above.transform.translation
-            pose, frame = compose(np.array([there.x, there.y, angle]), pose), above.header.frame_id
+            at = above.transform.translation
+            pose, frame = compose(np.array([at.x, at.y, angle]), pose), above.header.frame_id
         np.testing.assert_allclose(
             transform_points(pose, np.ones(2)), transform_points(place, np.ones(2)), atol=1e-9
         )

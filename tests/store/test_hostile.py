@@ -1,4 +1,4 @@
-"""Hostile files end in one typed error with its place, after little work and in little memory."""
+"""Hostile files end in one typed error after little work; a run is recorded as it grows, where it belongs."""
 
 import json
 import os
@@ -10,13 +10,17 @@ from pathlib import Path
 
 import pytest
 import zstandard
+from store.conftest import Case
 from work import calls_of
 
-from pushplan.errors import RunLogError
-from pushplan.logging.codec import CodecError, decode, encode, memory
+from pushplan.errors import OutputError, RunLogError
+from pushplan.logging.codec import CodecError, decode
 from pushplan.logging.mcap_file import MAGIC, McapFile
 from pushplan.logging.reader import load_run
+from pushplan.logging.recording import IncompleteLogError, Recording
+from pushplan.logging.runs import FOLDER, runs_folder, runs_of
 from pushplan.scenario.file import load_scenario
+from pushplan.verification import verify_log
 
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, ATTACHMENT, METADATA, DATA_END = 1, 2, 3, 4, 5, 6, 9, 12, 15
 
@@ -44,7 +48,6 @@ CHANNELS = record(SCHEMA, struct.pack("<H", 1) + text("a") + text("protobuf") + 
 )
 TINY = record(MESSAGE, struct.pack("<HIQQ", 1, 0, 0, 0))
 ZEROS = zstandard.compress(bytes(32 << 20))
-
 FILES: dict[str, tuple[Callable[[], bytes], str]] = {
     "empty": (lambda: b"", "not an MCAP file"),
     "another kind": (lambda: b"%PDF-1.7" + bytes(99), "not an MCAP file"),
@@ -129,11 +132,6 @@ def test_an_attachment_that_is_none_of_ours_is_refused(name: str) -> None:
         decode(VALUES[name], scenario)
 
 
-def test_what_an_attachment_may_take_is_known_before_it_is_decoded() -> None:
-    assert memory(VALUES["a size that lies"]) > 1 << 40
-    assert memory(encode((1.0, "text", None))) < 10_000
-
-
 @pytest.mark.parametrize("what", ["missing", "folder", "pipe", "link to itself", "device"])
 def test_what_is_no_file_is_refused(what: str, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
@@ -149,3 +147,60 @@ def test_what_is_no_file_is_refused(what: str, tmp_path: Path) -> None:
     with pytest.raises(RunLogError) as caught:
         list(McapFile(path).items())
     assert str(caught.value).startswith(f"{path}: ")
+
+
+# A run is recorded as it grows; what keeps the log from being written never costs the plan.
+
+
+def test_a_recorded_run_is_found_in_the_folder_and_verified(cases: dict[str, Case], tmp_path: Path) -> None:
+    plan = cases["rearrangement"].plan
+    with Recording(plan.scenario, {"seed": 7, "planner": plan.planner}, runs=tmp_path) as recording:
+        for improvement in plan.improvements:
+            recording.improved(improvement)
+        recording.end(plan)
+    run = recording.finished(plan)
+    assert run.log is not None
+    assert run.log.parent == tmp_path
+    assert verify_log(run.log).matches
+    (entry,) = runs_of(tmp_path)
+    assert (entry.outcome, entry.seed, entry.cost) == ("solved", "7", plan.cost)
+
+
+def test_a_log_that_cannot_be_written_is_an_error_only_where_it_was_named(
+    cases: dict[str, Case], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = cases["push"].plan
+    with pytest.raises(OutputError, match="there is no folder"):
+        Recording(plan.scenario, {"seed": 1}, tmp_path / "no" / "run.mcap")
+
+    def full(*_: object) -> None:
+        raise OutputError("the log", "No space left on device")
+
+    monkeypatch.setattr("pushplan.logging.writer.RunLogWriter.plan", full)
+    told: list[str] = []
+    with Recording(plan.scenario, {"seed": 1}, runs=tmp_path, message=told.append) as recording:
+        recording.end(plan)
+    assert recording.finished(plan).log is None
+    assert "this run is not recorded: the log: No space left" in told[0]
+    with Recording(plan.scenario, {"seed": 1}, tmp_path / "run.mcap") as recording:
+        recording.end(plan)
+    with pytest.raises(IncompleteLogError, match=r"what was written .*run\.mcap\.partial") as caught:
+        recording.finished(plan)
+    assert caught.value.run.plan is plan
+
+
+# Where runs are recorded without being told where.
+
+
+@pytest.mark.parametrize("value", [None, "", ".", "state", "../state", "~/state"])
+def test_an_unset_empty_or_relative_folder_of_states_is_not_in_the_working_directory(
+    value: str | None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", "/home/somebody")
+    monkeypatch.setenv(FOLDER, "")
+    if value is None:
+        monkeypatch.delenv("XDG_STATE_HOME", raising=False)
+    else:
+        monkeypatch.setenv("XDG_STATE_HOME", value)
+    assert runs_folder() == Path("/home/somebody/.local/state/pushplan/runs")

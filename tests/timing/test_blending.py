@@ -1,6 +1,5 @@
 """Blended trajectories: they end on the goal, keep limits and margin, touch nothing, and save time."""
 
-import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
@@ -9,20 +8,20 @@ import numpy as np
 import pytest
 import shapely
 from conftest import ChainMaker
-from plans_of import push_of
+from plans_of import push_of, timed
 
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.planners.clearance import find_collision
 from pushplan.planners.planner import plan
-from pushplan.planners.timing.arc_limits import Bounds, arc_limits, contact_limits
+from pushplan.planners.timing.arc_limits import Bounds, arc_limits
 from pushplan.planners.timing.blending import Blend, blend_path
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.timing.parts import corners_of
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory
-from pushplan.scenario.file import example_names, load_scenario
+from pushplan.scenario.file import example_names
 from pushplan.scenario.model import CircleObstacle, Scenario
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
@@ -120,46 +119,6 @@ def test_the_twist_moves_straight_from_one_arc_to_the_next(make_chain: ChainMake
     assert away.max() < 1e-9
 
 
-def _blended(scenario: Scenario, path: PushPath) -> Trajectory:
-    return _blend(scenario, path).trajectory
-
-
-def _exact(scenario: Scenario, path: PushPath) -> Trajectory:
-    return time_path(path, Bounds(scenario.chain.pusher.limits))
-
-
-def test_arcs_of_the_same_twist_are_driven_on_without_slowing_down(
-    make_chain: ChainMaker, planned: Planned
-) -> None:
-    scenario, cut = _free(make_chain, planned("one-box")[0], *TURNS[:2], (1.0, -0.1, 0.8, 0.2), *TURNS[2:])
-    _, whole = _free(make_chain, scenario, TURNS[0], (1.0, -0.1, 0.8, 0.5), *TURNS[2:])
-    for make in (_blended, _exact):
-        a, b = make(scenario, cut), make(scenario, whole)
-        assert a.duration == pytest.approx(b.duration, abs=1e-3)
-        times = np.linspace(0.0, a.duration, 500)
-        np.testing.assert_allclose(a.twists_at(times), b.twists_at(times), atol=1e-3)
-        assert set(a.arc) == {0.0, 1.0, 2.0, 3.0, 4.0}
-        ends = cut.poses_at(np.cumsum(cut.lengths))
-        change = a.breaks[1:-1][np.diff(a.arc) != 0.0]
-        np.testing.assert_allclose(a.poses_at(change)[1, :2], ends[1, :2], atol=0.02)
-
-
-def test_short_arcs_are_passed_as_fast_as_long_ones_with_dynamic_limits(
-    make_chain: ChainMaker, planned: Planned
-) -> None:
-    """Alone, the short arc would be given acceleration at the expense of speed."""
-    turn, back = TURNS[1:3]
-    scenario, whole = _free(make_chain, planned("one-box")[0], *TURNS)
-    _, cut = _free(make_chain, scenario, TURNS[0], (*turn[:3], 0.28), (*turn[:3], 0.02), back, TURNS[3])
-    limits = Limits(speed=0.6, acceleration=3.0, jerk=60.0, angular_acceleration=9.0, angular_jerk=90.0)
-    scenario, contacts = _with_limits(scenario, limits), ContactDynamics(scenario.chain)
-    alone = [contact_limits(cut.twists[2], length, Bounds(limits, contacts)).speed for length in (0.02, 0.3)]
-    assert alone[0] < 0.5 * alone[1]
-    a, b = (_blend(scenario, path, contacts) for path in (whole, cut))
-    assert not a.stops | b.stops
-    assert b.trajectory.duration == pytest.approx(a.trajectory.duration, abs=0.01)
-
-
 def test_needles_in_the_way_of_the_cut_corners_move_the_way_or_make_a_stop(
     make_chain: ChainMaker, planned: Planned
 ) -> None:
@@ -220,11 +179,18 @@ def test_blends_keep_contacts_that_inertia_would_open(planned: Planned) -> None:
     assert least[0] < 0.0 < least[1]
 
 
-def test_a_section_that_would_be_a_million_times_slower_takes_no_memory() -> None:
-    """At so small a margin inertia leaves some corners next to no speed; sampled, such a section filled 4 GB."""
-    scenario = load_scenario("two-crates").with_margin(0.005)
-    tracemalloc.start()
-    for seed in (5, 10):
-        assert plan(scenario, seed=seed, iterations=3_000, time_limit=60.0, first=True).solved
-    assert tracemalloc.get_traced_memory()[1] < 5e7
-    tracemalloc.stop()
+# The scenario chooses how a path is timed and which limits count.
+
+
+@pytest.mark.parametrize("word", ["exact", "blended"])
+def test_the_word_chooses(planned: Planned, word: str) -> None:
+    scenario, path = planned("two-crates")
+    scenario, stable = replace(scenario, trajectory=word), stable_set(scenario.chain, "ecof")
+    found = timed(scenario, path, "ecof", 50.0)
+    bounds = Bounds(scenario.chain.pusher.limits)
+    exact = time_path(path, bounds, 50.0)
+    wanted = exact if word == "exact" else blend_path(scenario, path, stable, bounds, 50.0).trajectory
+    np.testing.assert_array_equal(found.coefficients, wanted.coefficients)
+    np.testing.assert_array_equal(found.breaks, wanted.breaks)
+    assert found.rate == 50.0
+    assert (found.duration < exact.duration) == (word == "blended")

@@ -6,15 +6,16 @@ from functools import cache
 
 import numpy as np
 import pytest
+from conftest import there
 
 from pushplan.geometry import se2
-from pushplan.mechanics.chain import Chain, Contact, PushedObject
+from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.dynamics import dynamic_margins
 from pushplan.mechanics.support import FeetSupport
 from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan
 from pushplan.plans.trajectory import Trajectory
-from pushplan.scenario.file import example_names, load_scenario, scenario_from_document
+from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 
@@ -45,18 +46,16 @@ def least_margin(chain: Chain, trajectory: Trajectory) -> float:
 @cache
 def planned(name: str, trajectory: str, stable_set: str | None = None) -> tuple[Scenario, Plan]:
     scenario = replace(load_scenario(name), trajectory=trajectory)
-    result = plan(scenario, stable_set=stable_set, time_limit=120.0, iterations=4000)
+    result = plan(scenario, stable_set=stable_set, time_limit=120.0, iterations=1000)
     assert result.solved, result.reason
     return scenario, result
 
 
 def check(result: Plan, chains: Iterator[Chain]) -> None:
     assert result.margin is not None
-    assert result.trajectory is not None
-    assert result.min_dynamic_margin is not None
-    assert result.min_dynamic_margin > SHARE * result.margin * (1.0 - 1e-6)
+    assert there(result.min_dynamic_margin) > SHARE * result.margin * (1.0 - 1e-6)
     for chain in chains:
-        assert least_margin(chain, result.trajectory) > SHARE * result.margin - ROUNDING
+        assert least_margin(chain, there(result.trajectory)) > SHARE * result.margin - ROUNDING
 
 
 @pytest.mark.parametrize(
@@ -66,49 +65,6 @@ def check(result: Plan, chains: Iterator[Chain]) -> None:
 def test_packaged_scenarios_keep_half_of_their_margin(name: str, trajectory: str) -> None:
     scenario, result = planned(name, trajectory)
     check(result, iter([scenario.chain]))
-
-
-UNCERTAIN = {"contact_friction": "10 %", "floor_friction": "10 %", "load": "10 %"}
-
-
-def on_feet() -> Scenario:
-    """two-crates on four feet each, all numbers off by up to a tenth."""
-    document = load_scenario("two-crates").resolved()
-    for item in document["objects"]:
-        corners = np.array(load_scenario("two-crates").chain.objects[0].outline)
-        item["support"] = {"feet": [[0.8 * x, 0.8 * y, 0.25] for x, y in corners]}
-    return scenario_from_document({**document, "uncertainty": UNCERTAIN})
-
-
-def off(rng: np.random.Generator, scenario: Scenario) -> Chain:
-    """A world within the intervals, mostly at their ends."""
-    interval = scenario.interval
-    assert interval is not None
-    objects: list[PushedObject] = []
-    for i, obj in enumerate(scenario.chain.objects):
-        support = obj.support
-        if i in interval.fractions:
-            assert isinstance(support, FeetSupport)
-            support = FeetSupport(
-                support.positions, np.array([0.275, 0.225, 0.275, 0.225])[rng.permutation(4)]
-            )
-        friction = float(rng.choice(interval.floor_friction[i]))
-        objects.append(replace(obj, floor_friction=friction, support=support))
-    assert scenario.contact_friction is not None
-    contacts: list[Contact] = [
-        replace(contact, friction=float(rng.choice(span)))
-        for contact, span in zip(scenario.chain.contacts, scenario.contact_friction, strict=True)
-    ]
-    return replace(scenario.chain, objects=tuple(objects), contacts=tuple(contacts))
-
-
-@pytest.mark.parametrize("trajectory", ["exact", "blended"])
-def test_uncertain_numbers_keep_it_in_every_world(trajectory: str) -> None:
-    scenario = replace(on_feet(), trajectory=trajectory)
-    result = plan(scenario, time_limit=120.0, iterations=4000)
-    assert result.solved, result.reason
-    rng = np.random.default_rng(6)
-    check(result, (off(rng, scenario) for _ in range(30)))
 
 
 def _pressure(rng: np.random.Generator, obj: PushedObject) -> FeetSupport:

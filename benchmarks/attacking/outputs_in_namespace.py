@@ -4,6 +4,8 @@ Run as `unshare --map-root-user --mount python outputs_in_namespace.py FOLDER LO
 [place, command, option, exit code, standard error, whether it is there afterwards, what else is].
 """
 
+from __future__ import annotations
+
 import io
 import json
 import os

@@ -1,0 +1,309 @@
+"""What searches are made of: controls, exact connections, lattice, sparse tree, and when they end."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from ompl import base as ob
+from plain import load_plain
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
+from pushplan.core.collision import sweep_is_free
+from pushplan.core.improve import random_family
+from pushplan.core.problem import Problem, find_words
+from pushplan.core.search import Lattice, SparseTree
+from pushplan.errors import EmptyStableSetError
+from pushplan.geometry import se2
+from pushplan.mechanics.chain import Drive
+from pushplan.planners.controls import control_segments
+from pushplan.planners.problem import body_reach, build_problem, sampling_box
+from pushplan.planners.search.form import pose_problem
+from pushplan.planners.search.planners import LatticeRounds, StableSparseRRT, distances_to, middle_of
+from pushplan.planners.search.session import DOUBT, DOUBTFUL, MOST_DOUBT, Budget, Session
+from pushplan.plans.path import cost_rate
+from pushplan.scenario.model import Scenario
+from pushplan.sets.named import stable_set
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray, IntArray
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    return load_plain("three-boxes-clutter")
+
+
+@pytest.fixture(scope="module")
+def problem(scenario: Scenario) -> Problem:
+    return build_problem(scenario, scenario.stable_set())
+
+
+def _session(problem: Problem, scenario: Scenario, seed: int = 1) -> Session:
+    return Session(problem, scenario.start, Budget(60.0, stall=10**9), seed)
+
+
+def _searched(
+    problem: Problem, scenario: Scenario, back: int, bound: float = math.inf
+) -> tuple[Lattice, float]:
+    """Return a search that is over, and its bound then."""
+    session = _session(problem, scenario)
+    lattice, over = LatticeRounds(session, sampling_box(scenario)).planted(2, back), False
+    while not over:
+        bound, over = lattice.expand(session.random, bound, 500)
+    return lattice, bound
+
+
+@pytest.mark.parametrize("back", [0, 1])
+def test_every_branch_is_a_free_stable_arc(problem: Problem, scenario: Scenario, back: int) -> None:
+    nodes = _searched(problem, scenario, back)[0].nodes
+    assert len(nodes) > 100
+    for node in nodes[1:]:
+        parent = nodes[int(node[4])]
+        first, last = (node, parent) if back else (parent, node)
+        end = se2.compose(first[:3], se2.exp(node[5:8] * node[8]))
+        np.testing.assert_allclose(last[:2], end[:2], atol=1e-9)
+        assert abs(se2.wrap_angle(last[2] - end[2])) < 1e-9
+        assert sweep_is_free(problem.scene, *[*parent[:3], *((1 - 2 * back) * node[5:8]), node[8]])
+        assert node[3] == pytest.approx(parent[3] + node[8], abs=1e-9)
+    assert scenario.stable_set().margin(nodes[1:, 5:8]).min() > 0.0
+
+
+@pytest.mark.parametrize("name", ["three-boxes-clutter", "narrow-gap", "two-crates"])
+def test_distances_on_the_floor_are_those_of_dijkstra(name: str) -> None:
+    scenario = load_plain(name)
+    problem = build_problem(scenario, scenario.stable_set())
+    away, grid = distances_to(problem.goal, problem, sampling_box(scenario))
+    there = se2.transform_points(problem.goal, middle_of(problem)[:2])
+    goal = np.floor((there - grid[:2]) / grid[2]).astype(int)
+    expected = _dijkstra(np.isfinite(away), grid[2], goal)
+    np.testing.assert_allclose(away, expected, rtol=1e-9)
+    assert np.isfinite(away).mean() > 0.3
+
+
+def _dijkstra(free: np.ndarray[Any, Any], cell: float, goal: np.ndarray[Any, Any]) -> FloatArray:
+    """Lengths of the shortest ways to a cell along free cells and their diagonals."""
+    cells = np.arange(free.size).reshape(free.shape)
+    rows, columns, steps = [], [], []
+    for di, dj in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        here = cells[: free.shape[0] - di, max(0, -dj) : free.shape[1] - max(0, dj)]
+        there = cells[di:, max(0, dj) : free.shape[1] + min(0, dj)]
+        both = free.ravel()[here] & free.ravel()[there]
+        rows.append(here[both])
+        columns.append(there[both])
+        steps.append(np.full(both.sum(), cell * np.hypot(di, dj)))
+    graph = coo_array(
+        (np.concatenate(steps), (np.concatenate(rows), np.concatenate(columns))), (free.size, free.size)
+    )
+    found: Any = dijkstra(graph.tocsr(), directed=False, indices=int(cells[tuple(goal)]))  # type: ignore[call-overload]
+    return np.asarray(found.reshape(free.shape))
+
+
+# The sparse tree keeps its promises, and OMPL gets what a planner owes it.
+
+HEADING_LENGTH = 0.4
+RADII = (HEADING_LENGTH, 0.5, 0.25)
+
+
+@pytest.fixture(scope="module")
+def problem_sst() -> Problem:
+    scenario = load_plain("three-boxes-clutter")
+    return build_problem(scenario, stable_set(scenario.chain))
+
+
+def _session_sst(problem_sst: Problem, iterations: int) -> Session:
+    start = load_plain("three-boxes-clutter").start
+    return Session(problem_sst, start, Budget(60.0, iterations=iterations), seed=1)
+
+
+@pytest.fixture(scope="module")
+def tree(problem_sst: Problem) -> SparseTree:
+    """Return a tree grown with 4,000 extensions, its connections to the goal left unused."""
+    session = _session_sst(problem_sst, 1)
+    box = sampling_box(load_plain("three-boxes-clutter"))
+    tree = SparseTree(session.start, problem_sst.goal, np.array(box), *RADII)
+    done = 0
+    while done < 4000:
+        done += tree.grow(problem_sst, session.random, np.inf, 4000 - done)[0]
+    return tree
+
+
+def _rows(tree: SparseTree) -> IntArray:
+    return np.setdiff1d(np.arange(len(tree.nodes)), tree.unused)
+
+
+def test_every_branch_is_a_free_arc_with_the_right_cost(problem_sst: Problem, tree: SparseTree) -> None:
+    rows = _rows(tree)
+    assert len(rows) > 100
+    nodes, to_go = tree.nodes, tree.to_go
+    for row in rows[1:]:
+        node, parent = nodes[row], nodes[int(nodes[row, 4])]
+        end = se2.compose(parent[:3], se2.exp(node[5:8] * node[8]))
+        np.testing.assert_allclose(node[:3], end, atol=1e-12)
+        assert node[3] == pytest.approx(parent[3] + node[8], abs=1e-12)
+        assert sweep_is_free(problem_sst.scene, *parent[:3], *node[5:9])
+        assert to_go[row] <= np.hypot(*(problem_sst.goal[:2] - node[:2])) + 0.1 * np.pi + 1e-12
+
+
+def test_it_is_an_ompl_planner_whose_solution_ends_at_the_goal(problem_sst: Problem) -> None:
+    scenario = load_plain("three-boxes-clutter")
+    session = Session(problem_sst, scenario.start, Budget(60.0, first=True), seed=3)
+    information, definition = pose_problem(session, sampling_box(scenario), body_reach(scenario))
+    planner = StableSparseRRT(information)
+    assert isinstance(planner, ob.Planner)
+    planner.setProblemDefinition(definition)
+    planner.setup()
+    status = planner.solve(ob.PlannerTerminationCondition(session.settled))
+    assert status.getStatus() == ob.PlannerStatus.EXACT_SOLUTION
+    assert definition.hasExactSolution()
+    end = definition.getSolutionPath().getStates()[-1]
+    np.testing.assert_allclose([end.getX(), end.getY()], problem_sst.goal[:2], atol=1e-9)
+    assert abs(float(se2.wrap_angle(end.getYaw() - problem_sst.goal[2]))) < 1e-9
+
+
+# Exact connections: every word ends on the goal; for Dubins' car the shortest one is OMPL's.
+
+
+def _turning(cor: tuple[float, float], sense: float) -> FloatArray:
+    twist = np.array([cor[1], -cor[0], 1.0]) * sense
+    return np.asarray(twist / cost_rate(twist))
+
+
+def _end(family: FloatArray, word: FloatArray, start: FloatArray) -> FloatArray:
+    pose = start
+    for letter, length in zip(word[1:4], word[4:7], strict=True):
+        pose = se2.compose(pose, se2.exp(family[int(letter)] * length))
+    return pose
+
+
+@pytest.mark.parametrize("lean", [0.0, 0.3])
+def test_every_word_ends_on_the_goal(lean: float) -> None:
+    rng = np.random.default_rng(4)
+    checked = 0
+    for _ in range(300):
+        left = (rng.uniform(-0.2, 0.1), rng.uniform(0.2, 1.0))
+        right = (rng.uniform(-0.2, 0.1), rng.uniform(-1.0, -0.2))
+        family = np.array([_turning(left, 1.0), [np.cos(lean), np.sin(lean), 0.0], _turning(right, -1.0)])
+        start, goal = rng.uniform(-2.0, 2.0, (2, 3))
+        for word in find_words(family, start, goal):
+            end = _end(family, word, start)
+            assert np.abs(end[:2] - goal[:2]).max() < 1e-9
+            assert abs(se2.wrap_angle(end[2] - goal[2])) < 1e-9
+            assert (word[4:7] >= 0.0).all()
+            checked += 1
+    assert checked > 1000
+
+
+def test_the_shortest_word_of_a_symmetric_car_is_that_of_dubins() -> None:
+    """The oracle is OMPL's Dubins space; with CORs at (0, +-R) turning costs (R + 0.1) per radian here."""
+    rng = np.random.default_rng(5)
+    radius = 0.7
+    family = np.array([_turning((0.0, radius), 1.0), [1.0, 0.0, 0.0], _turning((0.0, -radius), -1.0)])
+    travel = np.array([radius / (radius + 0.1), 1.0, radius / (radius + 0.1)])
+    space = ob.DubinsStateSpace(radius)
+    bounds = ob.RealVectorBounds(2)
+    bounds.setLow(-10.0)
+    bounds.setHigh(10.0)
+    space.setBounds(bounds)
+    a, b = space.allocState(), space.allocState()
+    for _ in range(300):
+        start, goal = rng.uniform(-3.0, 3.0, (2, 3))
+        for state, pose in ((a, start), (b, goal)):
+            state.setX(pose[0])
+            state.setY(pose[1])
+            state.setYaw(float(se2.wrap_angle(pose[2])))
+        words = find_words(family, start, goal)
+        shortest = min(word[4:7] @ travel[word[1:4].astype(int)] for word in words)
+        assert shortest == pytest.approx(space.distance(a, b), abs=1e-7)
+
+
+# The controls of a planner lie in the stable set and within what the drive can do.
+
+AXLE = np.array([-0.25, 0.02, 0.0])
+DRIVES = [Drive(), Drive("differential", AXLE), Drive("car", AXLE, min_radius=0.8)]
+
+
+@pytest.fixture(scope="module")
+def stable(make_chain: Any) -> StableSet:
+    return stable_set(make_chain.boxes(3, size=(0.1, 0.2)), "ecof")
+
+
+def _sideways(twists: FloatArray) -> FloatArray:
+    """Sideways speed (k,) of the axle's middle, per unit of its speed ahead."""
+    ahead = twists[:, 0] - twists[:, 2] * AXLE[1]
+    return np.asarray((twists[:, 1] + twists[:, 2] * AXLE[0]) / ahead)
+
+
+def _check_drive(drive: Drive, twists: FloatArray) -> None:
+    if drive.kind != "omnidirectional":
+        assert np.abs(_sideways(twists)).max() < 1e-12
+        assert (twists[:, 0] - twists[:, 2] * AXLE[1] > 0.0).all()
+    if drive.kind == "car":
+        ahead = twists[:, 0] - twists[:, 2] * AXLE[1]
+        assert (np.abs(twists[:, 2]) * drive.min_radius <= ahead * (1.0 + 1e-9)).all()
+
+
+@pytest.mark.parametrize("drive", DRIVES, ids=lambda drive: drive.kind)
+@pytest.mark.parametrize("margin", [1e-6, 0.05])
+def test_every_combination_of_a_segment_is_stable_and_drivable(
+    stable: StableSet, drive: Drive, margin: float
+) -> None:
+    segments = control_segments(stable, drive, margin)
+    rng = np.random.default_rng(0)
+    for b in (0.0, 1.0, rng.uniform(0.0, 1.0, (len(segments), 1))):
+        twists = (1.0 - b) * segments[:, :3] + b * segments[:, 3:]
+        assert stable.margin(twists).min() > margin * (1.0 - 1e-6)
+        _check_drive(drive, twists)
+
+
+@pytest.mark.parametrize("drive", DRIVES, ids=lambda drive: drive.kind)
+def test_drawn_families_are_stable_and_drivable(stable: StableSet, drive: Drive) -> None:
+    segments = control_segments(stable, drive, 0.02)
+    state = np.array([3], dtype=np.uint64)
+    letters = np.zeros(3, dtype=int)
+    for _ in range(500):
+        drawn = random_family(segments, state)
+        present = cost_rate(drawn) > 0.0
+        letters += present
+        if present.any():
+            assert stable.margin(drawn[present]).min() > 0.02 * (1.0 - 1e-6)
+            _check_drive(drive, drawn[present])
+    assert (letters > 100).all()
+
+
+def test_a_drive_that_cannot_push_stably_is_refused_with_the_reason(stable: StableSet) -> None:
+    sideways = Drive("differential", np.array([-0.25, 0.0, np.pi / 2]))
+    with pytest.raises(
+        EmptyStableSetError,
+        match="the differential cannot push the chain: its best push keeps 'box2' on 'box1'",
+    ):
+        control_segments(stable, sideways, 1e-6)
+
+
+# When a search without a better path ends: the sooner, the nearer its path is to what no path can beat.
+
+STALL = 1_000
+FORWARD = np.array([[1.0, 0.0, 0.0, 100.0]])
+"""A path of 100 m: far above what is needed."""
+
+
+@pytest.fixture
+def session() -> Session:
+    scenario = load_plain("one-box")
+    session = Session(
+        build_problem(scenario, scenario.stable_set()), scenario.start, Budget(60.0, stall=STALL), 1
+    )
+    session.take(FORWARD)
+    return session
+
+
+@pytest.mark.parametrize("excess", [1e-6, DOUBTFUL, 1.0, MOST_DOUBT])
+def test_a_path_far_above_the_lower_bound_is_not_soon_taken_for_the_best(
+    session: Session, excess: float
+) -> None:
+    session.raise_lower_bound(session.best.horizon / (1.0 + excess))
+    last = STALL * (1.0 + DOUBT * max(0.0, excess - DOUBTFUL))
+    session.iterations = int(last) - 1
+    assert not session.settled()
+    session.iterations = int(last) + 1
+    assert session.settled()

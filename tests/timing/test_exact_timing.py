@@ -1,0 +1,214 @@
+"""Exact timing: profiles, limits of arcs from pusher and contacts, also where the directions differ."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from conftest import ChainMaker
+
+import pushplan
+from pushplan.errors import TimingError
+from pushplan.mechanics.chain import Limits
+from pushplan.mechanics.dynamics import ContactDynamics, SpeedWindow, admissible_speeds
+from pushplan.planners.clearance import excess
+from pushplan.planners.timing.arc_limits import ArcLimits, Bounds, contact_limits
+from pushplan.planners.timing.exact_timing import Profile, rest_to_rest, split, time_path
+from pushplan.plans.path import PushPath, cost_rate
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
+
+
+def _path(rng: np.random.Generator, arcs: int) -> PushPath:
+    twists = rng.normal(size=(arcs, 3)) * [1.0, 0.3, 3.0]
+    twists[::3, 2] = 0.0
+    twists[1::4, :2] *= 0.01
+    return PushPath(rng.normal(size=3), twists / cost_rate(twists)[:, None], rng.uniform(0.05, 1.0, arcs))
+
+
+def _within(values: np.ndarray, limit: float) -> bool:
+    return float(np.abs(values).max()) <= limit * (1.0 + 1e-4)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_speed_acceleration_and_jerk_in_the_world_stay_within_the_limits(seed: int) -> None:
+    trajectory = time_path(
+        _path(np.random.default_rng(seed), 6), Bounds(Limits(0.2, 0.5, 5.0, 1.0, 2.0, 20.0))
+    )
+    h = 1e-3
+    for begin, end in zip(trajectory.breaks[:-1], trajectory.breaks[1:], strict=True):
+        if end - begin < 5 * h:
+            continue
+        t = np.arange(begin, end, h)
+        poses = trajectory.poses_at(t)
+        for columns, bounds in ((poses[:, :2], (0.2, 0.5, 5.0)), (poses[:, 2:], (1.0, 2.0, 20.0))):
+            for order, bound in enumerate(bounds, start=1):
+                derivative = np.diff(columns, n=order, axis=0) / h**order
+                assert _within(np.linalg.norm(derivative, axis=1), bound)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_timed_path_ends_where_the_path_ends_and_stops_at_every_corner(seed: int) -> None:
+    path = _path(np.random.default_rng(seed), 7)
+    trajectory = time_path(path, Bounds(Limits()))
+    np.testing.assert_allclose(trajectory.poses[-1], path.end, atol=1e-11)
+    corners = trajectory.breaks[np.flatnonzero(np.diff(trajectory.arc)) + 1]
+    assert len(corners) == 6
+    assert np.abs(trajectory.twists_at(corners)).max() < 1e-9
+    assert np.abs(trajectory.twists[[0, -1]]).max() < 1e-9
+
+
+def test_a_long_straight_push_takes_the_time_of_the_textbook() -> None:
+    """Length/v + v/a + a/j for a profile that reaches its speed and its acceleration."""
+    path = PushPath(np.zeros(3), np.array([[1.0, 0.0, 0.0]]), np.array([2.0]))
+    assert time_path(path, Bounds(Limits())).duration == pytest.approx(
+        2.0 / 0.2 + 0.2 / 0.5 + 0.5 / 5.0, abs=1e-9
+    )
+
+
+# Profiles of one parameter: Ruckig's answers, cut where arcs end.
+
+LIMITS = ArcLimits(0.2, 0.5, 0.3, 5.0)
+
+
+def _speed_and_travel(profile: Profile, time: float) -> tuple[float, float]:
+    travel = 0.0
+    for duration, rate in zip(*profile, strict=True):
+        tau = min(time, duration)
+        travel += float(rate @ (tau ** np.arange(1, 4) / np.arange(1, 4)))
+        time -= tau
+        if time <= 0.0:
+            return float(rate @ tau ** np.arange(3)), travel
+    raise AssertionError("the time lies after the end")
+
+
+def test_braking_may_be_weaker_than_accelerating() -> None:
+    """Length/v + (v/a + a/j) / 2 for the way up and likewise down."""
+    profile = rest_to_rest(2.0, LIMITS)
+    usual = 2.0 / 0.2 + (0.2 / 0.5 + 0.5 / 5.0) / 2.0 + (0.2 / 0.3 + 0.3 / 5.0) / 2.0
+    assert profile.duration == pytest.approx(usual, abs=1e-9)
+    assert profile.rates[:, 1].max() == pytest.approx(0.5)
+    assert profile.rates[:, 1].min() == pytest.approx(-0.3)
+
+
+@pytest.mark.parametrize("length", [1e-5, 1e-3, 0.05, 1.0])
+def test_a_cut_profile_is_the_same_motion_and_begins_phases_where_it_is_told(length: float) -> None:
+    whole = rest_to_rest(length, LIMITS)
+    at = length * np.array([0.1, 0.100001, 0.5, 0.99])
+    cut, passed = split(whole, at)
+    assert cut.duration == pytest.approx(whole.duration, rel=1e-12)
+    for time in np.linspace(0.0, whole.duration * (1.0 - 1e-9), 50):
+        assert _speed_and_travel(cut, time) == pytest.approx(
+            _speed_and_travel(whole, time), rel=1e-9, abs=1e-15
+        )
+    begins = np.concatenate([[0.0], np.cumsum(cut.durations)])
+    for i, place in enumerate(at):
+        first = int(np.flatnonzero(passed == i + 1)[0])
+        assert _speed_and_travel(whole, begins[first])[1] == pytest.approx(place, rel=1e-9)
+    assert (np.diff(passed) >= 0).all()
+
+
+# Limits of an arc from the contacts: inside the exact polygon, and never at the cost of a stall unsaid.
+
+FAST = Limits(speed=2.0, acceleration=20.0, jerk=1e3, angular_speed=20.0, angular_acceleration=90.0)
+
+
+def _stable_twists(contacts: ContactDynamics, seed: int, count: int) -> FloatArray:
+    """Unit-cost twists (count, 3) along which every contact holds by some margin."""
+    rng = np.random.default_rng(seed)
+    twists = rng.normal(size=(4000, 3)) * [0.2, 0.2, 1.5] + [1.0, 0.0, 0.0]
+    margins = contacts.margins(1e-6 * twists, np.zeros_like(twists)).min(axis=1)
+    kept = twists[margins > 0.02][:count]
+    assert len(kept) == count
+    return np.asarray(kept / cost_rate(kept)[:, None])
+
+
+def _box(found: ArcLimits) -> shapely.Polygon:
+    return shapely.box(0.0, -found.deceleration, found.speed**2, found.acceleration)
+
+
+@pytest.mark.parametrize("n", [1, 3])
+def test_the_rectangle_of_speeds_lies_inside_the_polygon(make_chain: ChainMaker, n: int) -> None:
+    chain = make_chain.boxes(n)
+    contacts = ContactDynamics(chain)
+    for twist in _stable_twists(contacts, n, 20):
+        found = contact_limits(twist, 1.0, Bounds(FAST, contacts))
+        polygon = shapely.Polygon(admissible_speeds(chain, twist, SpeedWindow(100.0, 200.0)).vertices)
+        assert polygon.contains(_box(found))
+
+
+def test_a_twist_without_room_is_refused_with_the_way_out(make_chain: ChainMaker) -> None:
+    """On the boundary of the stable set any acceleration would slip."""
+    contacts = ContactDynamics(make_chain.boxes(1))
+    inside, outside = np.array([1.0, 0.0, 0.0]), np.array([1.0, 0.0, 20.0])
+    for _ in range(60):
+        middle = 0.5 * (inside + outside)
+        held = contacts.quasi_static(middle[None]).rows.min() > 0.0
+        inside, outside = (middle, outside) if held else (inside, middle)
+    with pytest.raises(TimingError, match=r"no room for inertia.*raise stability\.margin"):
+        contact_limits(inside / cost_rate(inside), 1.0, Bounds(Limits(), contacts))
+
+
+# Limits that differ between the directions: read, kept by every motion, mirrored with the scenario.
+
+ROOM_ASYMMETRIC = """
+format: pushplan/1
+name: sides
+floor: {{friction: 0.3}}
+objects: [{{name: a, shape: {{box: [0.2, 0.3]}}, mass: 1.0}}]
+contacts: {{friction: 0.3}}
+pusher: {{width: 0.4, friction: 0.5, limits: {limits}}}
+start: [0, 0, 0]
+goal: {{pose: {goal}}}
+trajectory: {trajectory}
+"""
+SIDES = Limits(
+    speed=(-0.1, 0.4), acceleration=(-0.2, 0.6), angular_speed=(-0.15, 0.5), angular_acceleration=(-0.8, 2.0)
+)
+MIRRORED = replace(SIDES, angular_speed=(-0.5, 0.15), angular_acceleration=(-2.0, 0.8))
+TWISTS = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 2.0], [1.0, 0.1, -2.0], [1.0, -0.1, 1.0]])
+TEXT = "{angular_speed: [-0.15, 0.5], angular_acceleration: [-0.8, 2.0], acceleration: [-0.2, 0.6]}"
+TEXT_MIRRORED = "{angular_speed: [-0.5, 0.15], angular_acceleration: [-2.0, 0.8], acceleration: [-0.2, 0.6]}"
+
+
+def _path_asymmetric(twists: np.ndarray) -> PushPath:
+    return PushPath(np.zeros(3), twists / cost_rate(twists)[:, None], np.full(len(twists), 0.7))
+
+
+def _room(limits: str, goal: str, trajectory: str = "blended") -> Scenario:
+    return scenario_from_text(
+        ROOM_ASYMMETRIC.format(limits=limits, goal=goal, trajectory=trajectory), "sides"
+    )
+
+
+def test_a_mirrored_path_with_mirrored_limits_is_driven_in_the_same_time() -> None:
+    one = time_path(_path_asymmetric(TWISTS), Bounds(SIDES))
+    other = time_path(_path_asymmetric(TWISTS * [1.0, -1.0, -1.0]), Bounds(MIRRORED))
+    np.testing.assert_array_equal(one.breaks, other.breaks)
+    np.testing.assert_array_equal(one.coefficients, other.coefficients * [1.0, -1.0, -1.0])
+
+
+def test_an_exact_motion_uses_each_side_of_its_limits_and_no_more() -> None:
+    for twist in TWISTS:
+        trajectory = time_path(_path_asymmetric(twist[None]), Bounds(SIDES))
+        assert excess(trajectory, SIDES) == ""
+    left = time_path(_path_asymmetric(TWISTS[1:2]), Bounds(SIDES))
+    assert excess(left, MIRRORED).startswith("the motion exceeds the pusher's angular speed: 0.5 after")
+
+
+@pytest.mark.parametrize("trajectory", ["blended", "exact"])
+def test_plans_keep_the_limits_and_the_mirrored_scenario_takes_as_long(trajectory: str) -> None:
+    durations = []
+    for limits, goal in ((TEXT, "[1.5, 0.8, 60 deg]"), (TEXT_MIRRORED, "[1.5, -0.8, -60 deg]")):
+        scenario = _room(limits, goal, trajectory)
+        result = pushplan.plan(scenario, iterations=4_000, time_limit=60.0)
+        assert result.trajectory is not None
+        assert excess(result.trajectory, scenario.chain.pusher.limits) == ""
+        durations.append(result.trajectory.duration)
+    assert durations[0] == pytest.approx(durations[1], rel=0.05)  # two searches of one room differ by 2 %
+
+
+def test_units_are_read_in_pairs() -> None:
+    limits = _room("{angular_speed: [-30 deg/s, 60 deg/s]}", "[1, 0, 0]").chain.pusher.limits
+    assert limits.angular_speed == pytest.approx((-np.pi / 6.0, np.pi / 3.0))
