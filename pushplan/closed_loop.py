@@ -26,8 +26,16 @@ from pushplan.sim.control.again import CONTROL
 from pushplan.sim.control.controller import DEFAULTS, SILENT, Controller
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
-from pushplan.sim.control.simulated_push import SENSOR, Disturbance, OpenLoop, SimulatedPush, simulate_push
+from pushplan.sim.control.simulated_push import (
+    SENSOR,
+    Disturbance,
+    OpenLoop,
+    SimulatedPush,
+    Simulator,
+    simulate_push,
+)
 from pushplan.sim.report import at_poses, judged, worst_at_goal
+from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
 
 JAMMED = "no motion of the objects satisfies all contacts"
@@ -230,6 +238,7 @@ def run_closed_loop(
     runs: Path | str | None = None,
     observer: Observer = SILENT,
     progress: Callable[[float], None] | None = None,
+    simulator_of: Callable[[World], Simulator] = SlipSimulator,
 ) -> ClosedLoopRun:
     """Push objects to their goals in a simulated world, watching them.
 
@@ -245,8 +254,10 @@ def run_closed_loop(
         runs: See `pushplan.run`.
         observer: Takes messages about what takes long, and about the recording.
         progress: Called with the simulated time now and then.
+        simulator_of: What simulates the world; see `simulate_push`.
 
     Raises:
+        MissingEngineError: As `simulate_push`.
         PlanningError: When there is no plan to begin with.
         SupportError: When the load under an object is not known.
         OutputError: As `pushplan.run`.
@@ -257,7 +268,14 @@ def run_closed_loop(
         controller = Controller(scenario, settings, plan=plan, observer=observer)
         growing.begin(controller.plan, controller)
         course = simulate_push(
-            there, controller, settings.rate, disturbances, sensor, seed, progress=growing.grown
+            there,
+            controller,
+            settings.rate,
+            disturbances,
+            sensor,
+            seed,
+            progress=growing.grown,
+            simulator_of=simulator_of,
         )
         outcome, reason = controller.phase.value, controller.reason
         if course.jammed:
@@ -281,6 +299,7 @@ def run_open_loop(
     runs: Path | str | None = None,
     observer: Observer = SILENT,
     progress: Callable[[float], None] | None = None,
+    simulator_of: Callable[[World], Simulator] = SlipSimulator,
 ) -> ClosedLoopRun:
     """Execute a plan of any kind in a simulated world whatever happens; see `run_closed_loop`.
 
@@ -296,7 +315,14 @@ def run_open_loop(
             raise PlanningError(f"there is no plan: {plan.reason}")
         growing.begin(plan)
         driver = OpenLoop(plan, settings.rate)
-        course = simulate_push(there, driver, settings.rate, disturbances, progress=growing.grown)
+        course = simulate_push(
+            there,
+            driver,
+            settings.rate,
+            disturbances,
+            progress=growing.grown,
+            simulator_of=simulator_of,
+        )
         goals = [goal for task in scenario.tasks for goal in task.goals]
         tolerance = (
             max(settings.position_tolerance, min(goal.position_tolerance for goal in goals)),

@@ -106,7 +106,10 @@ def test_the_floor_rubs_as_coulomb_says(make_chain: ChainMaker, height: float, c
     twist = twists_about(np.array(cor), +1)
     twist *= 1e-3 / np.hypot(*twist[:2])
     settings = PhysicsSettings()
-    model, transfer = build_model(chain, 0.01, 2e-3, settings), LoadTransfer(chain)
+    model, transfer = (
+        build_model(chain, 0.01, 2e-3, settings),
+        LoadTransfer(chain.objects, chain.pusher.contact_height),
+    )
     bodies = np.arange(3)
     model.carry(True)
     for _ in range(100):

@@ -79,6 +79,7 @@ DISTURBANCE = p.Named(
     show_default=True,
     help="Seed of friction, loads and noise.",
 )
+@click.option("--physics", is_flag=True, help="Let MuJoCo simulate the world: full speed, all inertia.")
 @p.file_option("-o", "--output", help="Write the run's log (MCAP) here, and its page beside it.")
 @no_page_option
 @p.no_log_option
@@ -93,6 +94,7 @@ def simulate(
     uncertainty: Any,
     sensor: Any,
     seed: int,
+    physics: bool,
     output: Path | None,
     no_page: bool,
     no_log: bool,
@@ -109,9 +111,15 @@ def simulate(
         stated = load_scenario(scenario)
         displaced = _disturbances(stated, disturbances)
         incomplete = None
-        recorded: dict[str, Any] = {"log": False if no_log else output, "runs": runs}
+        how: dict[str, Any] = {"log": False if no_log else output, "runs": runs}
+        if physics:
+            from pushplan.cli.physics import require_executable
+            from pushplan.sim.physics.stepping import PhysicsSimulator
+
+            require_executable(stated)
+            how["simulator_of"] = PhysicsSimulator
         try:
-            done = _simulated(stated, closed_loop, displaced, uncertainty, sensor, seed, recorded, console)
+            done = _simulated(stated, closed_loop, displaced, uncertainty, sensor, seed, how, console)
         except PlanningError as error:
             console.say((stated.name, "bold"), f": {error}")
             console.emit({"scenario": stated.name, "outcome": "no plan", "reason": str(error)})
@@ -163,7 +171,7 @@ def _simulated(
     uncertainty: Any,
     sensor: Any,
     seed: int,
-    recorded: dict[str, Any],
+    how: dict[str, Any],
     console: Console,
 ) -> ClosedLoopRun:
     with console.working("planning and pushing") as progress:
@@ -182,7 +190,7 @@ def _simulated(
         if uncertainty is not None:
             world = sampled_world(scenario, uncertainty, np.random.default_rng([seed, 0]))
         if not closed_loop:
-            return run_open_loop(scenario, world, disturbances, observer=observer, progress=told, **recorded)
+            return run_open_loop(scenario, world, disturbances, observer=observer, progress=told, **how)
         return run_closed_loop(
             scenario,
             world,
@@ -191,7 +199,7 @@ def _simulated(
             seed=seed,
             observer=observer,
             progress=told,
-            **recorded,
+            **how,
         )
 
 

@@ -49,6 +49,8 @@ JUMP = (0.01, math.radians(0.5))
 """What (m, rad) the measured pose of the plate may be off from one to the next."""
 RESTS = 12
 """Plans for the rest of several pushes, at most."""
+AGAIN = 2
+"""So often the plate backs off and comes up to a load again that it met aside, at most."""
 NEAR = 0.5
 """Share of the slack by which a load may be off its planned place so that planned ways to it are driven."""
 PASSING = 2.0
@@ -116,6 +118,7 @@ class Controller:
         self._localised: tuple[FloatArray, FloatArray] | None = None
         self._now, self._began, self._since, self._late = 0.0, math.inf, 0.0, False
         self._planned, self._at, self._before, self._rests = plan, 0, 0, 0
+        self._again, self._backing, self._wary = 0, False, False
         self._delivered, self._lost = dict[str, FloatArray](), ""
         self._push: PushLoop | None = None
         self._legs: deque[Leg] = deque()
@@ -280,7 +283,7 @@ class Controller:
         elif self._phase is Phase.LOOKING:
             self._look()
         elif self._following is not None and self._following.drive.over:
-            if self._following.drive.stopping:
+            if self._following.drive.stopping or self._backing:
                 self._rest()
             else:
                 self._legs.popleft()
@@ -295,12 +298,15 @@ class Controller:
         if self._at < len(segments) and segments[self._at].pushes:
             self._begin_push(segments[self._at])
         elif self._at < len(segments) and segments[self._at].kind == RETREAT:
-            retreat = segments[self._at]
-            back = replace(retreat, path=PushPath(self._plate, retreat.path.twists, retreat.path.lengths))
-            (timed,) = time_segments(self.scenario, (back,), self.settings.rate)
-            self._set_out([(self._at, timed)])
+            self._back_off(segments[self._at])
         else:
             self._rest()
+
+    def _back_off(self, retreat: Segment) -> None:
+        """Leave the load as a segment does, from where the plate is."""
+        back = replace(retreat, path=PushPath(self._plate, retreat.path.twists, retreat.path.lengths))
+        (timed,) = time_segments(self.scenario, (back,), self.settings.rate)
+        self._set_out([(self._at, timed)])
 
     def _go_on(self) -> None:
         """Go on after a part of the way, or a push, that is over."""
@@ -323,6 +329,7 @@ class Controller:
     def _rest(self) -> None:
         """Stand still and look where everything is."""
         self._legs.clear()
+        self._backing = False
         self._following, self._phase, self._since = None, Phase.LOOKING, self._now
 
     def _look(self) -> None:
@@ -433,7 +440,7 @@ class Controller:
             replanner = Replanner(problem, self.settings, self._observer)
         frames = compose(np.stack([self._plate, self._odometry]), load.frame_plate)
         self._push = PushLoop(
-            PushJob(problem, plan, columns, settle),
+            PushJob(problem, plan, columns, settle, self._again < AGAIN, self._wary),
             replanner,
             self.settings,
             self._sightings,
@@ -477,15 +484,23 @@ class Controller:
     def _end_push(self, push: PushLoop) -> None:
         """Go on after a push that is over: with the next segment, or with a look at what is left."""
         self._push, self._estimator, names = None, push.estimator, push.load.names
+        self._plate, self._wary = compose(push.plate, inverse(push.load.frame_plate)), push.wary
         if self._replanner is not None:
             self._end(push.phase, push.text)
             return
         self._tell("pushed", f"{', '.join(names)}: {push.phase.value}, {push.text}")
         self._standing.put(self._standing.columns(names), compose(push.plate, push.places))
         if push.phase is Phase.GAVE_UP:
-            self._lost = f"the push of {', '.join(names)} gave up ({push.text})"
-            self._rest()
+            retreat = next(s for s in self._planned.segments[self._at :] if s.kind == RETREAT)
+            if push.met_aside:
+                self._at -= 1  # the approach, which is done again
+                self._again += 1
+            else:
+                self._lost = f"the push of {', '.join(names)} gave up ({push.text})"
+            self._back_off(retreat)
+            self._backing = True
             return
+        self._again = 0
         if self._is_last(self._planned.segments[self._at]):
             self._delivered |= {name: np.full(3, np.nan) for name in names}
         self._go_on()

@@ -30,7 +30,7 @@ from pushplan.scenario.model import Obstacle, Scenario
 from pushplan.sim.control.closing import ClosingPush, Contacts, Spread, closing_push, contacts_at
 from pushplan.sim.control.estimator import HOLD, Estimator, Sample
 from pushplan.sim.control.following import Following
-from pushplan.sim.control.replanner import Replanner
+from pushplan.sim.control.replanner import CAUTION, Replanner
 from pushplan.sim.control.sensing import Sightings
 from pushplan.sim.control.settings import SIGMAS, ControlSettings
 from pushplan.sim.follower import Steering
@@ -54,6 +54,11 @@ SETTLE, UNSETTLED = 0.02, (1.5e-3, math.radians(0.4))
 """Way after which contacts that were open at first are closed, m, and by what they may have been (m, rad)."""
 REFIT = 0.25
 """Time between two fits, s."""
+ROUND = (2.0, 1.0)
+"""Times the planned way, and m, beyond which a plan goes a long way round: a less cautious one, or coming up to the
+load again, is better."""
+ASIDE = (1e-3, math.radians(0.3))
+"""By how much (m, rad) the plate has to have met a load aside so that another approach may do better."""
 FOUND = 3.0
 """A contact that is found by approach is off where it is believed to be by so many times what is likely, at most."""
 
@@ -78,12 +83,16 @@ class PushJob:
         plan: Of this push alone, to begin with.
         columns: Numbers of the load's objects among all that are measured.
         settle: Length of the straight push that closes the contacts after an approach, m; 0 where they are closed.
+        again: Whether the plate may back off and come up to the load once more.
+        wary: Whether an object has left its place before: no plan is less cautious then because that is shorter.
     """
 
     scenario: Scenario
     plan: Plan
     columns: list[int]
     settle: float = 0.0
+    again: bool = False
+    wary: bool = False
 
 
 class PushLoop:
@@ -109,6 +118,8 @@ class PushLoop:
         places: (n, 3) poses of the objects in that frame, as believed.
         way: Driven so far, m.
         estimator: What sensors and wheels err by.
+        met_aside: It is over because the load was met where it takes a long way round from.
+        wary: See `PushJob`.
     """
 
     def __init__(
@@ -138,12 +149,13 @@ class PushLoop:
         self._normals = np.array([contact.normal for contact in scenario.chain.contacts])
         self.plate, self._odometry, self._told = plate, plate, odometry
         self._now, self._began, self._fitted, self.way = now, now, -math.inf, 0.0
-        self._recent: deque[Sample] = deque(maxlen=max(2, settings.looks // 2))
+        self._recent: deque[Sample] = deque(maxlen=max(2, 3 * settings.looks // 4))
         self.places = scenario.chain.places
         self._open: Contacts | None = None
         self._since, self._closings, self._settled = now, 0, False
         self._path: PushPath = plan.path
-        self._touching = job.settle > 0.0
+        self._touching, self._off = job.settle > 0.0, (0.0, 0.0)
+        self.met_aside, self.wary = False, job.wary
         if self._touching:
             self._straight(plan.path.twists[0], job.settle)
         else:
@@ -231,25 +243,26 @@ class PushLoop:
             kind, what = "deviation", self._departure()
         if what and (kind == "deviation" or unseen > self.settings.patience):
             self._tell(kind, what)
+            self.wary |= kind == "deviation"
             self.estimator.forget(self._now - 2.0 * HOLD, self._now)
             self._following.drive.stop()
 
     def _departure(self) -> str:
         """Return which object has left its place and by how much; empty if none has.
 
-        Half of the measurements of a look tell of a slow departure, two of a quick one: the mean of what they are off
-        what was expected from all that was learned before.
+        Three quarters of the measurements of a look, or half of them, tell of a slow departure, two of a quick one:
+        the mean of what they are off what was expected from all that was learned before.
         """
         recent = [sample for sample in self._recent if sample.time >= self._since]
         if len(recent) < 2:
             return ""
         names, settings, noise = self.scenario.chain.objects, self.settings, self.estimator.noise
         slack, gaps = np.array([settings.position_slack, settings.angle_slack]), UNSURE * np.array(UNSETTLED)
-        off = self.estimator.residuals(recent)
+        off, most_seen = self.estimator.residuals(recent), self._recent.maxlen or 2
         for i, obj in enumerate(names):
             own = off[~np.isnan(off[:, i, 0]), i]
-            for last, sigmas in ((self._recent.maxlen, SLOW), (2, QUICK)):
-                if last is None or len(own) < last:
+            for last, sigmas in ((most_seen, SLOW), (settings.looks // 2, SLOW), (2, QUICK)):
+                if len(own) < last:
                     continue
                 mean = own[-last:].mean(axis=0)
                 apart = np.array([np.hypot(mean[0], mean[1]), abs(mean[2])])
@@ -336,15 +349,10 @@ class PushLoop:
     def _replan(self, contacts: Contacts, measured: FloatArray, off: str) -> None:
         """Go on with a new plan, from objects that are flush and have slid, unless it costs more than it gains."""
         self._closings, self._open = 0, None
-        for attempt in range(ATTEMPTS):
-            replan = self._replanner.replan(self._now, self.plate, self._path, contacts.slide, attempt)
-            self._record(replan)
-            if replan.solved:
-                self._replans += 1
-                break
+        replan = self._best_plan(contacts.slide)
         result = replan.result
         if result is not None and result.path is not None and result.trajectory is not None:
-            if self._is_too_far(result.path.cost, off):
+            if self._is_round(result.path.cost) or self._is_too_far(result.path.cost, off):
                 return
             self._tell("replan", f"{result.path.cost:.3f} m in {result.trajectory.duration:.1f} s")
             self._path, self.places = result.path, self._replanner.chain.places
@@ -354,6 +362,37 @@ class PushLoop:
             self._end(Phase.ARRIVED, "within the tolerances, and there is no plan to come nearer")
         else:
             self._give_up(f"there is no plan from here: {replan.reason}")
+
+    def _best_plan(self, slides: FloatArray) -> Replan:
+        """Return the most cautious plan; while nothing has slipped, the most cautious that is no long way round."""
+        solved: list[tuple[float, Replan]] = []
+        for attempt in range(ATTEMPTS):
+            replan = self._replanner.replan(self._now, self.plate, self._path, slides, attempt)
+            if replan.result is None or replan.result.path is None:
+                self._record(replan)
+            else:
+                solved.append((replan.result.path.cost, replan))
+                if self.wary or solved[-1][0] <= _far(self._path):
+                    break
+            if solved and attempt >= len(CAUTION) - 1:
+                break
+        if not solved:
+            return replan
+        least = min(cost for cost, _ in solved)
+        best = next(replan for cost, replan in solved if cost <= max(least, _far(self._path)))
+        self._record(best)
+        self._replans += 1
+        return best
+
+    def _is_round(self, cost: float) -> bool:
+        """End where the plan from where the load was met, which costs so much (m), goes a long way round."""
+        path = self._job.plan.path
+        aside = self._off[0] > ASIDE[0] or self._off[1] > ASIDE[1]
+        if path is None or not (self._job.again and aside and self._replans == 1 and cost > _far(path)):
+            return False
+        self.met_aside = True
+        self._give_up(f"from where it was met it takes {cost:.1f} m instead of {path.cost:.1f} m")
+        return True
 
     def _is_too_far(self, cost: float, off: str) -> bool:
         """End where a plan costs more than it gains, m, or too much was driven already."""
@@ -405,6 +444,7 @@ class PushLoop:
         most = FOUND * np.array(self.settings.approach_error)
         if off[0] > most[0] or off[1] > most[1]:
             return
+        self._off = off
         self._tell("touch", f"{chain.objects[k].name} tells that the plate is {words(*off)} off")
         self.plate = self._odometry = compose(self.plate, shift)
         self.estimator = Estimator(self.settings, len(chain.objects), self.estimator)
@@ -444,6 +484,11 @@ class PushLoop:
 
     def _end(self, phase: Phase, text: str) -> None:
         self.phase, self.text = phase, text
+
+
+def _far(path: PushPath) -> float:
+    """Return the cost (m) from which on a plan in place of a path goes a long way round."""
+    return ROUND[0] * path.cost + ROUND[1]
 
 
 def words(distance: float, angle: float) -> str:

@@ -27,7 +27,7 @@ class ControlSettings:
         rate: Twists per second, Hz.
         position_noise: Standard deviation of each coordinate of a measured position, m.
         angle_noise: Standard deviation of a measured angle, rad.
-        looks: Measurements at rest that a decision rests on; while it moves, half as many have to agree.
+        looks: Measurements at rest that a decision rests on; while it pushes, three quarters of them have to agree.
         position_slack: How far an object may be away from its pose in the plan while the plan goes on, m.
         angle_slack: By what angle it may be, rad.
         position_tolerance: Distance from its goal within which the goal's object has arrived, m. The goal's own

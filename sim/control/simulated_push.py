@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from pushplan.errors import PushplanError
 from pushplan.geometry.polygon import exit_distance
 from pushplan.geometry.se2 import compose, exp, inverse, log, relative, rotate, transform_points, twist_of
-from pushplan.mechanics.chain import PLATE
+from pushplan.mechanics.chain import PLATE, Chain
 from pushplan.mechanics.contacts import carried_objects
 from pushplan.plans.events import Event, Measured
 from pushplan.plans.plan import Load, Plan
@@ -60,11 +60,56 @@ class Disturbance:
         return Event(self.time, "disturbance", f"{names[self.index]} was displaced by {moved}")
 
 
-def disturbed(simulator: SlipSimulator, frame: FloatArray, disturbance: Disturbance) -> FloatArray:
+class Simulator(Protocol):
+    """Objects on the floor and a plate that moves among them: `SlipSimulator`, `PhysicsSimulator`."""
+
+    @property
+    def world(self) -> World:
+        """What it began as."""
+
+    @property
+    def chain(self) -> Chain | None:
+        """What is held."""
+
+    @property
+    def jammed(self) -> bool:
+        """Whether nothing can move any more."""
+
+    @property
+    def plate_in_frame(self) -> FloatArray:
+        """(3,) pose of the plate frame in the frame that the plate is moved in."""
+
+    @property
+    def plate_pose(self) -> FloatArray:
+        """(3,) pose in the world of the frame that the plate is moved in."""
+
+    @property
+    def object_poses(self) -> FloatArray:
+        """(n, 3) poses of the objects' own frames in the world."""
+
+    def hold(self, chain: Chain | None) -> None:
+        """Hold a chain, or nothing; the plate stays there."""
+
+    def place(self, object_poses: ArrayLike, plate_pose: ArrayLike) -> None:
+        """Put objects (n, 3) and the plate's frame (3,) somewhere else in the world, at rest."""
+
+    def move(self, twist: ArrayLike, duration: float) -> Pushed:
+        """Move the plate with a constant body twist (3,) of its frame for a time, s."""
+
+
+class Pushed(Protocol):
+    """What a move leaves behind."""
+
+    @property
+    def wrenches(self) -> FloatArray:
+        """(m, 3) of the plate, in its frame: N, N, N m."""
+
+
+def disturbed(simulator: Simulator, frame: FloatArray, disturbance: Disturbance) -> FloatArray:
     """Return the poses (n, 3) of the objects after a disturbance.
 
     Bodies do not overlap: of what is pushed, the object is kept off what pushes it, and what it carries is moved
-    ahead of it.
+    ahead of it. Else those that are farther from the plate give way.
 
     Args:
         simulator: With the objects as they were.
@@ -78,7 +123,7 @@ def disturbed(simulator: SlipSimulator, frame: FloatArray, disturbance: Disturba
         poses[disturbance.index], [disturbance.x, disturbance.y, disturbance.turn]
     )
     if chain is None or names[disturbance.index] not in (own := [obj.name for obj in chain.objects]):
-        return poses
+        return _apart(simulator, frame, poses)
     columns = columns_of(chain, names)
     carried = carried_objects(chain)
     for k in np.flatnonzero(carried[own.index(names[disturbance.index])]):
@@ -89,6 +134,21 @@ def disturbed(simulator: SlipSimulator, frame: FloatArray, disturbance: Disturba
             behind = transform_points(poses[columns[contact.pusher]], chain.objects[contact.pusher].outline)
         shift = exit_distance(behind, transform_points(poses[columns[k]], chain.objects[k].outline), ahead)
         poses[[columns[i] for i in np.flatnonzero(carried[k])], :2] += shift * ahead
+    return poses
+
+
+def _apart(simulator: Simulator, frame: FloatArray, poses: FloatArray) -> FloatArray:
+    """Return poses (n, 3) of objects of which none overlaps another or the plate: the farther ones give way."""
+    world = simulator.world
+    pusher, plate = world.chain.pusher, compose(frame, simulator.plate_in_frame)
+    there = [transform_points(compose(plate, inverse(pusher.plate_pose)), pusher.outline)]
+    for k in np.argsort(np.hypot(*(poses[:, :2] - plate[:2]).T)):
+        for other in there:
+            own = transform_points(poses[k], world.objects[k].outline)
+            away = own.mean(axis=0) - other.mean(axis=0)
+            away /= max(float(np.linalg.norm(away)), 1e-12)
+            poses[k, :2] += exit_distance(other, own, away) * away
+        there.append(transform_points(poses[k], world.objects[k].outline))
     return poses
 
 
@@ -187,6 +247,7 @@ def simulate_push(
     seed: int = 1,
     time_limit: float = TIME_LIMIT,
     progress: Callable[[SimulatedPush], None] | None = None,
+    simulator_of: Callable[[World], Simulator] = SlipSimulator,
 ) -> SimulatedPush:
     """Let a driver push in a world until it is over.
 
@@ -199,11 +260,13 @@ def simulate_push(
         seed: Of the sensor's noise.
         time_limit: Simulated seconds, at most.
         progress: Called every simulated second with what has happened so far.
+        simulator_of: What the world is simulated with: slip without inertia, or `PhysicsSimulator`.
 
     Raises:
+        MissingEngineError: When the physics engine is asked for and not installed.
         SupportError: When the load under an object is not known.
     """
-    simulator, seen, held = SlipSimulator(world), Measurements(sensor, seed), None
+    simulator, seen, held = simulator_of(world), Measurements(sensor, seed), None
     frame = simulator.plate_pose
     left = deque(sorted(disturbances, key=lambda disturbance: disturbance.time))
     rows: list[tuple[float, FloatArray, FloatArray, FloatArray, int]] = []

@@ -71,7 +71,7 @@ def drive(
         PhysicsError: When the simulation does not stay finite.
         SupportError: When a load is not known.
     """
-    transfer = LoadTransfer(chain)
+    transfer = LoadTransfer(chain.objects, chain.pusher.contact_height)
     model = build_model(chain, motion.dt, max(_sliding_speed(chain, motion), _BARELY), settings)
     bodies = np.arange(len(model.dofs))
     begin, end = (_all_moved(pose, placed, len(bodies)) for pose in motion.poses[:2])

@@ -14,6 +14,7 @@ Inertial forces are taken to act at that height as well.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,7 +23,7 @@ import numpy as np
 from pushplan.geometry.se2 import rotate
 from pushplan.mechanics.chain import GRAVITY, PLATE, Chain, Contact, PushedObject
 from pushplan.mechanics.inertia import inertia_of
-from pushplan.mechanics.packed import pack_chain
+from pushplan.mechanics.packed import pack_objects
 from pushplan.sim.feet import Feet, feet_of
 from pushplan.sim.physics.engine import PhysicsError, PhysicsSettings, engine
 from pushplan.util.arrays import FloatArray, IntArray
@@ -159,9 +160,9 @@ def edge_extent(contact: Contact, outline: FloatArray) -> tuple[float, float]:
     return low, high
 
 
-_CORNER = 2e-3
+CORNER = 2e-3
 """Radius of a corner over the length of the contact segment."""
-_OVERLAP = 1e-8
+OVERLAP = 1e-8
 """How deep corners reach into faces, over the length of the segment, so that they touch from the start."""
 _SOFTEST = 0.3
 """Compliance of the contacts times an object's mass, at most: softer ones would swing."""
@@ -183,9 +184,7 @@ def add_contacts(
             lifted off by the convex contact model of the engine, again and again, if it has not sunk in.
         slip_time: See `PhysicsSettings`.
     """
-    friction = max(obj.floor_friction for obj in chain.objects)
-    compliance = min(indentation / (4.0 * dt**2 * friction * GRAVITY), _SOFTEST)
-    impedance = 1.0 / (1.0 + compliance)
+    impedance = impedance_of(chain.objects, dt, indentation)
     for k, contact in enumerate(chain.contacts):
         for own, other, side in (
             (contact.pushed, contact.pusher, 1.0),
@@ -196,7 +195,13 @@ def add_contacts(
             for end, place in enumerate(edge_extent(contact, _outline(chain, own))):
                 corner = f"contact{k}/corner{own}.{end}"
                 _add_corner(bodies[own], corner, contact, place, side)
-                _add_pair(spec, face, corner, contact.friction, dt, impedance, slip_time)
+                add_pair(spec, face, corner, contact.friction, dt, impedance, slip_time)
+
+
+def impedance_of(objects: Sequence[PushedObject], dt: float, indentation: float) -> float:
+    """Return the impedance of contacts in which a corner sinks in that far (m) under the friction of one object."""
+    friction = max(obj.floor_friction for obj in objects)
+    return 1.0 / (1.0 + min(indentation / (4.0 * dt**2 * friction * GRAVITY), _SOFTEST))
 
 
 def _outline(chain: Chain, body: int) -> FloatArray:
@@ -222,28 +227,29 @@ def _add_face(body: Any, name: str, contact: Contact, extent: tuple[float, float
 
 def _add_corner(body: Any, name: str, contact: Contact, place: float, side: float) -> None:
     """Add the corner at a place along the contact's tangent."""
-    radius = _CORNER * contact.length
+    radius = CORNER * contact.length
     point = contact.right + place * contact.tangent + side * radius * contact.normal
     body.add_geom(
         name=name,
         type=engine().mjtGeom.mjGEOM_SPHERE,
-        size=[radius + _OVERLAP * contact.length, 0.0, 0.0],
+        size=[radius + OVERLAP * contact.length, 0.0, 0.0],
         pos=[*(point - body.pos[:2]), 0.0],
         contype=0,
         conaffinity=0,
     )
 
 
-def _add_pair(
+def add_pair(
     spec: Any, face: str, corner: str, friction: float, dt: float, impedance: float, slip_time: float
 ) -> None:
+    """Let a corner touch a face, both named."""
     pair = spec.add_pair(geomname1=face, geomname2=corner, condim=3)
     pair.friction = [friction, friction, 0.0, 0.0, 0.0]
     pair.solref, pair.solreffriction = [2.0 * dt, 1.0], [2.0 * dt * slip_time, 1.0]
     pair.solimp = [impedance, impedance, 1e-3, 0.5, 2.0]
 
 
-_PLATE_MASS = 1e8
+PLATE_MASS = 1e8
 """Mass of the plate over that of all objects: no contact slows it down."""
 _CARRIED = 1e8
 """Inertia of a body that is carried along, kg or kg m^2."""
@@ -341,14 +347,13 @@ def build_model(chain: Chain, dt: float, sliding: float, settings: PhysicsSettin
         MissingEngineError: When the engine is not installed.
         SupportError: When a load is not known.
     """
-    mujoco = engine()
     feet = [feet_of(obj.support, settings.degree) for obj in chain.objects]
-    spec = mujoco.MjSpec()
-    _set_options(mujoco, spec, dt, settings)
+    spec = engine().MjSpec()
+    set_options(spec, dt, settings)
     add_floor(spec)
     bodies = [add_planar(spec, f"object{i}", *inertia_of(obj)) for i, obj in enumerate(chain.objects)]
     total = sum(obj.mass for obj in chain.objects)
-    bodies.append(add_planar(spec, "plate", _PLATE_MASS * total, np.zeros(2), _PLATE_MASS * total))
+    bodies.append(add_planar(spec, "plate", PLATE_MASS * total, np.zeros(2), PLATE_MASS * total))
     lift = settings.softness * sliding / dt
     standing = tuple(
         stand(spec, body, obj, each, lift * obj.floor_friction, dt) if obj.floor_friction > 0.0 else None
@@ -356,8 +361,13 @@ def build_model(chain: Chain, dt: float, sliding: float, settings: PhysicsSettin
     )
     indentation = settings.indentation * chain.characteristic_length
     add_contacts(spec, chain, bodies, dt, indentation, settings.slip_time)
+    return compiled(spec, bodies, standing)
+
+
+def compiled(spec: Any, bodies: Sequence[Any], standing: tuple[Standing | None, ...]) -> PhysicsModel:
+    """Return the model of `bodies`, the objects and then the plate, that stand on their feet."""
     model = spec.compile()
-    data = mujoco.MjData(model)
+    data = engine().MjData(model)
     for each in standing:
         if each is not None:
             each.soften(model)
@@ -367,7 +377,9 @@ def build_model(chain: Chain, dt: float, sliding: float, settings: PhysicsSettin
     return PhysicsModel(model, data, anchors, np.array(dofs, dtype=np.int64), standing)
 
 
-def _set_options(mujoco: Any, spec: Any, dt: float, settings: PhysicsSettings) -> None:
+def set_options(spec: Any, dt: float, settings: PhysicsSettings) -> None:
+    """Set the engine's options."""
+    mujoco = engine()
     option = spec.option
     option.timestep = dt
     option.gravity = [0.0, 0.0, 0.0]  # the loads on the feet are forces
@@ -375,7 +387,7 @@ def _set_options(mujoco: Any, spec: Any, dt: float, settings: PhysicsSettings) -
     option.impratio = settings.friction_stiffness
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     option.iterations, option.ls_iterations = _ITERATIONS, _LINE_SEARCHES
-    option.tolerance = _PRECISION / _PLATE_MASS  # the engine measures with the mean inertia, so the plate's
+    option.tolerance = _PRECISION / PLATE_MASS  # the engine measures with the mean inertia, so the plate's
 
 
 _FOLLOWING = 0.3
@@ -389,10 +401,10 @@ class LoadTransfer:
         SupportError: When the push at the contact height could lift a part of an object.
     """
 
-    def __init__(self, chain: Chain) -> None:
-        pack_chain(chain)  # refuses what would tip
-        self._height = chain.pusher.contact_height
-        self._friction = np.zeros((len(chain.objects), 2))
+    def __init__(self, objects: Sequence[PushedObject], height: float) -> None:
+        pack_objects(objects, height)  # refuses what would tip
+        self._height = height
+        self._friction = np.zeros((len(objects), 2))
 
     def follow(self, model: PhysicsModel) -> None:
         """Shift the loads to where the friction of the last time steps wants them."""

@@ -44,21 +44,17 @@ class Pair(NamedTuple):
     friction: float
 
 
-def pack_world(world: World, chain: Chain | None = None) -> slip.World:
-    """Return what can be pushed of a world, with objects in its order.
+def bodies_of(world: World, chain: Chain | None = None) -> tuple[list[PushedObject], list[Piece], list[Pair]]:
+    """Return the objects, those of `chain` first, the convex pieces of all bodies, and which of these may touch.
 
     Args:
         world: All objects, the pusher, and what stands still.
         chain: What the plate holds: its contacts are told of, and the pusher is in its frame. None for nothing; the
             pusher is in the plate frame then.
-
-    Raises:
-        SupportError: When the load under an object is not known, or it has no friction with the floor.
     """
     held = () if chain is None else chain.objects
     names = [obj.name for obj in held]
     objects = [*held, *(obj for obj in world.objects if obj.name not in names)]
-    order = np.array([world.names.index(obj.name) for obj in objects])
     pusher = world.chain.pusher if chain is None else chain.pusher
     plate = se2.inverse(pusher.plate_pose) if chain is None else np.zeros(3)
     carried = [
@@ -69,9 +65,19 @@ def pack_world(world: World, chain: Chain | None = None) -> slip.World:
     pieces = [piece for i, obj in enumerate(objects) for piece in cut(i, obj.outline)]
     pieces += [piece for outline in carried for piece in cut(n, outline)]
     pieces += _standing(world, n + 1)
-    pairs = _pairs(world, chain, [obj.name for obj in objects], pieces)
-    length = half_extent(world.chain if chain is None else chain)
-    return pack_bodies(objects, pieces, pairs, length, pusher.contact_height, order)
+    return objects, pieces, _pairs(world, chain, [obj.name for obj in objects], pieces)
+
+
+def pack_world(world: World, chain: Chain | None = None) -> slip.World:
+    """Return what can be pushed of a world, with objects in its order; see `bodies_of`.
+
+    Raises:
+        SupportError: When the load under an object is not known, or it has no friction with the floor.
+    """
+    objects, pieces, pairs = bodies_of(world, chain)
+    order = np.array([world.names.index(obj.name) for obj in objects])
+    held = world.chain if chain is None else chain
+    return pack_bodies(objects, pieces, pairs, half_extent(held), held.pusher.contact_height, order)
 
 
 def pack_bodies(

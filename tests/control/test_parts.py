@@ -164,7 +164,10 @@ def test_a_sensor_has_its_rate_delay_and_noise() -> None:
     np.testing.assert_allclose(spread, [1e-3, 1e-3, np.radians(0.3)], rtol=0.15)
 
 
-def test_a_kick_leaves_no_overlap_and_moves_what_is_carried_ahead(crates: pushplan.Scenario) -> None:
+@pytest.mark.parametrize("held", [True, False])
+def test_a_kick_leaves_no_overlap_and_moves_what_is_carried_ahead(
+    crates: pushplan.Scenario, held: bool
+) -> None:
     import shapely
 
     from pushplan.geometry.se2 import transform_points
@@ -174,7 +177,10 @@ def test_a_kick_leaves_no_overlap_and_moves_what_is_carried_ahead(crates: pushpl
     for _ in range(20):
         way, index = random.uniform(-np.pi, np.pi), int(random.integers(2))
         disturbance = Disturbance(0.0, index, 5e-3 * np.cos(way), 5e-3 * np.sin(way), 0.05)
-        poses = disturbed(pushplan.SlipSimulator(world), world.start, disturbance)
+        simulator = pushplan.SlipSimulator(world)
+        if not held:
+            simulator.hold(None)
+        poses = disturbed(simulator, simulator.plate_pose, disturbance)
         outlines = [transform_points(p, o.outline) for p, o in zip(poses, crates.chain.objects, strict=True)]
         outlines.append(transform_points(world.start, crates.chain.pusher.outline))
         shapes = [shapely.Polygon(outline) for outline in outlines]
