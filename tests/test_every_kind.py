@@ -28,6 +28,7 @@ from pushplan.logging.tables import write_csv
 from pushplan.planners.validator import Validator
 from pushplan.plans.plan import Plan, Segment
 from pushplan.plans.run import Execution
+from pushplan.scenario.file import example_text
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance
@@ -42,13 +43,12 @@ from pushplan.view.draft import Draft
 
 KINDS = ("push", "multi-push", "rearrangement", "gathering")
 EVERY = pytest.mark.parametrize("kind", KINDS)
+FAST = r"\1, limits: {speed: 0.5, acceleration: 1.5, jerk: 30, angular_speed: 2}}"
 TEXTS = {
-    kind: re.sub(
-        r"(pusher: {.*)}", r"\1, limits: {speed: 0.5, acceleration: 1.5, jerk: 30, angular_speed: 2}}", text
-    )
-    for kind, text in (("multi-push", MULTI), ("rearrangement", SWAP), ("gathering", ROW))
+    "multi-push": re.sub(r"(pusher: {.*)}", FAST, MULTI),
+    "rearrangement": SWAP,
+    "gathering": re.sub(r"(pusher: {.*)}", FAST, ROW),
 }
-"""Fast ones: half of the time to simulate."""
 LOOPS = tuple(f"{kind} in closed loop" for kind in KINDS)
 CLOSED = pytest.mark.parametrize("kind", LOOPS)
 EXECUTED = pytest.mark.parametrize("kind", [*KINDS, *LOOPS])
@@ -73,7 +73,9 @@ def made(kind: str) -> Made:
         assert loop.outcome == "arrived", loop.reason
         return Made(whole.scenario, loop.plan, loop.execution, loop)
     text = TEXTS.get(kind)
-    scenario = pushplan.load_scenario("two-crates") if text is None else pushplan.scenario_from_text(text)
+    scenario = pushplan.scenario_from_text(
+        text or example_text("two-crates").replace("speed: 0.2,", "speed: 0.5,")
+    )
     assert scenario.kind == ("rearrangement" if kind == "gathering" else kind)
     plan = pushplan.plan(scenario, seed=1, first=True, time_limit=60.0)
     assert plan.solved, plan.reason

@@ -23,7 +23,7 @@ from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance
 from pushplan.sim.follower import PATIENCE, Follower
 
-NUMBERS = [math.nan, -math.inf, 1e300, 1e9, "word", 1j, [], object()]
+NUMBERS = [math.nan, -math.inf, 1e300, "word", [], object()]
 PERIOD = 0.02
 
 
@@ -34,7 +34,7 @@ def plan() -> Plan:
 
 def silly_poses() -> Iterator[Any]:
     yield from (value for value in NUMBERS)
-    for column, value in itertools.product((0, 2), NUMBERS[:5]):
+    for column, value in itertools.product((0, 2), NUMBERS[:4]):
         pose: list[Any] = [0.5, 0.5, 0.1]
         pose[column] = value
         yield pose

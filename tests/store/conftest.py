@@ -18,7 +18,7 @@ from pushplan.planners.planner import Planner
 from pushplan.plans.events import Event, Feedback, Measured, Replan
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Execution, TrialEnd
-from pushplan.scenario.file import load_scenario, scenario_from_document, scenario_from_text
+from pushplan.scenario.file import example_text, load_scenario, scenario_from_document, scenario_from_text
 from pushplan.sim.trials import TrialUncertainty, execute_trials
 from pushplan.trial import TRIAL
 
@@ -102,7 +102,7 @@ def _trial(plan: Plan) -> Case:
 @pytest.fixture(scope="session")
 def cases() -> dict[str, Case]:
     scenarios = {
-        "push": load_scenario("two-crates"),
+        "push": scenario_from_text(example_text("two-crates").replace("speed: 0.2,", "speed: 0.5,")),
         "multi-push": scenario_from_document(problem_document("omnidirectional")),
         "rearrangement": scenario_from_text(REARRANGEMENT),
     }
