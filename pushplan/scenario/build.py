@@ -463,7 +463,7 @@ def overlapping_goals(scenarios: Mapping[str, Scenario]) -> dict[str, str]:
         if gap < kept:
             found[other] = (
                 f"at their goals, '{one}' and '{other}' are {millimetres(gap)} apart; "
-                f"allowed: at least {millimetres(kept)}"
+                f"allowed: at least {millimetres(kept)}; objects that shall touch stand in goals.row"
             )
     return found
 
