@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander2d
-from scipy.optimize import nnls
 
 from pushplan.errors import SupportError
 from pushplan.mechanics.support import Support, UniformSupport
@@ -131,6 +130,8 @@ def compressed(rule: Rule, degree: int) -> Rule:
     total = float(rule.weights.sum())
     if len(rule.weights) <= len(moments):
         return rule
+    from scipy.optimize import nnls  # half a second, and plans of rows alone need it
+
     weights, residual = nnls(moments, moments @ rule.weights / total)
     if residual > 1e-9:
         raise SupportError(f"no feet have the moments of the pressure: {residual:.2g} is left over")
