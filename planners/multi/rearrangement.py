@@ -1,11 +1,12 @@
 """Several objects, each to a goal of its own: in which order, and which of them have to make room first.
 
 At first the nearest body that has a plan is brought to its goal, then the next one. Where that leaves some without a
-plan, situations are searched depth first: a body is brought to its goal only where every other one that is left keeps
-a plan of its own (or waits for another body to leave its goal); where none can be, one that is in the way is put
-somewhere from where the rest goes on, and has to be brought to its goal afterwards, also where it stood there before.
-As few are moved as possible. What is spent on each transfer grows while there is no order. With the time that is left
-other orders, and each goal of a body by itself, are tried in beams, and every transfer is searched for again.
+plan, situations are searched depth first, from there and then from the beginning: a body is brought to its goal only
+where every other one that is left keeps a plan of its own (or waits for another body to leave its goal); where none
+can be, one that is in the way is put somewhere from where the rest goes on, and has to be brought to its goal
+afterwards, also where it stood there before. As few are moved as possible. What is spent on each transfer grows while
+there is no order. With the time that is left other orders, and each goal of a body by itself, are tried in beams, and
+every transfer is searched for again.
 """
 
 from __future__ import annotations
@@ -34,9 +35,24 @@ from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import TOLERANCE_USED, Goal, PolygonObstacle, Workspace
 from pushplan.util.arrays import FloatArray, frozen
 
-STAGES = ((1, 0), (1, 1), (4, 1), (16, 1), (4, 2), (16, 2), (16, 3), (64, 3), (256, 6))
-"""How many batches of poses the search for one transfer may take, and how often bodies are put out of the way in all,
-at most, one after the other while there is no order.
+STAGES = (
+    (1, 0, False),
+    (1, 1, False),
+    (4, 1, False),
+    (1, 0, True),
+    (1, 1, True),
+    (16, 1, False),
+    (4, 1, True),
+    (16, 1, True),
+    (4, 2, True),
+    (16, 2, True),
+    (16, 3, True),
+    (64, 3, True),
+    (256, 6, True),
+)
+"""How many batches of poses the search for one transfer may take, how often bodies are put out of the way in all, at
+most, and whether all is looked through from the beginning or from where the nearest ones were brought to their goals:
+one after the other while there is no order.
 
 Batches, not seconds: the same seed finds the same order, however busy the machine is.
 """
@@ -387,26 +403,27 @@ class _Order:
 
     def find(self, now: Situation) -> tuple[Transfer, ...] | None:
         """Return transfers that bring every piece that is left to a goal, None where none were found in time."""
-        for self._patience, relocations in STAGES:
+        for self._patience, relocations, again in STAGES:
             self._known = {key: one for key, one in self._known.items() if one is not None}
-            found = self._greedy(now) if relocations == 0 else None
-            if found is None:
-                found = self._go_on(now, relocations)
-            if found is not None or self._over():
-                return found
+            steps, here = ((), now) if again else self._nearest_brought(now)
+            rest = self._go_on(here, relocations)
+            if rest is not None:
+                return (*steps, *rest)
+            if self._over():
+                break
         return None
 
-    def _greedy(self, now: Situation) -> tuple[Transfer, ...] | None:
-        """Return transfers, each to the nearest piece that has a plan, None where some are left without one."""
+    def _nearest_brought(self, now: Situation) -> tuple[tuple[Transfer, ...], Situation]:
+        """Return transfers, each of the nearest piece that has a plan, and where everything is when none has."""
         steps: list[Transfer] = []
         while now.left:
             found = (self._delivery(now, piece) for piece in self._nearest_first(now))
             step = next((one for one in found if one is not None), None)
             if step is None or self._over():
-                return None
+                break
             steps.append(step)
             now = _after(self._pieces, step, now)
-        return tuple(steps)
+        return tuple(steps), now
 
     def cheaper(self, now: Situation, best: tuple[Transfer, ...], until: float) -> tuple[Transfer, ...]:
         """Return transfers in another order, or to other goals, that cost less; the same ones where there are none.
