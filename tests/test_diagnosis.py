@@ -180,7 +180,7 @@ def test_the_command_tells_reason_and_nearest_path(
 
 # Drives that turn wide: a goal that is out of reach is proven to be, and the drive's radius is blamed.
 
-ROOM_WIDE = """
+WIDE_ROOM = """
 format: pushplan/1
 name: wide
 floor: {{friction: 0.3}}
@@ -200,7 +200,7 @@ DRIVES = {
 
 
 def _room(drive: str, goal: str) -> Scenario:
-    return scenario_from_text(ROOM_WIDE.format(drive=DRIVES.get(drive, drive), goal=goal), "wide")
+    return scenario_from_text(WIDE_ROOM.format(drive=DRIVES.get(drive, drive), goal=goal), "wide")
 
 
 @pytest.mark.parametrize("drive", DRIVES)
@@ -220,7 +220,7 @@ def test_a_goal_beside_the_wall_is_proven_out_of_reach_and_the_drive_is_to_blame
 
 # Turning radii that the drive can make: against a dense scan of its own family of twists, and in what users read.
 
-DRIVES_TURNING = (
+TURNING = (
     Drive("differential", np.array([-0.45, 0.0, 0.0])),
     Drive("differential", np.array([-0.3, 0.1, 0.1])),
     Drive("differential", np.array([0.9, 0.0, 0.0])),
@@ -233,7 +233,7 @@ def carts() -> Scenario:
     return replace(load_scenario("carts"), stability=StabilitySettings("ecof", 0.02))
 
 
-@pytest.mark.parametrize("drive", DRIVES_TURNING)
+@pytest.mark.parametrize("drive", TURNING)
 @pytest.mark.parametrize("margin", [0.0, 0.03])
 def test_no_stable_motion_of_the_axle_turns_tighter(carts: Scenario, drive: Drive, margin: float) -> None:
     """An axle that rolls ahead has its centre of rotation beside it, at a signed distance 1 / turn."""

@@ -175,12 +175,8 @@ def test_what_a_benchmark_imports_of_the_project_is_there(script: Path) -> None:
 
 # The README shows what its commands print; that all of them run is the business of `test_docs`.
 
-TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
+README = ROOT / "README.md"
 Captured = pytest.CaptureFixture[str]
-
-
-def _blocks_readme(language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", TEXT, flags=re.DOTALL)
 
 
 def _words(block: str) -> list[str]:
@@ -199,8 +195,8 @@ def test_the_first_command_plans_draws_records_and_prints_what_the_readme_shows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(_words(_blocks_readme("sh")[0])) == 0
-    printed, shown = capsys.readouterr().out.splitlines(), _blocks_readme("text")[0].splitlines()
+    assert main(_words(_blocks(README, "sh")[0])) == 0
+    printed, shown = capsys.readouterr().out.splitlines(), _blocks(README, "text")[0].splitlines()
     assert printed[0] == shown[0]
     assert [line.split("  ")[:2] for line in printed] == [line.split("  ")[:2] for line in shown]
     contacts = re.compile(
@@ -221,7 +217,7 @@ def test_the_message_about_a_mistake_is_the_one_that_is_printed(
     file = Path("mine.yaml")
     file.write_text(file.read_text().replace("  width: ", "  widht: "))
     assert main(["check", "mine.yaml"]) == 2
-    assert capsys.readouterr().err == _blocks_readme("text")[1]
+    assert capsys.readouterr().err == _blocks(README, "text")[1]
 
 
 # The scripts in examples/ run, are one screen long, and say what they do.

@@ -57,7 +57,7 @@ SIZES = st.floats(0.02, 1.0)
 
 
 @st.composite
-def poses_contact(draw: st.DrawFn) -> FloatArray:
+def placements(draw: st.DrawFn) -> FloatArray:
     return np.array([draw(COORDINATES), draw(COORDINATES), draw(ANGLES)])
 
 
@@ -77,7 +77,7 @@ def overlap_area(first: FloatArray, second: FloatArray) -> float:
     return float(shapely.intersection(shapely.Polygon(first), shapely.Polygon(second)).area)
 
 
-@given(stars(), st.integers(0, 8), st.floats(0.1, 0.9), SIZES, poses_contact())
+@given(stars(), st.integers(0, 8), st.floats(0.1, 0.9), SIZES, placements())
 def test_a_box_laid_on_any_edge_touches_along_that_edge(
     outline: FloatArray, edge: int, share: float, width: float, pose: FloatArray
 ) -> None:
@@ -99,7 +99,7 @@ def test_a_box_laid_on_any_edge_touches_along_that_edge(
     np.testing.assert_allclose(normal, [math.cos(heading), math.sin(heading)], atol=1e-5)
 
 
-@given(stars(), stars(), poses_contact(), ANGLES)
+@given(stars(), stars(), placements(), ANGLES)
 def test_going_the_exit_distance_parts_two_outlines_and_less_does_not(
     fixed: FloatArray, moving: FloatArray, pose: FloatArray, heading: float
 ) -> None:
@@ -112,7 +112,7 @@ def test_going_the_exit_distance_parts_two_outlines_and_less_does_not(
         assert overlap_area(fixed, moving + share * distance * direction) > 0.0
 
 
-@given(SIZES, SIZES, st.floats(0.01, 0.99), st.floats(-0.5, 0.5), poses_contact())
+@given(SIZES, SIZES, st.floats(0.01, 0.99), st.floats(-0.5, 0.5), placements())
 def test_the_depth_of_boxes_pushed_into_each_other_is_the_push(
     length: float, width: float, share: float, sideways: float, pose: FloatArray
 ) -> None:

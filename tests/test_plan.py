@@ -270,25 +270,25 @@ def test_a_path_that_ends_elsewhere_is_refused() -> None:
 
 
 @pytest.fixture(scope="module")
-def plan_pickle() -> pushplan.Plan:
+def crates() -> pushplan.Plan:
     return pushplan.plan(pushplan.load_scenario("two-crates"), first=True, time_limit=60.0)
 
 
-def test_a_plan_comes_back_with_what_is_worked_out_late(plan_pickle: pushplan.Plan) -> None:
-    back = pickle.loads(pickle.dumps(plan_pickle))
-    assert back.metrics() == plan_pickle.metrics()
-    assert back.robustness == plan_pickle.robustness
-    np.testing.assert_array_equal(there(back.trajectory).poses, there(plan_pickle.trajectory).poses)
+def test_a_plan_comes_back_with_what_is_worked_out_late(crates: pushplan.Plan) -> None:
+    back = pickle.loads(pickle.dumps(crates))
+    assert back.metrics() == crates.metrics()
+    assert back.robustness == crates.robustness
+    np.testing.assert_array_equal(there(back.trajectory).poses, there(crates.trajectory).poses)
 
 
-def test_sets_and_planners_answer_as_before(plan_pickle: pushplan.Plan) -> None:
-    stable = plan_pickle.scenario.stable_set()
+def test_sets_and_planners_answer_as_before(crates: pushplan.Plan) -> None:
+    stable = crates.scenario.stable_set()
     twists = np.array([[1.0, 0.0, 0.0], [1.0, 0.1, 0.5]])
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(stable)).margin(twists), stable.margin(twists))
-    planner = pickle.loads(pickle.dumps(pushplan.Planner(plan_pickle.scenario)))
-    assert planner.plan(time_limit=60.0).cost == pytest.approx(plan_pickle.cost)
+    planner = pickle.loads(pickle.dumps(pushplan.Planner(crates.scenario)))
+    assert planner.plan(time_limit=60.0).cost == pytest.approx(crates.cost)
 
 
-def test_a_controller_goes_on_where_it_was(plan_pickle: pushplan.Plan) -> None:
-    controller = pickle.loads(pickle.dumps(pushplan.Controller(plan_pickle)))
+def test_a_controller_goes_on_where_it_was(crates: pushplan.Plan) -> None:
+    controller = pickle.loads(pickle.dumps(pushplan.Controller(crates)))
     assert controller.step(0.0).any()

@@ -106,25 +106,25 @@ RADII = (HEADING_LENGTH, 0.5, 0.25)
 
 
 @pytest.fixture(scope="module")
-def problem_sst() -> Problem:
+def cluttered() -> Problem:
     scenario = load_plain("three-boxes-clutter")
     return build_problem(scenario, stable_set(scenario.chain))
 
 
-def _session_sst(problem_sst: Problem, iterations: int) -> Session:
+def _counted(cluttered: Problem, iterations: int) -> Session:
     start = load_plain("three-boxes-clutter").start
-    return Session(problem_sst, start, Budget(60.0, iterations=iterations), seed=1)
+    return Session(cluttered, start, Budget(60.0, iterations=iterations), seed=1)
 
 
 @pytest.fixture(scope="module")
-def tree(problem_sst: Problem) -> SparseTree:
+def tree(cluttered: Problem) -> SparseTree:
     """Return a tree grown with 4,000 extensions, its connections to the goal left unused."""
-    session = _session_sst(problem_sst, 1)
+    session = _counted(cluttered, 1)
     box = sampling_box(load_plain("three-boxes-clutter"))
-    tree = SparseTree(session.start, problem_sst.goal, np.array(box), *RADII)
+    tree = SparseTree(session.start, cluttered.goal, np.array(box), *RADII)
     done = 0
     while done < 4000:
-        done += tree.grow(problem_sst, session.random, np.inf, 4000 - done)[0]
+        done += tree.grow(cluttered, session.random, np.inf, 4000 - done)[0]
     return tree
 
 
@@ -132,7 +132,7 @@ def _rows(tree: SparseTree) -> IntArray:
     return np.setdiff1d(np.arange(len(tree.nodes)), tree.unused)
 
 
-def test_every_branch_is_a_free_arc_with_the_right_cost(problem_sst: Problem, tree: SparseTree) -> None:
+def test_every_branch_is_a_free_arc_with_the_right_cost(cluttered: Problem, tree: SparseTree) -> None:
     rows = _rows(tree)
     assert len(rows) > 100
     nodes, to_go = tree.nodes, tree.to_go
@@ -141,13 +141,13 @@ def test_every_branch_is_a_free_arc_with_the_right_cost(problem_sst: Problem, tr
         end = se2.compose(parent[:3], se2.exp(node[5:8] * node[8]))
         np.testing.assert_allclose(node[:3], end, atol=1e-12)
         assert node[3] == pytest.approx(parent[3] + node[8], abs=1e-12)
-        assert sweep_is_free(problem_sst.scene, *parent[:3], *node[5:9])
-        assert to_go[row] <= np.hypot(*(problem_sst.goal[:2] - node[:2])) + 0.1 * np.pi + 1e-12
+        assert sweep_is_free(cluttered.scene, *parent[:3], *node[5:9])
+        assert to_go[row] <= np.hypot(*(cluttered.goal[:2] - node[:2])) + 0.1 * np.pi + 1e-12
 
 
-def test_it_is_an_ompl_planner_whose_solution_ends_at_the_goal(problem_sst: Problem) -> None:
+def test_it_is_an_ompl_planner_whose_solution_ends_at_the_goal(cluttered: Problem) -> None:
     scenario = load_plain("three-boxes-clutter")
-    session = Session(problem_sst, scenario.start, Budget(60.0, first=True), seed=3)
+    session = Session(cluttered, scenario.start, Budget(60.0, first=True), seed=3)
     information, definition = pose_problem(session, sampling_box(scenario), body_reach(scenario))
     planner = StableSparseRRT(information)
     assert isinstance(planner, ob.Planner)
@@ -157,8 +157,8 @@ def test_it_is_an_ompl_planner_whose_solution_ends_at_the_goal(problem_sst: Prob
     assert status.getStatus() == ob.PlannerStatus.EXACT_SOLUTION
     assert definition.hasExactSolution()
     end = definition.getSolutionPath().getStates()[-1]
-    np.testing.assert_allclose([end.getX(), end.getY()], problem_sst.goal[:2], atol=1e-9)
-    assert abs(float(se2.wrap_angle(end.getYaw() - problem_sst.goal[2]))) < 1e-9
+    np.testing.assert_allclose([end.getX(), end.getY()], cluttered.goal[:2], atol=1e-9)
+    assert abs(float(se2.wrap_angle(end.getYaw() - cluttered.goal[2]))) < 1e-9
 
 
 # Exact connections: every word ends on the goal; for Dubins' car the shortest one is OMPL's.

@@ -138,42 +138,42 @@ def test_what_is_simulated_and_set_is_refused(made: Any, value: Any) -> None:
 
 
 @cache
-def plan_typed() -> pushplan.Plan:
+def crates() -> pushplan.Plan:
     return pushplan.plan(pushplan.load_scenario("two-crates"), first=True, time_limit=60.0)
 
 
 def path() -> PushPath:
-    found = there(plan_typed().path)
+    found = there(crates().path)
     return found
 
 
 def trajectory() -> Trajectory:
-    found = there(plan_typed().trajectory)
+    found = there(crates().trajectory)
     return found
 
 
 def world() -> pushplan.World:
-    return pushplan.World.from_scenario(plan_typed().scenario)
+    return pushplan.World.from_scenario(crates().scenario)
 
 
 CALLS: dict[str, tuple[Callable[[], Any], str]] = {
     "path": (lambda: path().poses_at([math.nan]), "costs hold NaN"),
     "trajectory": (lambda: trajectory().poses_at([math.nan]), "times hold NaN"),
     "huge": (lambda: trajectory().poses_at([10**400]), "times cannot be read"),
-    "margin": (lambda: plan_typed().scenario.stable_set().margin("ab"), "twists cannot be read as numbers"),
-    "window": (lambda: plan_typed().scenario.stable_set().cor_region(1, (1.0, 2.0)), "window is"),  # type: ignore[arg-type]
-    "start": (lambda: pushplan.Planner(plan_typed().scenario).plan(start="ab"), "start cannot be read"),
+    "margin": (lambda: crates().scenario.stable_set().margin("ab"), "twists cannot be read as numbers"),
+    "window": (lambda: crates().scenario.stable_set().cor_region(1, (1.0, 2.0)), "window is"),  # type: ignore[arg-type]
+    "start": (lambda: pushplan.Planner(crates().scenario).plan(start="ab"), "start cannot be read"),
     "obstacle": (
-        lambda: pushplan.Planner(plan_typed().scenario).with_obstacles([1.0]),  # type: ignore[list-item]
+        lambda: pushplan.Planner(crates().scenario).with_obstacles([1.0]),  # type: ignore[list-item]
         r"obstacle 0 is 1\.0; allowed: PolygonObstacle and CircleObstacle",
     ),
-    "samples": (lambda: pushplan.trial(plan_typed(), 0.5), "the number of samples is 0.5"),  # type: ignore[arg-type]
-    "seed": (lambda: pushplan.trial(plan_typed(), 2, seed=-1), "the seed is -1"),
+    "samples": (lambda: pushplan.trial(crates(), 0.5), "the number of samples is 0.5"),  # type: ignore[arg-type]
+    "seed": (lambda: pushplan.trial(crates(), 2, seed=-1), "the seed is -1"),
     "iterations": (
-        lambda: pushplan.plan(plan_typed().scenario, iterations=10**400),
+        lambda: pushplan.plan(crates().scenario, iterations=10**400),
         "allowed: a whole number from 1",
     ),
-    "simulator": (lambda: pushplan.trial(plan_typed(), 2, simulator=7), "7 is no simulator"),  # type: ignore[arg-type]
+    "simulator": (lambda: pushplan.trial(crates(), 2, simulator=7), "7 is no simulator"),  # type: ignore[arg-type]
     "follower": (lambda: pushplan.Follower(7), "nothing to follow in 7"),  # type: ignore[arg-type]
     "move": (lambda: pushplan.SlipSimulator(world()).move({}, 1.0), "twist cannot be read"),  # type: ignore[arg-type]
     "poses": (lambda: world().with_object_poses(np.array([["a"] * 3])), "cannot be read as numbers"),

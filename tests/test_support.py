@@ -67,17 +67,17 @@ def test_wrong_pressure_maps_name_file_and_line(tmp_path: Path, text: str, findi
 
 # What is known of a load: where it may rest, how far a push above the floor moves it, and what supports hold.
 
-BOX_LOAD = np.array([[-0.2, -0.1], [0.2, -0.1], [0.2, 0.1], [-0.2, 0.1]])
+LARGE_BOX = np.array([[-0.2, -0.1], [0.2, -0.1], [0.2, 0.1], [-0.2, 0.1]])
 POSE = np.array([0.5, 0.1, 0.7])
 
 
 def resting(support: Support, friction: float = 0.5) -> PushedObject:
-    return PushedObject("box", BOX_LOAD, 2.0, friction, support, POSE)
+    return PushedObject("box", LARGE_BOX, 2.0, friction, support, POSE)
 
 
 def test_a_push_above_the_floor_moves_the_load_until_it_tips() -> None:
     """The box tips over its short side, 0.1 m off the middle, at height 0.1 / mu = 0.2 m."""
-    obj = resting(UnknownSupport(BOX_LOAD))
+    obj = resting(UnknownSupport(LARGE_BOX))
     assert load_area(obj, 0.06).shift == pytest.approx(0.03)
     assert load_area(obj, 0.2).shift == pytest.approx(0.1)
     text = (
@@ -92,7 +92,7 @@ def test_a_push_above_the_floor_moves_the_load_until_it_tips() -> None:
 def test_elements_of_an_affine_pressure_have_its_centre_and_spread(center: list[float] | None) -> None:
     given: FloatArray | None = None if center is None else np.array(center)
     away = np.array([0.3, 0.2])
-    moved = BOX_LOAD + away
+    moved = LARGE_BOX + away
     support = UniformSupport(moved, None if given is None else given + away)
     places, parts = support.elements(5000)
     places = transform_points(POSE, places)

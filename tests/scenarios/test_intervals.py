@@ -127,7 +127,7 @@ def test_sets_that_cannot_take_intervals_say_so() -> None:
 
 LINE = "uncertainty: {contact_friction: 20 %, floor_friction: 0.2, load: 10 %}\n"
 FEET = "support: {feet: [[-0.04, -0.03, 0.2], [0.04, -0.03, 0.3], [0.04, 0.03, 0.25], [-0.04, 0.03, 0.25]]}"
-TEXT_UNCERTAINTY = f"""\
+UNCERTAIN = f"""\
 format: pushplan/1
 floor: {{friction: 0.3}}
 objects:
@@ -141,8 +141,8 @@ MU = float(np.tan(np.radians(14.0)))
 
 
 @cache
-def scenario_uncertainty(line: str = LINE) -> Scenario:
-    return scenario_from_text(line + TEXT_UNCERTAINTY)
+def uncertain(line: str = LINE) -> Scenario:
+    return scenario_from_text(line + UNCERTAIN)
 
 
 def twists(seed: int, count: int) -> FloatArray:
@@ -151,14 +151,14 @@ def twists(seed: int, count: int) -> FloatArray:
 
 
 def test_it_is_the_same_as_writing_the_intervals() -> None:
-    written = TEXT_UNCERTAINTY.replace("{friction: 0.3}", "{friction: [0.24, 0.36]}").replace(
+    written = UNCERTAIN.replace("{friction: 0.3}", "{friction: [0.24, 0.36]}").replace(
         "0.4}", "[0.32, 0.48]}"
     )
     written = written.replace('"14 deg"', f"[{0.8 * MU!r}, {1.2 * MU!r}]").replace("0.5}", "[0.4, 0.6]}")
     for number in ("0.2", "0.3", "0.25"):
         low, high = 0.9 * float(number), 1.1 * float(number)
         written = written.replace(f"0.03, {number}]", f"0.03, [{low!r}, {high!r}]]")
-    line = scenario_uncertainty("uncertainty: {contact_friction: 20 %, floor_friction: 20 %, load: 10 %}\n")
+    line = uncertain("uncertainty: {contact_friction: 20 %, floor_friction: 20 %, load: 10 %}\n")
     bare = replace(there(line.interval), pressures={})
     at = twists(0, 200)
     np.testing.assert_allclose(

@@ -283,7 +283,7 @@ def _map(folder: Path, cells: npt.NDArray[np.uint8], turned: float = 0.0) -> Pat
     return folder / "map.yaml"
 
 
-def _room_imports(seed: int = 1) -> npt.NDArray[np.uint8]:
+def _walled_room(seed: int = 1) -> npt.NDArray[np.uint8]:
     """A walled room with clutter, and something unknown outside it."""
     rng = np.random.default_rng(seed)
     cells = np.full((60, 80), FREE, np.uint8)
@@ -300,7 +300,7 @@ def _room_imports(seed: int = 1) -> npt.NDArray[np.uint8]:
 def test_obstacles_cover_what_is_in_the_way_and_little_more(
     turned: float, unknown_is_free: bool, tmp_path: Path
 ) -> None:
-    cells = _room_imports()
+    cells = _walled_room()
     found = read_ros_map(_map(tmp_path, cells, turned), unknown_is_free=unknown_is_free)
     covered = shapely.union_all([shapely.Polygon(obstacle.outline) for obstacle in found.obstacles])
     rows, columns = np.indices(cells.shape)
@@ -327,7 +327,7 @@ def test_obstacles_cover_what_is_in_the_way_and_little_more(
     ("negate: 0", "negate: [", "map.yaml:"),
 ])  # fmt: skip
 def test_a_map_that_cannot_be_read_is_told(old: str, new: str, what: str, tmp_path: Path) -> None:
-    file = _map(tmp_path, _room_imports())
+    file = _map(tmp_path, _walled_room())
     assert old in file.read_text()
     file.write_text(file.read_text().replace(old, new))
     with pytest.raises(ImportedFileError) as caught:

@@ -152,7 +152,7 @@ def test_a_twist_without_room_is_refused_with_the_way_out(make_chain: ChainMaker
 
 # Limits that differ between the directions: read, kept by every motion, mirrored with the scenario.
 
-ROOM_ASYMMETRIC = """
+SIDED_ROOM = """
 format: pushplan/1
 name: sides
 floor: {{friction: 0.3}}
@@ -172,28 +172,26 @@ TEXT = "{angular_speed: [-0.15, 0.5], angular_acceleration: [-0.8, 2.0], acceler
 TEXT_MIRRORED = "{angular_speed: [-0.5, 0.15], angular_acceleration: [-2.0, 0.8], acceleration: [-0.2, 0.6]}"
 
 
-def _path_asymmetric(twists: np.ndarray) -> PushPath:
+def _straight_and_turns(twists: np.ndarray) -> PushPath:
     return PushPath(np.zeros(3), twists / cost_rate(twists)[:, None], np.full(len(twists), 0.7))
 
 
 def _room(limits: str, goal: str, trajectory: str = "blended") -> Scenario:
-    return scenario_from_text(
-        ROOM_ASYMMETRIC.format(limits=limits, goal=goal, trajectory=trajectory), "sides"
-    )
+    return scenario_from_text(SIDED_ROOM.format(limits=limits, goal=goal, trajectory=trajectory), "sides")
 
 
 def test_a_mirrored_path_with_mirrored_limits_is_driven_in_the_same_time() -> None:
-    one = time_path(_path_asymmetric(TWISTS), Bounds(SIDES))
-    other = time_path(_path_asymmetric(TWISTS * [1.0, -1.0, -1.0]), Bounds(MIRRORED))
+    one = time_path(_straight_and_turns(TWISTS), Bounds(SIDES))
+    other = time_path(_straight_and_turns(TWISTS * [1.0, -1.0, -1.0]), Bounds(MIRRORED))
     np.testing.assert_array_equal(one.breaks, other.breaks)
     np.testing.assert_array_equal(one.coefficients, other.coefficients * [1.0, -1.0, -1.0])
 
 
 def test_an_exact_motion_uses_each_side_of_its_limits_and_no_more() -> None:
     for twist in TWISTS:
-        trajectory = time_path(_path_asymmetric(twist[None]), Bounds(SIDES))
+        trajectory = time_path(_straight_and_turns(twist[None]), Bounds(SIDES))
         assert excess(trajectory, SIDES) == ""
-    left = time_path(_path_asymmetric(TWISTS[1:2]), Bounds(SIDES))
+    left = time_path(_straight_and_turns(TWISTS[1:2]), Bounds(SIDES))
     assert excess(left, MIRRORED).startswith("the motion exceeds the pusher's angular speed: 0.5 after")
 
 
