@@ -13,7 +13,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from planned_by_hand import MULTI, SPEED, SWAP, one_push, pushes
+from planned_by_hand import MULTI, SWAP, one_push, pushes
 
 from pushplan.drawing import PICTURE_SUFFIXES, palette
 from pushplan.drawing import figure as plot_figure
@@ -25,7 +25,6 @@ from pushplan.drawing.trials import plot_trials
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.dynamics import SpeedWindow, admissible_speeds
-from pushplan.plans.events import Event
 from pushplan.plans.plan import Diagnosis, Nearest, Plan
 from pushplan.scenario.file import load_scenario, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Workspace
@@ -230,24 +229,6 @@ def test_a_picture_without_a_plan_shows_tree_and_nearest_path_and_has_the_reason
     told = " ".join(text.get_text().replace("\n", " ") for text in figures[0].texts)
     for sentence in unsolved.why_not:
         assert sentence.strip() in told
-
-
-def test_events_of_a_closed_loop_are_marked_where_the_plate_was(
-    plans: dict[str, Plan], tmp_path: Path
-) -> None:
-    plan = plans["push"]
-    events = [
-        Event(0.0, "plan", ""),
-        Event(1.8, "disturbance", ""),
-        Event(2.0, "deviation", ""),
-        Event(4.5, "replan", ""),
-    ]
-    scene = Scene.of(plan.scenario, plan, events=events)
-    assert [mark.kind for mark in scene.marks] == ["disturbance", "deviation", "replan"]
-    for mark in scene.marks:
-        pose = plan.segments[0].path.poses_at([SPEED * mark.time])[0]
-        np.testing.assert_allclose(mark.place, pose[:2], atol=1e-3)
-    plot_plan(plan, tmp_path / "e.png", events=events)
 
 
 def test_trials_say_how_many_arrive_and_count_what_is_outside(

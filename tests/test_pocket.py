@@ -39,19 +39,6 @@ def _found(scenario: Scenario, stable: StableSet, problem: Problem) -> Pocket | 
     return next(filter(None, find_pocket(scenario, stable, problem)), None)
 
 
-@pytest.fixture
-def few_looks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Look at fewer cells, enough for most proofs, in a fifth of the time."""
-    monkeypatch.setattr(pocket, "LOOKS", (8_000, 60_000))
-
-
-@pytest.mark.parametrize("name", ["narrow-gap", "three-boxes-clutter", "carts"])
-def test_packaged_scenarios_are_not_boxed_in(name: str, few_looks: None) -> None:
-    scenario = load_plain(name)
-    stable = scenario.stable_set()
-    assert _found(scenario, stable, build_problem(scenario, stable)) is None
-
-
 @pytest.mark.parametrize(
     ("is_goal", "seed"), [(goal, seed) for goal, seeds in SHUT_IN.items() for seed in seeds]
 )
