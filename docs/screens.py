@@ -21,7 +21,7 @@ from pushplan.view.window import Window
 ROOT = Path(__file__).parents[1]
 TIME = 6.0
 """Of the run, that is shown, s."""
-FADING = 4.0
+FADING = 12.0
 """For which the scene fades in, s; more than it takes with software rendering."""
 POLISHED = "document.querySelector('#pushplan-answer')?.dataset.stage === 'polished'"
 
@@ -49,6 +49,7 @@ def _photograph_window(browser: Any) -> None:
     """Photograph `pushplan view` when its plan is polished."""
     window = Window(pushplan.load_scenario("two-crates"))
     try:
+        _resize(browser, 1200, 760)  # before the camera is placed
         browser.open(window.url)
         while not browser.evaluate(POLISHED):
             time.sleep(0.1)
@@ -60,11 +61,15 @@ def _photograph_window(browser: Any) -> None:
 
 
 def _photograph(browser: Any, path: Path, width: int, height: int) -> None:
-    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
-    browser.call("Emulation.setDeviceMetricsOverride", **size)
+    _resize(browser, width, height)
     browser.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
     path.write_bytes(base64.b64decode(browser.call("Page.captureScreenshot", format="png")["data"]))
     stamp(path, content("two-crates.png"))
+
+
+def _resize(browser: Any, width: int, height: int) -> None:
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+    browser.call("Emulation.setDeviceMetricsOverride", **size)
 
 
 def _browser() -> ModuleType:

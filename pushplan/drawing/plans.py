@@ -208,7 +208,8 @@ class _Steps:
             y = bottom + (rows - 1 - row) * (self.size[1] + _STEP_TITLE)
             axes = axes_at(figure, x, y, *self.size)
             axes.set(xlim=self.view[::2], ylim=self.view[1::2], xticks=[], yticks=[])
-            moved = cut(", ".join(rest.names), letters_across(axes, _LETTERS) - 8)
+            letters = letters_across(axes, _LETTERS) - 8
+            moved = cut(_named(rest.names, letters), letters)
             axes.set_title(f"push {rest.number}: {moved}", loc="left", fontsize=_LETTERS, pad=3.0)
             draw_room(axes, self.scene)
             draw_goals(axes, self.scene)
@@ -307,11 +308,17 @@ def _push_text(push: Segment, several: bool) -> str:
     face = f"{push.load.face} face, {push.cost:.2f} m"
     if not several:
         return face
-    names = ", ".join(push.load.names)
     letters = int(letters_across_inches(_SIDE - 0.38, _LETTERS)) - 2
+    names = _named(push.load.names, letters - len(face))
     if len(names) + len(face) > letters:
         face = face.replace(" face", "")
     return f"{cut(names, max(6, letters - len(face)))}: {face}"
+
+
+def _named(names: Sequence[str], letters: int) -> str:
+    """Return the names of objects, or how many there are, where that is more than one and there is no room."""
+    said = ", ".join(names)
+    return said if len(said) <= letters or len(names) == 1 else f"{len(names)} objects"
 
 
 def letters_across_inches(inches: float, points: float) -> float:

@@ -30,6 +30,8 @@ _FRAME = 1.0 / 30.0
 _DRAWING = 0.1
 """For which an answer is let be sent and drawn before the next work begins, s: compiled code holds the interpreter,
 and a browser without a graphics card draws on the same processors."""
+_LOOKS = 15
+"""Looks, one `_REST` after the other, whether a page has taken over the camera."""
 _PANEL_PIXELS = 350
 """Width of the panel beside the floor."""
 _PANEL = 0.25
@@ -231,4 +233,14 @@ class Window:
             camera.position = (middle[0], middle[1] - 1e-3 * far, far)
             camera.look_at = (*middle, 0.0)
 
-        self.server.on_client_connect(fit)
+        def fit_until_seen(
+            client: Any,
+        ) -> None:  # a slow page begins with the first camera after it was told of ours
+            fit(client)
+            first = np.array(self.server.initial_camera.position)
+            for _ in range(_LOOKS):
+                time.sleep(_REST)
+                if np.allclose(client.camera.position, first, atol=1e-6):
+                    fit(client)
+
+        self.server.on_client_connect(fit_until_seen)
