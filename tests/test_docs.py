@@ -46,6 +46,8 @@ def _run(line: str) -> None:
     command, _, target = line.partition(" > ")
     if command.startswith("pushplan plan ") and "--first" not in command:
         command += " --first"
+    if command.startswith("pushplan plan ") and "--time-limit" not in command:
+        command += " --time-limit 60"  # a busy machine has no plan within the usual 2 s
     command = re.sub(r"--samples \d+", "--samples 5", command)
     if "--physics" in command and find_spec("mujoco") is None:  # README's set-up leaves the extras out
         return
