@@ -167,6 +167,19 @@ CALLS: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: pushplan.Planner(crates().scenario).with_obstacles([1.0]),  # type: ignore[list-item]
         r"obstacle 0 is 1\.0; allowed: PolygonObstacle and CircleObstacle",
     ),
+    "cost": (
+        lambda: pushplan.plan(crates().scenario, cost="fuel"),
+        "no cost is called 'fuel'; there are travel,",
+    ),
+    "margin asked": (
+        lambda: pushplan.plan(crates().scenario, margin=1.0),
+        "allowed: 'auto' or a number from 0",
+    ),
+    "no margin": (lambda: pushplan.plan(crates().scenario, margin=0.9), "no push has a margin above 0.9"),
+    "no room": (lambda: pushplan.plan(crates().scenario, margin=0.0), "leaves the contacts nothing to spare"),
+    "no trials": (lambda: pushplan.trial(crates(), 0), "must be a whole number from 1"),
+    "period": (lambda: pushplan.Follower(crates(), period=0.0), "period is 0"),
+    "no logs": (lambda: pushplan.identify([]), "there is no log"),
     "samples": (lambda: pushplan.trial(crates(), 0.5), "the number of samples is 0.5"),  # type: ignore[arg-type]
     "seed": (lambda: pushplan.trial(crates(), 2, seed=-1), "the seed is -1"),
     "iterations": (

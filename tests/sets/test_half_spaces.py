@@ -1,19 +1,24 @@
 """The sets that are polyhedral cones, against the geometry that defines them; and odd chains in every set."""
 
+import re
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 import shapely
 import shapely.affinity
 from conftest import ChainMaker
 
-from pushplan.errors import SupportError
+from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import Chain, Contact
 from pushplan.mechanics.contacts import cof
+from pushplan.mechanics.dynamics import SpeedWindow, admissible_speeds, dynamic_margins, dynamic_rows
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.sphere import twists_about
-from pushplan.mechanics.support import FeetSupport, UniformSupport, UnknownSupport
+from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
 from pushplan.mechanics.uncertain import load_areas
+from pushplan.sets.grid_cor_set import grid_cor_set
 from pushplan.sets.interval_set import stable_set_over
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
@@ -218,3 +223,38 @@ def test_nothing_is_stable_without_friction(make_chain: ChainMaker, name: str) -
             assert stable.cor_region(+1).is_empty
             assert stable.cor_region(-1).is_empty
             assert stable.turning_radii() == (np.inf, np.inf)
+
+
+# What mechanics and sets cannot answer, and what they say then.
+
+WRONG: dict[str, tuple[Callable[[ChainMaker], object], str]] = {
+    "no vector": (lambda m: stable_set(m.boxes(1)).margin([1.0, 0.0]), "must be (k, 3)"),
+    "not finite": (lambda m: stable_set(m.boxes(1)).margin([[1.0, 0.0, np.nan]]), "not finite"),
+    "zero": (lambda m: stable_set(m.boxes(1)).margin([[0.0, 0.0, 0.0]]), "twist 0 is zero"),
+    "sense": (lambda m: stable_set(m.boxes(1)).cor_region(0), "sense is 0"),
+    "window": (lambda m: stable_set(m.boxes(1)).cor_region(1, (1.0, 0.0, 1.0, 2.0)), "xmin < xmax"),
+    "count": (lambda m: stable_set(m.boxes(1)).meridians(count=0), "count is 0"),
+    "cells": (lambda m: grid_cor_set(m.boxes(1), (-1.0, -1.0, 1.0, 1.0), (0, 5)), "must be at least 1"),
+    "height": (lambda m: grid_cor_set(m.boxes(1, contact_height=0.01), (-1.0, -1.0, 1.0, 1.0)), "must be 0"),
+    "speeds": (lambda m: admissible_speeds(m.boxes(1), [1.0, 0.0, 0.0], SpeedWindow(0.0, 1.0)), "must be finite"),
+    "rates": (lambda m: dynamic_margins(m.boxes(1), [[1.0, 0.0, 0.0]], np.zeros((2, 3))), "rates have shape"),
+    "load": (lambda m: dynamic_rows(m.boxes(1, support=UnknownSupport), [1.0, 0.0, 0.0]), "unknown"),
+    "tipping": (lambda m: stable_set(m.boxes(1, support=UnknownSupport, contact_height=0.2), "robust"), "could tip"),
+    "cof": (lambda m: stable_set_over(IntervalChain.from_ranges(m.boxes(1)), "cof"), "not linear in the loads"),
+    "no feet": (lambda m: FeetSupport(np.zeros((0, 2)), np.zeros(0)), "at least one foot"),
+    "no map": (lambda m: PressureMapSupport(np.zeros((0, 2)), np.zeros(0)), "at least one point"),
+    "leaning": (lambda m: UnknownSupport(m.box()).lean(np.array([1.0, 0.0])), "not known"),
+    "friction": (
+        lambda m: stable_set_over(
+            IntervalChain.from_ranges(m.boxes(2, contact_height=0.01), floor_friction={"box1": (0.2, 0.3)}), "robust"
+        ),
+        "shifts the load of 'box1' by its floor friction",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_what_cannot_be_answered_is_refused(what: str, make_chain: ChainMaker) -> None:
+    ask, said = WRONG[what]
+    with pytest.raises(PushplanError, match=re.escape(said)):
+        ask(make_chain)
