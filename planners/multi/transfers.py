@@ -1,0 +1,171 @@
+"""One body of several is brought somewhere while the others stand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import shapely
+
+from pushplan.errors import PlanningError
+from pushplan.geometry import se2
+from pushplan.planners.multi.multi_push import MultiPushSearch, backed_off, free_goals
+from pushplan.planners.multi.room import PushRoom, Question
+from pushplan.planners.multi.search import Found, Limits, search
+from pushplan.planners.outcome import Segments
+from pushplan.plans.plan import Poses
+from pushplan.scenario.parts import TOLERANCE_USED, Goal, PolygonObstacle
+from pushplan.util.arrays import FloatArray, frozen
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A body that can be pushed on its own.
+
+    Attributes:
+        name: Of the object.
+        search: For several pushes of it, in the room without the other bodies.
+        goals: Any of which will do; none where it is moved only when it is in the way.
+    """
+
+    name: str
+    search: MultiPushSearch
+    goals: tuple[Goal, ...]
+
+    def is_at_goal(self, pose: FloatArray) -> bool:
+        """Tell whether its frame (3,) is at one of its goals."""
+        return any(goal.is_reached(pose) for goal in self.goals)
+
+    def outlines(self, pose: FloatArray) -> list[FloatArray]:
+        """Return the outlines of its objects in the world, its frame being at a pose (3,)."""
+        chain = self.search.scenario.chain
+        return [se2.transform_points(pose, obj.outline_chain) for obj in chain.objects]
+
+    def area(self, pose: FloatArray) -> shapely.MultiPolygon:
+        """Return what it covers, its frame being at a pose (3,)."""
+        return shapely.MultiPolygon([shapely.Polygon(outline) for outline in self.outlines(pose)])
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """Where everything is.
+
+    Attributes:
+        plate: (3,) pose of the plate frame in the world.
+        poses: (n, 3) poses of the chain frames of the pieces.
+        left: Indices of the pieces that have to be brought to a goal yet.
+    """
+
+    plate: FloatArray
+    poses: FloatArray
+    left: frozenset[int]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "plate", frozen(self.plate, (3,), "plate"))
+        object.__setattr__(self, "poses", frozen(self.poses, (None, 3), "poses of the pieces"))
+
+
+@dataclass(frozen=True, eq=False)
+class Transfer:
+    """One body is brought somewhere while the others stand.
+
+    Attributes:
+        piece: Its index.
+        search: For it among the others, with this transfer's start, goals and place of the robot.
+        room: That was searched in.
+        found: What the search came to; it has a plan.
+        delivers: It ends at a goal of the piece; else the piece was in the way.
+    """
+
+    piece: int
+    search: MultiPushSearch
+    room: PushRoom
+    found: Found
+    delivers: bool
+
+    @property
+    def cost(self) -> float:
+        """Of its plan, m."""
+        assert self.found.best is not None
+        return self.found.best.cost
+
+    @cached_property
+    def end(self) -> FloatArray:
+        """(3,) where the piece is afterwards."""
+        assert self.found.best is not None
+        return self.found.best.steps[-1].after
+
+    @property
+    def plate(self) -> FloatArray:
+        """(3,) pose of the plate frame after the last retreat."""
+        assert self.found.best is not None
+        mode = self.room.contacts[self.found.best.steps[-1].contact].packed
+        robot = mode.robot_at(self.end, mode.retreat)
+        return se2.compose(robot, self.search.scenario.chain.pusher.plate_pose)
+
+    def segments(self, before: Poses) -> Segments:
+        """Return its segments with all bodies where they are before it."""
+        assert self.found.best is not None
+        return self.search.segments(self.room, self.found.best, before)
+
+
+def situation_after(pieces: tuple[Piece, ...], one: Transfer, before: Situation) -> Situation:
+    """Return where everything is after a transfer."""
+    poses = np.array(before.poses)
+    poses[one.piece] = one.end
+    left = before.left - {one.piece}
+    if not one.delivers and pieces[one.piece].goals:
+        left |= {one.piece}
+    return Situation(one.plate, poses, left)
+
+
+def find_transfer(
+    pieces: tuple[Piece, ...],
+    now: Situation,
+    piece: int,
+    limits: Limits,
+    seed: int,
+    goals: tuple[Goal, ...],
+    delivers: bool = True,
+) -> Transfer | None:
+    """Return a transfer of one piece to one of some goals, or to places out of the way; None where none was found."""
+    own = pieces[piece].search.scenario
+    assert own.pushes is not None
+    others = tuple(
+        PolygonObstacle(outline)
+        for k, other in enumerate(pieces)
+        if k != piece
+        for outline in other.outlines(now.poses[k])
+    )
+    scenario = replace(
+        own,
+        start=now.poses[piece],
+        goal=goals[0],
+        obstacles=(*own.obstacles, *others),
+        pushes=replace(own.pushes, robot_start=now.plate, goals=goals),
+    )
+    try:
+        free = free_goals(scenario)
+    except PlanningError:
+        return None
+    searching = pieces[piece].search
+    searching.room(0)  # kept with the piece: what does not depend on the others is made once
+    searching = searching.with_obstacles(scenario)
+    room = searching.room(0)
+    within = _within(pieces, now, piece) if delivers else np.zeros(2)
+    question = Question(backed_off(room, scenario), np.array(scenario.start), free, within)
+    found = search(room, question, limits, seed)
+    return None if found.best is None else Transfer(piece, searching, room, found, delivers)
+
+
+def _within(pieces: tuple[Piece, ...], now: Situation, piece: int) -> FloatArray:
+    """Return how far (m, rad) a piece may end beside its goals; 0 where goals of others are close to these."""
+    own = pieces[piece]
+    used = TOLERANCE_USED * np.min([(g.position_tolerance, g.angle_tolerance) for g in own.goals], axis=0)
+    size = max(float(np.hypot(*corner)) for corner in own.search.scenario.chain.objects[0].outline)
+    room = own.search.scenario.clearance + 2.0 * float(used[0] + used[1] * size)
+    others = [pieces[k].area(goal.pose_chain) for k in now.left - {piece} for goal in pieces[k].goals]
+    taken = shapely.union_all(others).buffer(room)
+    near = any(taken.intersects(own.area(goal.pose_chain)) for goal in own.goals)
+    return np.zeros(2) if near else np.asarray(used)
