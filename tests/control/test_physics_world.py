@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
 import pushplan
+from pushplan.cli.main import main
 from pushplan.geometry.se2 import compose, relative
 from pushplan.sim.physics.stepping import PhysicsSimulator
 from pushplan.util.arrays import FloatArray
@@ -64,3 +67,11 @@ def test_a_world_may_be_disturbed_and_the_plate_taken_away(crates: pushplan.Scen
     np.testing.assert_allclose(simulator.object_poses, poses, atol=1e-9)
     way = relative(simulator.world.start, simulator.plate_pose)
     assert np.hypot(way[0], way[1]) == pytest.approx(0.1, rel=0.2)
+
+
+def test_the_command_closes_the_loop_in_the_engine(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", "one-box", "--closed-loop", "--physics", "--no-log", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["outcome"] == "arrived"
+    assert told["replans"] == []
+    assert told["goal_error"]["position"] < 2e-3
