@@ -48,6 +48,7 @@ ATTRIBUTES = {
     "min_dynamic_margin": "REAL",  # the same with inertia
     "trial_success": "REAL",  # share of sampled worlds, with slip, in which the plan arrives
     "duration": "REAL",  # of the trajectory
+    "by_time": "BOOLEAN",  # duration ranked the plan, not cost
     "extensions": "INTEGER",
     "memory": "REAL",  # most that the process has taken on top of the code that it starts with, MB
     "posing_time": "REAL",
@@ -168,6 +169,7 @@ def validated(key: str, scenario: Scenario, done: Run, watch: Stopwatch) -> Outc
     }
     if plan.cost is not None:
         values |= {"solution_length": plan.cost, "solution_segments": len(arcs)}
+        values["by_time"] = int(plan.objective == "time")
     if plan.trajectory is not None:
         values["duration"] = plan.trajectory.duration
     if execution is not None:

@@ -20,7 +20,7 @@ from matplotlib.ticker import LogLocator
 
 from pushplan.bench.outcome import INVALID, NO_PLAN, OK, STATUSES
 from pushplan.bench.statistics import SOLVED, Comparison, compare_planners, median_interval, percentiles
-from pushplan.bench.store import MISSING, Results
+from pushplan.bench.store import MISSING, Results, ranked_by_time
 from pushplan.drawing.figure import axes_at, figure_for
 from pushplan.drawing.palette import FAINT
 from pushplan.errors import PushplanError
@@ -38,10 +38,13 @@ COLOURS = ("#3b6ea8", "#d1762c", "#4d8f4a", "#a64d79", "#7a6a4f", "#4aa3a3", "#8
 SHORTEST = 1e-5
 """Times below this (s) are drawn there."""
 
+BEFORE = 0.8
+"""Where axes of time begin, by the earliest first path."""
+
 LEAST_SOLVED = 0.5
 """Share of runs that must have a path before costs over time are drawn: of fewer, the median would mislead."""
 
-_NUMBER = re.compile(rf"[+-]?\d|x \d|{NOTHING}$")
+_NUMBER = re.compile(rf"[+-]?\d|< \d|× [\d{NOTHING}]|{NOTHING}")
 """How the text of a number begins, whatever its unit."""
 
 
@@ -105,13 +108,14 @@ class Table:
         columns = zip(*self.rows, strict=True) if self.rows else [("x",)] * len(self.head)
         return [all(_NUMBER.match(word) for word in column) for column in columns]
 
-    @property
-    def latex(self) -> str:
-        """It as a LaTeX table; it takes the package booktabs."""
+    def latex(self, caption: str, label: str) -> str:
+        """Return it as a LaTeX table with its note in the caption; it takes the package booktabs."""
         columns = "".join("r" if numeric else "l" for numeric in self.numeric)
         lines = [" & ".join(map(_latex, row)) + r" \\" for row in (self.head, *self.rows)]
+        above = [r"\begin{table}", r"\centering", rf"\caption{{{_latex(f'{caption}. {self.note}')}}}"]
         rules = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", lines[0], r"\midrule", *lines[1:]]
-        return "\n".join([*rules, r"\bottomrule", r"\end{tabular}", ""])
+        below = [r"\bottomrule", r"\end{tabular}", r"\end{table}", ""]
+        return "\n".join([*above, rf"\label{{tab:{label}}}", *rules, *below])
 
 
 _LATEX = {
@@ -119,6 +123,9 @@ _LATEX = {
     "\\": r"\textbackslash{}",
     "~": r"\textasciitilde{}",
     "^": r"\textasciicircum{}",
+    "×": r"$\times$",
+    "<": "$<$",
+    NOTHING: "--",
 }
 
 
@@ -128,10 +135,13 @@ def _latex(text: str) -> str:
 
 def write_latex(results: Results, path: Path) -> None:
     """Write the tables by planner and by problem, and comparisons, for a paper, in LaTeX."""
-    compared = comparisons(results)
-    tables = {"by planner": by_planner(results), "by problem": by_problem(results)}
-    tables |= {} if compared is None else {"comparisons": compared}
-    write_whole(path, "\n".join(f"% {name}\n{table.latex}" for name, table in tables.items()).encode())
+    compared, name = comparisons(results), results.about["name"]
+    tables = [
+        by_planner(results).latex(f"Benchmark {name} by planner", "planners"),
+        by_problem(results).latex(f"Benchmark {name} by problem", "problems"),
+    ]
+    tables += [] if compared is None else [compared.latex(f"Benchmark {name}: comparisons", "comparisons")]
+    write_whole(path, "\n".join(tables).encode())
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -139,6 +149,11 @@ def number(value: float, digits: int = 3) -> str:
     if not math.isfinite(value):
         return NOTHING
     return f"{value:.0f}" if abs(value) >= 10.0**digits - 0.5 else f"{value:.{digits}g}"
+
+
+def fixed(value: float, decimals: int) -> str:
+    """Return a number with the decimals that its column has; a dash for none."""
+    return f"{value:.{decimals}f}" if math.isfinite(value) else NOTHING
 
 
 def seconds(value: float) -> str:
@@ -152,43 +167,54 @@ Show = Callable[[float], str]
 
 
 def by_planner(results: Results) -> Table:
-    """Return how many runs each planner solved, how soon, and how well, with bootstrap intervals."""
-    head = [
-        "planner",
-        "solved",
-        "valid",
-        "total",
-        "share solved",
-        "first path, median",
-        "cost / lowest, median",
-    ]
+    """Return how many runs each planner solved, how soon, and how well, with 95 % intervals."""
+    medians: list[tuple[str, str, float, int]]
+    medians = [("first path, ms", "first", 1e3, 1), ("cost / lowest", "excess", 1.0, 3)]
+    medians += [("duration, s", "valid_duration", 1.0, 2)] if ranked_by_time(results.runs) else []
+    head = ["planner", "solved", "valid", "total", "share solved, %", *(title for title, *_ in medians)]
     reachable = results.runs.groupby("problem").cost.transform("min") < math.inf
 
-    def middle(planner: str, column: str, show: Show) -> str:
+    def middle(planner: str, column: str, unit: float, decimals: int) -> str:
         runs = results.runs[reachable & (results.runs.planner == planner) & (results.runs.outcome != MISSING)]
-        groups = [group.to_numpy() for _, group in runs.groupby("problem", sort=False)[column]]
-        value, low, high = median_interval(groups)
-        return f"{show(value)} [{show(low)}, {show(high)}]" if groups else NOTHING
+        groups = [unit * group.to_numpy() for _, group in runs.groupby("problem", sort=False)[column]]
+        value, low, high = (fixed(one, decimals) for one in median_interval(groups))
+        return f"{value} [{low}, {high}]" if groups else NOTHING
 
     rows = []
     for planner in results.planners:
         runs = results.of(planner)
         valid = int((runs.outcome == OK).sum())
         low, high = wilson(valid, len(runs))
-        share = (
-            f"{valid / len(runs):.1%} [{low:.1%}, {high:.1%}]".replace("%", " %") if len(runs) else NOTHING
-        )
+        shares = (f"{100.0 * share:.1f}" for share in (valid / max(len(runs), 1), low, high))
+        share = "{} [{}, {}]".format(*shares) if len(runs) else NOTHING
         found = valid + int((runs.outcome == INVALID).sum())
-        first = middle(planner, "first", seconds)
-        cost = middle(planner, "excess", lambda value: number(value, 4))
-        rows.append([planner, str(found), str(valid), str(len(runs)), share, first, cost])
+        middles = (middle(planner, *what[1:]) for what in medians)
+        rows.append(
+            [planner, str(found), str(valid), str(len(runs)), share, *middles, *_arriving(results, runs)]
+        )
     note = (
         "solved: the planner claims a path; valid: the executed path also stands up to the checks of collision, "
-        "margin and goal. In brackets 95 % intervals: Wilson's of shares; of medians by bootstrap over seeds, the "
-        "problems being those of the suite. Runs without a valid path count as infinitely late and long; problems "
-        "that nobody solved are left out of times and costs."
+        "margin and goal. Times and costs: medians. In brackets 95 % intervals: Wilson's of shares; of "
+        "medians by bootstrap over seeds, the problems being those of the suite. Runs without a valid path count as "
+        "infinitely late and long; problems that nobody solved are left out of times and costs."
     )
-    return Table(head, rows, _invalid(results), note)
+    return Table([*head, *_arriving(results)], rows, _invalid(results), note + _ranking(results))
+
+
+def _ranking(results: Results) -> str:
+    """Return what a note says of costs beside durations, where durations are shown."""
+    if not ranked_by_time(results.runs):
+        return ""
+    return " Cost is travel; the planners ranked plans by time, so they made the duration small."
+
+
+def _arriving(results: Results, runs: pd.DataFrame | None = None) -> list[str]:
+    """Return the cell of valid runs, or the title, of the column of trials; none where no trials ran."""
+    if results.runs.trial_success.isna().all():
+        return []
+    if runs is None:
+        return ["trials that arrive, %"]
+    return [fixed(100.0 * runs[runs.outcome == OK].trial_success.mean(), 1)]
 
 
 def _invalid(results: Results) -> list[int]:
@@ -218,7 +244,7 @@ QUANTITIES: tuple[tuple[str, str, Show], ...] = (
     ("validating", "validation_time", seconds),
     ("trials", "trials_time", seconds),
     ("cost [m]", "solution_length", number),
-    ("lower bound [m or s]", "lower_bound", number),
+    ("lower bound of the cost [m]", "cost_bound", number),
     ("arcs", "solution_segments", number),
     ("clearance [m]", "solution_clearance", number),
     ("margin kept", "margin", number),
@@ -226,6 +252,7 @@ QUANTITIES: tuple[tuple[str, str, Show], ...] = (
     ("smallest margin with inertia", "min_dynamic_margin", number),
     ("trials that arrive", "trial_success", number),
     ("duration [s]", "duration", number),
+    ("lower bound of the duration [s]", "duration_bound", number),
     ("goal error [m]", "solution_difference", number),
     ("goal error [rad]", "goal_angle_error", number),
     ("extensions", "extensions", number),
@@ -250,15 +277,18 @@ def spread(results: Results) -> Table:
 def by_problem(results: Results) -> Table:
     """Return what each planner made of each problem."""
     best = results.runs.groupby("problem").cost.min()
-    rows = []
+    by_time, rows = ranked_by_time(results.runs), []
     for (problem, planner), runs in results.done.groupby(["problem", "planner"], sort=False):
         costs = percentiles(runs.cost.to_numpy(), (25, 50, 75))
         (first,) = percentiles(runs["first"].to_numpy(), (50,))
         solved = f"{(runs.outcome == OK).sum()} / {len(runs)}"
-        numbers = (number(cost, 5) for cost in (*costs, best[problem]))
-        rows.append([problem, planner, solved, seconds(first), *numbers])
-    head = ["problem", "planner", "solved", "first path, median", "cost 25 %", "50 %", "75 %", "lowest known"]
-    return Table(head, rows)
+        numbers = [fixed(1e3 * first, 1), *(fixed(cost, 3) for cost in (*costs, best[problem]))]
+        numbers += [fixed(percentiles(runs.valid_duration.to_numpy(), (50,))[0], 2)] if by_time else []
+        rows.append([problem, planner, solved, *numbers, *_arriving(results, runs)])
+    head = ["problem", "planner", "solved", "first path, ms", "cost, m: 25 %", "50 %", "75 %", "lowest known"]
+    note = "Costs: quartiles over seeds, and the lowest of all runs; times: medians. Unsolved runs count as infinite."
+    head += ["duration, s"] if by_time else []
+    return Table([*head, *_arriving(results)], rows, note=note + _ranking(results))
 
 
 def comparisons(results: Results) -> Table | None:
@@ -267,16 +297,18 @@ def comparisons(results: Results) -> Table | None:
     if not found:
         return None
     note = (
-        "Runs of the same problem and seed in pairs. Solved: McNemar's exact test; first path and cost: Wilcoxon's "
-        "signed-rank test on ratios, an unsolved run being worse than any other. p-values are corrected for the "
-        "number of tests in this table (Holm); differences with p < 0.05 are named."
+        "Runs of the same problem and seed in pairs. Second against first: in what is solved, the share of the "
+        "second less that of the first, in percentage points; in all else, the median over the pairs of the second's "
+        "value divided by the first's, so that below 1 the second is better. Solved: McNemar's exact test; all else: "
+        "Wilcoxon's signed-rank test on ratios, an unsolved run being worse than any other. p-values are corrected "
+        "for the number of tests in this table (Holm); where p < 0.05 the better one is named."
     )
     head = ("in", "first", "second", "pairs", "second against first", "p", "better")
     better = [
         (one.second if one.second_is_better else one.first) if one.significant else NOTHING for one in found
     ]
     rows = [
-        [one.respect, one.first, one.second, str(one.pairs), effect_text(one), f"{one.p:.2g}", name]
+        [one.respect, one.first, one.second, str(one.pairs), effect_text(one), _p_text(one.p), name]
         for one, name in zip(found, better, strict=True)
     ]
     return Table(head, rows, note=note)
@@ -284,7 +316,11 @@ def comparisons(results: Results) -> Table | None:
 
 def effect_text(one: Comparison) -> str:
     """Return what has changed, for people."""
-    return f"{100.0 * one.effect:+.1f} points" if one.respect == SOLVED else f"x {number(one.effect, 4)}"
+    return f"{100.0 * one.effect:+.1f} points" if one.respect == SOLVED else f"× {fixed(one.effect, 3)}"
+
+
+def _p_text(p: float) -> str:
+    return "< 0.001" if p < 0.001 else f"{p:.3f}"
 
 
 def _setup(results: Results) -> Table:
@@ -359,13 +395,13 @@ def _plots(results: Results) -> list[tuple[str, str]]:
     if not (results.runs.outcome == OK).any():
         return []
     width, height = 5.2, 3.3
-    left, bottom, right, top = 0.62, 0.5, 0.15, 0.3
+    bottom, right, top = 0.5, 0.15, 0.3
     plots = []
-    for title, draw in (
-        ("Success", _draw_success),
-        ("Cost: median and quartiles", _draw_cost),
-        ("First path: quartiles, 5 to 95 %, runs", _draw_first),
-        ("Margin against cost", _draw_margins),
+    for title, left, draw in (
+        ("Success", 0.62, _draw_success),
+        ("Cost: median and quartiles", 0.62, _draw_cost),
+        ("First path: quartiles, 5 to 95 %, runs", 1.2, _draw_first),  # twelve letters fit, however wide
+        ("Margin against cost", 0.62, _draw_margins),
     ):
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "plot.svg"
@@ -375,7 +411,7 @@ def _plots(results: Results) -> list[tuple[str, str]]:
                 axes.grid(color=FAINT, alpha=0.25, linewidth=0.5)
                 draw(axes, results)
                 if axes.get_legend_handles_labels()[0]:
-                    axes.legend(loc="best")
+                    axes.legend(loc="best", frameon=True)  # its markers are no points of the plot
             plots.append((title, _data_uri(path.read_bytes(), "svg+xml")))
     return plots
 
@@ -387,21 +423,27 @@ def _coloured(results: Results) -> Iterator[tuple[str, str, pd.DataFrame, pd.Dat
         yield planner, COLOURS[i % len(COLOURS)], runs, runs[runs.outcome == OK]
 
 
+def _span(results: Results) -> tuple[float, float]:
+    """Return where axes of planning time (s) begin, just before the earliest first path, and end."""
+    start = BEFORE * max(float(results.runs["first"].min()), SHORTEST)
+    return start, max(results.time_limit, 2.0 * start)
+
+
 def _draw_success(axes: Axes, results: Results) -> None:
     """Draw the share of runs that have found a (valid) path over the planning time."""
-    end = results.time_limit
+    start, end = _span(results)
     for planner, colour, runs, valid in _coloured(results):
         times = np.sort(valid["first"])
-        steps = np.clip(np.concatenate([[SHORTEST], times, [max(end, SHORTEST)]]), SHORTEST, None)
+        steps = np.clip(np.concatenate([[start], times, [end]]), start, None)
         shares = np.concatenate([[0.0], np.arange(1, len(times) + 1), [len(times)]]) / max(len(runs), 1)
         axes.step(steps, shares, where="post", color=colour, label=planner)
-    axes.set(xscale="log", xlim=(SHORTEST, end), ylim=(0.0, 1.03))
+    axes.set(xscale="log", xlim=(start, end), ylim=(0.0, 1.03))
     axes.set(xlabel="planning time [s]", ylabel="share of runs solved")
 
 
 def _draw_cost(axes: Axes, results: Results) -> None:
     """Draw the median and the quartiles of cost over the lowest known one, over the planning time."""
-    times = np.geomspace(SHORTEST, max(results.time_limit, 2.0 * SHORTEST), 200)
+    times = np.geomspace(*_span(results), 200)
     for planner, colour, *_ in _coloured(results):
         low, middle, high = cost_quartiles(results, planner, times)
         seen = np.isfinite(middle)
@@ -451,6 +493,9 @@ def _draw_first(axes: Axes, results: Results) -> None:
         axes.plot([middle, middle], [i - 0.25, i + 0.25], color=colour, linewidth=2.0)
         axes.plot(times, i + rng.uniform(-0.2, 0.2, len(times)), ".", color=colour, markersize=2.5, alpha=0.6)
     axes.set(xscale="log", xlabel="time to the first path [s]", ylim=(len(shown) - 0.4, -0.6))
+    low, high = axes.get_xlim()
+    room = max(1.0, math.sqrt(9.99 * low / high))
+    axes.set_xlim(low / room, high * room)  # of less than a decade, numbers would be long and touch
     axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))  # within a decade more numbers would touch
     axes.set_yticks(range(len(shown)), [cut(planner, 12) for planner in shown], fontsize=7.0)
     axes.tick_params(axis="y", pad=2, length=0)

@@ -11,7 +11,7 @@ import pandas as pd
 from scipy import stats
 
 from pushplan.bench.outcome import INVALID, OK
-from pushplan.bench.store import Results, StoreError
+from pushplan.bench.store import Results, StoreError, ranked_by_time
 from pushplan.util.arrays import BoolArray, FloatArray
 
 RESAMPLES = 2_000
@@ -29,21 +29,32 @@ EQUAL = 1e-6
 THRESHOLD = 0.05
 """Change that matters between versions: of the share solved, or of times and costs as a share of the old ones."""
 
-SOLVED, FIRST_PATH, COST = "solved", "first path", "cost"
+SOLVED, FIRST_PATH, COST, DURATION = "solved", "first path", "cost", "duration"
 
 
 def percentiles(values: FloatArray, which: Sequence[float]) -> FloatArray:
-    """Return percentiles (p,) of values (n,), of which some may be infinite; NaN of none.
+    """Return percentiles (p,) of values (n,), interpolated linearly; NaN of none.
 
-    Unlike interpolating ones, these are values that occur, so a percentile beyond the finite values is infinite.
+    Values may be infinite: a percentile between a finite and an infinite one is infinite.
     """
     if len(values) == 0:
         return np.full(len(which), np.nan)
-    return np.quantile(values, np.asarray(which) / 100.0, method="higher")
+    shares, infinite = np.asarray(which) / 100.0, np.isposinf(values)
+    # Interpolation with infinity would be NaN: what lies at or below an infinite value is found without it.
+    finite = np.where(infinite, values[~infinite].max(initial=0.0), values)
+    is_infinite = np.isposinf(np.quantile(values, shares, method="higher"))
+    return np.where(is_infinite, np.inf, np.quantile(finite, shares))
+
+
+def _medians(rows: FloatArray) -> FloatArray:
+    """Return the medians (...) of rows (..., n) of values that may be infinite."""
+    rows, count = np.sort(rows), rows.shape[-1]
+    middles: FloatArray = (rows[..., (count - 1) // 2] + rows[..., count // 2]) / 2.0
+    return middles
 
 
 def median_interval(groups: Sequence[FloatArray]) -> tuple[float, float, float]:
-    """Return the (upper) median of all values together and its bootstrap percentile interval.
+    """Return the median of all values together and its bootstrap percentile interval.
 
     Values are drawn anew within each group: the groups (problems) are those of the suite, chance is in the seeds.
     """
@@ -52,10 +63,8 @@ def median_interval(groups: Sequence[FloatArray]) -> tuple[float, float, float]:
         return np.nan, np.nan, np.nan
     rng = np.random.default_rng(0)
     drawn = [group[rng.integers(0, len(group), (RESAMPLES, len(group)))] for group in groups]
-    rows = np.sort(np.concatenate(drawn, axis=1), axis=1)
-    low, high = percentiles(rows[:, rows.shape[1] // 2], (TAIL, 100.0 - TAIL))
-    pooled = np.sort(np.concatenate(groups))
-    return float(pooled[len(pooled) // 2]), float(low), float(high)
+    low, high = percentiles(_medians(np.concatenate(drawn, axis=1)), (TAIL, 100.0 - TAIL))
+    return float(_medians(np.concatenate(groups))), float(low), float(high)
 
 
 def success_test(first: BoolArray, second: BoolArray) -> float:
@@ -104,7 +113,7 @@ class Comparison:
     """Two planners, or two versions of one, compared in one respect.
 
     Attributes:
-        respect: `solved`, `first path` or `cost`.
+        respect: `solved`, `first path`, `cost`, or `duration` where time ranked all plans of both.
         first: Name of the one.
         second: Name of the other.
         pairs: Runs of the same problem and seed that both have.
@@ -148,7 +157,10 @@ def _compare(first: str, one: pd.DataFrame, second: str, other: pd.DataFrame) ->
         return []
     solved = [(pairs[f"outcome{i}"] == OK).to_numpy() for i in (1, 2)]
     found = [(SOLVED, float(solved[1].mean() - solved[0].mean()), success_test(*solved))]
-    for respect, column in ((FIRST_PATH, "first"), (COST, "cost")):
+    columns = {FIRST_PATH: "first", COST: "cost"}
+    if ranked_by_time(pd.concat([one, other])):
+        columns[DURATION] = "valid_duration"
+    for respect, column in columns.items():
         values = [pairs[f"{column}{i}"].to_numpy() for i in (1, 2)]
         found.append((respect, float(np.exp(np.median(log_ratios(*values)))), rank_test(*values)))
     return [Comparison(respect, first, second, len(pairs), effect, p) for respect, effect, p in found]

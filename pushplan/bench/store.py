@@ -33,7 +33,7 @@ from pushplan.bench.suite import Problem, RunSpec, Suite, planner_settings
 from pushplan.errors import PushplanError
 from pushplan.util.files import check_output, write_whole
 
-FORMAT = 2
+FORMAT = 3
 """Version of our own tables."""
 
 MISSING = "missing"
@@ -415,7 +415,8 @@ class Results:
         runs: A row for each run in the order of the suite: `key`, `problem`, `planner` (with the stable set when
             there are several), `stable_set`, `seed`, `outcome` (of `STATUSES`, or `MISSING`), `message`, `log`,
             `host`, `ATTRIBUTES` (NaN where there is nothing), and of valid runs, else infinite: `cost` (m), `first`
-            (seconds to the first path), `excess` (cost by the lowest known of the problem).
+            (seconds to the first path), `excess` (cost by the lowest known of the problem), `valid_duration` (s); and
+            `cost_bound` (m) and `duration_bound` (s), the lower bound of what ranked the plan, NaN for the other.
         progress: A row for each improvement and regular time: `key`, `time`, `cost`.
         time_limit: Largest planning time allowed, s.
     """
@@ -439,6 +440,12 @@ class Results:
     def of(self, planner: str) -> pd.DataFrame:
         """Return the runs of a planner that have a result."""
         return self.done[self.done.planner == planner]
+
+
+def ranked_by_time(runs: pd.DataFrame) -> bool:
+    """Tell whether there are plans among the runs, and duration ranked all of them."""
+    known = runs.by_time.dropna()
+    return len(known) > 0 and bool(known.all())
 
 
 def read_results(path: Path) -> Results:
@@ -478,6 +485,9 @@ def read_results(path: Path) -> Results:
     valid = runs.outcome == OK
     runs["cost"] = runs.solution_length.where(valid, np.inf)
     runs["first"] = runs.first_solution_time.where(valid, np.inf)
+    runs["valid_duration"] = runs.duration.where(valid, np.inf)
+    runs["cost_bound"] = runs.lower_bound.where(runs.by_time == 0.0)
+    runs["duration_bound"] = runs.lower_bound.where(runs.by_time == 1.0)
     runs["excess"] = (runs.cost / runs.groupby("problem").cost.transform("min")).where(valid, np.inf)
     return Results(path, suite.iloc[0].to_dict(), runs, progress, float(limit))
 

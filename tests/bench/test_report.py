@@ -4,25 +4,36 @@ import csv
 import html.parser
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from boxes import SCREENS, assert_tidy, chromium, show
-from made_up_results import Make, make, solved
+from made_up_results import SUITE, Make, make, solved, typical
 from scipy import stats
 
 from pushplan.bench.outcome import Outcome
 from pushplan.bench.report import (
     by_planner,
+    by_problem,
     comparisons,
     cost_quartiles,
     outcomes,
     render,
+    spread,
+    write_latex,
     write_report,
 )
-from pushplan.bench.statistics import compare_versions, holm, median_interval, rank_test, success_test
+from pushplan.bench.statistics import (
+    compare_versions,
+    holm,
+    median_interval,
+    percentiles,
+    rank_test,
+    success_test,
+)
 from pushplan.bench.store import write_tables
 from pushplan.bench.suite import RunSpec
 from pushplan.cli.main import main
@@ -53,16 +64,57 @@ class Page(html.parser.HTMLParser):
 def test_tables_say_what_was_made_up(tmp_path: Path) -> None:
     results = make(tmp_path)
     auto, slow = by_planner(results).rows
-    assert auto[:5] == ["auto", "24", "24", "24", "100.0 % [86.2 %, 100.0 %]"]
+    assert auto[:5] == ["auto", "24", "24", "24", "100.0 [86.2, 100.0]"]
     assert slow[:4] == ["slow", "22", "21", "24"]
-    assert slow[4].startswith("87.5 % [")
-    assert auto[5].startswith("53.5 ms [")
+    assert slow[4].startswith("87.5 [")
+    assert auto[5].startswith("53.3 [")
     assert by_planner(results).wrong == [1]
     assert outcomes(results).rows[1] == ["slow", "21", "1", "1", "1", "0", "0", "0", "0"]
     found = {row[0]: row for row in comparisons(results).rows}  # type: ignore[union-attr]
-    assert found["first path"][4] == "x 10"
+    assert found["first path"][4] == "× 10.000"
     assert found["first path"][6] == found["cost"][6] == "auto"
-    assert found["solved"][4:] == ["-12.5 points", "0.25", "–"]
+    assert found["solved"][4:] == ["-12.5 points", "0.250", "–"]
+
+
+def _ranked(spec: RunSpec) -> Outcome:
+    """`auto` ranks by time, and so does `slow` unless it is called `far`; two of three trials arrive."""
+    found = typical(spec)
+    by_time = int(spec.label != "far")
+    more = {
+        "by_time": by_time,
+        "duration": 20.0,
+        "lower_bound": 10.0 if by_time else 2.0,
+        "trial_success": 2 / 3,
+    }
+    return replace(found, values={**found.values, **more}) if found.status == "ok" else found
+
+
+def test_durations_stand_beside_costs_where_time_ranked_all_plans(tmp_path: Path) -> None:
+    timed, mixed = make(tmp_path / "1", _ranked), make(tmp_path / "2", _ranked, SUITE.replace("slow", "far"))
+    bounds = [{row[0] for row in spread(results).rows if "bound" in row[0]} for results in (timed, mixed)]
+    by_time = {"lower bound of the duration [s]"}
+    assert bounds == [by_time, by_time | {"lower bound of the cost [m]"}]
+    tables = [(by_planner(results), by_problem(results)) for results in (timed, mixed)]
+    assert [["duration, s" in table.head for table in pair] for pair in tables] == [[True] * 2, [False] * 2]
+    for table in tables[0]:
+        shown = dict(zip(table.head, table.rows[0], strict=True))
+        assert shown["duration, s"].startswith("20.00")
+        assert shown["trials that arrive, %"] == "66.7"
+    compared = [{row[0] for row in comparisons(results).rows} for results in (timed, mixed)]  # type: ignore[union-attr]
+    assert compared[0] - compared[1] == {"duration"}
+
+
+def test_latex_has_captions_labels_units_and_equal_digits(tmp_path: Path) -> None:
+    write_latex(make(tmp_path, _ranked), tmp_path / "tables.tex")
+    text = (tmp_path / "tables.tex").read_text()
+    assert re.findall(r"\\label\{(.*?)\}", text) == ["tab:planners", "tab:problems", "tab:comparisons"]
+    assert text.count(r"\caption{Benchmark made up") == text.count(r"\end{table}") == 3
+    assert r"$\times$ 10.000" in text
+    assert text.isascii()
+    problems = text.split(r"\midrule")[2].split(r"\bottomrule")[0]
+    cells = [line.removesuffix(r" \\").split(" & ")[3:] for line in problems.strip().splitlines()]
+    for column in zip(*cells, strict=True):
+        assert len({len(cell.partition(".")[2]) for cell in column if cell != "--"}) == 1
 
 
 def test_costs_over_time_begin_when_half_of_the_runs_have_a_path(tmp_path: Path) -> None:
@@ -135,8 +187,8 @@ def test_the_command_tells_regressions_with_exit_code_4(tmp_path: Path, capsys: 
     words = ["bench", "--compare", str(tmp_path / "old"), str(tmp_path / "new")]
     assert main(words) == 4
     out = capsys.readouterr().out
-    assert re.search(r"^better: auto, first path: x 0\.5 in 24 runs \(p = ", out, re.MULTILINE)
-    assert re.search(r"^worse: slow, cost: x 1\.2 in 24 runs \(p = ", out, re.MULTILINE)
+    assert re.search(r"^better: auto, first path: × 0\.500 in 24 runs \(p = ", out, re.MULTILINE)
+    assert re.search(r"^worse: slow, cost: × 1\.200 in 24 runs \(p = ", out, re.MULTILINE)
     assert out.endswith("a regression: worse by more than 5 %, or invalid now\n")
     assert main([*words, "--threshold", "30"]) == 0
     assert capsys.readouterr().out.endswith("no regression: nothing is worse by more than 30 %\n")
@@ -173,7 +225,7 @@ def _numbers_stand_right(browser: Any) -> bool:
     found: list[str] = (
         browser.evaluate("""[...document.querySelectorAll('table')].slice(0, 1).flatMap((table) => {
       const heads = [...table.rows[0].cells].map((cell) => cell.textContent);
-      return [...table.rows].map((row) => ['planner', 'total', 'share solved']
+      return [...table.rows].map((row) => ['planner', 'total', 'share solved, %']
         .map((name) => getComputedStyle(row.cells[heads.indexOf(name)]).textAlign).join());
     })""")
     )
@@ -181,6 +233,19 @@ def _numbers_stand_right(browser: Any) -> bool:
 
 
 # Statistics against closed forms, against scipy, and against their own promises.
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 12])
+def test_percentiles_are_those_of_numpy_and_infinite_between_a_number_and_infinity(count: int) -> None:
+    values, which = np.random.default_rng(count).normal(size=count), (0, 5, 25, 50, 75, 95, 100)
+    assert percentiles(values, which) == pytest.approx(np.percentile(values, which))
+    assert median_interval([values])[0] == pytest.approx(np.median(values))
+    ordered = np.sort(values)
+    for finite in range(count + 1):
+        partly = np.where(np.arange(count) < finite, ordered, np.inf)
+        expected = [np.inf if p / 100 * (count - 1) > finite - 1 else np.percentile(values, p) for p in which]
+        assert percentiles(partly, which) == pytest.approx(expected)
+        assert median_interval([partly])[0] == pytest.approx(expected[3])
 
 
 def test_bootstrap_intervals_cover_the_truth_as_often_as_they_say() -> None:
