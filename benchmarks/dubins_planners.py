@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from abc import abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -123,8 +124,8 @@ class OverDubins(AnytimePlanner):
     def make(self, information: Any) -> Any:
         """Return the geometric planner for a space information."""
 
-    def improve(self, information: PushInformation) -> None:
-        """Run the geometric planner until the search is over.
+    def rounds(self, information: PushInformation) -> Iterator[None]:
+        """Run the geometric planner again and again, and yield after each run.
 
         Raises:
             PlanningError: When the chain is no Dubins' car.
@@ -139,7 +140,7 @@ class OverDubins(AnytimePlanner):
         planner = self.make(over_car)
         planner.setProblemDefinition(definition)
         planner.setup()
-        while not session.finished:
+        while True:
             planner.solve(ob.PlannerTerminationCondition(session.stop))
             if definition.hasExactSolution():
                 session.offer(_arcs(definition.getSolutionPath(), car, words, ends))
@@ -149,6 +150,7 @@ class OverDubins(AnytimePlanner):
             if self.anew:
                 planner.clear()
                 definition.clearSolutionPaths()
+            yield
 
 
 class RRTOverDubins(OverDubins):
