@@ -31,6 +31,8 @@ from pushplan.util.wilson import wilson
 class TrialUncertainty:
     """By how much sampled worlds differ; every number is drawn evenly from its interval, each on its own.
 
+    Shares are of what a scenario states, of the middle where it states an interval.
+
     Attributes:
         contact_friction: Share by which every contact's coefficient may be off, below 1.
         floor_friction: The same of every object's coefficient with the floor.
@@ -50,11 +52,10 @@ class TrialUncertainty:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            most = np.inf if field.name == "position" else 1.0
-            if not 0.0 <= value < most:
-                allowed = ">= 0 and finite" if field.name == "position" else "from 0 to below 1"
+            if not 0.0 <= value < 1.0:
+                unit = {"position": " m: 5 mm is 5mm", "angle": " rad: a degree is 1deg"}.get(field.name, "")
                 raise PushplanError(
-                    f"{field.name} of the trials' uncertainty is {value}; it must be {allowed}"
+                    f"{field.name} of the trials' uncertainty is {value}; it must be from 0 to below 1{unit}"
                 )
 
     @property
@@ -64,7 +65,7 @@ class TrialUncertainty:
             f"contact friction ±{100 * self.contact_friction:.3g} %, "
             f"floor friction ±{100 * self.floor_friction:.3g} %, "
             f"mass ±{100 * self.mass:.3g} %, load ±{100 * self.load:.3g} %, "
-            f"objects aside ±{1e3 * self.position:.3g} mm and turned ±{np.degrees(self.angle):.3g} deg"
+            f"objects aside ±{1e3 * self.position:.3g} mm and turned ±{np.degrees(self.angle):.2g} deg"
         )
 
 
@@ -94,7 +95,9 @@ def sampled_world(
         if uncertainty is None and interval is not None:
             one = _within_intervals(one, interval, frictions, rng)
         else:
-            one = _within_shares(one, off, rng)
+            one = _within_shares(
+                one if frictions is None else _with_frictions(one, frictions.mean(axis=1)), off, rng
+            )
         drawn.append(replace(one, offsets=_offsets(one.chain, off, rng, world.plate is None)))
     return replace(drawn[0], beside=tuple(drawn[1:]))
 
@@ -112,12 +115,9 @@ def _within_intervals(
     world: World, interval: IntervalChain, frictions: FloatArray | None, rng: np.random.Generator
 ) -> World:
     """Draw what is stated as intervals from them; everything else stays."""
-    chain = interval.chain
-    contacts = list(chain.contacts)
     if frictions is not None:
-        drawn = _between(frictions, rng)
-        contacts = [replace(contact, friction=float(mu)) for contact, mu in zip(contacts, drawn, strict=True)]
-    objects = []
+        world = _with_frictions(world, _between(frictions, rng))
+    chain, objects = interval.chain, []
     masses, rubs = _between(interval.mass, rng), _between(interval.floor_friction, rng)
     for i, obj in enumerate(chain.objects):
         support = obj.support
@@ -125,10 +125,17 @@ def _within_intervals(
             fractions = _between(interval.fractions[i], rng)
             support = FeetSupport(support.positions, fractions / fractions.sum())
         objects.append(replace(obj, mass=float(masses[i]), floor_friction=float(rubs[i]), support=support))
-    world = replace(world, chain=replace(chain, objects=tuple(objects), contacts=tuple(contacts)))
+    world = replace(world, chain=replace(chain, objects=tuple(objects), contacts=world.chain.contacts))
     for i, share in interval.pressures.items():
         world = _leaning(world, chain.objects[i].name, share, rng)
     return world
+
+
+def _with_frictions(world: World, frictions: FloatArray) -> World:
+    """Return a world with a coefficient for each contact (n,)."""
+    pairs = zip(world.chain.contacts, frictions, strict=True)
+    contacts = tuple(replace(contact, friction=float(mu)) for contact, mu in pairs)
+    return replace(world, chain=replace(world.chain, contacts=contacts))
 
 
 def _between(spans: FloatArray, rng: np.random.Generator) -> FloatArray:

@@ -219,8 +219,8 @@ def test_a_motion_that_loses_a_contact_as_stated_bears_nothing(make_chain: Chain
     robustness = robustness_along(chain, np.array([[0.1, 0.02, 0.0]]), STILL)
     assert robustness == USED_UP
     assert (
-        robustness.sentence
-        == "tolerates nothing: once inertia counts, a contact does not hold even with nominal numbers"
+        robustness.sentence()
+        == "tolerates nothing: once inertia counts, a contact does not hold even with the stated numbers"
     )
 
 
@@ -233,7 +233,7 @@ def test_nothing_is_said_where_loads_are_not_known(make_chain: ChainMaker, suppo
     assert callable(support)
     robustness = robustness_of(make_chain.boxes(2, support=support), _straight())
     assert robustness == Robustness()
-    assert robustness.sentence == "not known, as the loads on the floor are not"
+    assert robustness.sentence() == "not known, as the loads on the floor are not"
 
 
 def _straight() -> Trajectory:

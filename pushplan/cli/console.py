@@ -193,7 +193,9 @@ def counted(number: int, noun: str, plural: str = "") -> str:
 
 
 def length_text(metres: float) -> str:
-    """Return a small length in mm; nobody cares how far below a nanometre it is."""
+    """Return a length, a small one in mm; nobody cares how far below a nanometre it is."""
+    if abs(metres) >= 1.0:
+        return f"{metres:.3g} m"
     return "below 1e-6 mm" if abs(metres) < 1e-9 else f"{1e3 * metres:.3g} mm"
 
 

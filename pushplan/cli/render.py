@@ -137,7 +137,7 @@ def remarks_on(plan: Plan, execution: Execution | None) -> dict[str, str]:
     """Return what people are told beside the numbers of a plan: where margins are smallest, what it tolerates."""
     remarks = {"note": plan.lowered}
     if plan.robustness:
-        remarks["robustness"] = plan.robustness.sentence
+        remarks["robustness"] = plan.robustness_words
     if execution is not None:
         remarks["warning"] = inertia_warning(plan.scenario, execution)
         remarks["min_margin"] = _where(plan, execution, execution.margins)

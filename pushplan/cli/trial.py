@@ -186,7 +186,10 @@ def _rows(trials: Trials) -> list[tuple[str, str]]:
         ),
         ("at most", _off(position[2], angle[2])),
     ]
-    found += [("jammed", f"{trials.jammed.sum()}")] if trials.jammed.any() else []
+    if trials.jammed.any():
+        kept = length_text(scenario.clearance)
+        why = f"the push stopped where something met an obstacle or a wall; a larger clearance than {kept} helps"
+        found.append(("jammed", f"{trials.jammed.sum()}: {why}"))
     return [*found, ("log", str(trials.log))] if trials.log is not None else found
 
 
@@ -204,7 +207,7 @@ def _stated(trials: Trials) -> str:
     if not trials.scenario.has_intervals:
         return TrialUncertainty().words
     default = TrialUncertainty()
-    aside = f"objects aside ±{1e3 * default.position:.3g} mm and turned ±{degrees(default.angle):.3g} deg"
+    aside = f"objects aside ±{1e3 * default.position:.3g} mm and turned ±{degrees(default.angle):.2g} deg"
     return f"the scenario's intervals, {aside}"
 
 

@@ -94,7 +94,7 @@ def plot_plan(
     tall = _HEIGHT if width or "set" in panels else _MARGIN_HEIGHT if beside else 0.0
     with figure_for(path, full, _HEIGHT) as figure:
         robustness = plan.robustness if plan.solved else None
-        sentence = "" if robustness is None or not robustness.known else robustness.sentence
+        sentence = "" if robustness is None or not robustness.known else plan.robustness_words
         keys = scene_keys(scene) if width or "steps" in panels else []
         low = draw_footer(figure, _LEFT, keys, sentence) + 0.15
         steps = None

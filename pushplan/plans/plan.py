@@ -427,6 +427,12 @@ class Plan:
     execution: Execution | None = None
     robustness: LazyField[Robustness | None] = LazyField(None)
 
+    @property
+    def robustness_words(self) -> str:
+        """How far single numbers may be off, for people; empty when not solved or not timed."""
+        robustness = self.robustness
+        return "" if robustness is None else robustness.sentence(self.scenario.states_intervals)
+
     def __getstate__(self) -> dict[str, Any]:
         """Work out what was put off: functions cannot be pickled."""
         _ = self.lower_bound, self.robustness

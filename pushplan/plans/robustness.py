@@ -59,9 +59,13 @@ class Robustness:
         """Whether it could be worked out."""
         return self.contact_friction is not None
 
-    @property
-    def sentence(self) -> str:
-        """The numbers for people; bounds are rounded towards what holds."""
+    def sentence(self, beyond: bool = False) -> str:
+        """Return the numbers for people; bounds are rounded towards what holds.
+
+        Args:
+            beyond: Whether intervals were stated: the contact friction is the lowest one then, which holds already,
+                and all other numbers are the middle ones.
+        """
         if (
             self.contact_friction is None
             or self.floor_friction is None
@@ -71,10 +75,13 @@ class Robustness:
         ):
             return "not known, as the loads on the floor are not"
         if self.used_up:
-            return "tolerates nothing: once inertia counts, a contact does not hold even with nominal numbers"
+            return (
+                "tolerates nothing: once inertia counts, a contact does not hold even with the stated numbers"
+            )
+        than, off = ("the lowest stated", "off its middle") if beyond else ("stated", "off")
         return (
-            f"tolerates {_share(1.0 - self.contact_friction)} lower contact friction than nominal, "
-            f"floor friction of an object off by {_share(self.floor_friction)}, load by {_share(self.load)}, "
+            f"tolerates {_share(1.0 - self.contact_friction)} lower contact friction than {than}, "
+            f"floor friction of an object {off} by {_share(self.floor_friction)}, load by {_share(self.load)}, "
             f"an object off by {_down(1e3 * self.position)} mm or {_at_least(self.angle, MOST_ANGLE)}"
             f"{_down(degrees(self.angle))} deg"
         )

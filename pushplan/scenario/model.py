@@ -252,6 +252,12 @@ class Scenario:
         return any(body.interval is not None for body in self.bodies.values()) or self.interval is not None
 
     @property
+    def states_intervals(self) -> bool:
+        """Whether contact frictions, masses, loads or floor frictions are intervals."""
+        frictions = [self.contact_friction, *(body.contact_friction for body in self.bodies.values())]
+        return self.has_intervals or any(f is not None and bool((f[:, 0] < f[:, 1]).any()) for f in frictions)
+
+    @property
     def tasks(self) -> tuple[Task, ...]:
         """What has to be brought where, one for each load that is pushed on its own."""
         if self.bodies:

@@ -68,7 +68,7 @@ def _plan(answer: Answer, milliseconds: float) -> str:
     if plan.duration is not None:
         rows.append(("drive", f"{plan.duration:.1f} s"))
     if plan.robustness is not None:
-        rows.append(("robustness", plan.robustness.sentence))
+        rows.append(("robustness", plan.robustness_words))
     if plan.lowered:
         rows.append(("note", plan.lowered))
     rows.append(("answered in", f"{milliseconds:.0f} ms ({_STAGES[answer.stage]})"))
