@@ -193,13 +193,9 @@ def planned(document: Document, seconds: float, first: bool = False) -> tuple[Pl
     return (found if found.solved else None), time.process_time() - began
 
 
-def travel(found: Plan | None) -> float | None:
+def travel(found: Plan) -> float:
     """Return the way of the plate, m."""
-    return (
-        None
-        if found is None
-        else sum(float(s.path.lengths @ np.hypot(*s.path.twists[:, :2].T)) for s in found.segments)
-    )
+    return sum(float(s.path.lengths @ np.hypot(*s.path.twists[:, :2].T)) for s in found.segments)
 
 
 def compared(document: Document, seconds: float) -> Document:
@@ -207,8 +203,9 @@ def compared(document: Document, seconds: float) -> Document:
     result: Document = {}
     for gather in ("auto", "never"):
         found, _ = planned({**document, "gather": gather}, seconds)
-        result[gather] = travel(found)
+        result[gather] = None
         if found is not None:
+            result[gather] = travel(found)
             told = json.loads(json.dumps(found.to_dict(), default=float))
             result[f"{gather}_wrong"] = list(violations(document, told))
             result[f"{gather}_first"] = found.first_solution_s
@@ -216,7 +213,8 @@ def compared(document: Document, seconds: float) -> Document:
                 len(s.load.names) for s in found.segments if s.kind == "retreat" and s.load
             ]
     if "pose" in document["goals"]["row"]:
-        result["order"] = travel(planned(in_order(document), max(seconds, 5.0))[0])
+        ordered, _ = planned(in_order(document), max(seconds, 5.0))
+        result["order"] = None if ordered is None else travel(ordered)
     return result
 
 

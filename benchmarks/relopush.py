@@ -35,6 +35,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gathering import travel
 
 from pushplan.bench.random_problems import scenario_yaml
 from pushplan.errors import PlanningError, ScenarioError
@@ -44,7 +45,6 @@ from pushplan.planners.multi.multi_push import MultiPushSearch, free_goals
 from pushplan.planners.multi.room import Question
 from pushplan.planners.multi.search import Limits, search
 from pushplan.planners.planner import Planner
-from pushplan.plans.plan import Plan
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Goal, PolygonObstacle, Scenario
@@ -288,18 +288,11 @@ def _whole(instance: Instance, walls: str, height: float, seconds: float, judged
         return Whole(False, spent)
     moved = [push.load.names[0] for push in found.pushes if push.load is not None]
     transfers = [name for name, _ in groupby(moved)]
-    first = Whole(True, spent, len(transfers) - len(set(transfers)), _travel(found))
+    first = Whole(True, spent, len(transfers) - len(set(transfers)), travel(found))
     if not judged:
         return first
     longer = planner.plan(time_limit=spent + LONGER, seed=1, first=False)
-    return replace(first, later=_travel(longer) if longer.solved else np.inf, valid=longer.solved)
-
-
-def _travel(found: Plan) -> float:
-    """Return the way of the plate, m."""
-    return sum(
-        float(segment.path.lengths @ np.hypot(*segment.path.twists[:, :2].T)) for segment in found.segments
-    )
+    return replace(first, later=travel(longer) if longer.solved else np.inf, valid=longer.solved)
 
 
 def _blocks(prepared: MultiPushSearch, instance: Instance, limit: float | None) -> Iterator[Row]:

@@ -21,7 +21,7 @@ OFF = (3e-3, np.radians(2.0))
 """So far the object may stand to the side (m), and be turned (rad)."""
 
 FRICTION = (0.8, 1.2)
-"""What all frictions of contacts are multiplied by, and divided by that of the object with the floor."""
+"""What frictions of contacts are multiplied by, and the object's friction with the floor is divided by."""
 
 FLUSH = np.radians(0.2)
 """An object that is turned by less against what pushes it is flush with it, rad."""

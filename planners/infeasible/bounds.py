@@ -74,6 +74,18 @@ def grown(obstacles: Sequence[Obstacle], radius: float) -> NDArray[np.object_]:
     return np.asarray(shapely.buffer(shapes, np.array(own) + radius, quad_segs=ARC_SEGMENTS))
 
 
+def reached(free: BaseGeometry, place: BaseGeometry, within: float) -> BaseGeometry:
+    """Return the parts of a region that a place is in, or no farther away from than `within` (m)."""
+    parts = shapely.get_parts(free)
+    return shapely.union_all(parts[shapely.distance(parts, place) <= within])
+
+
+def between(grown_obstacles: NDArray[np.object_], one: BaseGeometry, other: BaseGeometry) -> tuple[int, ...]:
+    """Return the indices of the obstacles, grown, that bound two regions."""
+    near = [shapely.distance(grown_obstacles, side) <= TOUCH for side in (one, other)]
+    return tuple(np.flatnonzero(near[0] & near[1]).tolist())
+
+
 def near_to(obstacles: Sequence[Obstacle], areas: Sequence[BaseGeometry], within: float) -> tuple[int, ...]:
     """Return the indices of the obstacles that are within a distance (m) of any of the areas."""
     taken = shapely.union_all(areas)

@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from pushplan.mechanics.body import as_one
-from pushplan.planners.infeasible.bounds import TOUCH, grown, largest_disc, room
+from pushplan.planners.infeasible.bounds import between, grown, largest_disc, reached, room
 from pushplan.plans.plan import Diagnosis
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
@@ -62,11 +62,9 @@ def _between(
     scenario: Scenario, radius: float, ends: Sequence[shapely.Point], within: float
 ) -> tuple[int, ...]:
     """Return the obstacles that part two ends: they bound what a disc can reach from either."""
-    parts = shapely.get_parts(room(scenario, radius))
-    sides = [shapely.union_all(parts[shapely.distance(parts, end) <= within]) for end in ends]
-    each = grown(scenario.obstacles, radius)
-    near = [shapely.distance(each, side) <= TOUCH for side in sides]
-    return tuple(np.flatnonzero(near[0] & near[1]).tolist())
+    free = room(scenario, radius)
+    one, other = (reached(free, end, within) for end in ends)
+    return between(grown(scenario.obstacles, radius), one, other)
 
 
 def _widest(

@@ -13,7 +13,7 @@ from pushplan.core.collision import Scene, sweep_is_free
 from pushplan.core.infeasible import CLOSED, MET, ORIGIN, Steps, spread
 from pushplan.core.problem import Problem
 from pushplan.geometry import se2
-from pushplan.mechanics.body import as_one
+from pushplan.mechanics.body import area_at
 from pushplan.planners.controls import control_segments, segment_ends
 from pushplan.planners.infeasible.bounds import near_to
 from pushplan.planners.infeasible.turning import tightest_turn
@@ -199,10 +199,7 @@ def _proven(scenario: Scenario, pocket: Pocket, turn: str) -> Diagnosis:
 
 def _around(scenario: Scenario, pose: FloatArray, reach: float) -> tuple[int, ...]:
     """Return the obstacles that the chain at a pose (3,) of its frame is not farther away from than it gets, m."""
-    outline = shapely.transform(
-        as_one(scenario.chain.bodies), lambda corners: se2.transform_points(pose, corners)
-    )
-    return near_to(scenario.obstacles, [outline], reach + scenario.clearance)
+    return near_to(scenario.obstacles, [area_at(scenario.chain.bodies, pose)], reach + scenario.clearance)
 
 
 def _perhaps(scenario: Scenario, problem: Problem) -> list[Diagnosis]:

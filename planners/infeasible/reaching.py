@@ -9,13 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from pushplan.geometry import se2
-from pushplan.planners.infeasible.bounds import TOUCH, grown, largest_disc, room
+from pushplan.planners.infeasible.bounds import between, grown, largest_disc, reached, room
 from pushplan.plans.plan import Diagnosis
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import PolygonObstacle
@@ -44,13 +42,13 @@ def beyond_reach(
     into = se2.inverse(scenario.chain.pusher.plate_pose)
     start = disc.at(se2.compose(scenario.plate_start, into))
     radius = disc.radius + scenario.clearance - CLEARANCE_ROOM
-    free, each = room(scenario, radius), grown(scenario.obstacles, radius)
-    alone = _reached(free, start)
+    free = room(scenario, radius)
+    alone = reached(free, start, WITHIN)
     standing = [PolygonObstacle(outline) for parts in outlines.values() for outline in parts]
     # What the robot starts close to does not keep it there: it backs off.
     covered = [shape for shape in grown(standing, disc.radius) if not shape.intersects(start)]
     open_floor = shapely.difference(free, shapely.union_all(covered))
-    among = _reached(open_floor, start)
+    among = reached(open_floor, start, WITHIN)
     if among.is_empty:
         return None
     centers = {name: [disc.at(se2.compose(pose, into)) for pose in poses] for name, poses in faces.items()}
@@ -59,31 +57,28 @@ def beyond_reach(
         text = "the robot is boxed in: it has no way to any face of an object that it may push"
         if not _any_in(open_floor, every):
             text = "the robot has no room before any face of an object that it may push"
-        return Diagnosis("boxed in", text, True, blocking=_between(each, free, among, every))
+        return Diagnosis("boxed in", text, True, blocking=_parting(scenario, radius, free, among, every))
     for name in needed:
         if not _any_in(alone, centers[name]):
             text = (
                 f"'{name}' cannot be reached: walls and obstacles leave the robot no way to any of its faces"
             )
-            between = _between(each, free, alone, centers[name])
-            return Diagnosis("boxed in", text, True, blocking=between)
+            parting = _parting(scenario, radius, free, alone, centers[name])
+            return Diagnosis("boxed in", text, True, blocking=parting)
     return None
-
-
-def _reached(free: BaseGeometry, start: shapely.Point) -> BaseGeometry:
-    """Return the parts of a region that a point is in, or at the edge of."""
-    parts = shapely.get_parts(free)
-    return shapely.union_all(parts[shapely.distance(parts, start) <= WITHIN])
 
 
 def _any_in(region: BaseGeometry, points: Sequence[shapely.Point]) -> bool:
     return bool((shapely.distance(region, points) <= WITHIN).any())
 
 
-def _between(
-    obstacles: NDArray[np.object_], free: BaseGeometry, region: BaseGeometry, points: Sequence[shapely.Point]
+def _parting(
+    scenario: Scenario,
+    radius: float,
+    free: BaseGeometry,
+    region: BaseGeometry,
+    points: Sequence[shapely.Point],
 ) -> tuple[int, ...]:
-    """Return which obstacles, grown, bound a region and cover points beyond it, or bound where these are."""
-    beyond = shapely.union_all([*points, *(_reached(free, point) for point in points)])
-    near = [shapely.distance(obstacles, side) <= TOUCH for side in (region, beyond)]
-    return tuple(np.flatnonzero(near[0] & near[1]).tolist())
+    """Return the obstacles that, grown, bound a region and cover points beyond it, or bound where these are."""
+    beyond = shapely.union_all([*points, *(reached(free, point, WITHIN) for point in points)])
+    return between(grown(scenario.obstacles, radius), region, beyond)

@@ -290,7 +290,7 @@ def _explanation(beams: _Beams, limit: float) -> tuple[str, tuple[Diagnosis, ...
         what += f", with {len(farthest.left)} left to take" if farthest.left else ", and not to the row"
         hand = beams.steps.hands.hand(farthest.members)
     told = [Diagnosis("order", what, False)]
-    told += [Diagnosis("closing", text, True) for text in beams.steps.hands.unsure]
+    told += [Diagnosis("closing", text, False) for text in beams.steps.hands.unsure]
     radius = math.inf if hand is None else _radius(hand)
     area = beams.steps.scenario.workspace
     if hand is not None and area is not None and math.isfinite(radius):

@@ -13,10 +13,9 @@ from pushplan.core.pushes import PackedMode, approaches_are_free, find_push, set
 from pushplan.core.sequences import cheapest_sequence
 from pushplan.core.transit import find_transit, shortened, transit_is_free
 from pushplan.geometry import se2
-from pushplan.planners.multi.room import PushRoom, Question
+from pushplan.planners.multi.room import DETOUR, PushRoom, Question
 from pushplan.planners.problem import sampling_box
 from pushplan.plans.path import TURN_WEIGHT
-from pushplan.scenario.parts import DETOUR
 from pushplan.util.arrays import FloatArray
 
 
@@ -47,7 +46,7 @@ class Step:
 class PushSequence:
     """A plan: its pushes and what it costs, m.
 
-    The robot's ways, changes of the contact and `parts.DETOUR` for an end beside the goal are included.
+    The robot's ways, changes of the contact and `room.DETOUR` for an end beside the goal are included.
     """
 
     steps: tuple[Step, ...]

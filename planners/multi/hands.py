@@ -29,7 +29,6 @@ from pushplan.plans.plan import Load, Poses, Segment
 from pushplan.plans.row_load import Member, row_load
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.model import CircleObstacle, Scenario
-from pushplan.sim.closing import closes
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import TRANSIT_CLEARANCE
 
@@ -177,6 +176,8 @@ class Hands:
 
         Where it does not, there is no such hand from then on.
         """
+        from pushplan.sim.closing import closes  # and with it the slip simulator: for plans of rows alone
+
         kind, hand = tuple(self.forms[member] for member in members), self.hand(members)
         assert hand is not None
         assert self.scenario.row is not None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from pushplan.core.collision import SLACK, separation
 from pushplan.errors import EmptyStableSetError, PlanningError
 from pushplan.geometry import se2
-from pushplan.mechanics.body import Body, as_one
+from pushplan.mechanics.body import area_at
 from pushplan.planners.infeasible.bounds import near_to
 from pushplan.planners.infeasible.reaching import beyond_reach
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes
@@ -300,7 +300,7 @@ def _no_room(room: PushRoom, loads: FloatArray, what: str) -> Diagnosis:
     """Return that the robot has no room beside the load at any of the poses (k, 3), and what takes it."""
     carried = room.scenario.chain.carried
     driven = [
-        shapely.union_all([_area(carried, mode.robot_at(load, behind)) for behind in (0.0, mode.approach)])
+        shapely.union_all([area_at(carried, mode.robot_at(load, behind)) for behind in (0.0, mode.approach)])
         for mode in (contact.packed for contact in room.contacts)
         for load in loads
     ]
@@ -312,12 +312,7 @@ def _settled(contact: Contact, question: Question) -> BaseGeometry:
     """Return what the chain covers after its settling push from the start."""
     pose = se2.compose(question.load, contact.packed.contact)
     ahead = se2.compose(pose, se2.exp(contact.packed.settle * contact.packed.settling))
-    return _area(contact.mode.load.problem.chain.bodies, ahead)
-
-
-def _area(bodies: Sequence[Body], pose: FloatArray) -> BaseGeometry:
-    """Return what bodies cover with their frame at a pose (3,)."""
-    return shapely.transform(as_one(bodies), lambda corners: se2.transform_points(pose, corners))
+    return area_at(contact.mode.load.problem.chain.bodies, ahead)
 
 
 def _ends_in_something(contact: Contact, question: Question) -> bool:

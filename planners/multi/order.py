@@ -151,26 +151,31 @@ class Order:
         for _ in now.left:
             chances: list[tuple[float, float, tuple[Transfer, ...], Situation]] = []
             for cost, steps, here in kept:
-                pieces = self._nearest_first(here)
-                cut = cut or len(pieces) > most
-                for piece in pieces[:most]:
-                    for goal in self._pieces[piece].goals:
-                        step = self._delivery(here, piece, goal)
-                        if self._over():
-                            return None, True
-                        if step is None:
-                            continue
-                        after = situation_after(self._pieces, step, here)
-                        least = cost + step.cost + self._rest(after)
-                        if least < below:
-                            chances.append((least, cost + step.cost, (*steps, step), after))
+                cut = cut or len(here.left) > most
+                for step in self._deliveries(here, most):
+                    after = situation_after(self._pieces, step, here)
+                    least = cost + step.cost + self._rest(after)
+                    if least < below:
+                        chances.append((least, cost + step.cost, (*steps, step), after))
+                if self._over():
+                    return None, True
             chances.sort(key=lambda chance: chance[0])
             cut = cut or len(chances) > width
             kept = [(cost, steps, here) for _, cost, steps, here in chances[:width]]
         return (kept[0][1] if kept else None), cut
 
+    def _deliveries(self, now: Situation, most: int) -> Iterator[Transfer]:
+        """Yield transfers of the nearest pieces to each of their goals, until there is no more time."""
+        for piece in self._nearest_first(now)[:most]:
+            for goal in self._pieces[piece].goals:
+                step = self._delivery(now, piece, goal)
+                if self._over():
+                    return
+                if step is not None:
+                    yield step
+
     def _rest(self, now: Situation) -> float:
-        """Return what the rest costs at least, about: straight pushes, and a way from the nearest end of another."""
+        """Return what the rest costs at least, about: straight pushes, and ways from the nearest end of a push."""
         ends = [now.plate[:2]]
         ends += [goal.pose_chain[:2] for k in now.left for goal in self._pieces[k].goals[:1]]
         rest = 0.0
@@ -179,9 +184,8 @@ class Order:
             assert own.search.scenario.pushes is not None
             weight = own.search.scenario.pushes.transit_weight
             goal = min(own.goals, key=lambda goal: math.dist(goal.pose_chain[:2], start))
-            others = [end for end in ends if end is not goal.pose_chain]
             rest += math.dist(goal.pose_chain[:2], start) + weight * min(
-                math.dist(end, start) for end in others
+                math.dist(end, start) for end in ends
             )
         return rest
 

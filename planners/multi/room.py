@@ -29,6 +29,12 @@ NOWHERE = np.zeros(3)
 NO_WALLS = np.array([-math.inf, -math.inf, math.inf, math.inf])
 """Of a room without a workspace: xmin, ymin, xmax, ymax."""
 
+TOLERANCE_USED = 0.6
+"""Share of a tolerance that a plan may use up; the rest is for its execution."""
+
+DETOUR = 0.05
+"""What a plan that ends within a tolerance has to save, so that it is taken in place of one to the exact goal, m."""
+
 DRIVES = (30, 200, 1000)
 """Poses drawn in search of a way of the robot, one after the other until there is one."""
 
@@ -140,7 +146,7 @@ class Question:
         robot: (3,) pose of the robot's frame.
         load: (3,) pose of the load.
         goals: (g, 3) poses of the load, any of which will do.
-        within: (2,) how far (m, rad) the first object may end beside a goal where that saves `parts.DETOUR`.
+        within: (2,) how far (m, rad) the first object may end beside a goal where that saves `DETOUR`.
     """
 
     robot: FloatArray

@@ -11,11 +11,11 @@ import shapely
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.multi.multi_push import MultiPushSearch, backed_off, free_goals
-from pushplan.planners.multi.room import PushRoom, Question
+from pushplan.planners.multi.room import TOLERANCE_USED, PushRoom, Question
 from pushplan.planners.multi.search import Found, Limits, search
 from pushplan.planners.outcome import Segments
 from pushplan.plans.plan import Poses
-from pushplan.scenario.parts import TOLERANCE_USED, Goal, PolygonObstacle
+from pushplan.scenario.parts import Goal, PolygonObstacle
 from pushplan.util.arrays import FloatArray, frozen
 
 

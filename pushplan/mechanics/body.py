@@ -9,6 +9,7 @@ from enum import Enum
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from pushplan.geometry import se2
 from pushplan.util.arrays import FloatArray
 
 SEAM = 1e-7
@@ -42,6 +43,11 @@ def as_one(bodies: Iterable[Body]) -> BaseGeometry:
     """Return what the bodies cover together, in the chain frame."""
     outlines = [shapely.Polygon(body.outline) for body in bodies]
     return shapely.union_all(outlines).buffer(SEAM, join_style="mitre").buffer(-SEAM, join_style="mitre")
+
+
+def area_at(bodies: Iterable[Body], pose: FloatArray) -> BaseGeometry:
+    """Return what bodies cover together with their frame at a pose (3,) in the world."""
+    return shapely.transform(as_one(bodies), lambda corners: se2.transform_points(pose, corners))
 
 
 def outline_of_all(bodies: Iterable[Body]) -> FloatArray:

@@ -357,6 +357,7 @@ CAUSES = {
     "wide turns": "the turns are wide for the room there is",
     "boxed in": "hardly any push is possible from the start, or into the goal",
     "order": "no order of the objects was found",
+    "closing": "an object does not surely become flush with what is pushed onto it",
     "time": "the search was not over",
 }
 """What a diagnosis may name, and what it means."""

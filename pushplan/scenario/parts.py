@@ -21,12 +21,6 @@ DEFAULT_TOLERANCE = (0.002, math.radians(0.2))
 TOLERANCE_OF_SEVERAL = (0.010, math.radians(2.0))
 """Likewise from the goals of objects that stand apart: one that is pushed again for less drives metres for it."""
 
-TOLERANCE_USED = 0.6
-"""Share of a tolerance that a plan may use up; the rest is for its execution."""
-
-DETOUR = 0.05
-"""What a plan that ends within a tolerance has to save, so that it is taken in place of one to the exact goal, m."""
-
 
 @dataclass(frozen=True, eq=False)
 class Goal:

@@ -11,12 +11,13 @@ from pushplan.errors import ChainError
 from pushplan.geometry.se2 import compose, exp, relative
 from pushplan.mechanics.perturb import slid
 from pushplan.planners.clearance import excess
+from pushplan.planners.multi.room import TOLERANCE_USED
 from pushplan.planners.planner import Planner
 from pushplan.planners.planner import plan as plan_in
 from pushplan.plans.path import cost_rate
 from pushplan.plans.settings import Observer
 from pushplan.plans.trajectory import Trajectory
-from pushplan.scenario.parts import TOLERANCE_USED, Goal
+from pushplan.scenario.parts import Goal
 from pushplan.sim.control.closing import GAP, ClosingPush, Spread, closing_push, contacts_at
 from pushplan.sim.control.estimator import Estimator, Sample
 from pushplan.sim.control.replanner import Aim

@@ -15,7 +15,6 @@ from conftest import there
 import pushplan
 from pushplan.errors import ScenarioError
 from pushplan.geometry import se2
-from pushplan.planners.multi import hands
 from pushplan.planners.validator import Validator
 from pushplan.plans.plan import Plan, Segment
 from pushplan.plans.row_load import row_load
@@ -279,7 +278,7 @@ def test_a_closing_is_simulated(
 
 
 def test_no_plan_has_a_closing_that_is_not_sure(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hands, "closes", lambda chain, gap, push, friction: len(chain.objects) < 3)
+    monkeypatch.setattr(closing, "closes", lambda chain, gap, push, friction: len(chain.objects) < 3)
     pairs = solved(document(gather="auto"))
     assert max(len(names) for _, names in kinds(pairs)) == 2
     none = pushplan.plan(scenario_from_document(document(gather="always")), seed=1, iterations=40)

@@ -9,13 +9,13 @@ import pytest
 from conftest import there
 from several.conftest import problem_document
 
+from pushplan.planners.multi.room import TOLERANCE_USED
 from pushplan.planners.planner import Planner, plan
 from pushplan.planners.validator import Validator
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import goal_error
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import TOLERANCE_USED
 
 LIMIT = 60.0
 HERE, THERE = (1.0, 1.0), (1.0, 2.0)

@@ -11,9 +11,10 @@ import pytest
 from pushplan.cli.main import main
 from pushplan.errors import PushplanError, ScenarioError
 from pushplan.logging.reader import load_run
+from pushplan.planners.multi.room import TOLERANCE_USED
 from pushplan.planners.validator import Validator
 from pushplan.scenario.file import load_scenario, scenario_from_document, scenario_from_text
-from pushplan.scenario.parts import TOLERANCE_OF_SEVERAL, TOLERANCE_USED
+from pushplan.scenario.parts import TOLERANCE_OF_SEVERAL
 
 FILE = """\
 format: pushplan/1
