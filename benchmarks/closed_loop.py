@@ -40,7 +40,9 @@ from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose, exp, log
 from pushplan.planners.planner import plan
 from pushplan.plans.events import Replan
-from pushplan.plans.plan import Load, Plan
+from pushplan.plans.goals import worst_at_goal
+from pushplan.plans.load import Load
+from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names, load_scenario, scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.controller import Controller
@@ -48,7 +50,6 @@ from pushplan.sim.control.pushing import Phase
 from pushplan.sim.control.replanner import Aim
 from pushplan.sim.control.simulated_push import Disturbance, OpenLoop, Simulator, simulate_push
 from pushplan.sim.physics.stepping import PhysicsSimulator
-from pushplan.sim.report import worst_at_goal
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray

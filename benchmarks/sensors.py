@@ -32,7 +32,8 @@ from numpy.typing import ArrayLike
 
 from pushplan.bench.machine import Machine
 from pushplan.geometry.se2 import compose, exp, relative, wrap_angle
-from pushplan.plans.plan import Load, Plan
+from pushplan.plans.load import Load
+from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.controller import Controller

@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pushplan.core.collision import Scene
-from pushplan.plans.plan import Diagnosis, Improvement, Nearest, Segment
+from pushplan.plans.plan import Diagnosis, Improvement, Nearest
+from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer
 from pushplan.util.arrays import FloatArray
 

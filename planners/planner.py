@@ -5,31 +5,29 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.core.collision import Scene
 from pushplan.core.problem import reach as costs_of_words
 from pushplan.errors import PlanningError, TimingError
-from pushplan.geometry.se2 import pose_error, relative
+from pushplan.geometry.se2 import pose_error
 from pushplan.planners.controls import MERIDIANS
 from pushplan.planners.multi.gathering import GatheringSearch
 from pushplan.planners.multi.multi_push import MultiPushSearch
 from pushplan.planners.multi.rearrangement import RearrangementSearch
 from pushplan.planners.outcome import Outcome, Segments
-from pushplan.planners.problem import Posing, open_scene, rejoin
+from pushplan.planners.problem import Posing, open_scene
 from pushplan.planners.push_search import PushSearch
 from pushplan.planners.search.planners import planner_named
-from pushplan.planners.timing.arc_limits import Bounds, motion_bounds
-from pushplan.planners.timing.blending import blend_path
-from pushplan.planners.timing.exact_timing import time_path
+from pushplan.planners.timing.segments import time_segments
 from pushplan.planners.validator import EXACT, Validator
+from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
-from pushplan.plans.plan import Diagnosis, Load, Nearest, Plan, Segment
+from pushplan.plans.plan import Diagnosis, Nearest, Plan
 from pushplan.plans.settings import Observer, PlanOptions, PlanSettings
-from pushplan.plans.trajectory import SAMPLE_RATE, Trajectory
+from pushplan.plans.trajectory import SAMPLE_RATE
 from pushplan.scenario.build import troubles_at_first
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Goal, Obstacle
@@ -161,16 +159,15 @@ class Planner:
             PlanningError: When a pose is none, too near to something, or start and goal are the same.
         """
         began = time.perf_counter()
-        own = self.settings
-        settings = replace(
-            own,
-            first=first,
-            seed=own.seed if seed is None else seed,
-            time_limit=own.time_limit if time_limit is None else time_limit,
-            iterations=own.iterations if iterations is None else iterations,
-            gap=own.gap if gap is None else gap,
-            observer=own.observer if observer is None else observer,
-        )
+        given = {
+            "seed": seed,
+            "time_limit": time_limit,
+            "iterations": iterations,
+            "gap": gap,
+            "observer": observer,
+        }
+        known: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+        settings = replace(self.settings, first=first, **known)
         scenario = self._asked(start, goal, robot)
         return self.solve(scenario, settings, Stopwatch(), began, timed, previous, explain)
 
@@ -212,18 +209,15 @@ class Planner:
         """Return the costs (n, m), m, of the cheapest collision-free steering paths between poses.
 
         From each of the starts (n, 3) to each of the goals (m, 3). A steering path is three stable arcs with the
-        margin that is asked for first. The cost is inf where none is
-        free, which does not say that there is no path; `plan` searches for one.
+        margin that is asked for first. The cost is inf where none is free, which does not say that there is no path;
+        `plan` searches for one.
 
         Raises:
             PlanningError: When poses are not finite or not (k, 3), or the scenario is not of a single push.
         """
         search = self._single("reach")
         both = (_poses(starts, "starts"), _poses(goals, "goals"))
-        asked = self.scenario.with_margin(search.margins[0])
-        scene = search.posing.scene(asked)
-        families = search.posing.controls(asked, search.stable).families
-        return costs_of_words(scene, families, *both, self.scenario.clearance)
+        return costs_of_words(*search.steering(), *both, self.scenario.clearance)
 
     def with_obstacles(self, obstacles: Iterable[Obstacle]) -> Planner:
         """Return a planner among other obstacles; stable sets and contacts are kept.
@@ -260,9 +254,7 @@ class Planner:
     @property
     def twists(self) -> FloatArray:
         """(k, 3) stable twists that steering paths are made of, scaled to a cost rate of 1."""
-        search = self._single("twists")
-        asked = self.scenario.with_margin(search.margins[0])
-        families = search.posing.controls(asked, search.stable).families
+        _, families = self._single("twists").steering()
         twists = np.unique(families.reshape(-1, 3), axis=0)
         return np.asarray(twists[np.abs(twists).max(axis=1) > 0.0])
 
@@ -301,7 +293,7 @@ class Planner:
         with watch("search"), no_collection():
             if isinstance(search, PushSearch):
                 self._check_ends(search, scenario, validator)
-                known = None if previous is None else self._rest(search, previous, scenario)
+                known = None if previous is None else search.rest(previous, scenario)
                 search = search if scenario is self.scenario else search.of(scenario)
                 outcome = search.search(scenario, settings, began, known, explain)
             elif isinstance(search, MultiPushSearch):
@@ -421,20 +413,6 @@ class Planner:
         if wrong:
             raise PlanningError("; ".join(wrong))
 
-    def _rest(self, search: PushSearch, previous: PushPath, asked: Scenario) -> FloatArray | None:
-        """Return the arcs of a way onto an earlier path and along its rest, None where none is free and stable."""
-        stable, least = search.stable, search.margins[0]
-        posed = self.scenario.with_margin(least)
-        return rejoin(
-            search.posing.scene(posed),
-            search.posing.controls(posed, stable).families,
-            asked.clearance,
-            lambda twists: stable.margin(twists) > least,
-            previous,
-            asked.start,
-            asked.goal.pose_chain,
-        )
-
 
 def _bound(outcome: Outcome, found: Segments) -> float | Callable[[], float | None] | None:
     bound = outcome.lower_bound
@@ -457,55 +435,6 @@ def _require_own_search(scenario: Scenario, planner: str) -> None:
             f"multi-push plans (robot.start) are ranked by {RANKED_BY}, with the weights in 'pushes'; "
             f"the cost {scenario.planner.cost!r} is for a single push"
         )
-
-
-def time_segments(
-    scenario: Scenario,
-    segments: Segments,
-    rate: float = SAMPLE_RATE,
-    stable_set: str | None = None,
-    scene: Scene | None = None,
-) -> Segments:
-    """Return segments with their trajectories, within the limits of the pusher and, if asked for, of the contacts.
-
-    Args:
-        scenario: Chooses by `trajectory` whether the pusher stops at every corner of a push (`exact`) or at as few as
-            possible (`blended`), and by `limits.contact` whether inertia may make a contact slip.
-        segments: Of a plan: free of collision and stable.
-        rate: Samples per second of the trajectories.
-        stable_set: That they were planned in; None stands for the scenario's.
-        scene: Of a single push, where it is there already.
-
-    Raises:
-        TimingError: When an arc cannot be timed within the limits.
-    """
-    return tuple(_timed(scenario, segment, rate, stable_set, scene) for segment in segments)
-
-
-def _timed(
-    scenario: Scenario,
-    segment: Segment,
-    rate: float,
-    stable_set: str | None,
-    scene: Scene | None,
-) -> Segment:
-    pusher = scenario.pusher
-    if not segment.pushes or segment.load is None:
-        alone = time_path(segment.path, Bounds(pusher.limits), rate)
-        return replace(segment, trajectory=replace(alone, base=relative(pusher.plate_pose, pusher.base_pose)))
-    problem, stable = segment.problem(scenario), segment.load.stable_set(stable_set)
-    bounds = motion_bounds(problem, stable)
-    if scenario.trajectory == "blended":
-        timed: Trajectory = blend_path(problem, segment.contact_path, stable, bounds, rate, scene).trajectory
-    else:
-        timed = time_path(segment.contact_path, bounds, rate)
-    own = segment.load.chain.pusher
-    least = float(stable.margin(segment.contact_path.twists).min())
-    return replace(
-        segment,
-        trajectory=replace(timed, base=own.base_pose).of_frame(own.plate_pose),
-        min_margin=least,
-    )
 
 
 def _poses(poses: ArrayLike, what: str) -> FloatArray:

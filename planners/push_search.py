@@ -11,6 +11,7 @@ from functools import cache
 
 import numpy as np
 
+from pushplan.core.collision import Scene
 from pushplan.core.problem import Problem
 from pushplan.errors import OutOfTimeError
 from pushplan.geometry.se2 import pose_error
@@ -18,13 +19,15 @@ from pushplan.planners.controls import margins_to_try
 from pushplan.planners.infeasible.bounds import lower_bound, time_bound
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
 from pushplan.planners.outcome import Improvements, Outcome, Segments
-from pushplan.planners.problem import Posing, body_reach, make_objective, sampling_box
+from pushplan.planners.problem import Posing, body_reach, make_objective, rejoin, sampling_box
 from pushplan.planners.search.planners import planner_named
 from pushplan.planners.search.search import Factory, Search
 from pushplan.planners.search.session import Budget, Session, Turn
 from pushplan.planners.validator import Validator
+from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
-from pushplan.plans.plan import Diagnosis, Load, Nearest, Segment
+from pushplan.plans.plan import Diagnosis, Nearest
+from pushplan.plans.segment import Segment
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
@@ -105,6 +108,22 @@ class PushSearch:
         other.load, other.posing = self.load.with_problem(scenario), posing or self.posing
         other.stable, other.margins = self.stable, self.margins
         return other
+
+    def steering(self) -> tuple[Scene, FloatArray]:
+        """Return the scene, and the families (f, 3, 3) of twists that steering paths with the first margin are of."""
+        posed = self.load.problem.with_margin(self.margins[0])
+        return self.posing.scene(posed), self.posing.controls(posed, self.stable).families
+
+    def rest(self, previous: PushPath, asked: Scenario) -> FloatArray | None:
+        """Return the arcs of a way onto an earlier path and along its rest, None where none is free and stable."""
+        return rejoin(
+            *self.steering(),
+            asked.clearance,
+            lambda twists: self.stable.margin(twists) > self.margins[0],
+            previous,
+            asked.start,
+            asked.goal.pose_chain,
+        )
 
     def search(
         self,

@@ -19,7 +19,9 @@ _HOMES = {
     "scenario.check": "check_scenario",
     # Planning
     "planners.planner": "plan Planner",
-    "plans.plan": "Plan Segment Load",
+    "plans.plan": "Plan",
+    "plans.segment": "Segment",
+    "plans.load": "Load",
     "plans.settings": "PlanSettings Observer",
     # Runs and logs
     "run": "run",
@@ -64,12 +66,12 @@ if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported with
     from pushplan.mechanics.contacts import friction_wrench as friction_wrench
     from pushplan.planners.planner import Planner as Planner
     from pushplan.planners.planner import plan as plan
-    from pushplan.plans.plan import Load as Load
+    from pushplan.plans.load import Load as Load
     from pushplan.plans.plan import Plan as Plan
-    from pushplan.plans.plan import Segment as Segment
     from pushplan.plans.robustness import Robustness as Robustness
     from pushplan.plans.run import Execution as Execution
     from pushplan.plans.run import Run as Run
+    from pushplan.plans.segment import Segment as Segment
     from pushplan.plans.settings import Observer as Observer
     from pushplan.plans.settings import PlanSettings as PlanSettings
     from pushplan.run import run as run

@@ -17,7 +17,9 @@ from pushplan.logging.recording import Recording, Where
 from pushplan.logging.writer import RunLogWriter
 from pushplan.planners.planner import plan as plan_in
 from pushplan.plans.events import Event, Feedback, Measured, Replan
-from pushplan.plans.plan import Load, Plan
+from pushplan.plans.goals import worst_at_goal
+from pushplan.plans.load import Load
+from pushplan.plans.plan import Plan
 from pushplan.plans.run import Execution, segments_of
 from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.run import fields_of
@@ -34,7 +36,7 @@ from pushplan.sim.control.simulated_push import (
     Simulator,
     simulate_push,
 )
-from pushplan.sim.report import at_poses, judged, worst_at_goal
+from pushplan.sim.report import at_poses, judged
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
 

@@ -9,9 +9,10 @@ import numpy as np
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.contacts import contact_state
+from pushplan.plans.goals import worst_at_goal
 from pushplan.plans.judge import contact_dynamics, judging_set
-from pushplan.plans.plan import Segment, join
-from pushplan.plans.run import Execution, StabilityLoss, goal_error
+from pushplan.plans.run import Execution, StabilityLoss
+from pushplan.plans.segment import Segment, join
 from pushplan.plans.trajectory import Trajectory, advance
 from pushplan.scenario.model import Scenario
 from pushplan.sets.known_load_sets import EcofSet
@@ -89,7 +90,6 @@ def execute(scenario: Scenario, segments: tuple[Segment, ...], planned: str) -> 
     deciding = np.fmin(margins, dynamic) if decides else margins
     lost = np.flatnonzero((columns_of(deciding) <= 0.0).any(axis=0))
     count = int(lost[0]) + 1 if len(lost) else len(t)
-    last = dict(zip(names, objects[count - 1], strict=True))
 
     def kept(name: str) -> FloatArray | None:
         return columns[name][:count] if name in columns else None
@@ -104,7 +104,7 @@ def execute(scenario: Scenario, segments: tuple[Segment, ...], planned: str) -> 
         owner[:count],
         margins[:count],
         _loss(segments, t, poses, owner, names, deciding, count - 1) if len(lost) else None,
-        goal_error(scenario, last),
+        worst_at_goal(scenario, objects[count - 1]),
         dynamic[:count],
         kept("friction_margins"),
         kept("lambdas"),

@@ -29,8 +29,8 @@ from pushplan.mechanics.packed import (
     push_room,
 )
 from pushplan.mechanics.perturb import Motion, aside, turn
-from pushplan.plans.plan import Segment
 from pushplan.plans.robustness import MOST_ANGLE, MOST_SHARE, USED_UP, Robustness
+from pushplan.plans.segment import Segment
 from pushplan.plans.trajectory import Trajectory
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 

@@ -5,7 +5,8 @@ from pathlib import Path
 
 from pushplan.bench.batch import run_suite
 from pushplan.bench.outcome import Outcome
-from pushplan.bench.store import Results, ResultsFolder, read_results
+from pushplan.bench.results import Results, read_results
+from pushplan.bench.store import ResultsFolder
 from pushplan.bench.suite import RunSpec, suite_from_text
 
 Make = Callable[[RunSpec], Outcome]

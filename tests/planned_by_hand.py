@@ -6,9 +6,11 @@ import numpy as np
 
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import pushed_at
+from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath, cost_rate
-from pushplan.plans.plan import Load, Plan, Segment
+from pushplan.plans.plan import Plan
 from pushplan.plans.run import Execution
+from pushplan.plans.segment import Segment
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 

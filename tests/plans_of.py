@@ -6,9 +6,11 @@ import numpy as np
 
 import pushplan
 from pushplan.mechanics.chain import Chain
-from pushplan.planners.planner import time_segments
+from pushplan.planners.timing.segments import time_segments
+from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
-from pushplan.plans.plan import Load, Plan, Segment
+from pushplan.plans.plan import Plan
+from pushplan.plans.segment import Segment
 from pushplan.plans.trajectory import SAMPLE_RATE, Trajectory
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Goal

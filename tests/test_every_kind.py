@@ -18,7 +18,8 @@ from planned_by_hand import MULTI, ROW, SWAP
 import pushplan
 from pushplan.bench.batch import Selection, run_suite
 from pushplan.bench.executor import local_engine
-from pushplan.bench.store import ResultsFolder, read_results
+from pushplan.bench.results import read_results
+from pushplan.bench.store import ResultsFolder
 from pushplan.bench.suite import suite_from_text
 from pushplan.closed_loop import ClosedLoopRun, run_closed_loop
 from pushplan.drawing.scene import Scene
@@ -26,14 +27,15 @@ from pushplan.errors import RunLogError
 from pushplan.logging.page import write_html
 from pushplan.logging.tables import write_csv
 from pushplan.planners.validator import Validator
-from pushplan.plans.plan import Plan, Segment
+from pushplan.plans.goals import worst_at_goal
+from pushplan.plans.plan import Plan
 from pushplan.plans.run import Execution
+from pushplan.plans.segment import Segment
 from pushplan.scenario.file import example_text
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance
 from pushplan.sim.identify import posterior
-from pushplan.sim.report import worst_at_goal
 from pushplan.sim.trials import TrialUncertainty
 from pushplan.trial import write_trial
 from pushplan.util.arrays import FloatArray

@@ -30,8 +30,9 @@ from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.validator import Validator
 from pushplan.plans.judge import judging_set, planning_set
 from pushplan.plans.path import PushPath
-from pushplan.plans.plan import Plan, Segment
+from pushplan.plans.plan import Plan
 from pushplan.plans.run import Execution
+from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Goal, PolygonObstacle, Scenario
@@ -181,7 +182,7 @@ def too_fast(
 @pytest.fixture
 def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every path is driven much too fast for its contacts."""
-    monkeypatch.setattr("pushplan.planners.planner.blend_path", too_fast)
+    monkeypatch.setattr("pushplan.planners.timing.segments.blend_path", too_fast)
 
 
 def test_a_plan_in_cof_is_cut_down_to_what_the_judge_accepts() -> None:

@@ -11,7 +11,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.faces import Place, places, pushed_from
 from pushplan.planners.controls import margins_to_try, straight_pushes
 from pushplan.planners.problem import Controls, Posing
-from pushplan.plans.plan import Load
+from pushplan.plans.load import Load
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet

@@ -25,8 +25,9 @@ from pushplan.planners.multi.contact_modes import ContactMode
 from pushplan.planners.multi.room import NO_WALLS, packed_mode, reaches, wheels_of
 from pushplan.planners.problem import Posing, sampling_box, walls_of
 from pushplan.planners.scene import bounding_circle, convex_pieces, flatten, scene_of
-from pushplan.plans.plan import Load, Poses, Segment
+from pushplan.plans.load import Load
 from pushplan.plans.row_load import Member, row_load
+from pushplan.plans.segment import Poses, Segment
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.model import CircleObstacle, Scenario
 from pushplan.util.arrays import FloatArray

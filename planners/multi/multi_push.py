@@ -21,7 +21,8 @@ from pushplan.planners.multi.room import Contact, PushRoom, Question
 from pushplan.planners.multi.search import Found, Limits, search
 from pushplan.planners.outcome import Improvements, Outcome, Segments
 from pushplan.plans.path import PushPath
-from pushplan.plans.plan import Diagnosis, Nearest, Poses, Segment
+from pushplan.plans.plan import Diagnosis, Nearest
+from pushplan.plans.segment import Poses, Segment
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.build import troubles_at
 from pushplan.scenario.model import Scenario

@@ -19,7 +19,8 @@ from pushplan.planners.multi.order import GAIN, Order
 from pushplan.planners.multi.search import Limits
 from pushplan.planners.multi.transfers import Piece, Situation, Transfer, find_transfer, situation_after
 from pushplan.planners.outcome import Improvements, Outcome, Segments
-from pushplan.plans.plan import Diagnosis, Nearest, Poses
+from pushplan.plans.plan import Diagnosis, Nearest
+from pushplan.plans.segment import Poses
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.build import overlapping_goals
 from pushplan.scenario.model import Scenario

@@ -16,8 +16,8 @@ from pushplan.planners.multi.hands import AT_PLACE, SHORT, Floor, Hand, Hands, P
 from pushplan.planners.multi.multi_push import AHEAD
 from pushplan.planners.outcome import Segments
 from pushplan.plans.path import PushPath
-from pushplan.plans.plan import Poses, Segment
 from pushplan.plans.row_load import Member
+from pushplan.plans.segment import Poses, Segment
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, CLOSE, PUSH, RETREAT, TRANSIT
 

@@ -14,7 +14,7 @@ from pushplan.planners.multi.multi_push import MultiPushSearch, backed_off, free
 from pushplan.planners.multi.room import TOLERANCE_USED, PushRoom, Question
 from pushplan.planners.multi.search import Found, Limits, search
 from pushplan.planners.outcome import Segments
-from pushplan.plans.plan import Poses
+from pushplan.plans.segment import Poses
 from pushplan.scenario.parts import Goal, PolygonObstacle
 from pushplan.util.arrays import FloatArray, frozen
 

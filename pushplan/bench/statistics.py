@@ -11,7 +11,8 @@ import pandas as pd
 from scipy import stats
 
 from pushplan.bench.outcome import INVALID, OK
-from pushplan.bench.store import Results, StoreError, ranked_by_time
+from pushplan.bench.results import Results, ranked_by_time
+from pushplan.bench.store import StoreError
 from pushplan.util.arrays import BoolArray, FloatArray
 
 RESAMPLES = 2_000

@@ -16,16 +16,11 @@ import re
 import shutil
 import sqlite3
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
-from functools import cached_property
 from pathlib import Path
 from typing import Self
-
-import numpy as np
-import pandas as pd
 
 from pushplan.bench.machine import Machine
 from pushplan.bench.outcome import ATTRIBUTES, OK, STATUSES, Outcome
@@ -35,9 +30,6 @@ from pushplan.util.files import check_output, write_whole
 
 FORMAT = 3
 """Version of our own tables."""
-
-MISSING = "missing"
-"""Outcome of a run without a result."""
 
 BUSY = 30.0
 """Seconds to wait for another program that has the file locked."""
@@ -400,103 +392,3 @@ class ResultsFolder:
 def _plain(name: str) -> str:
     """Return a name with nothing in it that file names do not like."""
     return re.sub(r"[^\w.+-]+", "_", name, flags=re.ASCII)
-
-
-# --- reading ----------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class Results:
-    """All runs of a suite as it was asked for last.
-
-    Attributes:
-        path: The database.
-        about: `name`, `version`, `versions`, `machine`, `started`, `seconds` and `source` of the suite.
-        runs: A row for each run in the order of the suite: `key`, `problem`, `planner` (with the stable set when
-            there are several), `stable_set`, `seed`, `outcome` (of `STATUSES`, or `MISSING`), `message`, `log`,
-            `host`, `ATTRIBUTES` (NaN where there is nothing), and of valid runs, else infinite: `cost` (m), `first`
-            (seconds to the first path), `excess` (cost by the lowest known of the problem), `valid_duration` (s); and
-            `cost_bound` (m) and `duration_bound` (s), the lower bound of what ranked the plan, NaN for the other.
-        progress: A row for each improvement and regular time: `key`, `time`, `cost`.
-        time_limit: Largest planning time allowed, s.
-    """
-
-    path: Path
-    about: Mapping[str, object]
-    runs: pd.DataFrame
-    progress: pd.DataFrame
-    time_limit: float
-
-    @cached_property
-    def planners(self) -> list[str]:
-        """Names of the planners, in the order of the suite."""
-        return list(dict.fromkeys(self.runs.planner))
-
-    @cached_property
-    def done(self) -> pd.DataFrame:
-        """The runs that have a result."""
-        return self.runs[self.runs.outcome != MISSING]
-
-    def of(self, planner: str) -> pd.DataFrame:
-        """Return the runs of a planner that have a result."""
-        return self.done[self.done.planner == planner]
-
-
-def ranked_by_time(runs: pd.DataFrame) -> bool:
-    """Tell whether there are plans among the runs, and duration ranked all of them."""
-    known = runs.by_time.dropna()
-    return len(known) > 0 and bool(known.all())
-
-
-def read_results(path: Path) -> Results:
-    """Read the results in a database or in a folder of results.
-
-    Raises:
-        StoreError: When there is no such file, or it holds no results of this version.
-    """
-    path = path / "results.db" if path.is_dir() else path
-    if not path.is_file():
-        raise StoreError(f"{path}: there are no results")
-    try:
-        with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
-            suite = pd.read_sql("SELECT * FROM pushplan_suite", database)
-            if suite.empty:
-                raise StoreError(f"{path}: there are no results")
-            if suite.format[0] != FORMAT:
-                raise StoreError(f"{path} has format {suite.format[0]}; this version reads format {FORMAT}")
-            own = pd.read_sql(
-                "SELECT * FROM pushplan_runs WHERE number IS NOT NULL ORDER BY number", database
-            )
-            measured = pd.read_sql("SELECT id AS runid, * FROM runs", database)
-            limit = database.execute("SELECT MAX(timelimit) FROM experiments").fetchone()[0]
-            progress = pd.read_sql(
-                "SELECT o.key, p.time, p.best_cost AS cost FROM progress p JOIN pushplan_runs o ON o.runid = p.runid "
-                "ORDER BY o.number, p.time",
-                database,
-            )
-    except (sqlite3.DatabaseError, pd.errors.DatabaseError) as error:
-        raise StoreError(f"{path} is no file of results: {error}") from error
-    runs = own.merge(measured[["runid", *(set(ATTRIBUTES) - {"seed"})]], on="runid", how="left")
-    runs[list(ATTRIBUTES)] = runs[list(ATTRIBUTES)].astype(float)
-    runs["seed"] = runs.seed.astype(int)
-    runs["outcome"] = runs.outcome.fillna(MISSING)
-    if runs.stable_set.nunique() > 1:
-        runs["planner"] = runs.planner + " (" + runs.stable_set + ")"
-    valid = runs.outcome == OK
-    runs["cost"] = runs.solution_length.where(valid, np.inf)
-    runs["first"] = runs.first_solution_time.where(valid, np.inf)
-    runs["valid_duration"] = runs.duration.where(valid, np.inf)
-    runs["cost_bound"] = runs.lower_bound.where(runs.by_time == 0.0)
-    runs["duration_bound"] = runs.lower_bound.where(runs.by_time == 1.0)
-    runs["excess"] = (runs.cost / runs.groupby("problem").cost.transform("min")).where(valid, np.inf)
-    return Results(path, suite.iloc[0].to_dict(), runs, progress, float(limit))
-
-
-def write_tables(results: Results, folder: Path) -> Iterable[Path]:
-    """Write `runs.csv`, a row for each run, and `progress.csv`; return the files."""
-    columns = ["key", "problem", "planner", "stable_set", "seed", "outcome", "message", "log", "host"]
-    measured = [name for name in ATTRIBUTES if name not in ("seed", "status", "solved")]
-    tables = {"runs.csv": results.runs[columns + measured], "progress.csv": results.progress}
-    for name, table in tables.items():
-        write_whole(folder / name, table.to_csv(index=False).encode())
-    return [folder / name for name in tables]

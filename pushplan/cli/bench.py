@@ -18,7 +18,8 @@ from pushplan.cli.main import DONE, MISMATCH
 
 if TYPE_CHECKING:
     from pushplan.bench.batch import Selection, Tally
-    from pushplan.bench.store import Results, ResultsFolder
+    from pushplan.bench.results import Results
+    from pushplan.bench.store import ResultsFolder
     from pushplan.bench.suite import Suite
 
 
@@ -186,7 +187,7 @@ def _bench(
 def _report(folder: ResultsFolder, console: Console) -> Results:
     with console.working("writing the report"):
         from pushplan.bench.report import write_latex, write_report
-        from pushplan.bench.store import read_results, write_tables
+        from pushplan.bench.results import read_results, write_tables
 
         results = read_results(folder.path)
         write_tables(results, folder.path)
@@ -222,8 +223,8 @@ def _tell(suite: Suite, folder: ResultsFolder, tally: Tally, broken: int, consol
 def _compare(old: Path, new: Path, threshold: float, console: Console) -> int:
     """Compare the results of two folders and return the exit code."""
     from pushplan.bench.report import effect_text
+    from pushplan.bench.results import read_results
     from pushplan.bench.statistics import compare_versions
-    from pushplan.bench.store import read_results
 
     found = compare_versions(read_results(old), read_results(new), threshold)
     for style, word, comparisons in (("green", "better", found.better), ("red", "worse", found.worse)):

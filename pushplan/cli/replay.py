@@ -128,7 +128,7 @@ def replay(
     if plot is not None or wanted:
         how: dict[str, dict[str, Any]] = {"plot": {"panels": panels}, "mp4": {"rate": rate}}
         if "ros2" in wanted:
-            from pushplan.logging.bag import Frames
+            from pushplan.logging.rviz import Frames
 
             how["ros2"] = {"frames": Frames.from_text(frames) if frames else None, "epoch": epoch}
         _export(run, plot, wanted, how, console)

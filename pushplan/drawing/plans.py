@@ -37,8 +37,9 @@ from pushplan.util.printable import cut
 
 if TYPE_CHECKING:
     from pushplan.plans.events import Event
-    from pushplan.plans.plan import Plan, Segment
+    from pushplan.plans.plan import Plan
     from pushplan.plans.run import Execution
+    from pushplan.plans.segment import Segment
     from pushplan.scenario.model import Scenario
     from pushplan.sets.stable_set import StableSet
 

@@ -18,15 +18,15 @@ import numpy as np
 from pushplan.drawing import palette
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
-from pushplan.scenario.parts import CircleObstacle, Goal, Obstacle, PolygonObstacle
+from pushplan.scenario.parts import CircleObstacle, Obstacle, PolygonObstacle
 from pushplan.util.arrays import FloatArray, IntArray
 from pushplan.util.names import CLOSE, PUSH, PUSHER, ROBOT, TRANSIT
 
 if TYPE_CHECKING:
-    from pushplan.mechanics.chain import PushedObject
     from pushplan.plans.events import Event
-    from pushplan.plans.plan import Plan, Poses, Segment
+    from pushplan.plans.plan import Plan
     from pushplan.plans.run import Execution
+    from pushplan.plans.segment import Poses, Segment
     from pushplan.scenario.model import Scenario
 
 PATH_SPACING = 0.01
@@ -221,8 +221,7 @@ class Scene:
         if execution is None and plan is not None:
             execution = plan.execution
         bodies, area = tuple(_bodies(scenario)), scenario.workspace
-        named = palette.object_colours(list(scenario.poses))
-        colours = dict(zip(scenario.poses, named, strict=True))
+        colours = {body.name: body.colour for body in bodies}
         first = _pose_rows(bodies, scenario.plate_start, scenario.poses)
         t, poses, margins = np.zeros(1), first[None], np.full(1, np.nan)
         segments = () if plan is None else plan.segments
@@ -276,9 +275,8 @@ class Scene:
 
     def at(self, time: float) -> FloatArray:
         """Return the poses (b, 3) of the bodies at a time, s; angles run on, they are not wrapped."""
-        flat: FloatArray = self.poses.reshape(len(self.t), -1)
-        now: FloatArray = np.array([np.interp(time, self.t, column) for column in flat.T])
-        return np.asarray(now.reshape(-1, 3))
+        columns = self.poses.reshape(len(self.t), -1).T
+        return np.array([np.interp(time, self.t, column) for column in columns]).reshape(-1, 3)
 
     def outlines(self, poses: FloatArray) -> list[FloatArray]:
         """Return the outlines of all bodies in the world at poses (b, 3)."""
@@ -320,8 +318,7 @@ class Scene:
 
 def piece_colours(margins: FloatArray) -> list[str]:
     """Return the colours of the k - 1 pieces of a push between points whose margins are (k,): by the smaller one."""
-    pairs = np.fmin(margins[:-1], margins[1:])
-    return [palette.margin_colour(float(margin)) or palette.PATH for margin in pairs]
+    return [palette.margin_colour(float(m)) or palette.PATH for m in np.fmin(margins[:-1], margins[1:])]
 
 
 def smallest(margins: FloatArray) -> FloatArray:
@@ -361,19 +358,13 @@ def _bodies(scenario: Scenario) -> Iterator[Body]:
 def _goals(scenario: Scenario, colours: dict[str, str]) -> Iterator[Fixed]:
     """Yield each goal once: turned by its symmetry an object covers itself, and dashes over dashes make a line."""
     seen: set[tuple[str, frozenset[tuple[float, ...]]]] = set()
-    for task in scenario.tasks:
-        for goal in task.goals:
-            for name, outline in _goal_outlines(task.chain.objects, goal):
-                key = name, frozenset(map(tuple, outline.round(_SAME).tolist()))
-                if key not in seen:
-                    seen.add(key)
-                    yield Fixed(name, outline, colours[name], Layer.GOAL)
-
-
-def _goal_outlines(objects: tuple[PushedObject, ...], goal: Goal) -> Iterator[tuple[str, FloatArray]]:
-    for obj in objects:
-        if obj.name in goal.objects or not goal.objects:
-            yield obj.name, se2.transform_points(goal.pose_chain, obj.outline_chain)
+    for goal, objects in ((goal, task.chain.objects) for task in scenario.tasks for goal in task.goals):
+        for obj in objects:
+            outline = se2.transform_points(goal.pose_chain, obj.outline_chain)
+            key = obj.name, frozenset(map(tuple, outline.round(_SAME).tolist()))
+            if key not in seen and (obj.name in goal.objects or not goal.objects):
+                seen.add(key)
+                yield Fixed(obj.name, outline, colours[obj.name], Layer.GOAL)
 
 
 def _marks(events: Iterable[Event], execution: Execution | None) -> Iterator[Mark]:
@@ -390,13 +381,8 @@ def _pose_rows(bodies: tuple[Body, ...], plate: FloatArray, objects: Poses) -> F
 
 
 def _executed_poses(bodies: tuple[Body, ...], execution: Execution) -> FloatArray:
-    columns = [
-        execution.objects[:, execution.names.index(body.name)]
-        if body.kind is BodyKind.OBJECT
-        else execution.poses
-        for body in bodies
-    ]
-    return np.stack(columns, axis=1)
+    columns = dict(zip(execution.names, np.moveaxis(execution.objects, 1, 0), strict=True))
+    return np.stack([columns.get(body.name, execution.poses) for body in bodies], axis=1)
 
 
 def _planned(

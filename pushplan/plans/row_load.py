@@ -13,7 +13,7 @@ from pushplan.geometry.polygon import find_touch
 from pushplan.mechanics.chain import Chain, Contact
 from pushplan.mechanics.faces import Place, Through, pushed_from, ways_through
 from pushplan.mechanics.intervals import IntervalChain
-from pushplan.plans.plan import Link, Load
+from pushplan.plans.load import Link, Load
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import PlacedObject
 from pushplan.util.arrays import FloatArray

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pushplan.geometry import se2
-from pushplan.plans.plan import Plan, Poses, Segment
+from pushplan.plans.plan import Plan
+from pushplan.plans.segment import Segment
 from pushplan.util.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -184,21 +184,3 @@ def inertia_warning(scenario: Scenario, execution: Execution) -> str:
         f"inertia was left out (limits.contact: quasi-static), and at this speed a contact slips "
         f"(margin {least:.2g}): push more slowly, or use dynamic limits"
     )
-
-
-def goal_error(scenario: Scenario, poses: Poses) -> tuple[float, float]:
-    """Return how far (m, rad) the objects are from their goals: the largest errors of any of them.
-
-    Args:
-        scenario: Of several goals for one load, the nearest counts.
-        poses: Of all objects.
-    """
-    errors = []
-    for task in scenario.tasks:
-        first = task.chain.objects[0]
-        load = se2.compose(poses[first.name], se2.inverse(first.pose_chain))
-        reach = task.chain.reach
-        each = [goal.errors(load) for goal in task.goals]
-        if each:
-            errors.append(min(each, key=lambda error: error[0] + reach * error[1]))
-    return (max((e[0] for e in errors), default=0.0), max((e[1] for e in errors), default=0.0))

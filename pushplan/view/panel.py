@@ -10,7 +10,7 @@ import shapely
 
 from pushplan.drawing.palette import ALONE as GREY
 from pushplan.drawing.palette import PLATE, SLIPS, TURNS, object_colours
-from pushplan.plans.plan import Segment
+from pushplan.plans.segment import Segment
 from pushplan.sets.cor import Window
 from pushplan.sets.cor_window import default_window
 from pushplan.sets.stable_set import StableSet

@@ -21,10 +21,13 @@ from numpy.typing import ArrayLike
 from pushplan.errors import PlanningError
 from pushplan.geometry.se2 import compose, exp, inverse, log, pose_error, relative, twist_of
 from pushplan.planners.planner import plan as plan_in
-from pushplan.planners.planner import time_segments
+from pushplan.planners.timing.segments import time_segments
 from pushplan.plans.events import Event, Replan
+from pushplan.plans.goals import errors_at_goal, worst_at_goal
+from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
-from pushplan.plans.plan import Load, Plan, Segment
+from pushplan.plans.plan import Plan
+from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer
 from pushplan.scenario.model import Obstacle, Scenario
 from pushplan.sim.control.estimator import Estimator
@@ -37,7 +40,6 @@ from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.standing import Standing
 from pushplan.sim.follower import Steering
 from pushplan.sim.intake import Intake
-from pushplan.sim.report import errors_at_goal, worst_at_goal
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray

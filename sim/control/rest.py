@@ -13,10 +13,13 @@ from pushplan.geometry.se2 import compose, inverse, pose_error
 from pushplan.mechanics.chain import PLATE
 from pushplan.planners.multi.multi_push import AHEAD
 from pushplan.planners.multi.room import find_drive
-from pushplan.planners.planner import Planner, time_segments
+from pushplan.planners.planner import Planner
+from pushplan.planners.timing.segments import time_segments
 from pushplan.plans.events import Replan
+from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
-from pushplan.plans.plan import Load, Plan, Poses, Segment
+from pushplan.plans.plan import Plan
+from pushplan.plans.segment import Poses, Segment
 from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.model import Obstacle, Scenario
 from pushplan.scenario.parts import Goal

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from pushplan.geometry.se2 import wrap_angle
-from pushplan.plans.plan import Poses
+from pushplan.plans.segment import Poses
 from pushplan.sim.control.pushing import SLOW, words
 from pushplan.sim.control.sensing import Sightings
 from pushplan.sim.control.settings import ControlSettings

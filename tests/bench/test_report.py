@@ -15,17 +15,18 @@ from made_up_results import SUITE, Make, make, solved, typical
 from scipy import stats
 
 from pushplan.bench.outcome import Outcome
+from pushplan.bench.plots import cost_quartiles
 from pushplan.bench.report import (
     by_planner,
     by_problem,
     comparisons,
-    cost_quartiles,
     outcomes,
     render,
     spread,
     write_latex,
     write_report,
 )
+from pushplan.bench.results import write_tables
 from pushplan.bench.statistics import (
     compare_versions,
     holm,
@@ -34,7 +35,6 @@ from pushplan.bench.statistics import (
     rank_test,
     success_test,
 )
-from pushplan.bench.store import write_tables
 from pushplan.bench.suite import RunSpec
 from pushplan.cli.main import main
 from pushplan.util.wilson import wilson

@@ -14,7 +14,8 @@ from pushplan.errors import SupportError
 from pushplan.geometry.se2 import compose, exp
 from pushplan.mechanics.support import UnknownSupport
 from pushplan.planners.clearance import find_collision
-from pushplan.plans.plan import Load, Plan
+from pushplan.plans.load import Load
+from pushplan.plans.plan import Plan
 from pushplan.scenario.parts import CircleObstacle
 from pushplan.sim.control.controller import Controller
 from pushplan.sim.control.pushing import Phase

@@ -16,8 +16,9 @@ import pushplan
 from pushplan.errors import ScenarioError
 from pushplan.geometry import se2
 from pushplan.planners.validator import Validator
-from pushplan.plans.plan import Plan, Segment
+from pushplan.plans.plan import Plan
 from pushplan.plans.row_load import row_load
+from pushplan.plans.segment import Segment
 from pushplan.scenario.file import load_scenario, scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.sim import closing

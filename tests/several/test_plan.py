@@ -13,7 +13,9 @@ from pushplan.geometry import se2
 from pushplan.mechanics.faces import pushed_at
 from pushplan.planners.planner import Planner, plan
 from pushplan.planners.validator import Validator
-from pushplan.plans.plan import Load, Plan, Segment
+from pushplan.plans.load import Load
+from pushplan.plans.plan import Plan
+from pushplan.plans.segment import Segment
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import CircleObstacle

@@ -18,12 +18,13 @@ from pushplan.drawing.palette import NEAREST, red_green_blue
 from pushplan.drawing.scene import Scene
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose, transform_points
-from pushplan.logging.bag import Frames, write_ros2
+from pushplan.logging.bag import write_ros2
 from pushplan.logging.film import Film, Still, write_mp4
 from pushplan.logging.layout import layout
 from pushplan.logging.page import render
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.rviz import Frames
 from pushplan.logging.shown import viewed
 from pushplan.logging.tables import base_in_plate, table, write_csv, write_trajectory
 from pushplan.mechanics.body import BodyKind

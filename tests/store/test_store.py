@@ -25,7 +25,7 @@ from pushplan.logging.mcap_file import McapFile
 from pushplan.logging.reader import load_run
 from pushplan.logging.recover import recover
 from pushplan.logging.writer import RunLogWriter
-from pushplan.plans.plan import Load
+from pushplan.plans.load import Load
 from pushplan.scenario.model import Scenario
 from pushplan.verification import verify_log
 
