@@ -1,8 +1,9 @@
 """How far numbers of a chain may be off on a plan: roots of the contact conditions of perturbed chains.
 
-Each object in turn gets another floor friction, a load that leans, another place along its contact or another heading
-(`mechanics.perturb`), in both senses. All conditions of all perturbed chains at all moments are asked in one call;
-where they are polynomials of degree 2 in the size of the change the first root is a formula, else it is bracketed.
+Each object in turn gets another floor friction, a load that leans, another place along its contact or another
+heading (`mechanics.perturb`), in both senses; all at once are in `joint_robustness`. All conditions of all perturbed
+chains at all moments are asked in one call; where they are polynomials of degree 2 in the size of the change the
+first root is a formula, else it is bracketed.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from pushplan.mechanics.perturb import Motion, aside, turn
 from pushplan.plans.robustness import MOST_ANGLE, MOST_SHARE, USED_UP, Robustness
 from pushplan.plans.segment import Segment
 from pushplan.plans.trajectory import Trajectory
+from pushplan.sim.joint_robustness import ErrorBox, JointErrors
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 SAME = 1e-11
@@ -50,7 +52,7 @@ FINE = 1e-6
 """Share of its size to which a root is found."""
 
 
-def robustness_of(chain: Chain, trajectory: Trajectory) -> Robustness:
+def robustness_of(chain: Chain, trajectory: Trajectory, box: ErrorBox | None = None) -> Robustness:
     """Return how far numbers of `chain` may be off when it is pushed along `trajectory`.
 
     Looked at are the trajectory's samples, those that an execution checks, with the twist and the twist rate as
@@ -59,6 +61,7 @@ def robustness_of(chain: Chain, trajectory: Trajectory) -> Robustness:
     Args:
         chain: The objects, their contacts on edges of both bodies.
         trajectory: As commanded.
+        box: What may be off at once; None for `ErrorBox.fixed`.
 
     Returns:
         The robustness, its numbers None where a load is not known.
@@ -69,21 +72,24 @@ def robustness_of(chain: Chain, trajectory: Trajectory) -> Robustness:
     """
     if not chain.loads_known:
         return Robustness()
-    return robustness_along(chain, trajectory.directions, trajectory.rates_at(trajectory.t))
+    return robustness_along(chain, trajectory.directions, trajectory.rates_at(trajectory.t), box)
 
 
 def least_robustness(segments: Sequence[Segment]) -> Robustness:
     """Return the least of what all pushes among the segments of a plan tolerate."""
     return Robustness.least_of(
-        robustness_of(push.load.chain, push.contact_trajectory)
+        robustness_of(push.load.chain, push.contact_trajectory, ErrorBox.of(push.load))
         for push in segments
         if push.pushes and push.load is not None
     )
 
 
-def robustness_along(chain: Chain, twists: FloatArray, rates: FloatArray) -> Robustness:
+def robustness_along(
+    chain: Chain, twists: FloatArray, rates: FloatArray, box: ErrorBox | None = None
+) -> Robustness:
     """Return that of a motion with body twists (m, 3), none zero, and rates (m, 3); see `robustness_of`."""
-    course = Course(chain, thinned(twists, rates, chain.characteristic_length))
+    moments = thinned(twists, rates, chain.characteristic_length)
+    course = Course(chain, moments)
     if not course.nominal.min() > 0.0:
         return USED_UP
     everyone, senses = range(len(chain.objects)), (1.0, -1.0)
@@ -91,12 +97,15 @@ def robustness_along(chain: Chain, twists: FloatArray, rates: FloatArray) -> Rob
     position = [course.moving(aside, i, d) for i in everyone for d in senses]
     angle = [course.moving(turn, i, d) for i in everyone for d in senses]
     below, above = course.nominal[..., 0], course.nominal[..., 1]  # mu f_n - f_t and mu f_n + f_t
+    box = ErrorBox.fixed(chain) if box is None else box
+    about = course if box.chain is chain else Course(box.chain, moments)
     return Robustness(
         contact_friction=float(np.max(np.abs(above - below) / (above + below))),
         floor_friction=min(course.least_floor(i) for i in everyone),
         load=min(course.least_lean(i, axis) for i in everyone for axis in (0, 1)),
         position=course.first_loss(position, length),
         angle=course.first_loss(angle, MOST_ANGLE),
+        joint=JointErrors(about, box).worst()[0],
     )
 
 
@@ -114,6 +123,10 @@ class Moments(NamedTuple):
     twists: FloatArray
     rates: FloatArray
     group: IntArray
+
+    def at(self, which: IntArray) -> Moments:
+        """Return some of them, by their indices (k,)."""
+        return Moments(self.directions[which], self.twists[which], self.rates[which], self.group[which])
 
 
 def thinned(twists: FloatArray, rates: FloatArray, length: float) -> Moments:
@@ -212,10 +225,10 @@ class Course:
     @cached_property
     def nominal(self) -> FloatArray:
         """(m, n, 4) values of the facets with the nominal numbers."""
-        return np.asarray(self._values(self.itself._replace(changed=~self.itself.changed), None)[0])
+        return np.asarray(self.values_of(self.itself._replace(changed=~self.itself.changed), None)[0])
 
     @cached_property
-    def _order(self) -> IntArray:
+    def order(self) -> IntArray:
         """(m,) the moments, those with the least to spare per friction load that the contact carries first."""
         loads = carried_objects(self.chain) @ self.packed.objects[:, 0] + 1e-300
         return np.argsort((self.nominal / loads[:, None]).min(axis=(1, 2)), kind="stable")
@@ -224,15 +237,21 @@ class Course:
         friction = np.array([contact.friction for contact in self.chain.contacts])
         return contact_facets(ends[:, :, 0], ends[:, :, 1], friction, 1.0)
 
-    def _values(self, variants: Variants, which: IntArray | None) -> FloatArray:
-        """Return the facets' values (q, k, n, 4) at moments `which` (k,), None for all."""
-        moments, floor = self.moments, self._floor
-        if which is not None:
-            directions, twists, rates, group = moments
-            moments = Moments(directions[which], twists[which], rates[which], group[which])
-            floor = floor[which]
+    def values_of(
+        self, variants: Variants, which: IntArray | None, masses: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the facets' values (q, k, n, 4) at moments `which` (k,), None for all, N and N m.
+
+        Args:
+            variants: Chains.
+            which: Indices of moments.
+            masses: (q, n) factors of the masses that inertia acts on; None for 1.
+        """
+        moments = self.moments if which is None else self.moments.at(which)
+        floor = self._floor if which is None else self._floor[which]
         mass, _, moment = self.inertia
-        return core.facet_values(variants, self.packed.series, mass, moment, moments, floor)
+        factor = np.ones((1, len(mass))) if masses is None else masses
+        return core.facet_values(variants, self.packed.series, factor * mass, factor * moment, moments, floor)
 
     def moving(self, motion: Callable[[Chain, int, FloatArray], Motion], index: int, sense: float) -> Change:
         """Return the change that moving an object in one sense (+1 or -1) is, `perturb.aside` or `perturb.turn`."""
@@ -339,7 +358,7 @@ class Course:
 
     def _least_root(self, variants: Variants, size: float) -> float:
         """Return the least |s| of a root of polynomials of degree 2 that are given at -size, 0 and size; or inf."""
-        below, above = self._values(variants, None)
+        below, above = self.values_of(variants, None)
         c = self.nominal
         a, b = 0.5 * (above + below) - c, 0.5 * (above - below)
         square = b**2 - 4.0 * a * c
@@ -350,7 +369,7 @@ class Course:
 
     def first_loss(self, changes: Sequence[Change], most: float) -> float:
         """Return the largest size up to `most` before which none of the changes loses a contact."""
-        for which in (self._order[:WEAK], None):
+        for which in (self.order[:WEAK], None):
             for change in changes:
                 most = self._narrowed(change, which, most)
         return most
@@ -372,5 +391,5 @@ class Course:
 
     def _lost(self, variants: Variants, which: IntArray | None) -> BoolArray:
         """Return whether a contact is lost (q, k) at moments (k,)."""
-        values = self._values(variants, which)
+        values = self.values_of(variants, which)
         return (values.reshape(*values.shape[:2], -1) <= 0.0).any(axis=2) | ~variants.exist[:, None]

@@ -1,6 +1,7 @@
 """The margin of a plan and what it tolerates: what auto stands for, when it is lowered, true on either side."""
 
 import json
+import runpy
 from functools import cache
 from itertools import count
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import perturbed
 import pytest
+import yaml
 from conftest import ChainMaker, there
 from plain import load_plain
 
@@ -21,14 +23,18 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import MOST_ANGLE, MOST_SHARE, USED_UP, Robustness
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.builders import box, build_scenario, plate
-from pushplan.scenario.file import example_names, load_scenario
+from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
-from pushplan.sim.robustness import robustness_along, robustness_of
+from pushplan.sim.joint_robustness import ErrorBox, JointErrors
+from pushplan.sim.robustness import Course, robustness_along, robustness_of, thinned
 from pushplan.util.arrays import FloatArray
 
 ITERATIONS = 6000
+
+joint_errors = runpy.run_path(str(Path(__file__).parents[1] / "benchmarks" / "joint_errors.py"))
+"""Chains off in all numbers at once, built anew."""
 
 
 def evenly(count: int) -> FloatArray:
@@ -204,6 +210,35 @@ def test_every_margin_is_positive_just_below_the_robustness_and_one_is_not_just_
             off = 1.0 - share * size if kind == "contact_friction" else share * size
             least = perturbed.least_at(scenario.chain, trajectory, kind, off)
             assert (least > 0.0) == holds or (share > 1.0 and size >= MOST.get(kind, np.inf)), (kind, share)
+    # And all at once, at corners of the box by lot and at the one that is named.
+    box = ErrorBox.fixed(scenario.chain)
+    moments = thinned(
+        trajectory.directions, trajectory.rates_at(trajectory.t), scenario.chain.characteristic_length
+    )
+    scale, corner = JointErrors(Course(scenario.chain, moments), box).worst()
+    assert scale == robustness.joint
+    rng = np.random.default_rng(1)
+    for point in [corner, *rng.choice([-1.0, 1.0], (20, *corner.shape))]:
+        assert joint_errors["least"](box, 0.98 * scale, point, moments) > 0.0
+    assert joint_errors["least"](box, 1.02 * scale, corner, moments) < 0.0
+
+
+def test_what_is_stated_is_the_box_of_the_joint_robustness() -> None:
+    """The plan holds for all that is stated, so the scale is at least 1; twice as much is not asked for."""
+    stated = {"contact_friction": "20 %", "floor_friction": "10 %", "load": "5 %"}
+    document = yaml.safe_load(example_text("two-crates")) | {"uncertainty": stated}
+    found = plan(scenario_from_document(document), first=True, seed=1, time_limit=60.0)
+    push = found.segments[0]
+    assert push.load is not None
+    box = ErrorBox.of(push.load)
+    assert box.contact_friction == pytest.approx(0.2)
+    assert box.widths == pytest.approx(np.tile([0.1, 0.0, 0.05, 0.05, 0.0, 0.0], (2, 1)))
+    assert [c.friction for c in box.chain.contacts] == pytest.approx(
+        [c.friction / 0.8 for c in push.load.chain.contacts]
+    )
+    assert found.robustness is not None
+    assert 1.0 <= (found.robustness.joint or 0.0) < 2.0
+    assert found.robustness_words.endswith(" x what is stated")
 
 
 def test_a_box_pushed_straight_ahead_bears_no_friction_but_half_its_width(make_chain: ChainMaker) -> None:

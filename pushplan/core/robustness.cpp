@@ -105,9 +105,9 @@ py::array_t<double> floor_wrenches(const VariantArrays &arrays, const Series &se
     return out;
 }
 
-// Masses and moments of inertia, (n,) each.
+// Masses and moments of inertia, (n,) each for every variant.
 struct Bodies {
-    Row<const double> mass, moment;
+    PerVariant mass, moment;
 };
 
 // Work out the facets' values (m, n, 4) of variant a.
@@ -116,6 +116,7 @@ void fill_values(const Variants &variants, std::ptrdiff_t a, const Bodies &bodie
     const std::ptrdiff_t n = variants.n;
     const Supports supports = variants.supports(a);
     const Table<const double> poses = variants.poses[a], centers = variants.centers[a], facets = variants.facets[a];
+    const Table<const double> mass = bodies.mass[a], moment = bodies.moment[a];
     std::vector<std::array<double, 2>> center(n);
     for (std::ptrdiff_t k = 0; k < n; ++k) {
         const Pose pose = pose_at(poses[k]);
@@ -132,8 +133,8 @@ void fill_values(const Variants &variants, std::ptrdiff_t a, const Bodies &bodie
                 floor[k] = moved_wrench(supports, k, pose_at(poses[k]), twist_at(moments.directions[s]));
             const Wrench &w = variants.changed[k] ? floor[k] : nominal[s * n + k];
             const auto [x, y] = center[k];
-            const auto [fx, fy] = inertia_force(bodies.mass[k], x, y, v, dv);
-            carried[k] = {w.x + fx, w.y + fy, w.m + bodies.moment[k] * dv.omega + x * fy - y * fx};
+            const auto [fx, fy] = inertia_force(mass[k][0], x, y, v, dv);
+            carried[k] = {w.x + fx, w.y + fy, w.m + moment[k][0] * dv.omega + x * fy - y * fx};
         }
         for (std::ptrdiff_t k = n - 1; k >= 0; --k) {
             const Wrench &w = carried[k];
@@ -152,9 +153,7 @@ py::array_t<double> facet_values(const VariantArrays &arrays, const Series &seri
     const Variants variants(arrays, series);
     const Moments moments(when);
     const std::ptrdiff_t n = variants.n, m = moments.count();
-    const Bodies bodies{row(mass), row(moment)};
-    if (bodies.mass.size != n || bodies.moment.size != n)
-        throw std::invalid_argument("masses and moments of inertia are not as many as objects");
+    const Bodies bodies{{mass, variants.count, {n}, "masses"}, {moment, variants.count, {n}, "moments of inertia"}};
     require_shape(nominal, {m, n, 3}, "nominal");
     const auto *wrenches = reinterpret_cast<const Wrench *>(nominal.data());
     py::array_t<double> out({variants.count, m, n, std::ptrdiff_t{4}});

@@ -23,8 +23,8 @@ def facet_values(
     Args:
         variants: The chains.
         series: Of the `PackedChain`.
-        mass: (n,) kg.
-        moment: (n,) moments of inertia, kg m^2.
+        mass: (q, n) or (1, n), kg.
+        moment: (q, n) or (1, n) moments of inertia, kg m^2.
         moments: When.
         nominal: (m, n, 3) wrenches that move the objects against the floor where that is not `changed`.
     """

@@ -124,17 +124,38 @@ def turn(chain: Chain, index: int, angles: ArrayLike) -> Motion:
 
     The contact itself stays flush: the face of the object is not as square to it as the plan believes.
     """
-    size = np.atleast_1d(np.asarray(angles, dtype=np.float64))
-    moved = carried_objects(chain)[index]
-    middle = 0.5 * (chain.contacts[index].right + chain.contacts[index].left)
-    poses = np.zeros((len(size), len(moved), 3))
-    poses[:, moved, :2] = (middle - rotate(size, middle))[:, None]
-    poses[:, moved, 2] = size[:, None]
-    ends = np.repeat(_ends(chain)[None], len(size), axis=0)
-    beyond = moved & (np.arange(len(moved)) != index)
-    ends[:, beyond] = poses[:, beyond, None, :2] + rotate(size[:, None, None], ends[:, beyond])
-    lengths = np.array([contact.length for contact in chain.contacts])
-    return Motion(moved, poses, ends, np.repeat(lengths[None], len(size), axis=0))
+    turns = np.zeros((np.size(angles), len(chain.contacts)))
+    turns[:, index] = angles
+    return replace(displace(chain, np.zeros_like(turns), turns), moved=carried_objects(chain)[index])
+
+
+def displace(chain: Chain, slides: FloatArray, turns: FloatArray) -> Motion:
+    """Return every object slid by (q, n), m (see `slide`), and then turned by (q, n), rad (see `turn`).
+
+    Raises:
+        ChainError: When a contact does not lie on edges of both bodies.
+    """
+    slid = slide(chain, slides) if slides.any() else _unmoved(chain, len(turns))
+    poses, ends, carried = slid.poses, slid.ends, carried_objects(chain)
+    for k in reversed(range(len(chain.contacts))):  # what is carried first: a turn takes all of it along
+        size = turns[:, k]
+        if not size.any():
+            continue
+        middle = ends[:, k].mean(axis=1)
+        for i in np.flatnonzero(carried[k]):
+            poses[:, i, :2] = middle + rotate(size, poses[:, i, :2] - middle)
+            poses[:, i, 2] += size
+            if i != k:
+                ends[:, i] = middle[:, None] + rotate(size[:, None], ends[:, i] - middle[:, None])
+    return replace(slid, moved=np.asarray((poses != 0.0).any(axis=(0, 2))))
+
+
+def _unmoved(chain: Chain, count: int) -> Motion:
+    """Return no motion, `count` times."""
+    n = len(chain.contacts)
+    ends = np.repeat(_ends(chain)[None], count, axis=0)
+    lengths = np.repeat([[contact.length for contact in chain.contacts]], count, axis=0)
+    return Motion(np.zeros(n, dtype=np.bool_), np.zeros((count, n, 3)), ends, lengths)
 
 
 def slide(chain: Chain, slides: FloatArray) -> Motion:
@@ -169,13 +190,19 @@ def aside(chain: Chain, index: int, distances: ArrayLike) -> Motion:
 
     A carried object that leans on a contact of another direction follows along its normal until it touches.
     """
-    size = np.atleast_1d(np.asarray(distances, dtype=np.float64))
-    slides = np.zeros((len(size), len(chain.contacts)))
-    tangent = chain.contacts[index].tangent
+    size = np.zeros((np.size(distances), len(chain.contacts)))
+    size[:, index] = distances
+    return slide(chain, aside_slides(chain, size))
+
+
+def aside_slides(chain: Chain, distances: FloatArray) -> FloatArray:
+    """Return the slides (q, n), m, for which every object stands aside by its distance (q, n), m; see `aside`."""
+    slides = distances.copy()
     for k, contact in enumerate(chain.contacts):
-        back = -tangent @ contact.tangent if contact.pusher == index else 0.0
-        slides[:, k] = size * (1.0 if k == index else back)
-    return slide(chain, slides)
+        if contact.pusher != PLATE:
+            back = chain.contacts[contact.pusher].tangent @ contact.tangent
+            slides[:, k] -= back * distances[:, contact.pusher]
+    return slides
 
 
 def slid(chain: Chain, slides: Sequence[float] | FloatArray) -> Chain:

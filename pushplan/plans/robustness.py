@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from math import degrees, floor, log10, pi
+from math import degrees, floor, log10, pi, radians
 
 MOST_SHARE = 1.0
 """Share of a floor friction, or of a load, up to which changes are looked at."""
@@ -14,11 +14,41 @@ MOST_ANGLE = pi / 2
 
 
 @dataclass(frozen=True)
-class Robustness:
-    """How far single numbers of the chain may be off before a contact's margin with inertia is used up on the way.
+class Errors:
+    """By how much numbers of a chain may be off.
 
-    Each alone, all others nominal; None where the loads on the floor are not known. A plan on which a contact does
-    not hold even with the nominal numbers tolerates nothing: 1 for the contact friction, 0 for the others.
+    Attributes:
+        contact_friction: Share of every coefficient between plate and objects.
+        floor_friction: Share of every coefficient with the floor.
+        load: Share by which the outermost load of every object is off, along the chain frame's x and along its y.
+        position: How far every object stands aside along its contact, m.
+        angle: How far every object is turned about the middle of its contact, rad.
+    """
+
+    contact_friction: float
+    floor_friction: float
+    load: float
+    position: float
+    angle: float
+
+
+BOX = Errors(contact_friction=0.2, floor_friction=0.2, load=0.1, position=3e-3, angle=radians(2.0))
+"""What `Robustness.joint` is a multiple of, where the scenario states no intervals."""
+
+BOX_WORDS = (
+    f"(friction {100.0 * BOX.contact_friction:.3g} %, load {100.0 * BOX.load:.3g} %, "
+    f"{1e3 * BOX.position:.3g} mm, {degrees(BOX.angle):.3g} deg)"
+)
+"""The same for people."""
+
+
+@dataclass(frozen=True)
+class Robustness:
+    """How far numbers of the chain may be off before a contact's margin with inertia is used up on the way.
+
+    But for `joint` each alone, all others nominal; None where the loads on the floor are not known. A plan on which
+    a contact does not hold even with the nominal numbers tolerates nothing: 1 for the contact friction, 0 for the
+    others.
 
     Attributes:
         contact_friction: Smallest factor, in [0, 1], of all contact frictions together, the plate's included.
@@ -30,6 +60,8 @@ class Robustness:
             place, m.
         angle: How far any single object may be turned about the middle of its contact, with all that it carries,
             rad; at `MOST_ANGLE` it may be more.
+        joint: Largest scale of `BOX`, or of the intervals that the scenario states, at which all of its numbers may
+            be off at once, in any combination.
     """
 
     contact_friction: float | None = None
@@ -37,6 +69,7 @@ class Robustness:
     load: float | None = None
     position: float | None = None
     angle: float | None = None
+    joint: float | None = None
 
     @classmethod
     def least_of(cls, parts: Iterable[Robustness]) -> Robustness:
@@ -79,15 +112,20 @@ class Robustness:
                 "tolerates nothing: once inertia counts, a contact does not hold even with the stated numbers"
             )
         than, off = ("the lowest stated", "off its middle") if beyond else ("stated", "off")
+        at_once = ""
+        if self.joint is not None:
+            box = "what is stated" if beyond else BOX_WORDS
+            at_once = f"; all at once up to {_down(self.joint)} x {box}"
         return (
             f"tolerates {_share(1.0 - self.contact_friction)} lower contact friction than {than}, "
             f"floor friction of an object {off} by {_share(self.floor_friction)}, load by {_share(self.load)}, "
             f"an object off by {_down(1e3 * self.position)} mm or {_at_least(self.angle, MOST_ANGLE)}"
-            f"{_down(degrees(self.angle))} deg"
+            f"{_down(degrees(self.angle))} deg, each alone"
+            f"{at_once}"
         )
 
 
-USED_UP = Robustness(contact_friction=1.0, floor_friction=0.0, load=0.0, position=0.0, angle=0.0)
+USED_UP = Robustness(contact_friction=1.0, floor_friction=0.0, load=0.0, position=0.0, angle=0.0, joint=0.0)
 """What a plan tolerates on which a contact does not hold with the nominal numbers."""
 
 

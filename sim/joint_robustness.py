@@ -1,0 +1,269 @@
+"""How far all numbers of a chain may be off at once on a plan: the scale of a box of errors.
+
+rho = min over moments and contact conditions of sup {r: the condition holds for all |delta_j| <= r u_j}, u being the
+half widths of the box. In each number a condition is nearly monotonic, so its worst errors are a corner of the box.
+It is found by linearising about a point, taking the corner that this says is the worst, linearising again there,
+until no corner is worse than those that are known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pushplan.core.contacts import AFFINE, UNIFORM
+from pushplan.geometry.polygon import SHORTEST_CONTACT
+from pushplan.geometry.se2 import rotate
+from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.packed import contact_facets, push_room
+from pushplan.mechanics.perturb import aside_slides, displace
+from pushplan.plans.robustness import BOX, MOST_ANGLE
+from pushplan.util.arrays import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from pushplan.plans.plan import Load
+    from pushplan.sim.robustness import Course, Variants
+
+FINE = 1e-4
+"""Share of itself to which the scale is found."""
+
+SECTIONS = 8
+"""Scales that are asked at once."""
+
+CORNERS = 12
+"""Corners that one linearisation may add."""
+
+ROUNDS = 8
+"""Linearisations at most."""
+
+WEAK = 64
+"""Moments with the least to spare that are asked before all are."""
+
+NO_CONTACT = 1e6
+"""How negative the conditions of a chain count of which a contact has no length, N."""
+
+MOST = 10.0
+"""Largest scale that is looked at."""
+
+SHIFT = 7
+"""Column of `PackedChain.objects`: how far a push shifts the load, which grows with the floor's friction."""
+
+KINDS = ("floor_friction", "mass", "lean_x", "lean_y", "position", "angle")
+"""What is off of each object, in this order; contact frictions are always lower, which is always worse."""
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorBox:
+    """By how much numbers of a chain may be off at a scale of 1, and the chain with the numbers in the middle.
+
+    Attributes:
+        chain: With the middle of every interval.
+        contact_friction: (n,) shares of the contacts' coefficients.
+        widths: (n, 6) half widths of `KINDS`: shares, m, rad.
+    """
+
+    chain: Chain
+    contact_friction: FloatArray
+    widths: FloatArray
+
+    @classmethod
+    def fixed(cls, chain: Chain) -> ErrorBox:
+        """Return the box `BOX` about the numbers of a chain."""
+        n, off = len(chain.objects), BOX
+        row = [off.floor_friction, 0.0, off.load, off.load, off.position, off.angle]
+        return cls(chain, np.full(n, off.contact_friction), np.tile(row, (n, 1)))
+
+    @classmethod
+    def of(cls, load: Load) -> ErrorBox:
+        """Return what the scenario of a load states as intervals, or the fixed box where it states none."""
+        problem, chain = load.problem, load.chain
+        if not problem.states_intervals:
+            return cls.fixed(chain)
+        n = len(chain.objects)
+        share = np.full(n, problem.uncertainty.contact_friction)
+        if problem.contact_friction is not None:
+            low, high = problem.contact_friction.T
+            share = (high - low) / np.maximum(high + low, 1e-300)
+        # The contacts of such a chain have the lowest coefficients; their middles are higher by this.
+        contacts = tuple(
+            replace(contact, friction=contact.friction / (1.0 - off)) if off < 1.0 else contact
+            for contact, off in zip(chain.contacts, share, strict=True)
+        )
+        widths, interval = np.zeros((n, len(KINDS))), problem.interval
+        if interval is not None:
+            for column, spans in enumerate((interval.floor_friction, interval.mass)):
+                widths[:, column] = np.diff(spans)[:, 0] / np.maximum(spans.sum(axis=1), 1e-300)
+            for i, spans in interval.fractions.items():
+                widths[i, 2:4] = float((np.diff(spans)[:, 0] / np.maximum(spans.sum(axis=1), 1e-300)).min())
+            for i, off in interval.pressures.items():
+                widths[i, 2:4] = off
+        return cls(replace(chain, contacts=contacts), share, widths)
+
+
+@dataclass(frozen=True, eq=False)
+class JointErrors:
+    """A course on which all numbers may be off at once."""
+
+    course: Course
+    box: ErrorBox
+
+    @cached_property
+    def _slopes(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+        """What the packed arrays `objects`, `parts` and `centers` change with a share of each load's lean in x and y.
+
+        They are linear in it, at least at floor level; above it what is left out is of second order.
+        """
+        chain = self.course.chain
+        found: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+        for i, obj in enumerate(chain.objects):
+            for axis in (0, 1):
+                direction = rotate(-float(obj.pose_chain[2]), np.eye(2)[axis])
+                step = 0.01 * min(1.0, *(obj.support.most_lean(sign * direction) for sign in (1.0, -1.0)))
+                if not step > 0.0:  # then `most` is zero, and nothing is asked
+                    continue
+                leant = [replace(obj, support=obj.support.leaning(direction, s)) for s in (-step, step)]
+                at = self.course.standing(i, leant)
+                objects, parts, centers = (
+                    (a[1] - a[0]) / (2.0 * step) for a in (at.objects, at.parts, at.centers)
+                )
+                found.append((objects, parts, centers))
+        return found
+
+    @cached_property
+    def most(self) -> float:
+        """Largest scale at which every number still means something: no load is negative, no friction."""
+        widths, share = self.box.widths, self.box.contact_friction
+        least = [MOST]
+        least += [1.0 / off for off in [*share, *widths[:, 0], *widths[:, 1]] if off > 0.0]
+        least += [MOST_ANGLE / off for off in widths[:, 5] if off > 0.0]
+        height = self.course.chain.pusher.contact_height
+        for obj, row in zip(self.course.chain.objects, widths, strict=True):
+            axes = rotate(-float(obj.pose_chain[2]), np.eye(2))
+            leans = sum(
+                off / max(min(obj.support.most_lean(sign * axis) for sign in (1.0, -1.0)), 1e-300)
+                for axis, off in zip(axes, row[2:4], strict=True)
+            )
+            if leans > 0.0:
+                least.append((1.0 - 1e-9) / leans)
+            if (
+                height > 0.0
+            ):  # what a push shifts grows with the friction, what it may be shrinks with the lean
+                room = push_room(obj, height)
+                least.append(max(room, 0.0) / (height * obj.floor_friction * (row[0] + leans) + 1e-300))
+        return min(least)
+
+    def variants(self, scales: FloatArray, corners: FloatArray) -> Variants:
+        """Return the chains at scales (q,) of points (q, n, 6) of the box, contact frictions at their lowest."""
+        itself, chain = self.course.itself, self.course.chain
+        n = len(chain.objects)
+        off = scales[:, None, None] * corners * self.box.widths
+        arrays = [np.repeat(a, len(scales), axis=0) for a in (itself.objects, itself.parts, itself.centers)]
+        for k, slopes in enumerate(self._slopes):
+            i, axis = divmod(k, 2)
+            for array, slope in zip(arrays, slopes, strict=True):
+                array += off[:, i, 2 + axis, None, None] * slope
+        arrays[0][:, :, 0] *= (1.0 + off[:, :, 0]) * (1.0 + off[:, :, 1])
+        arrays[0][:, :, SHIFT] *= 1.0 + off[:, :, 0]
+        moved = displace(chain, aside_slides(chain, off[:, :, 4]), off[:, :, 5])
+        exist = np.asarray((moved.lengths > SHORTEST_CONTACT).all(axis=1))
+        nominal = np.array([[contact.right, contact.left] for contact in chain.contacts])
+        ends = np.where(exist[:, None, None, None], moved.ends, nominal)
+        friction = np.array([contact.friction for contact in chain.contacts])
+        friction = friction * (1.0 - scales[:, None] * self.box.contact_friction)
+        links = itself.links.copy()
+        links[:, 0] = np.where(links[:, 0] == UNIFORM, AFFINE, links[:, 0])
+        return itself._replace(
+            objects=np.ascontiguousarray(arrays[0]),
+            parts=np.ascontiguousarray(arrays[1]),
+            links=links,
+            changed=np.ones(n, dtype=np.bool_),
+            poses=np.ascontiguousarray(moved.poses),
+            centers=np.ascontiguousarray(arrays[2]),
+            facets=contact_facets(ends[:, :, 0], ends[:, :, 1], friction, 1.0),
+            exist=exist,
+        )
+
+    def values(self, scales: FloatArray, corners: FloatArray, which: IntArray | None) -> FloatArray:
+        """Return the conditions' values (q, k, 4 n) at moments `which` (k,), None for all.
+
+        They are -NO_CONTACT where a contact has no length.
+        """
+        variants = self.variants(scales, corners)
+        masses = 1.0 + scales[:, None] * corners[:, :, 1] * self.box.widths[:, 1]
+        found = self.course.values_of(variants, which, masses)
+        found = found.reshape(*found.shape[:2], -1)
+        found[~variants.exist] = -NO_CONTACT
+        return np.asarray(found)
+
+    def worst(self) -> tuple[float, FloatArray]:
+        """Return rho, at most `most`, and the point (n, 6) of the box that loses a contact just above it.
+
+        The point is zero where none does up to there, or where a contact is lost with all numbers in the middle.
+        """
+        course, which = self.course, self.course.order[:WEAK]
+        middle = np.zeros((1, len(course.chain.objects), len(KINDS)))
+        scale, known, about = self.most, middle, middle[0]
+        if not scale > 0.0 or (self.values(np.zeros(1), middle, None) <= 0.0).any():
+            return 0.0, about
+        for _ in range(ROUNDS):
+            corners = self._corners(scale if len(known) > 1 else min(1.0, scale), about, which)
+            fresh = np.array([c for c in corners if not (known == c).all(axis=(1, 2)).any()])
+            if not len(fresh):
+                break
+            known = np.concatenate([known, fresh])
+            found, at = self._first_loss(fresh, scale, which)
+            if at is None:
+                break
+            scale, about = found, fresh[at]
+        values = self.values(np.full(len(known), scale * (1.0 - FINE)), known, None)
+        lost = (values <= 0.0).any(axis=(1, 2))
+        if lost.any():
+            scale, at = self._first_loss(known[lost], scale, None)
+            about = about if at is None else known[lost][at]
+        return scale, about
+
+    def _corners(self, scale: float, about: FloatArray, which: IntArray) -> FloatArray:
+        """Return corners (c, n, 6) that are the worst ones as seen from a point (n, 6) of the box at a scale.
+
+        Of each condition the change with each number alone is looked at, to either side: a contact that shortens
+        whichever way an object moves has no gradient.
+        """
+        shape, size = about.shape, about.size
+        points = np.repeat(about.reshape(1, -1), 2 * size + 1, axis=0)
+        each = np.arange(size)
+        points[each, each], points[size + each, each] = -1.0, 1.0
+        values = self.values(np.full(len(points), scale), points.reshape(-1, *shape), which)
+        values = values.reshape(len(points), -1)
+        below, above, here = values[:size], values[size:-1], values[-1]
+        gain = here - np.minimum(np.minimum(below, above), here)
+        total = gain.sum(axis=0)
+        # The share of the changes at which a condition is lost, if they simply add up.
+        chosen = np.argsort(here / np.maximum(total, 1e-300), kind="stable")[: 4 * CORNERS]
+        corners = np.where(gain > 0.0, np.where(below < above, -1.0, 1.0), about.reshape(-1, 1))[:, chosen].T
+        _, first = np.unique(corners, axis=0, return_index=True)
+        return np.asarray(corners[np.sort(first)[:CORNERS]].reshape(-1, *shape))
+
+    def _first_loss(
+        self, corners: FloatArray, most: float, which: IntArray | None
+    ) -> tuple[float, int | None]:
+        """Return the largest scale up to `most` before which no corner loses a contact, and the one that does first.
+
+        What is lost at a scale and holds again at a slightly larger one may be missed.
+        """
+        low, high, losing, lost = 0.0, most, np.arange(len(corners)), False
+        while high - low > FINE * high:
+            scales = low + (high - low) * (np.arange(SECTIONS) + 1.0) / SECTIONS
+            values = self.values(
+                np.tile(scales, len(losing)), np.repeat(corners[losing], SECTIONS, axis=0), which
+            )
+            gone = (values <= 0.0).any(axis=(1, 2)).reshape(-1, SECTIONS)
+            if not gone.any():
+                return (high, int(losing[0])) if lost else (most, None)
+            first = np.where(gone.any(axis=1), gone.argmax(axis=1), SECTIONS)
+            k, lost = int(first.min()), True
+            losing = losing[first == k]
+            low, high = float(scales[k - 1]) if k else low, float(scales[k])
+        return low, int(losing[0])
