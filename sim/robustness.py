@@ -22,6 +22,7 @@ from pushplan.geometry.polygon import SHORTEST_CONTACT
 from pushplan.geometry.se2 import rotate, transform_points
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.contacts import carried_objects
+from pushplan.mechanics.heights import is_pressed
 from pushplan.mechanics.inertia import InertiaTable, inertia_table
 from pushplan.mechanics.packed import (
     contact_facets,
@@ -64,13 +65,12 @@ def robustness_of(chain: Chain, trajectory: Trajectory, box: ErrorBox | None = N
         box: What may be off at once; None for `ErrorBox.fixed`.
 
     Returns:
-        The robustness, its numbers None where a load is not known.
+        The robustness, its numbers None where a load is not known, or a push above the floor could lift a part.
 
     Raises:
         ChainError: When a contact does not lie on an edge of both bodies.
-        SupportError: When a push at the pusher's contact height could lift a part of an object.
     """
-    if not chain.loads_known:
+    if not chain.loads_known or not is_pressed(chain):
         return Robustness()
     return robustness_along(chain, trajectory.directions, trajectory.rates_at(trajectory.t), box)
 

@@ -9,8 +9,9 @@ from conftest import ChainMaker
 
 from pushplan.errors import SupportError
 from pushplan.geometry.se2 import transform_points
-from pushplan.mechanics.chain import PushedObject
+from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.contacts import friction_wrench
+from pushplan.mechanics.heights import load_areas
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import (
     FeetSupport,
@@ -19,7 +20,6 @@ from pushplan.mechanics.support import (
     UniformSupport,
     UnknownSupport,
 )
-from pushplan.mechanics.uncertain import load_area
 from pushplan.sim.feet import DEGREE, feet_of, polygon_rule
 from pushplan.util.arrays import FloatArray
 
@@ -75,17 +75,25 @@ def resting(support: Support, friction: float = 0.5) -> PushedObject:
     return PushedObject("box", LARGE_BOX, 2.0, friction, support, POSE)
 
 
+def pushed_at(height: float) -> Chain:
+    return Chain(
+        (resting(UnknownSupport(LARGE_BOX)),),
+        (Contact(np.array([-0.01, -0.1]), np.array([-0.01, 0.1]), 0.5, 0, -1),),
+        Pusher(LARGE_BOX, 0.5, contact_height=height),
+    )
+
+
 def test_a_push_above_the_floor_moves_the_load_until_it_tips() -> None:
     """The box tips over its short side, 0.1 m off the middle, at height 0.1 / mu = 0.2 m."""
-    obj = resting(UnknownSupport(LARGE_BOX))
-    assert load_area(obj, 0.06).shift == pytest.approx(0.03)
-    assert load_area(obj, 0.2).shift == pytest.approx(0.1)
+    (area,) = load_areas(pushed_at(0.06))
+    assert area.shift == pytest.approx(0.03)
+    assert load_areas(pushed_at(0.2))[0].reach == pytest.approx(0.1)
     text = (
-        "a push at height 0.21 m could tip 'box': the load's centre moves by up to 0.105 m and is 0.1 m inside the "
-        "support; the contact height must be at most 0.2 m"
+        "a push at 210 mm could tip 'box': its load's centre may move 5 mm out of its support; "
+        "up to 200 mm can be planned"
     )
     with pytest.raises(SupportError, match=f"^{re.escape(text)}$"):
-        load_area(obj, 0.21)
+        load_areas(pushed_at(0.21))
 
 
 @pytest.mark.parametrize("center", [None, [0.03, -0.01]])

@@ -21,7 +21,8 @@ CentredLoad::CentredLoad(const Centre &centre, std::vector<Point> corners, bool 
 // Add a unit load at (x, y) about the centre that moves in a direction (ux, uy).
 void CentredLoad::add(double x, double y, double ux, double uy) {
     const double moment = ((centre_.x + x) * uy - (centre_.y + y) * ux) / length_;
-    samples_.push_back({{x - centre_.shift * ux, y - centre_.shift * uy, {ux, uy, moment}}, false});
+    const double shift = centre_.shift;
+    samples_.push_back({{x - shift * ux, y - shift * uy, {ux, uy, moment}, shift}, false});
 }
 
 void CentredLoad::set_twist(const Twist &twist) {
@@ -48,10 +49,10 @@ void CentredLoad::set_twist(const Twist &twist) {
             add(x, y, ux / speed, uy / speed);
     }
     first_count_ = solid_ ? samples_.size() : 0;
-    const double reach = 4.0 * (size + centre_.shift);
+    const double reach = 4.0 * (size + centre_.shift + centre_.more);
     for (int j = 0; j < 3; ++j) {
         const double angle = 2.0 + 2.0 * PI * j / 3.0;
-        basis_[j] = {{reach * std::cos(angle), reach * std::sin(angle), {0.0, 0.0, 0.0}}, false};
+        basis_[j] = {{reach * std::cos(angle), reach * std::sin(angle), {0.0, 0.0, 0.0}, 0.0}, false};
     }
 }
 
@@ -157,14 +158,23 @@ Plane CentredLoad::plane(const Facet &g) const {
     return {q0 - bx * first.load.x - by * first.load.y, bx, by};
 }
 
-// The load on the COR that lies lowest against a plane: u . (gamma + shift b + kappa J x) is least for u against it.
+// The load on the COR that lies lowest against a plane.
 UnitLoad CentredLoad::at_cor(const Facet &g, double bx, double by) const {
-    const double omega = twist_.omega, kappa = g.m / length_, shift = centre_.shift;
+    const UnitLoad least = at_cor(g, bx, by, centre_.shift);
+    if (centre_.more == 0.0)
+        return least;
+    const UnitLoad most = at_cor(g, bx, by, centre_.shift + centre_.more);
+    return most.over(g, bx, by) < least.over(g, bx, by) ? most : least;
+}
+
+// The same for one shift: u . (gamma + shift b + kappa J x) is least for u against it.
+UnitLoad CentredLoad::at_cor(const Facet &g, double bx, double by, double shift) const {
+    const double omega = twist_.omega, kappa = g.m / length_;
     const double x = -twist_.vy / omega, y = twist_.vx / omega;
     const double ax = g.x + shift * bx - kappa * y, ay = g.y + shift * by + kappa * x;
     const double size = std::sqrt(ax * ax + ay * ay);
     const double ux = size > 0.0 ? -ax / size : 0.0, uy = size > 0.0 ? -ay / size : 0.0;
-    return {x - centre_.x - shift * ux, y - centre_.y - shift * uy, {ux, uy, (x * uy - y * ux) / length_}};
+    return {x - centre_.x - shift * ux, y - centre_.y - shift * uy, {ux, uy, (x * uy - y * ux) / length_}, shift};
 }
 
 // The load that lies lowest against a plane.
@@ -172,7 +182,7 @@ CentredLoad::Lowest CentredLoad::lowest(const Facet &g, const Plane &plane) cons
     const Sample *best = nullptr;
     double least = INF;
     for (const Sample &sample : samples_) {
-        const double gap = sample.over(g, plane.bx, plane.by);
+        const double gap = sample.over(g, plane.bx, plane.by) + sample.lower(plane.bx, plane.by, centre_.more);
         if (gap < least)
             best = &sample, least = gap;
     }
@@ -184,7 +194,16 @@ CentredLoad::Lowest CentredLoad::lowest(const Facet &g, const Plane &plane) cons
     }
     if (best == nullptr)
         throw std::runtime_error("no place of a load can be compared with others: a number is not finite");
-    return {*best, least - plane.height};
+    UnitLoad load = *best;
+    if (best->lower(plane.bx, plane.by, centre_.more) < 0.0) {
+        load.x -= centre_.more * load.pull.x, load.y -= centre_.more * load.pull.y;
+        load.shift += centre_.more;
+    }
+    return {load, least - plane.height};
+}
+
+double CentredLoad::off(double bx, double by) const {
+    return std::abs(bx) * centre_.drift_x + std::abs(by) * centre_.drift_y;
 }
 
 // Exchange a basic load for another, so that the centre stays between them; tell whether that is so.
@@ -212,9 +231,12 @@ bool CentredLoad::refine(const Facet &g, const Plane &plane) {
     bool added = false;
     if (count == 0)
         return false;
-    double before = samples_[count - 1].over(g, plane), here = samples_[0].over(g, plane);
+    const auto gap = [&](const Sample &sample) {
+        return sample.over(g, plane) + sample.lower(plane.bx, plane.by, centre_.more);
+    };
+    double before = gap(samples_[count - 1]), here = gap(samples_[0]);
     for (std::size_t k = 0; k < count; ++k) {
-        const double after = samples_[k + 1 < count ? k + 1 : 0].over(g, plane);
+        const double after = gap(samples_[k + 1 < count ? k + 1 : 0]);
         if (here < COARSE_MISS && here <= before && here <= after) {
             for (const std::size_t first : {k, k > 0 ? k - 1 : count - 1}) {
                 if (!samples_[first].refined && samples_.size() + BETWEEN <= most_) {
@@ -232,14 +254,16 @@ double CentredLoad::least(const Facet &g) {
     double height = 0.0;
     for (int round = 0; round < ROUNDS; ++round) {
         double gap = 0.0;
+        Plane through{};
         for (int pivot = 0; pivot < PIVOTS; ++pivot) {
-            const Plane through = plane(g);
+            through = plane(g);
             const Lowest found = lowest(g, through);
             gap = found.gap, height = through.height;
             if (gap >= -1e-9 || !enter(found.load))
                 break;
         }
-        height += std::min(gap, 0.0);
+        height += std::min(gap, 0.0) - off(through.bx, through.by);
+        slope_ = std::hypot(through.bx, through.by);
         if (!refine(g, plane(g)))
             break;
     }
@@ -258,7 +282,7 @@ double CentredLoad::quick(const Facet &g) const {
     const double bx = turn * ux + kappa * uy, by = turn * uy - kappa * ux;
     const Plane touching{ux * ax + uy * ay + centre_.shift * (bx * ux + by * uy), bx, by};
     const double miss = COARSE_MISS * bend();
-    return touching.height + std::min(lowest(g, touching).gap, 0.0) - miss;
+    return touching.height + std::min(lowest(g, touching).gap, 0.0) - off(bx, by) - miss;
 }
 
 } // namespace pushplan::mechanics

@@ -7,6 +7,11 @@
 // and the COR, where the direction of friction is free, suffice. Edges are sampled in steps that grow with the distance
 // from the COR, and beside the optimum once more between the samples; the plane moved down by what they may miss is a
 // safe answer.
+//
+// Heights and frictions that are intervals give an interval of h mu: each part of a spread may then have any shift in it,
+// which is more than all loads with one shift can do. q - b . y is linear in the shift, so that its two ends suffice. What
+// else may move the centre, by up to some d along either axis, costs |b_x| d_x + |b_y| d_y: a plane below all q bounds
+// the row for every centre.
 #pragma once
 
 #include "friction.hpp"
@@ -27,9 +32,10 @@ struct Point {
     double x, y;
 };
 
-// A centre g_0 (m), the shift h mu (m), and the nudge that takes it off edges between loads; a row of `centers`.
+// A centre g_0 (m), the least shift h mu (m), the nudge that takes g_0 off edges between loads, how much more the shift
+// may be, and how far the centre may be off along either axis (m); a row of `centers`.
 struct Centre {
-    double x, y, shift, nudge_x, nudge_y;
+    double x, y, shift, nudge_x, nudge_y, more, drift_x, drift_y;
 };
 
 // The dual variables: height at the centre and slope b.
@@ -37,10 +43,11 @@ struct Plane {
     double height, bx, by;
 };
 
-// A unit load that may be a part of a spread: y about the centre, and its wrench.
+// A unit load that may be a part of a spread: y about the centre, its wrench, and the shift that y is for.
 struct UnitLoad {
     double x, y;
     Wrench pull;
+    double shift;
 
     // q less b . y.
     double over(const Facet &g, double bx, double by) const { return dot(g, pull) - bx * x - by * y; }
@@ -60,8 +67,9 @@ class CentredLoad {
     // Sample the feet, or the outline, at a twist that is scaled to 1.
     void set_twist(const Twist &twist);
 
-    // The least of a row of a unit load.
+    // The least of a row of a unit load; leaves |b| in `slope`, by which a centre elsewhere changes it at most.
     double least(const Facet &g);
+    double slope() const { return slope_; }
 
     // A lower bound of it: the plane that touches q at the centre, moved down below all q.
     double quick(const Facet &g) const;
@@ -81,6 +89,10 @@ class CentredLoad {
   private:
     struct Sample : UnitLoad {
         bool refined; // whether there are more between this one and the next
+        // How much lower than with the least shift it lies with the largest one.
+        double lower(double bx, double by, double more) const {
+            return std::min(more * (bx * pull.x + by * pull.y), 0.0);
+        }
     };
     struct Lowest {
         UnitLoad load;
@@ -95,6 +107,8 @@ class CentredLoad {
     double bend() const;
     Plane plane(const Facet &g) const;
     UnitLoad at_cor(const Facet &g, double bx, double by) const;
+    UnitLoad at_cor(const Facet &g, double bx, double by, double shift) const;
+    double off(double bx, double by) const; // what a centre elsewhere takes from a bound
     Lowest lowest(const Facet &g, const Plane &plane) const;
     bool enter(const UnitLoad &load);
     bool refine(const Facet &g, const Plane &plane);
@@ -111,6 +125,7 @@ class CentredLoad {
     std::size_t first_count_ = 0;  // of the first ones; 0 for feet
     bool inside_ = false;          // whether a load may rest on the COR
     Basis basis_{};
+    double slope_ = 0.0;
 };
 
 } // namespace pushplan::mechanics

@@ -33,7 +33,8 @@ void PackedLoads::check() const {
 
 LeastRows::LeastRows(const PackedLoads &packed)
     : packed_(packed), known_(packed.count(), Wrench{0.0, 0.0, 0.0}), pulls_(packed.points.size()),
-      values_(packed.points.size()), centred_(packed.count()), rows_(packed.count()), sizes_(packed.count()) {
+      values_(packed.points.size()), centred_(packed.count()), rows_(packed.count()), sizes_(packed.count()),
+      slopes_(4 * packed.count() * packed.count(), 0.0) {
     const auto &corner = packed.corner.numbers;
     std::int64_t most = 1;
     for (std::ptrdiff_t i = 0; i < packed.count(); ++i)
@@ -155,8 +156,11 @@ double LeastRows::row(Table<const double> ranges, std::ptrdiff_t k, int j, Asked
     double total = 0.0;
     for (std::ptrdiff_t i = 0; i < packed_.count(); ++i) {
         const Range range = range_at(ranges, i);
-        if (packed_.carries(k, i) && range.high > 0.0)
-            total += range.least(least(i, g, how));
+        if (!packed_.carries(k, i) || !(range.high > 0.0))
+            continue;
+        total += range.least(least(i, g, how));
+        if (centred_[i])
+            slopes_[(4 * k + j) * packed_.count() + i] = range.high * centred_[i]->slope();
     }
     return total;
 }

@@ -97,6 +97,9 @@ class LeastRows {
     const std::vector<std::array<double, 4>> &rows() const { return rows_; }
     const std::vector<double> &sizes() const { return sizes_; } // bounds of the wrenches
 
+    // (n, 4, n) how much a metre by which an object's centre moves changes each row at most, N; of `work_out`.
+    const std::vector<double> &slopes() const { return slopes_; }
+
   private:
     struct Middle {
         Wrench wrench;
@@ -119,7 +122,7 @@ class LeastRows {
     std::vector<double> values_; // of one row, on the points
     std::vector<std::optional<CentredLoad>> centred_;
     std::vector<std::array<double, 4>> rows_;
-    std::vector<double> sizes_;
+    std::vector<double> sizes_, slopes_;
 };
 
 } // namespace pushplan::mechanics

@@ -13,8 +13,9 @@ class PackedLoads:
         first: (n + 1,) where the points of each object begin.
         total: (n,) what the parts of an object's points sum to.
         miss: (n, 2) share, and part of the load, by which points miss what varies between them.
-        centers: (n, 5) of objects of which only the centre is known: its place x, y (m), shift h mu (m) and the nudge
-            that takes it off edges between loads (2).
+        centers: (n, 8) of objects of which only the centre is known: its place x, y (m), least shift h mu (m), the
+            nudge that takes it off edges between loads (2), how much more the shift may be (m), and by how much the
+            centre may be off along x and y (m).
         free: (n,) 0 for objects of other kinds, 1 for feet, 2 for a whole outline that carries the load.
         corners: (c, 2) feet, or corners of the convex outline, counter-clockwise, about that centre, m.
         corner: (n + 1,) where the corners of each object begin.
@@ -74,6 +75,9 @@ def contact_margins_of(packed: PackedLoads, twists: FloatArray) -> FloatArray:
 
 def rows_of(packed: PackedLoads, twists: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the least rows (m, n, 4) and bounds of the wrenches (m, n), N, at many twists (m, 3), none of them 0."""
+
+def sloped_rows_of(packed: PackedLoads, twists: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the same, and (m, n, 4, n) how much a metre by which an object's centre moves takes from a row, N/m."""
 
 def inertia_rows_of(
     packed: PackedLoads, masses: FloatArray, known: FloatArray, pulls: FloatArray

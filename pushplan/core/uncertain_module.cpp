@@ -20,7 +20,7 @@ PackedLoads packed_loads(const PackedChain &units, const Integers &unit, const N
                        {first, {n + 1}, "first"},
                        {total, {n}, "total"},
                        {miss, {n, 2}, "miss"},
-                       {centers, {n, 5}, "centers"},
+                       {centers, {n, 8}, "centers"},
                        {free, {n}, "free"},
                        {corners, {-1, 2}, "corners"},
                        {corner, {n + 1}, "corner"},
@@ -72,10 +72,13 @@ py::array_t<double> least_contact_margins_of(const PackedLoads &packed, const Nu
 
 // The rows and sizes that `set` and `ranges` lead to at each of many moments: `set(least, t)` prepares moment t.
 template <class Set>
-py::tuple rows_at(const PackedLoads &packed, std::ptrdiff_t count, Table<const double> ranges, const Set &set) {
+py::tuple rows_at(const PackedLoads &packed, std::ptrdiff_t count, Table<const double> ranges, const Set &set,
+                  bool slopes = false) {
     const std::ptrdiff_t n = packed.count();
-    py::array_t<double> rows({count, n, std::ptrdiff_t{4}}), sizes({count, n});
-    double *row = rows.mutable_data(), *size = sizes.mutable_data();
+    const std::ptrdiff_t leaning = slopes ? n : 0;
+    py::array_t<double> rows({count, n, std::ptrdiff_t{4}}), sizes({count, n}),
+        steep({count, n, std::ptrdiff_t{4}, leaning});
+    double *row = rows.mutable_data(), *size = sizes.mutable_data(), *slope = steep.mutable_data();
     {
         py::gil_scoped_release free;
         LeastRows least(packed);
@@ -85,8 +88,12 @@ py::tuple rows_at(const PackedLoads &packed, std::ptrdiff_t count, Table<const d
             for (const auto &found : least.rows())
                 row = std::copy(found.begin(), found.end(), row);
             size = std::copy(least.sizes().begin(), least.sizes().end(), size);
+            if (slopes)
+                slope = std::copy(least.slopes().begin(), least.slopes().end(), slope);
         }
     }
+    if (slopes)
+        return py::make_tuple(rows, sizes, steep);
     return py::make_tuple(rows, sizes);
 }
 
@@ -94,6 +101,12 @@ py::tuple rows_of(const PackedLoads &packed, const Numbers &twists) {
     const auto twist = twist_table(twists);
     const auto set = [&](LeastRows &least, std::ptrdiff_t t) { least.set_twist(twist_at(twist[t])); };
     return rows_at(packed, twist.rows, packed.loads.table(), set);
+}
+
+py::tuple sloped_rows_of(const PackedLoads &packed, const Numbers &twists) {
+    const auto twist = twist_table(twists);
+    const auto set = [&](LeastRows &least, std::ptrdiff_t t) { least.set_twist(twist_at(twist[t])); };
+    return rows_at(packed, twist.rows, packed.loads.table(), set, true);
 }
 
 py::tuple inertia_rows_of(const PackedLoads &packed, const Numbers &masses, const Numbers &known,
@@ -131,8 +144,8 @@ py::tuple worst_spreads(const PackedLoads &packed, const Numbers &twist, std::pt
         const Centre centre = load.centre();
         for (int b = 0; b < 3; ++b) {
             const UnitLoad &basic = load.basis()[b].load;
-            spreads.mutable_at(i, b, 0) = basic.x + centre.x + centre.shift * basic.pull.x;
-            spreads.mutable_at(i, b, 1) = basic.y + centre.y + centre.shift * basic.pull.y;
+            spreads.mutable_at(i, b, 0) = basic.x + centre.x + basic.shift * basic.pull.x;
+            spreads.mutable_at(i, b, 1) = basic.y + centre.y + basic.shift * basic.pull.y;
             spreads.mutable_at(i, b, 2) = parts[b];
         }
     }
@@ -186,6 +199,7 @@ void bind_uncertain(py::module_ &core) {
     m.def("margins_of", &least_margins_of, py::arg("packed"), py::arg("twists"), py::arg("floor"));
     m.def("contact_margins_of", &least_contact_margins_of, py::arg("packed"), py::arg("twists"));
     m.def("rows_of", &rows_of, py::arg("packed"), py::arg("twists"));
+    m.def("sloped_rows_of", &sloped_rows_of, py::arg("packed"), py::arg("twists"));
     m.def("inertia_rows_of", &inertia_rows_of, py::arg("packed"), py::arg("masses"), py::arg("known"),
           py::arg("pulls"));
     m.def("worst_spreads", &worst_spreads, py::arg("packed"), py::arg("twist"), py::arg("k"), py::arg("j"));

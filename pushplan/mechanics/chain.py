@@ -7,7 +7,7 @@ through `contacts[i]`. The paper counts the other way round (its object 1 is the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -38,6 +38,8 @@ class PushedObject:
         floor_friction: Coefficient between the object and the floor, >= 0.
         support: How the load rests on the floor, in the object's own frame.
         pose_chain: (3,) pose (x, y, theta) of the object's frame in the chain frame.
+        center_height: Height of its centre of mass above the floor, m; None where it is not stated: inertia then
+            moves no load.
     """
 
     name: str
@@ -46,6 +48,7 @@ class PushedObject:
     floor_friction: float
     support: Support
     pose_chain: FloatArray
+    center_height: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "outline", frozen(self.outline, (None, 2), f"outline of {self.name!r}"))
@@ -72,6 +75,8 @@ class Contact:
         friction: Coefficient of friction, >= 0.
         pushed: Index of the object that the contact moves.
         pusher: Index of the object that pushes, or `PLATE`.
+        height: Least and largest height above the floor at which its force may act, m; None for the pusher's
+            `contact_height`.
     """
 
     right: FloatArray
@@ -79,6 +84,7 @@ class Contact:
     friction: float
     pushed: int
     pusher: int
+    height: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "right", frozen(self.right, (2,), "contact end"))
@@ -159,7 +165,7 @@ class Pusher:
     Attributes:
         outline: (v, 2) plate in the chain frame, m, counter-clockwise.
         friction: Coefficient between the plate and the objects it touches.
-        contact_height: Height of the contact forces above the floor, m.
+        contact_height: Height above the floor of the forces of contacts that do not state their own, m.
         drive: What twists the robot can make.
         limits: What its motion may not exceed.
         footprint: Outlines (v, 2) of the robot's parts in the chain frame, m, counter-clockwise; none where the robot
@@ -254,6 +260,21 @@ class Chain:
         """
         at = {BodyKind.OBJECT: pose if load is None else load}
         return [transform_points(at.get(body.kind, pose), body.outline) for body in self.bodies]
+
+    @cached_property
+    def contact_heights(self) -> FloatArray:
+        """(n, 2) least and largest height above the floor at which each contact's force may act, m."""
+        own = self.pusher.contact_height
+        heights = [(own, own) if contact.height is None else contact.height for contact in self.contacts]
+        return frozen(heights, (None, 2), "contact heights")
+
+    def at_floor(self) -> Chain:
+        """Return the chain pushed at the floor: no load moves."""
+        contacts = tuple(replace(contact, height=None) for contact in self.contacts)
+        objects = tuple(replace(obj, center_height=None) for obj in self.objects)
+        return replace(
+            self, objects=objects, contacts=contacts, pusher=replace(self.pusher, contact_height=0.0)
+        )
 
     @property
     def loads_known(self) -> bool:

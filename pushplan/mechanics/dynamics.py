@@ -14,6 +14,7 @@ import pushplan.core.sphere as sphere
 import pushplan.core.uncertain as uncertain
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.heights import counts_by_centre, leans
 from pushplan.mechanics.inertia import InertiaTable, inertia_table
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.packed import pack_chain
@@ -69,6 +70,10 @@ class Wrenches(NamedTuple):
     rows: FloatArray
     size: FloatArray
 
+    def less(self, lost: FloatArray) -> Wrenches:
+        """Return those with rows that are less by up to (m, n, 4), N."""
+        return Wrenches(self.rows - lost, self.size + lost.max(axis=2))
+
 
 @dataclass(frozen=True, eq=False)
 class ContactDynamics:
@@ -79,7 +84,8 @@ class ContactDynamics:
         worst_case: Take every quasi-static row as the least over all pressures with the centres of the loads
             (see the stable set `robust`), so that loads need not be known.
         interval: The chain whose masses, loads and floor frictions are intervals; every row is then the least
-            for any of them. None where they are numbers.
+            for any of them. None where they are numbers. Where pushes above the floor, or inertia, move loads, any
+            pressure with the centres that these allow counts (`mechanics.heights`).
 
     Raises:
         SupportError: When a load is not known, unless the worst case is asked for.
@@ -115,8 +121,10 @@ class ContactDynamics:
     @cached_property
     def _uncertain(self) -> uncertain.PackedLoads:
         """The chain as arrays of what its loads may be."""
-        if self.worst_case or self.interval is None:
+        if self.worst_case:
             return pack_centred(self.chain, self.interval)
+        if self.interval is None or counts_by_centre(self.chain, self.interval):
+            return pack_centred(self.chain, self.interval, off=True)
         return pack_intervals(self.interval)
 
     @cached_property
@@ -127,7 +135,7 @@ class ContactDynamics:
     @cached_property
     def _exact(self) -> bool:
         """Whether wrenches are known, not only bounds of them."""
-        return not self.worst_case and self.interval is None
+        return not self.worst_case and self.interval is None and not counts_by_centre(self.chain)
 
     def rows(self, twist: ArrayLike, margin: float = 0.0) -> DynamicRows:
         """Return the rows along a constant body twist (3,) per unit of s.
@@ -145,11 +153,26 @@ class ContactDynamics:
         still = np.zeros_like(twists)
         parts = (
             self.quasi_static(twists),
-            self.inertia(still, twists),
-            self.inertia(twists, still),
-            self.inertia(still, -twists),
+            *(
+                self.inertia(v, dv).less(self._lost(twists, v, dv))
+                for v, dv in ((still, twists), (twists, still), (still, -twists))
+            ),
         )
         return tuple(part.rows - margin * part.size[..., None] for part in parts)
+
+    @cached_property
+    def _leans(self) -> FloatArray:
+        return leans(self.chain, self.interval)
+
+    def _lost(self, sliding: FloatArray, twists: FloatArray, rates: FloatArray) -> FloatArray:
+        """Return what loads that inertia moves take from the rows (m, n, 4) of objects that slide with twists, N."""
+        if self._exact or not self._leans.any():
+            return np.zeros((1, 1, 4))
+        forces = contacts.inertia_per_object(self.table, twists, rates)[..., :2]
+        moved = (np.hypot(forces[..., 0], forces[..., 1]) / self.table.mass) @ self._leans.T
+        packed, length = self._uncertain, self.chain.characteristic_length
+        slopes = by_direction(lambda v: uncertain.sloped_rows_of(packed, v)[2], sliding, length)
+        return np.asarray(np.einsum("mkji,mi->mkj", slopes, moved), dtype=np.float64)
 
     def quasi_static(self, twists: FloatArray) -> Wrenches:
         """Return what the contacts transmit without inertia at body twists (m, 3), none of them zero."""
@@ -208,7 +231,7 @@ class ContactDynamics:
         if self._exact:
             wrenches = self.floor_wrenches(v) if floor is None else floor
             return contacts.contact_margins_of(self.packed, wrenches + self.inertia_wrenches(v, dv))
-        static, inertia = self.quasi_static(v), self.inertia(v, dv)
+        static, inertia = self.quasi_static(v), self.inertia(v, dv).less(self._lost(v, v, dv))
         size = static.size + inertia.size
         least = (static.rows + inertia.rows).min(axis=2)
         return np.where(size > 0.0, least / np.where(size > 0.0, size, 1.0), 0.0)

@@ -169,8 +169,8 @@ def pushed_from(chain: Chain, place: Place) -> Chain:
     """Return the chain with the plate at another place: its frame is that of the contact there.
 
     The objects stand where they stood, in an order in which each one is pushed by the plate or by one before it.
-    Contacts between two objects keep their friction whoever pushes; so does the plate's with an object that it
-    touches now, and the plate's own friction holds at any other.
+    Contacts between two objects keep friction and height whoever pushes; so does the plate's with an object that it
+    touches now, and the plate's own friction and height hold at any other.
 
     Raises:
         ChainError: When the robot's footprint overlaps an object there, or touches one beside the plate.
@@ -207,10 +207,11 @@ def _contact(
     chain: Chain, order: Sequence[int], objects: Sequence[PushedObject], pusher: Pusher, k: int
 ) -> Contact:
     """Return the contact through which the k-th object of another order is pushed."""
-    own, friction = order[k], {}
+    own, friction, height = order[k], {}, {}
     for contact in chain.contacts:
         if own in (contact.pushed, contact.pusher):
-            friction[contact.pushed + contact.pusher - own] = contact.friction
+            other = contact.pushed + contact.pusher - own
+            friction[other], height[other] = contact.friction, contact.height
     before = [j for j in range(k) if order[j] in friction]
     pushing = before[0] if before else PLATE
     outline = pusher.outline if pushing == PLATE else objects[pushing].outline_chain
@@ -218,7 +219,7 @@ def _contact(
     if touch is None or len(touch) != 1:
         raise ChainError(f"{objects[k].name!r} is not pushed along one line there")
     mu = friction[order[pushing]] if before else friction.get(PLATE, pusher.friction)
-    return Contact(touch[0][0], touch[0][1], mu, k, pushing)
+    return Contact(touch[0][0], touch[0][1], mu, k, pushing, height.get(order[pushing] if before else PLATE))
 
 
 def _require_clear(pusher: Pusher, objects: Sequence[PushedObject]) -> None:

@@ -96,15 +96,6 @@ class IntervalChain:
         """(n, 2) least and largest friction load mu m g of every object, N."""
         return np.asarray(self.floor_friction * self.mass * GRAVITY, dtype=np.float64)
 
-    @property
-    def steepest(self) -> Chain:
-        """The chain with the largest floor frictions, for which a push above the floor shifts loads most."""
-        objects = tuple(
-            replace(obj, floor_friction=float(high))
-            for obj, (_, high) in zip(self.chain.objects, self.floor_friction, strict=True)
-        )
-        return replace(self.chain, objects=objects)
-
 
 def _span(span: Range, what: str, least: float = 0.0) -> list[float]:
     """Return an interval as a list.

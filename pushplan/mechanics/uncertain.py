@@ -7,97 +7,28 @@ taken to lie where its load is.
 from __future__ import annotations
 
 from collections.abc import Sequence, Sized
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
 import pushplan.core.contacts as contacts
 import pushplan.core.uncertain as uncertain
-from pushplan.errors import SupportError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject
 from pushplan.mechanics.contacts import carried_objects
+from pushplan.mechanics.heights import CELLS_MISS, LoadArea, load_areas, loads_move
 from pushplan.mechanics.inertia import InertiaTable, inertia_table
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.packed import contact_rows, pack_objects
 from pushplan.mechanics.perturb import with_objects
 from pushplan.mechanics.support import FeetSupport
-from pushplan.util.arrays import FloatArray, IntArray, frozen
-
-CELLS_MISS = (0.03, 0.012)
-"""Share, and part of the load, added to what a pressure that is off changes for what varies inside cells; sums over
-30 times as many cells stay below (`tests/sets/test_pressure_error.py`)."""
+from pushplan.util.arrays import FloatArray, IntArray
 
 _AT_ONCE = 1 << 20
 """Numbers in the table of what inertia asks for on points, at most."""
 
 _GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
-
-
-@dataclass(frozen=True, eq=False)
-class LoadArea:
-    """Any pressure with a given centre, in the chain frame.
-
-    Attributes:
-        points: (m, 2) feet, or the corners of a convex polygon, counter-clockwise, m.
-        solid: Whether the whole polygon may carry load, or only its corners.
-        center: (2,) centre of the load at rest, m.
-        shift: h mu (m): by how much a push at height h moves that centre, against the friction force, when
-            the whole load slides in one direction.
-    """
-
-    points: FloatArray
-    solid: bool
-    center: FloatArray
-    shift: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "points", frozen(self.points, (None, 2), "points that may carry load"))
-        object.__setattr__(self, "center", frozen(self.center, (2,), "centre of a load"))
-
-
-def load_area(obj: PushedObject, contact_height: float = 0.0) -> LoadArea:
-    """Return where the load of `obj` may rest: its feet, or the convex hull of its support.
-
-    Args:
-        obj: The object; a load that is known counts by its centre alone.
-        contact_height: Height of the contact forces above the floor, m.
-
-    Raises:
-        SupportError: When a push at that height could tip the object.
-    """
-    support = obj.support
-    shift = contact_height * obj.floor_friction
-    center = transform_points(obj.pose_chain, support.center)
-    if shift > 0.0:
-        _require_standing(obj, transform_points(obj.pose_chain, support.hull), center, contact_height)
-    points, solid = support.carriers
-    return LoadArea(transform_points(obj.pose_chain, points), solid, center, shift)
-
-
-def load_areas(chain: Chain) -> tuple[LoadArea, ...]:
-    """Return the load area of every object; see `load_area`."""
-    return tuple(load_area(obj, chain.pusher.contact_height) for obj in chain.objects)
-
-
-def _require_standing(obj: PushedObject, hull: FloatArray, center: FloatArray, height: float) -> None:
-    """Raise SupportError unless the load's centre stays in `hull` (h, 2) wherever friction may move it."""
-    room = _room(hull, center) if len(hull) > 2 else 0.0
-    highest = room / obj.floor_friction
-    if height > highest * (1.0 + 1e-9):
-        raise SupportError(
-            f"a push at height {height:.6g} m could tip {obj.name!r}: the load's centre moves by up to "
-            f"{height * obj.floor_friction:.6g} m and is {max(room, 0.0):.6g} m inside the support; the contact "
-            f"height must be at most {max(highest, 0.0):.6g} m"
-        )
-
-
-def _room(hull: FloatArray, center: FloatArray) -> float:
-    """Return how far a point (2,) is inside a convex polygon (h, 2), m."""
-    step = np.roll(hull, -1, axis=0) - hull
-    normal = np.stack([step[:, 1], -step[:, 0]], axis=1) / np.linalg.norm(step, axis=1, keepdims=True)
-    return float(((hull - center) * normal).sum(axis=1).min())
 
 
 @lru_cache(maxsize=16)  # sets, judges and limits of one plan all ask for the same
@@ -110,18 +41,21 @@ def pack_intervals(interval: IntervalChain) -> uncertain.PackedLoads:
     return _pack(interval.chain, interval.loads, interval, [])
 
 
-def pack_centred(chain: Chain, interval: IntervalChain | None = None) -> uncertain.PackedLoads:
-    """Return a chain as arrays, of every load the centre alone; loads on feet in intervals stay what they are.
+def pack_centred(
+    chain: Chain, interval: IntervalChain | None = None, off: bool = False
+) -> uncertain.PackedLoads:
+    """Return a chain as arrays, of every load the centre alone.
+
+    Loads on feet in intervals stay what they are where nothing moves them. What is `off`: see `heights.load_areas`.
 
     Raises:
-        SupportError: When a push at the contact height could tip an object.
+        SupportError: When a push at the contact heights could tip an object.
     """
     loads = np.array([[obj.friction_load, obj.friction_load] for obj in chain.objects])
-    feet = {} if interval is None else interval.fractions
-    areas = [
-        None if i in feet else load_area(obj, chain.pusher.contact_height)
-        for i, obj in enumerate(chain.objects)
-    ]
+    areas: list[LoadArea | None] = list(load_areas(chain, interval, off))
+    if interval is not None and not loads_move(chain):
+        for i in interval.fractions:
+            areas[i] = None
     return _pack(chain, loads if interval is None else interval.loads, interval, areas)
 
 
@@ -181,10 +115,10 @@ def contact_facets(chain: Chain) -> FloatArray:
 def _center(area: LoadArea | None) -> list[float]:
     """Return a row of `PackedLoads.centers`; the nudge points inside, in the direction of no diagonal."""
     if area is None:
-        return [0.0] * 5
+        return [0.0] * 8
     weights = 1.0 + (np.arange(1, len(area.points) + 1) * _GOLDEN) % 1.0
     nudge = 1e-10 * (weights @ area.points / weights.sum() - area.center)
-    return [*area.center, area.shift, *nudge]
+    return [*area.center, area.shift, *nudge, area.more, *area.drift]
 
 
 def _firsts(groups: Sequence[Sized]) -> IntArray:
@@ -213,7 +147,8 @@ class IntervalInertia:
     """
 
     def __init__(self, interval: IntervalChain) -> None:
-        packed = pack_intervals(interval)
+        floor = replace(interval, chain=interval.chain.at_floor())
+        packed = _pack(floor.chain, interval.loads, floor, [])
         self._packed = packed.without_miss()
         self._masses = interval.mass
         self._known = inertia_table(with_objects(interval.chain, None, mass=1.0))

@@ -22,7 +22,7 @@ from pushplan.mechanics.support import (
     UnknownSupport,
 )
 from pushplan.scenario import schema
-from pushplan.scenario.contacts import contact_frictions, find_segments, make_contacts
+from pushplan.scenario.contacts import contact_frictions, contact_heights, find_segments, make_contacts
 from pushplan.scenario.layout import Layout, Part, SnapTolerance, describe_overlap, lay_out, outline_of
 from pushplan.scenario.parts import Snapping
 from pushplan.scenario.schema import RoomFile
@@ -79,18 +79,27 @@ def build_bodies(stated: RoomFile, read: ReadFile, source: Source) -> Bodies | N
         return None
     segments = find_segments(parts, layout, source)
     frictions = contact_frictions(file, segments, source)
+    heights = contact_heights(file, segments, source)
     pusher = _pusher(file, parts, layout, source)
     if source.findings:
         return None
     floors = [floor_friction(obj, file) for obj in file.objects]
     objects = tuple(
-        PushedObject(obj.name, part.outline, middle(obj.mass), middle(floor), support, layout.poses[i])
+        PushedObject(
+            obj.name,
+            part.outline,
+            middle(obj.mass),
+            middle(floor),
+            support,
+            layout.poses[i],
+            _center_height(obj),
+        )
         for i, (obj, part, support, floor) in enumerate(
             zip(file.objects, parts, supports, floors, strict=True)
         )
         if support is not None
     )
-    chain = Chain(objects, make_contacts(segments, frictions), pusher)
+    chain = Chain(objects, make_contacts(segments, frictions, heights), pusher)
     spans = [frictions[contact.pusher, contact.pushed] for contact in chain.contacts]
     ends = np.array([[lowest(span), highest(span)] for span in spans])
     interval = _interval_chain(file, chain)
@@ -134,7 +143,9 @@ def widened(file: File) -> File:
     floor = file.floor.model_copy(update={"friction": around(file.floor.friction, share.floor_friction)})
     pusher = {"friction": around(file.pusher.friction, share.contact_friction)}
     between = tuple(
-        pair.model_copy(update={"friction": around(pair.friction, share.contact_friction)})
+        pair
+        if pair.friction is None
+        else pair.model_copy(update={"friction": around(pair.friction, share.contact_friction)})
         for pair in file.contacts.between
     )
     friction = file.contacts.friction
@@ -202,11 +213,18 @@ def _foot_spans(support: object) -> list[Span] | None:
 # --- supports ---
 
 
+def _center_height(stated: schema.Object) -> float | None:
+    """Return the height of the centre of mass; half of the object's where none is stated."""
+    if stated.center_of_mass is not None and len(stated.center_of_mass) == 3:
+        return stated.center_of_mass[2]
+    return None if stated.height is None else 0.5 * stated.height
+
+
 def _support(
     stated: schema.Object, outline: FloatArray, index: int, read: ReadFile, source: Source
 ) -> Support | None:
     """Return the support model of object `index` with the counter-clockwise `outline` (v, 2), or report why not."""
-    center = None if stated.center_of_mass is None else np.array(stated.center_of_mass)
+    center = None if stated.center_of_mass is None else np.array(stated.center_of_mass[:2])
     try:
         if isinstance(stated.support, str):
             return (UniformSupport if stated.support == "uniform" else UnknownSupport)(outline, center)
@@ -245,7 +263,7 @@ def _pusher(file: RoomFile, parts: Sequence[Part], layout: Layout, source: Sourc
     return Pusher(
         layout.plate,
         lowest(plate.friction),
-        plate.contact_height,
+        middle(plate.contact_height),
         _drive(plate.drive, np.zeros(3)) if robot.drive is None else _drive(robot.drive, frame),
         Limits(**plate.limits.model_dump()),
         _footprint(file, parts, layout, source),

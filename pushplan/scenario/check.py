@@ -31,9 +31,6 @@ def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
     unknown = [obj.name for obj in scenario.chain.objects if not obj.support.known]
     if unknown and scenario.stability.set in KNOWN_LOAD_SETS:
         return (_finding(scenario, ("stability", "set"), _needs_loads(scenario.stability.set, unknown)),)
-    needed = _numbers_needed(scenario)
-    if needed:
-        return (_finding(scenario, ("uncertainty",), needed),)
     if scenario.pushes is not None:
         return ()
     from pushplan.sets.known_load_sets import emptiness
@@ -66,23 +63,6 @@ def _needs_loads(name: str, unknown: list[str]) -> str:
     return (
         f"'{name}' needs to know how loads rest on the floor, which is not stated for {objects}; "
         f"allowed: {others}, or a support with known loads"
-    )
-
-
-def _numbers_needed(scenario: Scenario) -> str:
-    """Return why `uncertainty` does not go with a push above the floor, or nothing when it does."""
-    height, name = scenario.chain.pusher.contact_height, scenario.stability.set
-    shares = {"floor_friction": scenario.uncertainty.floor_friction} if name in ("ecof", "robust") else {}
-    if name == "ecof":
-        shares["load"] = scenario.uncertainty.load
-    barred = [key for key, share in shares.items() if share > 0.0]
-    if height == 0.0 or not barred:
-        return ""
-    return (
-        f"pusher.contact_height is {height:.6g} m, and a push above the floor shifts the loads by their floor "
-        f"friction: the set '{name}' needs numbers for {' and '.join(barred)}; "
-        f"leave {'it' if len(barred) == 1 else 'them'} out "
-        "(contact_friction may stay) and ask for a larger stability.margin, or set contact_height: 0"
     )
 
 

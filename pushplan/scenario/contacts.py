@@ -11,8 +11,8 @@ from pushplan.geometry.polygon import TOUCH, find_touch
 from pushplan.mechanics.chain import PLATE, Contact
 from pushplan.scenario.layout import Layout, Part, describe_gap, describe_overlap, millimetres
 from pushplan.scenario.schema import RoomFile
-from pushplan.scenario.source import Source, shorten
-from pushplan.scenario.units import Span, lowest
+from pushplan.scenario.source import Place, Source, shorten
+from pushplan.scenario.units import Span, highest, lowest
 from pushplan.scenario.validation import nearest
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import PUSHER
@@ -147,17 +147,46 @@ def _stated(file: RoomFile, names: Sequence[str], source: Source) -> dict[frozen
             source.error(place, "names one object twice; allowed: two objects that touch")
         elif pair in stated:
             source.error(place, "this pair stands further up already; keep one entry")
-        elif not unknown:
+        elif not unknown and entry.friction is not None:
             stated[pair] = entry.friction
     return stated
 
 
+def contact_heights(file: RoomFile, pairs: Iterable[Pair], source: Source) -> dict[Pair, float | Span]:
+    """Return the height of each pair of bodies that touch; one above an object is reported."""
+    stated = {frozenset(entry.objects): (i, entry) for i, entry in enumerate(file.contacts.between)}
+    heights: dict[Pair, float | Span] = {}
+    for pair in pairs:
+        objects = [file.objects[i] for i in pair if i != PLATE]
+        key = frozenset([*(obj.name for obj in objects), *([PUSHER] if PLATE in pair else [])])
+        i, entry = stated.get(key, (0, None))
+        own = None if entry is None else entry.height
+        heights[pair] = file.pusher.contact_height if own is None else own
+        for obj in objects:
+            if obj.height is not None and highest(heights[pair]) > obj.height:
+                place: Place = (
+                    ("pusher", "contact_height") if own is None else ("contacts", "between", i, "height")
+                )
+                reach, top = millimetres(highest(heights[pair])), millimetres(obj.height)
+                source.error(place, f"reaches {reach}, and '{obj.name}' is {top} high; allowed: up to {top}")
+    return heights
+
+
 def make_contacts(
-    segments: Mapping[Pair, FloatArray], frictions: Mapping[Pair, float | Span]
+    segments: Mapping[Pair, FloatArray],
+    frictions: Mapping[Pair, float | Span],
+    heights: Mapping[Pair, float | Span],
 ) -> tuple[Contact, ...]:
     """Return the contacts in the order of the objects that they push, with their lowest frictions."""
     pairs = sorted(segments, key=lambda pair: pair[1])
     return tuple(
-        Contact(segments[pair][0], segments[pair][1], lowest(frictions[pair]), pushed=pair[1], pusher=pair[0])
+        Contact(
+            segments[pair][0],
+            segments[pair][1],
+            lowest(frictions[pair]),
+            pushed=pair[1],
+            pusher=pair[0],
+            height=(lowest(heights[pair]), highest(heights[pair])),
+        )
         for pair in pairs
     )

@@ -42,7 +42,7 @@ MOST_CORNERS = 500
 Coordinate = Annotated[float, Quantity("a coordinate", units.LENGTH, -1e4, 1e4, "5 mm")]
 Size = Annotated[float, Quantity("a length", units.LENGTH, 1e-3, 1e3, "5 mm")]
 Clearance = Annotated[float, Quantity("a length", units.LENGTH, 1e-4, 10.0, "5 mm")]
-Height = Annotated[float, Quantity("a height", units.LENGTH, 0.0, 100.0, "5 mm")]
+Height = Annotated[float | Span, or_interval(Quantity("a height", units.LENGTH, 0.0, 100.0, "5 mm"))]
 Travel = Annotated[float, Quantity("a length", units.LENGTH, 1e-3, 10.0, "50 mm")]
 ArcPrice = Annotated[float, Quantity("a length", units.LENGTH, 0.0, 100.0, "30 mm")]
 PositionTolerance = Annotated[float, Quantity("a length", units.LENGTH, 1e-9, 1.0, "2 mm")]
@@ -95,6 +95,14 @@ def _row(form: str, or_else: str = "") -> BeforeValidator:
 
 
 Point = Annotated[tuple[Coordinate, Coordinate], _row("[x, y]")]
+FlatCenter = Annotated[tuple[Coordinate, Coordinate], _row("[x, y]", " or [x, y, z]")]
+HighCenter = Annotated[tuple[Coordinate, Coordinate, Size], _row("[x, y, z]")]
+MassCenter = Annotated[
+    Annotated[FlatCenter, Tag("<flat>")] | Annotated[HighCenter, Tag("<high>")],
+    Discriminator(
+        lambda point: "<high>" if isinstance(point, list | tuple) and len(point) == 3 else "<flat>"
+    ),
+]
 Pose = Annotated[tuple[Coordinate, Coordinate, Angle], _row("[x, y, theta]")]
 Box = Annotated[tuple[Size, Size], _row("[length along x, width along y]")]
 BareFoot = Annotated[tuple[Coordinate, Coordinate], _row("[x, y]", " or [x, y, load]")]

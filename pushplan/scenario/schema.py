@@ -25,6 +25,7 @@ ROW = "{of: [name, name, ...], pose: [x, y, theta]}, or wall: ... or anywhere: t
 SNAP = "a length in m, e.g. 5 mm, or {position: 5 mm, angle: 2 deg}"
 SHARE = "a share from 0 to 0.9, e.g. 20 %"
 LENGTH = "a length in m"
+HEIGHT = "a height in m, or the interval [lowest, highest] of it"
 MOST_PARTS = 50
 MOST_IN_ROW = 30
 FOOTPRINT = (
@@ -106,19 +107,29 @@ class Object(t.Strict):
     shape: Shape = Field(description="{box: [length, width]} or {polygon: [[x, y], ...]}")
     mass: t.Mass = Field(description="a mass in kg")
     support: Support = Field(default="uniform", description=SUPPORT)
-    center_of_mass: t.Point | None = Field(default=None, description="[x, y] in the object's frame")
+    height: t.Size | None = Field(default=None, description="a height in m")
+    center_of_mass: t.MassCenter | None = Field(
+        default=None, description="[x, y] in the object's frame, or [x, y, z] with z above the floor"
+    )
     floor_friction: t.Friction | None = Field(default=None, description=FRICTION)
     offset: t.Coordinate | None = Field(default=None, description=LENGTH)
     pose: t.Pose | None = Field(default=None, description="[x, y, theta] in the chain frame")
 
 
 class ContactPair(t.Strict):
-    """The friction between two objects, or between the pusher and an object."""
+    """The friction between two objects, or between the pusher and an object, and the height of their contact."""
 
     objects: Annotated[tuple[str, ...], t.Several(2, 2)] = Field(
         description="two names of objects that touch, e.g. [near, far], or pusher and an object"
     )
-    friction: t.Friction = Field(description=FRICTION)
+    friction: t.Friction | None = Field(default=None, description=FRICTION)
+    height: t.Height | None = Field(default=None, description=HEIGHT)
+
+    @model_validator(mode="after")
+    def _says_something(self) -> ContactPair:
+        if self.friction is None and self.height is None:
+            raise fault("neither friction nor height of a contact", "one of them, or both")
+        return self
 
 
 class Contacts(t.Strict):
@@ -126,7 +137,7 @@ class Contacts(t.Strict):
 
     friction: t.Friction | None = Field(default=None, description=FRICTION)
     between: Annotated[tuple[ContactPair, ...], t.Several(0, 400)] = Field(
-        default=(), description="a list of {objects: [a, b], friction: ...}"
+        default=(), description="a list of {objects: [a, b], friction: ..., height: ...}"
     )
 
 
@@ -198,7 +209,7 @@ class Plate(t.Strict):
     width: t.Size = Field(description=LENGTH)
     thickness: t.Size = Field(default=0.03, description=LENGTH)
     friction: t.Friction = Field(description=FRICTION)
-    contact_height: t.Height = Field(default=0.0, description="a height in m")
+    contact_height: t.Height = Field(default=0.0, description=HEIGHT)
     drive: Drive = Field(default="omnidirectional", description=DRIVE)
     faces: Faces | None = Field(default=None, description=FACES)
     offsets: Annotated[tuple[t.Coordinate, ...], t.Several(1, 20)] | None = Field(

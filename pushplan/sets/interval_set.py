@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import pushplan.core.uncertain as uncertain
 from pushplan.errors import PushplanError, SupportError
+from pushplan.mechanics.heights import counts_by_centre, load_areas
 from pushplan.mechanics.intervals import IntervalChain
-from pushplan.mechanics.uncertain import load_areas, pack_intervals
+from pushplan.mechanics.uncertain import pack_centred, pack_intervals
 from pushplan.sets.known_load_sets import TranslationSet
 from pushplan.sets.robust_set import RobustSet
 from pushplan.sets.stable_set import StableSet
@@ -24,7 +25,9 @@ class IntervalEcofSet(StableSet):
         |sum F_i w_i at the intervals' middles| + sum of half their widths times |w_i|:
 
     at most the margin for any of the values, and equal to it where all intervals are points. The set is exact but for
-    pressures, where it errs on the safe side (see `core/uncertain.hpp`).
+    pressures, where it errs on the safe side (see `core/uncertain.hpp`). Where pushes are above the floor, or inertia
+    moves loads, any pressure with the centres that these allow counts (`mechanics.heights`): it errs on the safe side
+    by more then.
 
     Raises:
         SupportError: See `EcofSet`.
@@ -34,7 +37,10 @@ class IntervalEcofSet(StableSet):
 
     def __init__(self, interval: IntervalChain) -> None:
         super().__init__(interval.chain)
-        self._packed = pack_intervals(interval)
+        by_centre = counts_by_centre(interval.chain, interval)
+        self._packed = (
+            pack_centred(interval.chain, interval, off=True) if by_centre else pack_intervals(interval)
+        )
 
     @property
     def loads_known(self) -> bool:
@@ -66,37 +72,25 @@ def stable_set_over(interval: IntervalChain, name: str = "ecof") -> StableSet:
             f"the stable set {name!r} is not known for intervals of loads and frictions; there are "
             f"{', '.join(STABLE_SETS)}"
         )
+    chain = interval.chain
     if name == "cof":
         raise PushplanError(
             "the stable set 'cof' is not linear in the loads, so that it cannot be had for intervals of them; "
             "use 'ecof', which it approximates"
         )
-    _require_numbers(interval, name)
-    if name == "stable":
-        return StableUnknownSet(interval.steepest, interval.loads)
-    if name == "robust":
-        return RobustSet(interval.chain, interval)
-    if name == "ecof":
-        return IntervalEcofSet(interval)
-    load_areas(interval.steepest)
-    level = replace(interval.chain, pusher=replace(interval.chain.pusher, contact_height=0.0))
-    return TranslationSet(interval.chain, IntervalEcofSet(replace(interval, chain=level)))
-
-
-def _require_numbers(interval: IntervalChain, name: str) -> None:
-    """Raise SupportError when the set needs a number where there is an interval."""
-    objects = interval.chain.objects
     if name == "stable" and interval.fractions:
-        feet = objects[min(interval.fractions)].name
+        feet = chain.objects[min(interval.fractions)].name
         raise SupportError(
             f"the set {name!r} goes by the centre of each load, which intervals of load fractions leave open for "
             f"{feet!r}; give it a center_of_mass, or use 'ecof'"
         )
-    if interval.chain.pusher.contact_height == 0.0 or name in ("stable", "translation"):
-        return
-    for i, (obj, (low, high)) in enumerate(zip(objects, interval.floor_friction, strict=True)):
-        if low < high or (i in interval.fractions) or (name == "ecof" and interval.pressures.get(i)):
-            raise SupportError(
-                f"a push above the floor shifts the load of {obj.name!r} by its floor friction; the set {name!r} "
-                f"needs that friction and the load fractions as numbers, or a contact height of 0"
-            )
+    if name == "stable":
+        return StableUnknownSet(chain, interval)
+    if name == "robust":
+        return RobustSet(chain, interval)
+    if name == "ecof":
+        return IntervalEcofSet(interval)
+    if not counts_by_centre(interval.chain, interval):
+        load_areas(interval.chain, interval)
+        interval = replace(interval, chain=interval.chain.at_floor())
+    return TranslationSet(chain, IntervalEcofSet(interval))

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.heights import counts_by_centre
+from pushplan.mechanics.intervals import IntervalChain
+from pushplan.sets.interval_set import stable_set_over
 from pushplan.sets.known_load_sets import CofSet, EcofSet, TranslationSet
 from pushplan.sets.robust_set import RobustSet
 from pushplan.sets.stable_set import StableSet
@@ -24,14 +27,16 @@ def stable_set(chain: Chain, name: str = "ecof") -> StableSet:
 
     Raises:
         PushplanError: On an unknown name.
-        SupportError: When the algorithm needs loads that are not known, or a push at the contact height could
-            tip or lift an object.
+        SupportError: When the algorithm needs loads that are not known, or a push at the contact heights could tip an
+            object (for `cof` also: lift a part of one).
     """
     if name not in _SETS and name not in _OTHERS and PLACE.fullmatch(name) is None:
         add_set(name)
     kind = _SETS.get(name) or _OTHERS.get(name)
     if kind is None:
         raise PushplanError(_unknown(name))
+    if kind in (EcofSet, TranslationSet) and counts_by_centre(chain):
+        return stable_set_over(IntervalChain.from_ranges(chain), name)
     return kind(chain)
 
 

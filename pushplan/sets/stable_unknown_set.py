@@ -26,8 +26,9 @@ import numpy as np
 from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import Chain, Contact
 from pushplan.mechanics.contacts import carried_objects, center_range
+from pushplan.mechanics.heights import load_areas
+from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.packed import contact_rows
-from pushplan.mechanics.uncertain import load_areas
 from pushplan.sets.cor import Window, cor_polygon, smallest_sines, unit_rows, velocity_rows
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
@@ -45,8 +46,8 @@ class StableUnknownSet(StableSet):
 
     Args:
         chain: Objects and contacts.
-        loads: (n, 2) least and largest friction load mu m g of every object, N; without it, what they say.
-            All centres of friction that they allow have to satisfy (2).
+        interval: The chain with intervals of masses and floor frictions; all centres of friction that these allow
+            have to satisfy (2). None where they are numbers.
 
     Raises:
         SupportError: When a push at the contact height could tip an object.
@@ -54,10 +55,10 @@ class StableUnknownSet(StableSet):
 
     name = "stable"
 
-    def __init__(self, chain: Chain, loads: FloatArray | None = None) -> None:
+    def __init__(self, chain: Chain, interval: IntervalChain | None = None) -> None:
         super().__init__(chain)
-        self._as_numbers = loads is None
-        rows = _chain_rows(chain, loads)
+        self._as_numbers = interval is None
+        rows = _chain_rows(chain, interval)
         self._owner = np.repeat(np.arange(len(rows)), [len(part) for part in rows])
         self._rows = np.concatenate(rows)
 
@@ -75,18 +76,19 @@ class StableUnknownSet(StableSet):
         return cor_polygon(self._rows, self.chain.characteristic_length, sense, window)
 
 
-def _chain_rows(chain: Chain, loads: FloatArray | None) -> list[FloatArray]:
+def _chain_rows(chain: Chain, interval: IntervalChain | None) -> list[FloatArray]:
     """Return the unit rows (m, 3) of every contact."""
-    areas, length = load_areas(chain), chain.characteristic_length
-    if loads is None:
-        loads = np.array([[obj.friction_load, obj.friction_load] for obj in chain.objects])
+    areas, length = load_areas(chain, interval), chain.characteristic_length
+    loads = np.array([[obj.friction_load, obj.friction_load] for obj in chain.objects])
+    if interval is not None:
+        loads = interval.loads
     centers, rows = np.array([area.center for area in areas]), []
     for contact, behind in zip(chain.contacts, carried_objects(chain), strict=True):
         members = np.flatnonzero(behind)
         hull = convex_hull(np.concatenate([areas[i].points for i in members]))
         reached = center_range(loads[members], centers[members])
         center = reached.mean(axis=0)
-        shifts = _around(max(areas[i].shift for i in members))
+        shifts = _around(max(areas[i].reach for i in members))
         offsets = convex_hull((reached - center + shifts[:, None]).reshape(-1, 2))
         moving = float(loads[members, 1].sum() > 0.0)
         rows.append(moving * contact_conditions(contact, hull, center, offsets, length))

@@ -14,10 +14,10 @@ from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import Chain, Contact
 from pushplan.mechanics.contacts import cof
 from pushplan.mechanics.dynamics import SpeedWindow, admissible_speeds, dynamic_margins, dynamic_rows
+from pushplan.mechanics.heights import load_areas
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
-from pushplan.mechanics.uncertain import load_areas
 from pushplan.sets.grid_cor_set import grid_cor_set
 from pushplan.sets.interval_set import stable_set_over
 from pushplan.sets.named import stable_set
@@ -244,12 +244,6 @@ WRONG: dict[str, tuple[Callable[[ChainMaker], object], str]] = {
     "no feet": (lambda m: FeetSupport(np.zeros((0, 2)), np.zeros(0)), "at least one foot"),
     "no map": (lambda m: PressureMapSupport(np.zeros((0, 2)), np.zeros(0)), "at least one point"),
     "leaning": (lambda m: UnknownSupport(m.box()).lean(np.array([1.0, 0.0])), "not known"),
-    "friction": (
-        lambda m: stable_set_over(
-            IntervalChain.from_ranges(m.boxes(2, contact_height=0.01), floor_friction={"box1": (0.2, 0.3)}), "robust"
-        ),
-        "shifts the load of 'box1' by its floor friction",
-    ),
 }  # fmt: skip
 
 

@@ -9,8 +9,8 @@ from sets.conftest import Pressures
 
 from pushplan.errors import SupportError
 from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.heights import load_areas
 from pushplan.mechanics.sphere import twists_at
-from pushplan.mechanics.uncertain import load_areas
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray

@@ -13,9 +13,10 @@ from scipy.optimize import linprog
 import pushplan.core.uncertain as uncertain
 from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import GRAVITY, Chain, Contact, PushedObject, Pusher
+from pushplan.mechanics.heights import LoadArea
 from pushplan.mechanics.sphere import twists_at
 from pushplan.mechanics.support import FeetSupport, Support, UnknownSupport
-from pushplan.mechanics.uncertain import LoadArea, pack_centred
+from pushplan.mechanics.uncertain import pack_centred
 from pushplan.sets.named import stable_set
 from pushplan.sets.robust_set import CONDITIONS, RobustSet
 from pushplan.util.arrays import FloatArray

@@ -1,0 +1,173 @@
+"""Pushes above the floor: what the sets allow holds on an elastic floor from which objects partly lift."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import ChainMaker
+
+from pushplan.errors import SupportError
+from pushplan.geometry.se2 import transform_points
+from pushplan.mechanics.chain import GRAVITY
+from pushplan.mechanics.dynamics import ContactDynamics
+from pushplan.mechanics.heights import counts_by_centre, load_areas
+from pushplan.mechanics.intervals import IntervalChain
+from pushplan.mechanics.support import FeetSupport
+from pushplan.sets.interval_set import stable_set_over
+from pushplan.sets.named import stable_set
+from pushplan.util.arrays import FloatArray
+
+GRID = 12
+"""Points along a side of a square, in the world."""
+
+
+def cubes(
+    make: ChainMaker, spans: list[tuple[float, float]], z: float | None = None, share: float = 0.2
+) -> IntervalChain:
+    """Return cubes with contacts at heights in spans, whose frictions and loads may be off by a share."""
+    chain = make.boxes(len(spans), contact_friction=0.45, pusher_friction=0.5)
+    contacts = tuple(
+        replace(c, height=h, friction=(1.0 - share) * c.friction)
+        for c, h in zip(chain.contacts, spans, strict=True)
+    )
+    objects = tuple(replace(obj, center_height=z) for obj in chain.objects)
+    names = [obj.name for obj in objects]
+    return IntervalChain.from_ranges(
+        replace(chain, objects=objects, contacts=contacts),
+        floor_friction=dict.fromkeys(names, (0.3 * (1.0 - share), 0.3 * (1.0 + share))),
+        pressures=dict.fromkeys(names, share) if share > 0.0 else {},
+    )
+
+
+def lifted(rest: FloatArray, points: FloatArray, center: FloatArray) -> FloatArray:
+    """Return max(0, a + b . x) times the load at rest (k,) on an elastic floor, its centre where it shall be."""
+    basis = np.column_stack([np.ones(len(points)), points - center])
+    active = np.ones(len(points), dtype=np.bool_)
+    for _ in range(60):
+        weighted = basis * (rest * active)[:, None]
+        pressure = basis @ np.linalg.solve(weighted.T @ basis, [1.0, 0.0, 0.0])
+        if ((pressure > 0.0) == active).all():
+            break
+        active = pressure > 0.0
+    else:
+        raise AssertionError("the elastic floor has found no balance")
+    return np.asarray(rest * np.where(active, pressure, 0.0))
+
+
+def least_row(interval: IntervalChain, v: FloatArray, dv: FloatArray, rng: np.random.Generator) -> float:
+    """Return the least of all contact conditions, N and N m, in one world that the intervals allow."""
+    chain, n = interval.chain, len(interval.chain.objects)
+    height = [rng.uniform(*span) for span in chain.contact_heights]
+    total, least = np.zeros((n, 3)), np.inf
+    for i in reversed(range(n)):
+        obj, contact = chain.objects[i], chain.contacts[i]
+        mu, weight = rng.uniform(*interval.floor_friction[i]), obj.mass * GRAVITY
+        side = 0.05 * (2.0 * np.arange(GRID) + 1.0 - GRID) / GRID
+        points = transform_points(obj.pose_chain, np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2))
+        rest = 1.0 + interval.pressures.get(i, 0.0) * np.sign(
+            (points - points.mean(axis=0)) @ rng.normal(size=2)
+        )
+        rest /= rest.sum()
+        g = rest @ points
+        velocity = np.stack([v[0] - v[2] * points[:, 1], v[1] + v[2] * points[:, 0]], axis=1)
+        u = velocity / np.linalg.norm(velocity, axis=1, keepdims=True)
+        push = obj.mass * np.array(
+            [
+                dv[0] - dv[2] * g[1] - v[2] * v[1] - v[2] ** 2 * g[0],
+                dv[1] + dv[2] * g[0] + v[2] * v[0] - v[2] ** 2 * g[1],
+            ]
+        )
+        z = height[i] if obj.center_height is None else obj.center_height
+        ahead = [j for j in range(n) if chain.contacts[j].pusher == i]
+        pressure = rest
+        for _ in range(100):
+            force = mu * weight * pressure @ u + push + total[ahead, :2].sum(axis=0)
+            moved = height[i] * force - sum((height[j] * total[j, :2] for j in ahead), z * push)
+            before, pressure = pressure, lifted(rest, points, g + moved / weight)
+            if np.abs(pressure - before).max() < 1e-9:
+                break
+        drag = mu * weight * pressure[:, None] * u
+        spin = dv[2] * obj.mass * 0.1**2 / 6.0 + g[0] * push[1] - g[1] * push[0]
+        total[i] = total[ahead].sum(axis=0)
+        total[i] += [
+            *(drag.sum(axis=0) + push),
+            (points[:, 0] * drag[:, 1] - points[:, 1] * drag[:, 0]).sum() + spin,
+        ]
+        normal, aside = total[i, :2] @ contact.normal, total[i, :2] @ contact.tangent
+        about = [
+            total[i, 2] - end[0] * total[i, 1] + end[1] * total[i, 0] for end in (contact.right, contact.left)
+        ]
+        least = min(least, contact.friction * normal - abs(aside), -about[0], about[1])
+    return float(least)
+
+
+SPANS = {
+    "one": [(0.055, 0.055)],
+    "somewhere": [(0.0, 0.06)],
+    "two": [(0.05, 0.055), (0.05, 0.055)],
+    "uneven": [(0.03, 0.04), (0.0, 0.02)],
+}
+
+
+@pytest.mark.parametrize("what", SPANS)
+def test_what_is_in_the_set_holds_in_every_world(make_chain: ChainMaker, what: str) -> None:
+    """Frictions, loads, heights and accelerations at random: no condition of an allowed push is missed."""
+    rng = np.random.default_rng(7)
+    interval = cubes(make_chain, SPANS[what], z=0.05)
+    dynamics = ContactDynamics(interval.chain, interval=interval)
+    stable = stable_set_over(interval)
+    held = 0
+    for _ in range(150):
+        v = 0.2 * np.array([1.0, rng.normal(scale=0.1), rng.normal(scale=3.0 / len(SPANS[what]) ** 2)])
+        dv = rng.normal(size=3) * [0.4, 0.2, 0.8]
+        if stable.contains(v[None])[0]:
+            held += 1
+            assert least_row(interval, 1e-6 * v, np.zeros(3), rng) > 0.0
+        if dynamics.margins(v[None], dv[None]).min() > 0.0:
+            held += 1
+            assert least_row(interval, v, dv, rng) > 0.0
+    assert held > 60
+
+
+@pytest.mark.parametrize("name", ["ecof", "robust", "translation", "stable"])
+def test_what_could_tip_is_refused_with_the_height_that_is_possible(
+    make_chain: ChainMaker, name: str
+) -> None:
+    with pytest.raises(
+        SupportError, match=r"a push at 200 mm could tip 'box0'.*up to [\d.]+ mm can be planned"
+    ) as refused:
+        stable_set_over(cubes(make_chain, [(0.1, 0.2)], z=0.05), name)
+    possible = 1e-3 * float(re.findall(r"up to ([\d.]+) mm", str(refused.value))[0])
+    assert 0.09 < possible < 0.14
+    span = np.array([0.5, 1.0]) * possible
+    assert stable_set_over(cubes(make_chain, [tuple(0.999 * span)], z=0.05), name).contains([[1.0, 0.0, 0.0]])
+    with pytest.raises(SupportError, match="could tip"):
+        stable_set_over(cubes(make_chain, [tuple(1.001 * span)], z=0.05), name)
+
+
+def test_numbers_are_intervals_of_no_width(make_chain: ChainMaker) -> None:
+    chain = make_chain.boxes(2, contact_height=0.03, contact_friction=0.45)
+    twists = np.array([1.0, 0.0, 0.0]) + np.random.default_rng(0).normal(size=(200, 3)) * [0.0, 0.2, 1.0]
+    interval = IntervalChain.from_ranges(chain)
+    for name in ("robust", "stable", "translation", "ecof"):
+        np.testing.assert_allclose(
+            stable_set(chain, name).margin(twists), stable_set_over(interval, name).margin(twists), atol=1e-12
+        )
+    assert not counts_by_centre(chain)
+    assert counts_by_centre(make_chain.boxes(1, contact_height=0.05))
+
+
+def test_the_centre_of_uncertain_feet_is_where_it_may_be(make_chain: ChainMaker) -> None:
+    feet = np.array([[-0.04, -0.04], [0.05, -0.03], [0.04, 0.04], [-0.03, 0.05]])
+    spans = [(0.1, 0.4), (0.2, 0.35), (0.1, 0.3), (0.15, 0.5)]
+    chain = make_chain.boxes(1, support=lambda _: FeetSupport(feet, np.full(4, 0.25)), contact_height=0.02)
+    interval = IntervalChain.from_ranges(chain, fractions={"box0": spans})
+    (area,) = load_areas(chain, interval)
+    parts = np.random.default_rng(0).uniform(0.1, 0.5, size=(9000, 4))
+    parts = parts[((parts >= np.array(spans)[:, 0]) & (parts <= np.array(spans)[:, 1])).all(axis=1)]
+    parts = parts[np.abs(parts.sum(axis=1) - 1.0) < 0.01]
+    away = np.abs(parts @ transform_points(chain.objects[0].pose_chain, feet) - area.center)
+    assert (away.max(axis=0) < area.drift + 1e-3).all()
+    assert (away.max(axis=0) > 0.6 * area.drift).all()
+    assert stable_set_over(interval, "robust").contains([[1.0, 0.0, 0.0]])
