@@ -139,7 +139,7 @@ class JointErrors:
         least = [MOST]
         least += [1.0 / off for off in [*share, *widths[:, 0], *widths[:, 1]] if off > 0.0]
         least += [MOST_ANGLE / off for off in widths[:, 5] if off > 0.0]
-        height = self.course.chain.pusher.contact_height
+        height = self.course.chain.contact_height
         for obj, row in zip(self.course.chain.objects, widths, strict=True):
             axes = rotate(-float(obj.pose_chain[2]), np.eye(2))
             leans = sum(

@@ -276,7 +276,7 @@ class Course:
         Raises:
             SupportError: When a push at the contact height could lift a part of one.
         """
-        packed, height = self.packed, self.chain.pusher.contact_height
+        packed, height = self.packed, self.chain.contact_height
         many, parts = (np.repeat(a[None], len(objects), axis=0) for a in (packed.objects, packed.parts))
         centers, links = np.repeat(self.itself.centers, len(objects), axis=0), packed.links.copy()
         begin, end = links[index, 1:3]
@@ -316,7 +316,7 @@ class Course:
         The arrays of a `PackedChain` are polynomials of degree 2 in a share of friction or load, and so are the
         conditions of a push at the floor. Above it friction shifts the load: then only the arrays are.
         """
-        height = self.chain.pusher.contact_height
+        height = self.chain.contact_height
         if not most > 0.0:
             return 0.0
         most = most if height == 0.0 else self._most_pressed(at, most * (1.0 - 1e-9))
@@ -346,7 +346,7 @@ class Course:
         """Return the largest size up to `most`, of either sign, at which a push lifts no part of the object."""
 
         def room(size: float) -> float:
-            return min(push_room(at(sense * size), self.chain.pusher.contact_height) for sense in (1.0, -1.0))
+            return min(push_room(at(sense * size), self.chain.contact_height) for sense in (1.0, -1.0))
 
         if room(most) > 0.0:
             return most

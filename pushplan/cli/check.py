@@ -96,7 +96,8 @@ def rows(scenario: Scenario) -> list[tuple[str, str]]:
         *(
             (
                 f"contact {chain.contact_name(k)}",
-                f"{contact.length:.3f} m long, {friction_text(*_frictions(scenario, k))}",
+                f"{contact.length:.3f} m long, {friction_text(*_frictions(scenario, k))}"
+                + _height_text(*chain.contact_heights[k]),
             )
             for k, contact in enumerate(chain.contacts)
         ),
@@ -132,6 +133,7 @@ def document(scenario: Scenario) -> dict[str, object]:
                 "pusher": None if contact.pusher == PLATE else chain.objects[contact.pusher].name,
                 "length": contact.length,
                 "friction": _one_or_two(_frictions(scenario, k)),
+                "height": _one_or_two(tuple(chain.contact_heights[k].tolist())),
             }
             for k, contact in enumerate(chain.contacts)
         ],
@@ -150,8 +152,14 @@ def _one_or_two(ends: tuple[float, float]) -> float | list[float]:
 def pusher_text(pusher: Pusher) -> str:
     """Return the pusher in words."""
     thickness, width = np.ptp(pusher.outline, axis=0)
-    height = f", pushing {pusher.contact_height:.3f} m above the floor" if pusher.contact_height else ""
-    return f"{width:.3f} m wide, {thickness:.3f} m thick, drive {pusher.drive.kind}{height}"
+    return f"{width:.3f} m wide, {thickness:.3f} m thick, drive {pusher.drive.kind}"
+
+
+def _height_text(low: float, high: float) -> str:
+    """Return how high a contact is, in words; nothing at the floor."""
+    if high == 0.0:
+        return ""
+    return f", {_range_text(low if low == high else [low, high], '.3f')} m above the floor"
 
 
 def robot_text(pusher: Pusher) -> str:

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from pushplan.errors import ChainError
+from pushplan.errors import ChainError, SupportError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.body import Body, BodyKind
 from pushplan.mechanics.support import Support
@@ -267,6 +267,21 @@ class Chain:
         own = self.pusher.contact_height
         heights = [(own, own) if contact.height is None else contact.height for contact in self.contacts]
         return frozen(heights, (None, 2), "contact heights")
+
+    @property
+    def contact_height(self) -> float:
+        """The height of all contacts, m.
+
+        Raises:
+            SupportError: When they have several, or intervals.
+        """
+        heights = self.contact_heights
+        if (heights != heights[0, 0]).any():
+            raise SupportError(
+                f"the contacts are at heights from {heights.min():.6g} to {heights.max():.6g} m, for which loads "
+                "have no closed form: this needs one height for all, as a number; the sets 'ecof' and 'robust' do not"
+            )
+        return float(heights[0, 0])
 
     def at_floor(self) -> Chain:
         """Return the chain pushed at the floor: no load moves."""

@@ -78,13 +78,13 @@ def pack_chain(chain: Chain) -> contacts.PackedChain:
     """Return the arrays of `chain`; every set and judge of a plan asks for the same.
 
     Raises:
-        SupportError: When a load is not known, or a push at the pusher's contact height could lift a part
+        SupportError: When a load is not known, contacts have several heights, or a push at theirs could lift a part
             of an object.
     """
     pushers = [contact.pusher for contact in chain.contacts]
     length = chain.characteristic_length
     rows = np.array([contact_rows(contact, length) for contact in chain.contacts])
-    return _pack(chain.objects, pushers, chain.pusher.contact_height, rows, length)
+    return _pack(chain.objects, pushers, chain.contact_height, rows, length)
 
 
 def pack_object(obj: PushedObject, contact_height: float = 0.0) -> contacts.PackedChain:

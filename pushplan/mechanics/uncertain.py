@@ -86,7 +86,7 @@ def _pack(
     corners = [
         np.zeros((0, 2)) if area is None else area.points - area.center for area in areas or [None] * n
     ]
-    units = pack_objects(known or [_nothing()], chain.pusher.contact_height if known else 0.0)
+    units = pack_objects(known or [_nothing()], chain.contact_height if known else 0.0)
     return uncertain.PackedLoads(
         units=units,
         unit=unit,

@@ -106,7 +106,7 @@ class Robustness:
             or self.position is None
             or self.angle is None
         ):
-            return "not known, as the loads on the floor are not"
+            return "not known, as the loads on the floor are not, or may lift"
         if self.used_up:
             return (
                 "tolerates nothing: once inertia counts, a contact does not hold even with the stated numbers"

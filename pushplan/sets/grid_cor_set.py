@@ -54,7 +54,7 @@ def grid_cor_set(
     """
     if min(*shape, elements) < 1:
         raise PushplanError(f"shape {shape} and {elements} elements must be at least 1")
-    if chain.pusher.contact_height > 0.0:
+    if chain.contact_heights.any():
         raise PushplanError("Algorithm 1 on a grid is for a push at the floor; contact_height must be 0")
     low_x, low_y, high_x, high_y = window_box(window, 1.0).bounds
     x = low_x + (np.arange(shape[0]) + 0.5) * (high_x - low_x) / shape[0]

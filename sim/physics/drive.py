@@ -11,6 +11,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.sim.physics.engine import PhysicsSettings, engine
 from pushplan.sim.physics.model import LoadTransfer, PhysicsModel, build_model, joint_coordinates
+from pushplan.sim.slip.packing import push_heights
 from pushplan.util.arrays import FloatArray, IntArray
 
 _BARELY = 1e-9
@@ -71,7 +72,7 @@ def drive(
         PhysicsError: When the simulation does not stay finite.
         SupportError: When a load is not known.
     """
-    transfer = LoadTransfer(chain.objects, chain.pusher.contact_height)
+    transfer = LoadTransfer(chain.objects, push_heights(chain, chain.objects))
     model = build_model(chain, motion.dt, max(_sliding_speed(chain, motion), _BARELY), settings)
     bodies = np.arange(len(model.dofs))
     begin, end = (_all_moved(pose, placed, len(bodies)) for pose in motion.poses[:2])

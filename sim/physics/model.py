@@ -19,11 +19,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pushplan.geometry.se2 import rotate
 from pushplan.mechanics.chain import GRAVITY, PLATE, Chain, Contact, PushedObject
 from pushplan.mechanics.inertia import inertia_of
-from pushplan.mechanics.packed import pack_objects
+from pushplan.mechanics.packed import pack_object
 from pushplan.sim.feet import Feet, feet_of
 from pushplan.sim.physics.engine import PhysicsError, PhysicsSettings, engine
 from pushplan.util.arrays import FloatArray, IntArray
@@ -401,20 +402,21 @@ class LoadTransfer:
         SupportError: When the push at the contact height could lift a part of an object.
     """
 
-    def __init__(self, objects: Sequence[PushedObject], height: float) -> None:
-        pack_objects(objects, height)  # refuses what would tip
-        self._height = height
+    def __init__(self, objects: Sequence[PushedObject], heights: ArrayLike) -> None:
+        self._heights = np.broadcast_to(np.asarray(heights, dtype=np.float64), len(objects))
+        for obj, height in zip(objects, self._heights, strict=True):
+            pack_object(obj, float(height))  # refuses what would lift
         self._friction = np.zeros((len(objects), 2))
 
     def follow(self, model: PhysicsModel) -> None:
         """Shift the loads to where the friction of the last time steps wants them."""
-        if self._height == 0.0:
+        if not self._heights.any():
             return
         self._friction += _FOLLOWING * (model.floor_forces() - self._friction)
         turned = model.motions()[:, 2]
         for i, standing in enumerate(model.standing):
             if standing is not None:
-                shift = self._shift(standing, float(turned[i]), -self._height * self._friction[i])
+                shift = self._shift(standing, float(turned[i]), -self._heights[i] * self._friction[i])
                 standing.load(model.model, model.data, standing.loads + shift)
 
     def _shift(self, standing: Standing, turned: float, moment: FloatArray) -> FloatArray:

@@ -38,7 +38,7 @@ from pushplan.sim.physics.model import (
     set_options,
     stand,
 )
-from pushplan.sim.slip.packing import Pair, Piece, bodies_of
+from pushplan.sim.slip.packing import Pair, Piece, bodies_of, push_heights
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, IntArray, frozen, numbers
 
@@ -89,7 +89,7 @@ class PhysicsSimulator:
         objects, pieces, pairs = bodies_of(world)
         self._outlines = [obj.outline for obj in objects]
         self._carried = [piece.corners for piece in pieces if piece.body == len(objects)]
-        self._transfer = LoadTransfer(objects, pusher.contact_height)
+        self._transfer = LoadTransfer(objects, push_heights(world.chain, objects))
         self._model = _model(world, self._begin, objects, pieces, pairs, settings)
         self._pushed(np.zeros(3), 0.0, settings.run_in)  # so that the feet settle
 

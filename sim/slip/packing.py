@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
+from numpy.typing import ArrayLike
 
 import pushplan.core.slip as slip
 from pushplan.errors import SupportError
@@ -77,7 +78,16 @@ def pack_world(world: World, chain: Chain | None = None) -> slip.World:
     objects, pieces, pairs = bodies_of(world, chain)
     order = np.array([world.names.index(obj.name) for obj in objects])
     held = world.chain if chain is None else chain
-    return pack_bodies(objects, pieces, pairs, half_extent(held), held.pusher.contact_height, order)
+    return pack_bodies(objects, pieces, pairs, half_extent(held), push_heights(held, objects), order)
+
+
+def push_heights(chain: Chain, objects: Sequence[PushedObject]) -> FloatArray:
+    """Return the heights (n,) above the floor at which objects are pushed, m: of intervals the middle.
+
+    Those that are not in the chain are pushed by the plate, at the height of contacts that state none.
+    """
+    own = dict(zip((obj.name for obj in chain.objects), chain.contact_heights.mean(axis=1), strict=True))
+    return np.array([own.get(obj.name, chain.pusher.contact_height) for obj in objects])
 
 
 def pack_bodies(
@@ -85,7 +95,7 @@ def pack_bodies(
     pieces: Sequence[Piece],
     pairs: Sequence[Pair],
     length: float,
-    height: float = 0.0,
+    heights: ArrayLike = 0.0,
     order: IntArray | None = None,
 ) -> slip.World:
     """Return what is made of objects and of all pieces, theirs included.
@@ -95,13 +105,13 @@ def pack_bodies(
         pieces: Of objects, pusher and what stands still, numbered as in `slip.World`.
         pairs: Which of them may touch.
         length: Characteristic length, m.
-        height: Of the contact forces above the floor, m.
+        heights: (n,) at which objects are pushed, or one for all, m: each load leans by its own.
         order: (n,) the numbers that the objects have outside; None for the same ones.
 
     Raises:
         SupportError: When the load under an object is not known, or it has no friction with the floor.
     """
-    feet = [_feet(obj, height) for obj in objects]
+    feet = [_feet(obj, h) for obj, h in zip(objects, np.broadcast_to(heights, len(objects)), strict=True)]
     return slip.World(
         feet=np.concatenate([rows for rows, _, _ in feet]),
         first_foot=np.cumsum([0, *(len(rows) for rows, _, _ in feet)]),

@@ -1,7 +1,9 @@
 """Pushes above the floor: what the sets allow holds on an elastic floor from which objects partly lift."""
 
 import re
+import runpy
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -171,3 +173,17 @@ def test_the_centre_of_uncertain_feet_is_where_it_may_be(make_chain: ChainMaker)
     assert (away.max(axis=0) < area.drift + 1e-3).all()
     assert (away.max(axis=0) > 0.6 * area.drift).all()
     assert stable_set_over(interval, "robust").contains([[1.0, 0.0, 0.0]])
+
+
+def test_what_is_planned_holds_in_an_engine_with_six_degrees_of_freedom() -> None:
+    """A small version of `benchmarks/heights.py`: a cube pushed at 55 mm holds, a tower pushed too high falls."""
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed; the extra pushplan[physics] brings it")
+    judge = runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "heights.py"))
+    case, tried = judge["Case"], judge["tried"]
+    held, count, said = tried(case("cube", 0.1, 0.1, ((0.045, 0.055),)), 1, 3)
+    assert held == count == 2, said
+    held, count, said = tried(case("tower", 0.06, 0.3, ((0.12, 0.12),)), 1, 3)
+    assert count == 0
+    assert "up to 5" in said
+    held, count, said = tried(case("tower", 0.06, 0.3, ((0.12, 0.12),), knowing=False), 1, 3)
+    assert (held, count) == (0, 2), said
