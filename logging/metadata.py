@@ -163,6 +163,7 @@ def _execution_words(execution: Execution) -> dict[str, str]:
     position, angle = execution.goal_error
     words = {"goal_position_error": repr(position), "goal_angle_error": repr(angle)}
     least = {"min_margin": execution.min_margin, "min_dynamic_margin": execution.min_dynamic_margin}
+    least["max_force"] = execution.max_force()
     words |= {name: repr(value) for name, value in least.items() if value is not None}
     if execution.loss is not None:
         words |= {"lost_at": repr(execution.loss.time), "lost_contact": execution.loss.contact}

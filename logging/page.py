@@ -152,6 +152,9 @@ def _plan(run: Run | RecordedRun, scene: Scene) -> dict[str, Any]:
         count, travel = len(plan.pushes), sum(segment.path.cost for segment in plan.segments)
         pushes = f"{count} push{'es' if count > 1 else ''}, {plan.pushed_distance:.3f} m pushed"
         facts.append(f"{pushes}, {travel:.3f} m driven in all, alone where dashed")
+    if run.execution is not None:
+        facts.append(run.execution.force_words(scenario.pusher.limits.force))
+    facts = [fact for fact in facts if fact]
     return {"facts": facts, **shown}
 
 

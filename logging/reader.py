@@ -336,6 +336,7 @@ def _shape(name: str, samples: int, objects: int) -> tuple[tuple[int, ...], type
     tails: dict[str, tuple[int, ...]] = {
         "t": (),
         "segment": (),
+        "needed_forces": (),
         "forces": (objects, 2),
         "objects": (objects, 3),
     }

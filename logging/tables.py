@@ -62,7 +62,7 @@ def table(run: Run | RecordedRun) -> dict[str, FloatArray]:
     if execution is None:
         raise PushplanError(f"{run.log}: nothing was executed, so there is no table to write")
     base = base_in_plate(run.scenario)
-    series = {
+    series: dict[tuple[str, ...], FloatArray] = {
         ("x", "y", "theta"): execution.poses,
         ("vx", "vy", "omega"): execution.twists,
         ("base_x", "base_y", "base_theta"): se2.compose(execution.poses, base),
@@ -72,6 +72,8 @@ def table(run: Run | RecordedRun) -> dict[str, FloatArray]:
         series[f"{name}.x", f"{name}.y", f"{name}.theta"] = execution.objects[:, k]
     if execution.wrenches is not None:
         series["fx", "fy", "torque"] = execution.wrenches
+    if execution.needed_forces is not None:
+        series["needed_force",] = execution.needed_forces[:, None]
     columns = {"t": execution.t, "segment": execution.segment.astype(np.float64)}
     for names, values in series.items():
         columns |= dict(zip(names, values.T, strict=True))

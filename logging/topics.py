@@ -315,7 +315,7 @@ def lines_of(
     if execution is not None and len(execution.t):
         end = float(execution.t[-1])
         level = "info" if execution.loss is None else "warning"
-        lines.append(LogLine(end, level, execution_sentence(execution)))
+        lines.append(LogLine(end, level, execution_sentence(scenario, execution)))
         warning = inertia_warning(scenario, execution) if feedback is None else ""
         lines += [LogLine(end, "warning", warning)] if warning else []
     return tuple(sorted(lines, key=lambda line: line.time))
@@ -335,7 +335,7 @@ def plan_sentence(plan: Plan) -> str:
     return f"{who}: a path of {len(plan.path.lengths)} arcs, cost {plan.path.cost:.4f} m{took}{lowered}"
 
 
-def execution_sentence(execution: Execution) -> str:
+def execution_sentence(scenario: Scenario, execution: Execution) -> str:
     """Return the outcome of an execution in a sentence."""
     if execution.loss is not None:
         loss = execution.loss
@@ -343,4 +343,6 @@ def execution_sentence(execution: Execution) -> str:
     position, angle = execution.goal_error
     if math.isnan(position):
         return f"the record of the execution breaks off behind sample {len(execution.t)}"
-    return f"executed; the goal is missed by {1e3 * position:.3g} mm and {math.degrees(angle):.3g} deg"
+    missed = f"executed; the goal is missed by {1e3 * position:.3g} mm and {math.degrees(angle):.3g} deg"
+    force = execution.force_words(scenario.pusher.limits.force)
+    return f"{missed}; the plate {force}" if force else missed

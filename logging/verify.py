@@ -53,6 +53,7 @@ _WORDS = {
     "objects": "pose of an object",
     "segment": "segment",
     "wrenches": "wrench",
+    "needed_forces": "force of the plate",
 }
 
 

@@ -49,7 +49,7 @@ MEASURED, EVENT, REPLAN, TRIAL, LINE = "measured/", "event/", "replan/", "trial/
 """Attachments, followed by a number: measurements, events, plans on the way, ends of trials, other lines of /log."""
 
 SERIES = ("t", "poses", "twists", "objects", "segment", "margins")
-SERIES_KNOWN = ("dynamic_margins", "friction_margins", "lambdas", "forces", "wrenches")
+SERIES_KNOWN = ("dynamic_margins", "friction_margins", "lambdas", "forces", "wrenches", "needed_forces")
 """Arrays of an execution: those that every one has, and those that some do."""
 
 _LATEST = 1 << 33

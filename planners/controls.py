@@ -12,6 +12,7 @@ from pushplan.mechanics.chain import Drive
 from pushplan.mechanics.sphere import twists_at
 from pushplan.plans.path import cost_rate
 from pushplan.scenario.model import Scenario
+from pushplan.sets.force_limited_set import ForceLimitedSet
 from pushplan.sets.known_load_sets import HELP, contact_words, emptiness, weakest_contact
 from pushplan.sets.meridians import margin_peaks
 from pushplan.sets.stable_set import StableSet
@@ -52,6 +53,8 @@ def control_segments(stable: StableSet, drive: Drive, margin: float, count: int 
 
 def _why_empty(stable: StableSet, drive: Drive, margin: float) -> str:
     """Tell which contact does not hold, in general or under what the drive can do."""
+    if isinstance(stable, ForceLimitedSet):
+        return stable.too_heavy(segment_ends(control_segments(stable.inside, drive, margin)))
     asked = max(0.0, margin - MARGIN_FLOOR)
     what, _ = emptiness(stable, asked)
     if what or drive.axle is None:

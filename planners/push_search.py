@@ -30,6 +30,7 @@ from pushplan.plans.plan import Diagnosis, Nearest
 from pushplan.plans.segment import Segment
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.model import Scenario
+from pushplan.sets.force_limited_set import ForceLimitedSet
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
 
@@ -208,6 +209,8 @@ class PushSearch:
         sound = len(path.twists) > 0 and not Validator(posed).flaw_of(nearest[0], settings.set_name)
         error = pose_error(path.end if sound else path.start, posed.goal.pose_chain)
         found = diagnose(monitor, session.extensions, error, min(EXPLAINING, seconds))
+        if isinstance(self.stable, ForceLimitedSet):
+            found = (*found, Diagnosis("force", self.stable.left_out, False))
         words = "; ".join(item.text for item in found)
         if not any(item.proven for item in found):
             allowed = "" if settings.iterations is None else f" or {settings.iterations} iterations"

@@ -24,7 +24,7 @@ from pushplan.plans.robustness import BOX, MOST_ANGLE
 from pushplan.util.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
-    from pushplan.plans.plan import Load
+    from pushplan.plans.load import Load
     from pushplan.sim.robustness import Course, Variants
 
 FINE = 1e-4

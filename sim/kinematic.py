@@ -9,11 +9,12 @@ import numpy as np
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.contacts import contact_state
+from pushplan.mechanics.force import PushForce
 from pushplan.plans.goals import worst_at_goal
 from pushplan.plans.judge import contact_dynamics, judging_set
 from pushplan.plans.run import Execution, StabilityLoss
 from pushplan.plans.segment import Segment, join
-from pushplan.plans.trajectory import Trajectory, advance
+from pushplan.plans.trajectory import RESTING, Trajectory, advance
 from pushplan.scenario.model import Scenario
 from pushplan.sets.known_load_sets import EcofSet
 from pushplan.util.arrays import FloatArray, columns_of
@@ -29,11 +30,13 @@ class Contacts(NamedTuple):
         friction_margins: See `Execution`; like the next two None where the loads on the floor are not known.
         lambdas: See `Execution`.
         forces: See `Execution`.
+        needed: (m,) see `Execution.needed_forces`.
     """
 
     judge: str
     margins: FloatArray
     dynamic: FloatArray
+    needed: FloatArray
     friction_margins: FloatArray | None
     lambdas: FloatArray | None
     forces: FloatArray | None
@@ -63,7 +66,7 @@ def execute(scenario: Scenario, segments: tuple[Segment, ...], planned: str) -> 
     columns: dict[str, FloatArray] = {}
     ends = np.cumsum([segment.duration for segment in segments])
     owner = np.clip(np.searchsorted(ends, t, side="right"), 0, len(segments) - 1)
-    judge = ""
+    judge, needed = "", np.full(len(t), np.nan)
     for k, segment in enumerate(segments):
         inside = np.flatnonzero(owner == k)
         objects[inside] = np.stack([now[name] for name in names])
@@ -77,7 +80,7 @@ def execute(scenario: Scenario, segments: tuple[Segment, ...], planned: str) -> 
             objects[inside, column] = se2.compose(poses[inside], held[name])
             now[name] = se2.compose(end, held[name])
         found = contacts_along(segment, planned, t[inside] - (ends[k] - segment.duration))
-        judge = found.judge
+        judge, needed[inside] = found.judge, found.needed
         for field in ("margins", "dynamic", "friction_margins", "lambdas", "forces"):
             values = getattr(found, field)
             if values is not None:
@@ -109,6 +112,7 @@ def execute(scenario: Scenario, segments: tuple[Segment, ...], planned: str) -> 
         kept("friction_margins"),
         kept("lambdas"),
         kept("forces"),
+        needed_forces=needed[:count],
     )
 
 
@@ -131,9 +135,22 @@ def contacts_along(segment: Segment, planned: str, t: FloatArray) -> Contacts:
     dynamics = contact_dynamics(problem, judge.name)
     floor = state.wrenches if state is not None and dynamics.chain is judge.chain else None
     dynamic = dynamics.margins(asked, rates, floor)
+    needed = _needed_forces(PushForce(dynamics), segment, t)
     if state is None:
-        return Contacts(judge.name, margins, dynamic, None, None, None)
-    return Contacts(judge.name, margins, dynamic, state.friction_margins, state.lambdas, state.forces)
+        return Contacts(judge.name, margins, dynamic, needed, None, None, None)
+    known = state.friction_margins, state.lambdas, state.forces
+    return Contacts(judge.name, margins, dynamic, needed, *known)
+
+
+def _needed_forces(force: PushForce, segment: Segment, t: FloatArray) -> FloatArray:
+    """Return what `Execution.needed_forces` are at times (m,); samples next to a stop have what it takes to go on."""
+    own = segment.contact_trajectory
+    needed = force.moving(own.directions_at(t), own.rates_at(t))
+    stops = own.breaks[:-1][np.abs(own.twists_at(own.breaks[:-1])).max(axis=1) < RESTING]
+    nearest = np.clip(np.searchsorted(t, stops), 0, len(t) - 1)
+    begin = force.dynamics.chain.pusher.limits.breakaway * force.steady(own.directions_at(stops))
+    np.maximum.at(needed, nearest, begin)
+    return needed
 
 
 def integrated(trajectory: Trajectory) -> FloatArray:

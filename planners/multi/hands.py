@@ -30,6 +30,7 @@ from pushplan.plans.row_load import Member, row_load
 from pushplan.plans.segment import Poses, Segment
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.sets.force_limited_set import too_heavy_ahead
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import TRANSIT_CLEARANCE
 
@@ -200,7 +201,8 @@ class Hands:
         margin = mode.margin(self.level)
         packed = packed_mode(mode, margin, self.scenario)
         if packed is None:
-            self.why.setdefault(members[0][0], f"no straight push has a margin above {margin:.3g}")
+            why = too_heavy_ahead(mode.stable) or f"no straight push has a margin above {margin:.3g}"
+            self.why.setdefault(members[0][0], why)
             return None
         across: FloatArray | None = np.zeros(3)
         for member in members:

@@ -26,6 +26,7 @@ from pushplan.plans.segment import Poses, Segment
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.build import troubles_at
 from pushplan.scenario.model import Scenario
+from pushplan.sets.force_limited_set import too_heavy_ahead
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, PUSH, RETREAT, TRANSIT, TRANSIT_CLEARANCE
 
@@ -78,9 +79,15 @@ class MultiPushSearch:
         if level not in self._rooms:
             room = PushRoom.of(self.scenario, self.modes, level)
             if not room.contacts:
+                heavy = "".join(
+                    f"; {mode.place.face}: {why}"
+                    for mode in self.modes
+                    if (why := too_heavy_ahead(mode.stable))
+                )
                 raise EmptyStableSetError(
                     "no contact can be used: the robot touches the load elsewhere when it drives up to a face, or no "
-                    "straight push is stable; allowed: other pusher.faces or offsets, a smaller stability.margin"
+                    f"straight push is stable{heavy}; allowed: other pusher.faces or offsets, a smaller "
+                    "stability.margin"
                 )
             self._rooms[level] = room
         return self._rooms[level]

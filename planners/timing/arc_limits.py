@@ -15,8 +15,9 @@ import numpy as np
 
 from pushplan.errors import TimingError
 from pushplan.mechanics.chain import Limits
-from pushplan.mechanics.dynamics import ContactDynamics
-from pushplan.plans.judge import contact_dynamics
+from pushplan.mechanics.dynamics import ContactDynamics, MotionConditions
+from pushplan.mechanics.force import ForceConditions
+from pushplan.plans.judge import contact_dynamics, push_force
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import BoolArray, FloatArray
@@ -33,22 +34,31 @@ class Bounds(NamedTuple):
         contacts: The chain whose contacts must hold; None leaves inertia out.
         margin: Every contact keeps more than this with inertia.
         pace: Share of an arc's top speed with which it is passed at most.
+        force: What the plate pushes with at most; None where nothing limits it.
     """
 
     limits: Limits
     contacts: ContactDynamics | None = None
     margin: float = 0.0
     pace: float = 1.0
+    force: ForceConditions | None = None
+
+    @property
+    def conditions(self) -> tuple[MotionConditions, ...]:
+        """What inertia must not break."""
+        return tuple(one for one in (self.contacts, self.force) if one is not None)
 
 
 def motion_bounds(scenario: Scenario, stable: StableSet) -> Bounds:
-    """Return what limits the motion of a scenario: the pusher and, unless inertia is left out, the contacts."""
+    """Return what limits the motion of a scenario: pusher, force and, unless inertia is left out, the contacts."""
     limits = scenario.chain.pusher.limits
+    force = None
+    if not math.isinf(limits.force):
+        force = ForceConditions(push_force(scenario, stable.name), limits.force)
     if limits.contact != "dynamic":
-        return Bounds(limits)
-    return Bounds(
-        limits, contact_dynamics(scenario, stable.name), margin_with_inertia(scenario.required_margin)
-    )
+        return Bounds(limits, force=force)
+    contacts = contact_dynamics(scenario, stable.name)
+    return Bounds(limits, contacts, margin_with_inertia(scenario.required_margin), force=force)
 
 
 def margin_with_inertia(margin: float) -> float:
@@ -141,8 +151,7 @@ def limits_of_arcs(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> l
 
 
 def _no_room(twist: FloatArray, bounds: Bounds) -> TimingError:
-    assert bounds.contacts is not None
-    least = float(bounds.contacts.rows(twist, bounds.margin).alpha.min())
+    least = min(float(one.rows(twist, bounds.margin).alpha.min()) for one in bounds.conditions)
     kept = f" above a margin of {bounds.margin:.3g}" if bounds.margin > 0.0 else ""
     return TimingError(
         f"an arc along the twist {np.round(twist, 4).tolist()} leaves the contacts no room for inertia: one "
@@ -166,9 +175,10 @@ def contact_limits_of(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -
         The limits (k,), and (k,) whether the arc is driven in less than `CREEP` times its usual time with them.
     """
     free = arc_limits(twists, bounds.limits)
-    if bounds.contacts is None:
+    if not bounds.conditions:
         return free, np.ones(len(twists), dtype=np.bool_)
-    rows = bounds.contacts.rows_along(twists, bounds.margin)
+    parts = zip(*(one.rows_along(twists, bounds.margin) for one in bounds.conditions), strict=True)
+    rows = (np.concatenate(part, axis=1) for part in parts)
     # rows first: NumPy is slow along short axes
     alpha, beta, gamma, beta_down = (values.reshape(len(twists), -1).T[:, :, None] for values in rows)
     falling = np.where(gamma < 0.0, -gamma, 0.0)

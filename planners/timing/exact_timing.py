@@ -65,11 +65,12 @@ def bounds_use(pieces: Pieces, bounds: Bounds) -> Use:
     """
     pusher = limit_use(pieces, bounds.limits)
     held, slowing = np.zeros(len(pusher)), np.ones(len(pusher))
-    if bounds.contacts is not None:
-        twists, rates, piece = timing.instants(pieces.durations, pieces.coefficients)
-        floor, inertia = bounds.contacts.quasi_static(twists), bounds.contacts.inertia(twists, rates)
-        steady = bounds.contacts.inertia(twists, np.zeros_like(rates))
-        held, slowing = timing.contact_use(floor, inertia, steady, piece, len(pusher), bounds.margin, ROOM)
+    twists, rates, piece = timing.instants(pieces.durations, pieces.coefficients)
+    for one in bounds.conditions:
+        floor, inertia = one.quasi_static(twists), one.rows_of_inertia(twists, twists, rates)
+        steady = one.rows_of_inertia(twists, twists, np.zeros_like(rates))
+        own = timing.contact_use(floor, inertia, steady, piece, len(pusher), bounds.margin, ROOM)
+        held, slowing = np.maximum(held, own[0]), np.maximum(slowing, own[1])
     return Use(np.column_stack([pusher, held]), slowing)
 
 

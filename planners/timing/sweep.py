@@ -15,6 +15,7 @@ from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario
+from pushplan.sets.force_limited_set import ForceLimitedSet
 from pushplan.sets.known_load_sets import EcofSet
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray, columns_of
@@ -154,8 +155,10 @@ def unstable_times(
 ) -> FloatArray:
     """Return when (k,) the trajectory does not keep more than the scenario's margins, worst first, s.
 
-    It is looked at its samples, its breaks and half-way between them; where the pusher rests, nothing is asked.
+    It is looked at its samples, its breaks and half-way between them; where the pusher rests, nothing is asked. On
+    the way from one twist to another, which no push begins with, the force has to suffice for sliding only.
     """
+    stable = stable.inside if isinstance(stable, ForceLimitedSet) else stable
     breaks = trajectory.breaks
     times = np.unique(np.concatenate([trajectory.t, breaks, 0.5 * (breaks[:-1] + breaks[1:])]))
     twists = trajectory.twists_at(times)
@@ -171,6 +174,9 @@ def unstable_times(
     if dynamics is not None:
         with_inertia = dynamics.margins(twists, trajectory.rates_at(times), floor)
         spare = np.minimum(spare, columns_of(with_inertia).min(axis=0) - bounds.margin)
+    if bounds.force is not None:
+        force = bounds.force.force.moving(twists, trajectory.rates_at(times))
+        spare = np.minimum(spare, 1.0 - force / bounds.force.limit)
     worst = np.argsort(spare, kind="stable")
     return np.asarray(times[worst][spare[worst] <= 0.0])
 

@@ -11,7 +11,7 @@ import shapely
 
 from pushplan.cli import parameters as p
 from pushplan.cli.console import Console, counted, plain
-from pushplan.errors import ScenarioError
+from pushplan.errors import EmptyStableSetError, ScenarioError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY, PLATE, PushedObject, Pusher
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
@@ -70,14 +70,20 @@ def ask(scenario: Scenario, console: Console) -> int:
 
 
 def require_pushable(scenario: Scenario) -> None:
-    """Check what loading leaves out: whether any push keeps the chain together.
+    """Check what loading leaves out: whether any push keeps the chain together, and the robot has the force for one.
 
     Raises:
         ScenarioError: With the findings.
     """
+    from pushplan.plans.judge import planning_set
     from pushplan.scenario.check import check_scenario
 
     findings = check_scenario(scenario)
+    if not findings and scenario.pushes is None and scenario.origin is not None:
+        try:
+            planning_set(scenario, None)
+        except EmptyStableSetError as error:
+            findings = (scenario.origin.finding(("robot", "limits", "force"), str(error)),)
     if findings:
         raise ScenarioError(str(scenario.path), findings)
 

@@ -64,6 +64,8 @@ def plan_rows(document: Mapping[str, Any], remarks: Mapping[str, str]) -> Rows:
         found.append(("goal error", f"{length_text(error['position'])}, {angle_text(error['angle'])}"))
     if document["min_margin"] is not None:
         found.append(("margin (min)", _margin_text(document, remarks)))
+    if remarks.get("force"):
+        found.append(("force", remarks["force"]))
     if remarks.get("warning"):
         found.append(("warning", remarks["warning"]))
     lost = document["contact_lost"]
@@ -113,6 +115,8 @@ def _segment_text(segment: Mapping[str, Any]) -> str:
         text += f"  {held}onto {segment['onto']}" if segment["onto"] else f"  {held}{segment['face']}"
     if segment["offset"]:
         text += f" {1e3 * segment['offset']:+.3g} mm"
+    if segment["max_force"] is not None:
+        text += f"  {segment['max_force']:.3g} N"
     if segment["kind"] != "push":
         return text
     before, after = (_pose_text(segment[name]) for name in ("object_before", "object_after"))
@@ -135,7 +139,7 @@ def plan_document(plan: Plan, log: Path | None) -> Document:
 
 def remarks_on(plan: Plan, execution: Execution | None) -> dict[str, str]:
     """Return what people are told beside the numbers of a plan: where margins are smallest, what it tolerates."""
-    remarks = {"note": plan.lowered}
+    remarks = {"note": plan.lowered, "force": plan.force_words}
     if plan.robustness:
         remarks["robustness"] = plan.robustness_words
     if execution is not None:

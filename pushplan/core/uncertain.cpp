@@ -165,8 +165,9 @@ double LeastRows::row(Table<const double> ranges, std::ptrdiff_t k, int j, Asked
     return total;
 }
 
-// The wrench of a unit load in the middle of what it may be on points, and by how much it may differ.
-LeastRows::Middle LeastRows::middle(std::ptrdiff_t i) const {
+// The wrench of a unit load in the middle of what it may be on points, and by how much it may differ, moments counting
+// by a factor.
+LeastRows::Middle LeastRows::middle(std::ptrdiff_t i, double moments) const {
     Wrench sum = packed_.known(i) ? known_[i] : Wrench{0.0, 0.0, 0.0};
     const std::ptrdiff_t first = packed_.first.numbers[i], stop = packed_.first.numbers[i + 1];
     const double *miss = packed_.miss.table()[i];
@@ -181,7 +182,7 @@ LeastRows::Middle LeastRows::middle(std::ptrdiff_t i) const {
     }
     for (std::ptrdiff_t p = first; p < stop; ++p) {
         const auto [x, y, low, high] = packed_.part(p);
-        const Wrench d{pulls_[p].x - cx, pulls_[p].y - cy, pulls_[p].m - cm};
+        const Wrench d{pulls_[p].x - cx, pulls_[p].y - cy, moments * (pulls_[p].m - cm)};
         const double half = 0.5 * (low + high);
         sum.x = sum.x + half * d.x, sum.y = sum.y + half * d.y, sum.m = sum.m + half * d.m;
         spread += 0.5 * (high - low) * length_of(d);
@@ -209,6 +210,18 @@ void LeastRows::bound(Table<const double> ranges) {
     }
     for (std::ptrdiff_t k = 0; k < n; ++k)
         sizes_[k] += length_of(middles[k]);
+}
+
+std::array<double, 3> LeastRows::force(Table<const double> ranges) const {
+    std::array<double, 3> disc{0.0, 0.0, 0.0};
+    for (std::ptrdiff_t i = 0; i < packed_.count(); ++i) {
+        const auto [low, high] = range_at(ranges, i);
+        const auto [w, spread] = middle(i, 0.0);
+        const double half = 0.5 * (low + high);
+        disc[0] = disc[0] + half * w.x, disc[1] = disc[1] + half * w.y;
+        disc[2] = disc[2] + 0.5 * (high - low) * std::hypot(w.x, w.y) + high * spread;
+    }
+    return disc;
 }
 
 // The length of the largest force, sum F_i, and the largest moment, where only centres are known.

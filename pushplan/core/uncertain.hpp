@@ -87,6 +87,10 @@ class LeastRows {
     // Work out all rows and sizes for ranges (n, 2) of friction loads (N) or masses (kg).
     void work_out(Table<const double> ranges);
 
+    // The force (x, y) of all objects together in the middle of what it may be, and by how much it may differ at most:
+    // half the widths of the ranges and of the parts, each times the size of what it changes.
+    std::array<double, 3> force(Table<const double> ranges) const;
+
     // The smallest margin, or any number up to `floor` for a smaller one.
     double margin(double floor);
 
@@ -111,7 +115,7 @@ class LeastRows {
     double least_sum(std::ptrdiff_t first, std::ptrdiff_t stop, double total) const;
     double dual_sum(std::ptrdiff_t first, std::ptrdiff_t stop, double total, double c) const;
     double row(Table<const double> ranges, std::ptrdiff_t k, int j, Asked how);
-    Middle middle(std::ptrdiff_t i) const;
+    Middle middle(std::ptrdiff_t i, double moments = 1.0) const;
     void bound(Table<const double> ranges);
     void bound_centred(Table<const double> ranges);
     double least_bounded(double lowest, double floor);

@@ -79,6 +79,18 @@ def rows_of(packed: PackedLoads, twists: FloatArray) -> tuple[FloatArray, FloatA
 def sloped_rows_of(packed: PackedLoads, twists: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the same, and (m, n, 4, n) how much a metre by which an object's centre moves takes from a row, N/m."""
 
+def forces_of(packed: PackedLoads, twists: FloatArray) -> FloatArray:
+    """Return the forces (m, 3) that slide all objects together at twists (m, 3), none of them 0.
+
+    Each is x, y in the middle of what it may be, and by how much it may differ at most, N. No load may be known by
+    its centre alone.
+    """
+
+def inertia_forces_of(
+    packed: PackedLoads, masses: FloatArray, known: FloatArray, pulls: FloatArray
+) -> FloatArray:
+    """Return likewise the forces (m, 3) that inertia asks for; see `inertia_rows_of`."""
+
 def inertia_rows_of(
     packed: PackedLoads, masses: FloatArray, known: FloatArray, pulls: FloatArray
 ) -> tuple[FloatArray, FloatArray]:

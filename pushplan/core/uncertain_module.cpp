@@ -70,6 +70,22 @@ py::array_t<double> least_contact_margins_of(const PackedLoads &packed, const Nu
     return out;
 }
 
+// The forces that `set` and `ranges` lead to at each of many moments.
+template <class Set>
+py::array_t<double> forces_at(const PackedLoads &packed, std::ptrdiff_t count, Table<const double> ranges,
+                              const Set &set) {
+    py::array_t<double> forces({count, std::ptrdiff_t{3}});
+    double *force = forces.mutable_data();
+    py::gil_scoped_release free;
+    LeastRows least(packed);
+    for (std::ptrdiff_t t = 0; t < count; ++t) {
+        set(least, t);
+        const auto found = least.force(ranges);
+        force = std::copy(found.begin(), found.end(), force);
+    }
+    return forces;
+}
+
 // The rows and sizes that `set` and `ranges` lead to at each of many moments: `set(least, t)` prepares moment t.
 template <class Set>
 py::tuple rows_at(const PackedLoads &packed, std::ptrdiff_t count, Table<const double> ranges, const Set &set,
@@ -109,19 +125,44 @@ py::tuple sloped_rows_of(const PackedLoads &packed, const Numbers &twists) {
     return rows_at(packed, twist.rows, packed.loads.table(), set, true);
 }
 
-py::tuple inertia_rows_of(const PackedLoads &packed, const Numbers &masses, const Numbers &known,
-                          const Numbers &pulls) {
-    const std::ptrdiff_t n = packed.count(), p = packed.points.size();
+void require_places(const PackedLoads &packed) {
     if (packed.centred)
-        throw std::invalid_argument("a mass of which only the centre of the load is known has no known place");
+        throw std::invalid_argument("a load of which only the centre is known has no known place");
+}
+
+py::array_t<double> forces_of(const PackedLoads &packed, const Numbers &twists) {
+    require_places(packed);
+    const auto twist = twist_table(twists);
+    const auto set = [&](LeastRows &least, std::ptrdiff_t t) { least.set_twist(twist_at(twist[t])); };
+    return forces_at(packed, twist.rows, packed.loads.table(), set);
+}
+
+void require_wrenches(const PackedLoads &packed, const Numbers &masses, const Numbers &known, const Numbers &pulls) {
+    const std::ptrdiff_t n = packed.count(), p = packed.points.size();
+    require_places(packed);
     require_shape(masses, {n, 2}, "masses");
     require_shape(known, {-1, n, 3}, "known");
     require_shape(pulls, {known.shape(0), p, 3}, "pulls");
+}
+
+auto wrenches_at(const PackedLoads &packed, const Numbers &known, const Numbers &pulls) {
+    const std::ptrdiff_t n = packed.count(), p = packed.points.size();
     const double *of_known = known.data(), *of_points = pulls.data();
-    const auto set = [&](LeastRows &least, std::ptrdiff_t t) {
+    return [=](LeastRows &least, std::ptrdiff_t t) {
         least.set_wrenches(of_known + 3 * n * t, of_points + 3 * p * t);
     };
-    return rows_at(packed, known.shape(0), table(masses), set);
+}
+
+py::array_t<double> inertia_forces_of(const PackedLoads &packed, const Numbers &masses, const Numbers &known,
+                                      const Numbers &pulls) {
+    require_wrenches(packed, masses, known, pulls);
+    return forces_at(packed, known.shape(0), table(masses), wrenches_at(packed, known, pulls));
+}
+
+py::tuple inertia_rows_of(const PackedLoads &packed, const Numbers &masses, const Numbers &known,
+                          const Numbers &pulls) {
+    require_wrenches(packed, masses, known, pulls);
+    return rows_at(packed, known.shape(0), table(masses), wrenches_at(packed, known, pulls));
 }
 
 py::tuple worst_spreads(const PackedLoads &packed, const Numbers &twist, std::ptrdiff_t k, int j) {
@@ -200,6 +241,9 @@ void bind_uncertain(py::module_ &core) {
     m.def("contact_margins_of", &least_contact_margins_of, py::arg("packed"), py::arg("twists"));
     m.def("rows_of", &rows_of, py::arg("packed"), py::arg("twists"));
     m.def("sloped_rows_of", &sloped_rows_of, py::arg("packed"), py::arg("twists"));
+    m.def("forces_of", &forces_of, py::arg("packed"), py::arg("twists"));
+    m.def("inertia_forces_of", &inertia_forces_of, py::arg("packed"), py::arg("masses"), py::arg("known"),
+          py::arg("pulls"));
     m.def("inertia_rows_of", &inertia_rows_of, py::arg("packed"), py::arg("masses"), py::arg("known"),
           py::arg("pulls"));
     m.def("worst_spreads", &worst_spreads, py::arg("packed"), py::arg("twist"), py::arg("k"), py::arg("j"));

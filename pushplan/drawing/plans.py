@@ -96,6 +96,8 @@ def plot_plan(
     with figure_for(path, full, _HEIGHT) as figure:
         robustness = plan.robustness if plan.solved else None
         sentence = "" if robustness is None or not robustness.known else plan.robustness_words
+        if plan.solved and plan.force_limit is not None and plan.force_words:
+            sentence = f"{sentence}; {plan.force_words}" if sentence else plan.force_words
         keys = scene_keys(scene) if width or "steps" in panels else []
         low = draw_footer(figure, _LEFT, keys, sentence) + 0.15
         steps = None

@@ -7,6 +7,7 @@ through `contacts[i]`. The paper counts the other way round (its object 1 is the
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -127,6 +128,8 @@ class Limits:
         angular_acceleration: See `angular_speed`.
         angular_jerk: See `angular_speed`.
         contact: Whether no contact may slip through inertia either, one of `names.CONTACT_LIMITS`.
+        force: Largest force |F_xy| with which the plate pushes, N.
+        breakaway: Factor, >= 1, by which static friction on the floor exceeds that of sliding, as a push begins.
     """
 
     speed: Limit = 0.2
@@ -136,6 +139,8 @@ class Limits:
     angular_acceleration: Limit = 2.0
     angular_jerk: float = 20.0
     contact: str = DEFAULT_CONTACT_LIMITS
+    force: float = math.inf
+    breakaway: float = 1.3
 
     def both(self, name: LimitName) -> tuple[float, float]:
         """Return the largest magnitudes of what is negative and of what is positive."""

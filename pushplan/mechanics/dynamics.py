@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -75,8 +76,38 @@ class Wrenches(NamedTuple):
         return Wrenches(self.rows - lost, self.size + lost.max(axis=2))
 
 
+class MotionConditions(ABC):
+    """Conditions on twists and their rates that are linear in what the floor and what inertia ask for."""
+
+    @abstractmethod
+    def quasi_static(self, twists: FloatArray) -> Wrenches:
+        """Return what the floor asks for at body twists (m, 3), none of them zero."""
+
+    @abstractmethod
+    def rows_of_inertia(self, sliding: FloatArray, twists: FloatArray, rates: FloatArray) -> Wrenches:
+        """Return what inertia adds at twists (m, 3) and their time derivatives, objects sliding with `sliding`."""
+
+    def rows(self, twist: ArrayLike, margin: float = 0.0) -> DynamicRows:
+        """Return the rows along a constant body twist (3,) per unit of s.
+
+        Args:
+            twist: In the chain frame.
+            margin: The rows are positive only where the contacts' margins exceed this: from g . w > margin |w|
+                with the size of w at most the sum of the sizes of its three parts, so that they stay linear.
+        """
+        xi = checked_twists(np.asarray(twist, dtype=np.float64)[None])
+        return DynamicRows(*(rows[0] for rows in self.rows_along(xi, margin)))
+
+    def rows_along(self, twists: FloatArray, margin: float = 0.0) -> tuple[FloatArray, ...]:
+        """Return the arrays (m, n, 4) of `rows`, in the order of its attributes, along checked twists (m, 3)."""
+        still = np.zeros_like(twists)
+        motions = ((still, twists), (twists, still), (still, -twists))
+        parts = (self.quasi_static(twists), *(self.rows_of_inertia(twists, *motion) for motion in motions))
+        return tuple(part.rows - margin * part.size[..., None] for part in parts)
+
+
 @dataclass(frozen=True, eq=False)
-class ContactDynamics:
+class ContactDynamics(MotionConditions):
     """A chain's contact conditions with inertia, ready to be asked many times.
 
     Attributes:
@@ -96,7 +127,7 @@ class ContactDynamics:
     interval: IntervalChain | None = None
 
     def __post_init__(self) -> None:
-        _ = self.packed if self._exact else self._uncertain  # raise where loads are not known or tip
+        _ = self.packed if self.exact else self.loads  # raise where loads are not known or tip
 
     @cached_property
     def packed(self) -> contacts.PackedChain:
@@ -119,7 +150,7 @@ class ContactDynamics:
         return contact_facets(self.chain)
 
     @cached_property
-    def _uncertain(self) -> uncertain.PackedLoads:
+    def loads(self) -> uncertain.PackedLoads:
         """The chain as arrays of what its loads may be."""
         if self.worst_case:
             return pack_centred(self.chain, self.interval)
@@ -128,49 +159,31 @@ class ContactDynamics:
         return pack_intervals(self.interval)
 
     @cached_property
-    def _interval_inertia(self) -> IntervalInertia:
+    def interval_inertia(self) -> IntervalInertia:
+        """What inertia asks for where masses or loads are intervals."""
         assert self.interval is not None
         return IntervalInertia(self.interval)
 
     @cached_property
-    def _exact(self) -> bool:
+    def exact(self) -> bool:
         """Whether wrenches are known, not only bounds of them."""
         return not self.worst_case and self.interval is None and not counts_by_centre(self.chain)
-
-    def rows(self, twist: ArrayLike, margin: float = 0.0) -> DynamicRows:
-        """Return the rows along a constant body twist (3,) per unit of s.
-
-        Args:
-            twist: In the chain frame.
-            margin: The rows are positive only where the contacts' margins exceed this: from g . w > margin |w|
-                with the size of w at most the sum of the sizes of its three parts, so that they stay linear.
-        """
-        xi = checked_twists(np.asarray(twist, dtype=np.float64)[None])
-        return DynamicRows(*(rows[0] for rows in self.rows_along(xi, margin)))
-
-    def rows_along(self, twists: FloatArray, margin: float = 0.0) -> tuple[FloatArray, ...]:
-        """Return the arrays (m, n, 4) of `rows`, in the order of its attributes, along checked twists (m, 3)."""
-        still = np.zeros_like(twists)
-        parts = (
-            self.quasi_static(twists),
-            *(
-                self.inertia(v, dv).less(self._lost(twists, v, dv))
-                for v, dv in ((still, twists), (twists, still), (still, -twists))
-            ),
-        )
-        return tuple(part.rows - margin * part.size[..., None] for part in parts)
 
     @cached_property
     def _leans(self) -> FloatArray:
         return leans(self.chain, self.interval)
 
+    def rows_of_inertia(self, sliding: FloatArray, twists: FloatArray, rates: FloatArray) -> Wrenches:
+        """Return what inertia adds, loads that it moves included, where objects slide with twists (m, 3)."""
+        return self.inertia(twists, rates).less(self._lost(sliding, twists, rates))
+
     def _lost(self, sliding: FloatArray, twists: FloatArray, rates: FloatArray) -> FloatArray:
         """Return what loads that inertia moves take from the rows (m, n, 4) of objects that slide with twists, N."""
-        if self._exact or not self._leans.any():
+        if self.exact or not self._leans.any():
             return np.zeros((1, 1, 4))
         forces = contacts.inertia_per_object(self.table, twists, rates)[..., :2]
         moved = (np.hypot(forces[..., 0], forces[..., 1]) / self.table.mass) @ self._leans.T
-        packed, length = self._uncertain, self.chain.characteristic_length
+        packed, length = self.loads, self.chain.characteristic_length
         slopes = by_direction(lambda v: uncertain.sloped_rows_of(packed, v)[2], sliding, length)
         return np.asarray(np.einsum("mkji,mi->mkj", slopes, moved), dtype=np.float64)
 
@@ -182,9 +195,9 @@ class ContactDynamics:
         return Wrenches(*(values[owner] for values in self._quasi_static(twists[first])))
 
     def _quasi_static(self, twists: FloatArray) -> Wrenches:
-        if self._exact:
+        if self.exact:
             return self._exactly(contacts.wrenches_of(self.packed, twists))
-        return Wrenches(*uncertain.rows_of(self._uncertain, twists))
+        return Wrenches(*uncertain.rows_of(self.loads, twists))
 
     def floor_wrenches(self, twists: FloatArray) -> FloatArray:
         """Return what the contacts transmit without inertia (m, n, 3) at twists (m, 3) where loads are known."""
@@ -195,7 +208,7 @@ class ContactDynamics:
         """Return what inertia adds to the contacts' wrenches; see `inertia_wrenches`."""
         if self.interval is None:
             return self._exactly(self.inertia_wrenches(twists, rates))
-        return Wrenches(*self._interval_inertia.rows(twists, rates))
+        return Wrenches(*self.interval_inertia.rows(twists, rates))
 
     def inertia_wrenches(self, twists: FloatArray, rates: FloatArray) -> FloatArray:
         """Return what inertia adds to the wrench of each contact (m, n, 3), about the chain frame's origin.
@@ -228,10 +241,10 @@ class ContactDynamics:
             raise PushplanError(
                 f"rates have shape {dv.shape}; they must be finite and like twists: {v.shape}"
             )
-        if self._exact:
+        if self.exact:
             wrenches = self.floor_wrenches(v) if floor is None else floor
             return contacts.contact_margins_of(self.packed, wrenches + self.inertia_wrenches(v, dv))
-        static, inertia = self.quasi_static(v), self.inertia(v, dv).less(self._lost(v, v, dv))
+        static, inertia = self.quasi_static(v), self.rows_of_inertia(v, v, dv)
         size = static.size + inertia.size
         least = (static.rows + inertia.rows).min(axis=2)
         return np.where(size > 0.0, least / np.where(size > 0.0, size, 1.0), 0.0)

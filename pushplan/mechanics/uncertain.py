@@ -6,7 +6,7 @@ taken to lie where its load is.
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Sized
+from collections.abc import Iterator, Sequence, Sized
 from dataclasses import replace
 from functools import lru_cache
 
@@ -170,11 +170,23 @@ class IntervalInertia:
             twists: (m, 3) body twists in the chain frame.
             rates: (m, 3) their time derivatives.
         """
+        parts = self._wrenches(twists, rates)
+        found = [uncertain.inertia_rows_of(self._packed, self._masses, *part) for part in parts]
+        return np.concatenate([rows for rows, _ in found]), np.concatenate([size for _, size in found])
+
+    def forces(self, twists: FloatArray, rates: FloatArray) -> FloatArray:
+        """Return the forces (m, 3) on all objects together, as of `core.uncertain.forces_of`."""
+        parts = self._wrenches(twists, rates)
+        return np.concatenate(
+            [uncertain.inertia_forces_of(self._packed, self._masses, *part) for part in parts]
+        )
+
+    def _wrenches(self, twists: FloatArray, rates: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Yield what 1 kg of each object, and on each point, asks for, some motions at a time."""
         step = max(_AT_ONCE // (3 * max(len(self._points.mass), 1)), 1)
-        found = []
         for i in range(0, max(len(twists), 1), step):
             v, dv = twists[i : i + step], rates[i : i + step]
-            known = contacts.inertia_per_object(self._known, v, dv)
-            pulls = contacts.inertia_per_object(self._points, v, dv)
-            found.append(uncertain.inertia_rows_of(self._packed, self._masses, known, pulls))
-        return np.concatenate([rows for rows, _ in found]), np.concatenate([size for _, size in found])
+            yield (
+                contacts.inertia_per_object(self._known, v, dv),
+                contacts.inertia_per_object(self._points, v, dv),
+            )

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.dynamics import ContactDynamics
+from pushplan.mechanics.force import PushForce
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.scenario.model import Scenario
+from pushplan.sets.force_limited_set import within_force
 from pushplan.sets.known_load_sets import IntersectionSet
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.names import KNOWN_LOAD_SETS, STABLE_SETS
@@ -27,16 +30,26 @@ def judging_set(scenario: Scenario, planned: str) -> StableSet:
 def planning_set(scenario: Scenario, name: str | None = None) -> StableSet:
     """Return the set to plan in: the one called `name`, cut down to what the judge of the execution accepts.
 
-    Only `cof` may reach beyond its judge: it takes friction to act at a point that does not move with the COR.
+    Only `cof` may reach beyond its judge: it takes friction to act at a point that does not move with the COR. Every
+    search, check and closed loop asks here for what it may do, so that a load that is too heavy together with others
+    is just one that no contact can push.
 
     Raises:
         PushplanError: See `Scenario.stable_set`.
+        EmptyStableSetError: When all of its pushes take more force than `robot.limits.force`.
     """
     stable = scenario.stable_set(name)
-    if stable.name != "cof":
+    if stable.name == "cof":
+        stable = IntersectionSet(stable, judging_set(scenario, stable.name))
+    limits = scenario.chain.pusher.limits
+    if math.isinf(limits.force):
         return stable
-    assert stable.name in KNOWN_LOAD_SETS
-    return IntersectionSet(stable, judging_set(scenario, stable.name))
+    return within_force(stable, push_force(scenario, stable.name), limits)
+
+
+def push_force(scenario: Scenario, set_name: str) -> PushForce:
+    """Return the force that pushing takes, for all that a stable set holds for; see `contact_dynamics`."""
+    return PushForce(contact_dynamics(scenario, set_name))
 
 
 def contact_dynamics(scenario: Scenario, set_name: str) -> ContactDynamics:

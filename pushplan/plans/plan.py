@@ -66,6 +66,7 @@ CAUSES = {
     "direction": "no stable push turns the chain, and the goal lies in a direction that none goes",
     "one-sided": "the chain turns to one side only",
     "wide turns": "the turns are wide for the room there is",
+    "force": "the robot has not the force for some of the stable pushes",
     "boxed in": "hardly any push is possible from the start, or into the goal",
     "order": "no order of the objects was found",
     "closing": "an object does not surely become flush with what is pushed onto it",
@@ -200,6 +201,23 @@ class Plan:
         return None if self.execution is None else self.execution.min_dynamic_margin
 
     @property
+    def max_force(self) -> float | None:
+        """Largest force with which the plate has to push, see `Execution.needed_forces`, N; None where not known."""
+        return None if self.execution is None else self.execution.max_force()
+
+    @property
+    def force_limit(self) -> float | None:
+        """Of the robot, N; None where the scenario states none."""
+        limit = self.scenario.pusher.limits.force
+        return None if math.isinf(limit) else limit
+
+    @property
+    def force_words(self) -> str:
+        """With what force the plate has to push, and how much the robot has; empty where it is not known."""
+        limit = self.scenario.pusher.limits.force
+        return "" if self.execution is None else self.execution.force_words(limit)
+
+    @property
     def pushed_distance(self) -> float | None:
         """Cost of all pushes together, m; None without a plan."""
         return sum(segment.cost for segment in self.segments if segment.pushes) if self.segments else None
@@ -269,6 +287,8 @@ class Plan:
             "goal_error_angle": error[1],
             "min_margin": self.min_margin,
             "min_dynamic_margin": self.min_dynamic_margin,
+            "max_force": self.max_force,
+            "force_limit": self.force_limit,
             "margin_asked": self.margin_asked,
             "margin": self.margin,
         }
@@ -305,6 +325,7 @@ class Plan:
             "onto": self.segments[k].onto or None,
             "load": [] if load is None else [vars(link) for link in load.links],
             "margin": segment.margin,
+            "max_force": None if self.execution is None else self.execution.max_force(k),
             "arcs": _arcs(segment.contact_path if segment.pushes else segment.path),
             "robot_before": segment.path.start.tolist(),
             "robot_after": segment.path.end.tolist(),

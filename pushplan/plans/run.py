@@ -66,6 +66,9 @@ class Execution:
         forces: (m, n, 2) contact force on the pushed object, in the contact's frame of its load, N.
         wrenches: (m, 3) with which the plate pushes on all that it touches, in the contact's frame, about its origin:
             N, N, N m. None where contacts may not slip: it is then that of `forces`.
+        needed_forces: (m,) with which the plate has to push, N: |F_xy| for the least favourable of the stated loads
+            and frictions, inertia included, and as a push begins what static friction asks for. NaN where nothing is
+            pushed; None where contacts may slip.
     """
 
     names: tuple[str, ...]
@@ -83,6 +86,7 @@ class Execution:
     lambdas: FloatArray | None = None
     forces: FloatArray | None = None
     wrenches: FloatArray | None = None
+    needed_forces: FloatArray | None = None
 
     @property
     def min_margin(self) -> float | None:
@@ -93,6 +97,27 @@ class Execution:
     def min_dynamic_margin(self) -> float | None:
         """Smallest margin of any contact with inertia, None where it was not looked at or nothing was pushed."""
         return None if self.dynamic_margins is None else _least(self.dynamic_margins)
+
+    def max_force(self, segment: int | None = None) -> float | None:
+        """Return the largest force |F_xy| of the plate, N, in a segment or in all; None where it is not known.
+
+        That is of `needed_forces`, and of `wrenches` where contacts may slip.
+        """
+        forces = self.needed_forces
+        if self.wrenches is not None:
+            forces = np.hypot(self.wrenches[:, 0], self.wrenches[:, 1])
+        if forces is None:
+            return None
+        forces = forces if segment is None else forces[self.segment == segment]
+        known = forces[~np.isnan(forces)]
+        return float(known.max()) if known.size else None
+
+    def force_words(self, limit: float) -> str:
+        """Return with what force the plate pushes, and how much it has, N; empty where that is not known."""
+        needed = self.max_force()
+        if needed is None:
+            return ""
+        return f"needs up to {needed:.3g} N" + ("" if math.isinf(limit) else f" of {limit:.3g} N")
 
     def until(self, count: int) -> Execution:
         """Return the first samples, as of an execution that has not come to its end."""

@@ -265,7 +265,7 @@ def _pusher(file: RoomFile, parts: Sequence[Part], layout: Layout, source: Sourc
         lowest(plate.friction),
         middle(plate.contact_height),
         _drive(plate.drive, np.zeros(3)) if robot.drive is None else _drive(robot.drive, frame),
-        Limits(**plate.limits.model_dump()),
+        Limits(**plate.limits.model_dump(), **({} if robot.limits is None else robot.limits.model_dump())),
         _footprint(file, parts, layout, source),
         None if robot.base is None else se2.compose(frame, np.array(robot.base)),
     )

@@ -68,6 +68,8 @@ Face = Annotated[
 Most = Annotated[int, Quantity("a whole number", {}, 1, 100, whole=True)]
 Symmetry = Annotated[int, Quantity("a whole number", {}, 1, 360, whole=True)]
 Seed = Annotated[int, Quantity("a whole number", {}, 0, 2**31 - 1, whole=True)]
+Force = Annotated[float, Quantity("a force", units.FORCE, 1e-3, 1e6, "40 N")]
+Breakaway = Annotated[float, Quantity("a factor", {}, 1.0, 10.0)]
 Speed = Annotated[float | Span, either_way(Quantity("a speed", units.SPEED, 1e-4, 100.0, "0.2 m/s"))]
 Acceleration = Annotated[
     float | Span, either_way(Quantity("an acceleration", units.ACCELERATION, 1e-4, 1e3, "0.5 m/s^2"))

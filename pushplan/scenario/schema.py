@@ -246,6 +246,16 @@ Footprint = Annotated[
 ]
 
 
+class RobotLimits(t.Strict):
+    """What the robot cannot exceed, beside the plate's motion."""
+
+    force: t.Force = Field(description="a force in N, the largest with which the plate pushes, e.g. 40 N")
+    breakaway: t.Breakaway = Field(
+        default=_LIMITS.breakaway,
+        description="a factor from 1, by which the force that sets a load in motion exceeds that of sliding",
+    )
+
+
 class Robot(t.Strict):
     """What carries the plate, its shape and its drive."""
 
@@ -259,6 +269,7 @@ class Robot(t.Strict):
         default=None,
         description="[x, y, theta] in the plate's frame of the frame that path followers steer; default: the axle",
     )
+    limits: RobotLimits | None = Field(default=None, description="{force: ..., breakaway: ...}")
 
 
 class UncertaintyShares(t.Strict):

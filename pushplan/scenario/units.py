@@ -31,6 +31,7 @@ ANGLE = {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180.0, "°": math.pi / 180.0
 MASS = {"kg": 1.0, "g": 1e-3, "t": 1e3, "lb": 0.45359237}
 TIME = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 FRACTION = {"%": 0.01}
+FORCE = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "lbf": 4.4482216152605, "kgf": 9.80665}
 SPEED = _rates(LENGTH, 1) | {"km/h": 1.0 / 3.6}
 ACCELERATION = _rates(LENGTH, 2)
 JERK = _rates(LENGTH, 3)
@@ -44,6 +45,7 @@ DIMENSIONS: dict[str, Mapping[str, float]] = {
     "a mass": MASS,
     "a time": TIME,
     "a fraction": FRACTION,
+    "a force": FORCE,
     "a speed": SPEED,
     "an acceleration": ACCELERATION,
     "a jerk": JERK,

@@ -65,6 +65,8 @@ def _plan(answer: Answer, milliseconds: float) -> str:
         rows += [(f"push {k}", _push(push)) for k, push in enumerate(plan.pushes, start=1)]
     if plan.min_margin is not None:
         rows.append(("least margin", f"{plan.min_margin:.3f}"))
+    if plan.force_words:
+        rows.append(("force", plan.force_words))
     if plan.duration is not None:
         rows.append(("drive", f"{plan.duration:.1f} s"))
     if plan.robustness is not None:

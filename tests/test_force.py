@@ -1,0 +1,191 @@
+"""The force of pushing: against friction wrenches and Newton, over intervals, in plans, output and logs."""
+
+import json
+import runpy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from conftest import ChainMaker, there
+from several.conftest import problem_document
+from test_dynamics import motions, widened, world, worlds
+
+import pushplan
+from pushplan.cli.main import main
+from pushplan.errors import PushplanError
+from pushplan.mechanics.chain import Limits
+from pushplan.mechanics.contacts import friction_wrench
+from pushplan.mechanics.dynamics import ContactDynamics
+from pushplan.mechanics.force import PushForce
+from pushplan.mechanics.inertia import inertia_of
+from pushplan.mechanics.support import UnknownSupport
+from pushplan.plans.judge import push_force
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.file import example_text, scenario_from_document
+from pushplan.sets.force_limited_set import ForceLimitedSet, least_force, within_force
+from pushplan.sets.named import stable_set
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_force_is_friction_and_inertia_of_all_objects(make_chain: ChainMaker, seed: int) -> None:
+    chain = make_chain.random(seed, 3, tree=seed > 1, feet=seed == 1)
+    twists, rates = motions(chain, seed)
+    force = PushForce(ContactDynamics(chain))
+    total = -np.sum([friction_wrench(obj, twists)[:, :2] for obj in chain.objects], axis=0)
+    assert force.steady(twists) == pytest.approx(np.hypot(*total.T))
+    for obj in chain.objects:
+        mass, (x, y), _ = inertia_of(obj)
+        velocity, rate = (v[:, :2] + v[:, 2:] * [-y, x] for v in (twists, rates))
+        total = total + mass * (rate + twists[:, 2:] * velocity[:, ::-1] * [-1.0, 1.0])
+    assert force.moving(twists, rates) == pytest.approx(np.hypot(*total.T))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_world_takes_more_than_the_bound_and_the_heaviest_nearly_as_much(
+    make_chain: ChainMaker, seed: int
+) -> None:
+    interval = widened(make_chain.random(seed, 1 + seed % 3, tree=seed == 3, feet=seed == 1))
+    twists, rates = motions(interval.chain, seed)
+    bound = PushForce(ContactDynamics(interval.chain, interval=interval))
+    steady, moving = bound.steady(twists), bound.moving(twists, rates)
+    heaviest = world(interval, interval.mass[:, 1], interval.floor_friction[:, 1])
+    for chain in (*worlds(interval, seed), heaviest):
+        exact = PushForce(ContactDynamics(chain))
+        assert (exact.steady(twists) <= steady * (1.0 + 1e-9)).all()
+        assert (exact.moving(twists, rates) <= moving * (1.0 + 1e-9)).all()
+    # Friction points the same way within 90 deg, so that no other world takes more.
+    assert (steady <= 1.005 * PushForce(ContactDynamics(heaviest)).steady(twists)).all()
+
+
+def test_unknown_loads_take_at_most_the_bound_over_all_pressures(make_chain: ChainMaker) -> None:
+    unknown = PushForce(ContactDynamics(make_chain.boxes(2, support=UnknownSupport), worst_case=True))
+    known = PushForce(ContactDynamics(make_chain.boxes(2)))
+    twists = np.array([[1.0, 0.0, 0.0], [1.0, 0.2, 3.0], [0.3, 0.1, -5.0], [0.2, 0.0, 20.0]])
+    assert unknown.steady(twists)[0] == pytest.approx(known.steady(twists)[0])
+    assert (unknown.steady(twists) >= known.steady(twists) * (1.0 - 1e-12)).all()
+    assert (unknown.steady(twists) <= unknown.most_friction).all()
+
+
+@pytest.mark.parametrize(("share", "left"), [(1.001, "all"), (0.95, "part"), (0.9, "part"), (0.5, "none")])
+def test_a_set_within_a_force(make_chain: ChainMaker, share: float, left: str) -> None:
+    """Membership is stability and force at every twist; empty exactly where the least force is too much."""
+    chain = make_chain.boxes(2)
+    stable, force = stable_set(chain), PushForce(ContactDynamics(chain))
+    limits = Limits(force=1.3 * share * force.most_friction, breakaway=1.3)
+    if left == "none":
+        assert share * force.most_friction < there(least_force(stable, force))
+        with pytest.raises(PushplanError, match=r"takes at least .* to slide, 1\.3 times"):
+            within_force(stable, force, limits)
+        return
+    found = within_force(stable, force, limits)
+    assert (found is stable) == (left == "all")
+    twists = np.random.default_rng(1).normal(size=(4000, 3)) * [0.3, 0.3, 3.0] + [1.0, 0.0, 0.0]
+    allowed = force.steady(twists) <= share * force.most_friction
+    assert (found.contains(twists) == (stable.contains(twists) & allowed)).all()
+    assert (found.contains(twists).sum() < stable.contains(twists).sum()) == (left == "part")
+    if isinstance(found, ForceLimitedSet):
+        assert 0.0 < found.area() < stable.area()
+        assert (found.contact_margins(twists) == stable.contact_margins(twists)).all()
+
+
+def crates(**robot: Any) -> dict[str, Any]:
+    return {**yaml.safe_load(example_text("two-crates")), "robot": {"limits": robot}}
+
+
+# Sliding the crates takes 4.544 N at least and 5.884 N at most.
+
+
+@pytest.mark.parametrize(
+    ("force", "breakaway", "binds"), [("10 N", 1.3, False), (7.7, 1.3, False), (6.2, 1.0, True)]
+)
+def test_plans_respect_the_force(force: Any, breakaway: float, binds: bool) -> None:
+    stated = (crates(force="9 kN"), crates(force=force, breakaway=breakaway))
+    free, plan = (
+        pushplan.plan(scenario_from_document(one), seed=1, time_limit=60.0, iterations=500) for one in stated
+    )
+    assert plan.solved
+    assert free.solved
+    force_of, limit = push_force(plan.scenario, "ecof"), there(plan.force_limit)
+
+    def needed(trajectory: Trajectory) -> float:
+        times = np.linspace(0.0, trajectory.duration, 5001)[1:-1]
+        return float(force_of.moving(trajectory.directions_at(times), trajectory.rates_at(times)).max())
+
+    assert (needed(free.segments[0].contact_trajectory) > limit) == binds
+    trajectory = plan.segments[0].contact_trajectory
+    begin = breakaway * force_of.steady(trajectory.directions_at(np.zeros(1)))
+    assert there(plan.max_force) == pytest.approx(max(needed(trajectory), begin[0]), rel=1e-3)
+    assert there(plan.max_force) <= limit
+
+
+@pytest.mark.parametrize(
+    ("force", "breakaway", "reason"),
+    [
+        ("1.3 lbf", 1.3, "at least 5.907 N: 4.544 N to slide, 1.3 times as much to break away; robot"),
+        (4.7, 1.0, "at least 4.771 N: 4.544 N to slide, 1.05 times as much to speed up; robot"),
+        (7.64, 1.3, "the straightest ones, take more force than robot.limits.force: 7.649 N at most"),
+    ],
+)
+def test_no_plan_takes_too_much_force(force: Any, breakaway: float, reason: str) -> None:
+    scenario = scenario_from_document(crates(force=force, breakaway=breakaway))
+    with pytest.raises(PushplanError, match=reason):
+        raise PushplanError(pushplan.plan(scenario, seed=1, time_limit=60.0, iterations=500).reason)
+
+
+@pytest.mark.parametrize(
+    ("force", "loads"),
+    [(6.0, {"a", "ab", "abc"}), (4.0, {"a", "ab", "c"}), (2.5, {"a", "b", "c"}), (1.5, set())],
+)
+def test_a_row_too_heavy_together_is_pushed_in_groups_or_one_by_one(force: float, loads: set[str]) -> None:
+    row = runpy.run_path(str(Path(__file__).parent / "several" / "test_gathering.py"))["DOCUMENT"]
+    scenario = scenario_from_document({**row, "robot": {**row["robot"], "limits": {"force": force}}})
+    if not loads:
+        with pytest.raises(PushplanError, match=r"pushing 'a' takes at least 1\.912 N.*force is 1\.5 N"):
+            pushplan.plan(scenario, seed=1)
+        return
+    plan = pushplan.plan(scenario, seed=1, time_limit=60.0, first=True)
+    assert plan.solved
+    needed = [
+        (there(plan.execution).max_force(k), "".join(there(segment.load).names))
+        for k, segment in enumerate(plan.segments)
+        if segment.pushes
+    ]
+    assert {names for _, names in needed} == loads
+    for most, names in needed:  # every object slides at 1.471 N
+        assert most == pytest.approx(1.3 * 1.471 * len(names), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("force", "reason"),
+    [(8.0, ""), (7.0, "b0 rear: pushing 'b0' and 'b1' takes at least 7.64"), (4.0, "at least 5.203 N")],
+)
+def test_multi_push_plans_respect_the_force(force: float, reason: str) -> None:
+    scenario = scenario_from_document(problem_document("car", 2, robot={"limits": {"force": force}}))
+    if reason:
+        with pytest.raises(PushplanError, match=reason):
+            pushplan.plan(scenario, seed=1)
+        return
+    plan = pushplan.plan(scenario, seed=1, time_limit=60.0, first=True)
+    assert plan.solved
+    assert plan.force_words == "needs up to 7.65 N of 8 N"
+
+
+def test_output_log_and_page_tell_the_force(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, log = tmp_path / "crates.yaml", tmp_path / "crates.mcap"
+    file.write_text(json.dumps(crates(force=10.0)))
+    assert main(["plan", str(file), "-o", str(log), "--first"]) == 0
+    run = pushplan.load_run(log)
+    words = there(run.plan).force_words
+    assert words == f"needs up to {there(run.plan).max_force:.3g} N of 10 N"
+    assert words in capsys.readouterr().out
+    assert words in log.with_suffix(".html").read_text()
+    assert words in run.lines[-1].text
+    assert main(["replay", str(log), "--verify", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["force_limit"] == 10.0
+    assert document["max_force"] == document["segments"][0]["max_force"] == there(run.plan).max_force
+    file.write_text(json.dumps(crates(force=5.8)))
+    assert main(["check", str(file)]) == 2
+    assert "robot.limits.force: pushing 'near' and 'far' takes at least 5.907 N" in capsys.readouterr().err
