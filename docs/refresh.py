@@ -5,6 +5,8 @@ With names, such as `two-crates.png`, only these pictures. Those of viewers are 
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import os
 import re
@@ -15,6 +17,9 @@ from pathlib import Path
 from statistics import median
 
 from stamp import content_of, stamp
+
+from pushplan.cli.main import main as main_of_pushplan
+from pushplan.scenario.file import example_text
 
 ROOT = Path(__file__).parents[1]
 FIXED = "--iterations 20000 --time-limit 600"
@@ -80,16 +85,15 @@ def content(name: str) -> str:
     if name in NOT_COMPARED:
         return content_of(scenario_text(command[1]), {})
     words = [*command, "--json", *(["--no-log"] if command[0] == "plan" else [])]
-    done = subprocess.run(
-        [sys.executable, "-m", "pushplan", *words], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False
-    )
-    return content_of(scenario_text(command[1]), json.loads(done.stdout))
+    with contextlib.chdir(ROOT), contextlib.redirect_stdout(io.StringIO()) as printed:
+        main_of_pushplan(words)
+    return content_of(scenario_text(command[1]), json.loads(printed.getvalue()))
 
 
 def scenario_text(source: str) -> str:
     """Return the text of a scenario: a file of the repository, or a packaged one."""
     file = ROOT / source
-    return file.read_text() if file.is_file() else _run(["examples", source], ROOT)
+    return file.read_text() if file.is_file() else example_text(source)
 
 
 def with_output(text: str, output: str) -> str:

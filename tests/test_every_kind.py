@@ -14,6 +14,7 @@ import pytest
 from conftest import there
 from matplotlib import image
 from planned_by_hand import MULTI, ROW, SWAP
+from rough import rough_identification
 
 import pushplan
 from pushplan.bench.batch import Selection, run_suite
@@ -35,7 +36,6 @@ from pushplan.scenario.file import example_text
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance
-from pushplan.sim.identify import posterior
 from pushplan.sim.trials import TrialUncertainty
 from pushplan.trial import write_trial
 from pushplan.util.arrays import FloatArray
@@ -46,11 +46,10 @@ from pushplan.view.draft import Draft
 KINDS = ("push", "multi-push", "rearrangement", "gathering")
 EVERY = pytest.mark.parametrize("kind", KINDS)
 FAST = r"\1, limits: {speed: 0.5, acceleration: 1.5, jerk: 30, angular_speed: 2}}"
-TEXTS = {
-    "multi-push": re.sub(r"(pusher: {.*)}", FAST, MULTI),
-    "rearrangement": SWAP,
-    "gathering": re.sub(r"(pusher: {.*)}", FAST, ROW),
-}
+STATED = {"multi-push": MULTI, "rearrangement": SWAP, "gathering": ROW}
+TEXTS = {kind: re.sub(r"(pusher: {.*)}", FAST, text) for kind, text in STATED.items()}
+SETTINGS = ControlSettings(time_limit=60.0, rate=25.0)
+"""Iterations end searches, whatever the machine does; half of the usual steps."""
 LOOPS = tuple(f"{kind} in closed loop" for kind in KINDS)
 CLOSED = pytest.mark.parametrize("kind", LOOPS)
 EXECUTED = pytest.mark.parametrize("kind", [*KINDS, *LOOPS])
@@ -70,8 +69,7 @@ def made(kind: str) -> Made:
         whole = made(kind.split(" ")[0])
         index = 1 if len(whole.execution.names) > 1 else 0
         disturbance = Disturbance(0.5 * float(whole.execution.t[-1]), index, 0.0, 0.005, 0.0)
-        settings = ControlSettings(time_limit=60.0)  # iterations end searches, whatever the machine does
-        loop = run_closed_loop(whole.scenario, disturbances=[disturbance], plan=whole.plan, settings=settings)
+        loop = run_closed_loop(whole.scenario, disturbances=[disturbance], plan=whole.plan, settings=SETTINGS)
         assert loop.outcome == "arrived", loop.reason
         return Made(whole.scenario, loop.plan, loop.execution, loop)
     text = TEXTS.get(kind)
@@ -207,16 +205,12 @@ def test_a_closed_loop_pushes_what_the_plan_pushes_to_its_goals(kind: str) -> No
 
 
 def test_what_was_pushed_is_learned_from(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, value in {"MEMBERS": 8, "ROUNDS": 4, "PASSES": 1, "_BATCH": 20}.items():
-        monkeypatch.setattr(posterior, name, value)  # a rough answer is one, too
-    monkeypatch.setattr("pushplan.sim.identify.identify.LOOKED_AT", 16)
-    monkeypatch.setattr("pushplan.sim.identify.identify.STARTS", 1)
-    made_loop = there(made("push in closed loop").loop)
-    made_loop.write(tmp_path / "loop.mcap")
-    found = pushplan.identify([tmp_path / "loop.mcap"], seed=1)
-    assert len(found.estimates) > 0
-    one = made("push")
-    pushplan.run(one.scenario, log=tmp_path / "rigid.mcap", seed=1, first=True)
+    rough_identification(monkeypatch)
+    scenario = pushplan.scenario_from_text(re.sub("robot: .*\n", "", TEXTS["multi-push"]))
+    assert scenario.kind == "push"
+    run_closed_loop(scenario, settings=SETTINGS).write(tmp_path / "loop.mcap")
+    assert len(pushplan.identify([tmp_path / "loop.mcap"], seed=1).estimates) > 0
+    pushplan.run(scenario, log=tmp_path / "rigid.mcap", seed=1, first=True)
     with pytest.raises(RunLogError, match="nobody measured"):
         pushplan.identify([tmp_path / "rigid.mcap"])
 

@@ -28,7 +28,7 @@ objects:
   - {{name: near, shape: {{box: [0.40, 0.40]}}, mass: 4.0}}
   - {{name: far, shape: {{box: [0.40, 0.40]}}, mass: 4.0}}
 contacts: {{friction: 0.5}}
-pusher: {{width: 0.40, friction: 0.50}}
+pusher: {{width: 0.40, friction: 0.50, limits: {{speed: 0.4}}}}
 robot: {{footprint: {{box: [0.5, 0.4], pose: [-0.3, 0, 0]}}, {robot}}}
 start: [2.0, 2.0, 0.2]
 goal: {{pose: [6.5, 3.0, 15 deg]}}

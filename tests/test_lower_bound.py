@@ -67,7 +67,7 @@ def test_a_block_in_the_way_has_to_be_passed_on_its_short_side() -> None:
 @pytest.mark.parametrize("name", example_names())
 def test_no_path_beats_the_bound(name: str) -> None:
     scenario = load_plain(name)
-    result = plan(scenario, seed=1, time_limit=60.0, iterations=25_000)
+    result = plan(scenario, seed=1, time_limit=60.0, iterations=20_000)
     assert result.path is not None
     assert result.lower_bound is not None
     assert result.lower_bound <= result.path.cost
@@ -112,7 +112,7 @@ def test_no_word_of_a_car_beats_the_bound_and_some_reach_it() -> None:
     """Dubins' car: the cheapest word is the best path, or near it, as turns cost something, too."""
     rng, family = np.random.default_rng(3), steering_families(CAR)[0]
     shares = []
-    for goal in rng.uniform([-3.0, -3.0, -math.pi], [3.0, 3.0, math.pi], (100, 3)):
+    for goal in rng.uniform([-3.0, -3.0, -math.pi], [3.0, 3.0, math.pi], (60, 3)):
         best = float(find_words(family, ORIGIN, goal)[:, 0].min())
         shares.append(turn_bound(ORIGIN, goal, CAR) / best)
     assert max(shares) <= 1.0 + 1e-9

@@ -23,7 +23,6 @@ from pushplan.sim.physics.agreement import Agreement, compare, sample_pushes
 from pushplan.sim.physics.engine import MissingEngineError, PhysicsSettings
 from pushplan.sim.physics.model import LoadTransfer, build_model
 from pushplan.sim.physics.simulate import simulate_trajectory, simulate_twist
-from pushplan.util.arrays import FloatArray
 
 try:
     import mujoco  # noqa: F401
@@ -133,11 +132,6 @@ def test_predictions_and_simulations_agree(make_chain: ChainMaker) -> None:
     clear = (np.abs(result.depth(*BAND)) > 1.0) & ~result.footprint
     assert result.agreed[clear].all()
     assert result.kept[result.depth(*SAFE_BAND) > 1.0].all()
-
-
-def agreement(angle: FloatArray, inset: FloatArray, displacement: FloatArray) -> Agreement:
-    twists = np.tile([1.0, 0.0, 0.0], (len(angle), 1))
-    return Agreement(twists, angle, inset, displacement, np.zeros(len(angle), dtype=bool), 1e-3)
 
 
 def test_a_missing_engine_is_named_with_its_extra(

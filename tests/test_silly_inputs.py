@@ -14,9 +14,12 @@ from conftest import there
 import pushplan
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose
+from pushplan.planners.search.planners import planner_named
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
 from pushplan.plans.trajectory import Trajectory
+from pushplan.sets.known_load_sets import EcofSet
+from pushplan.sets.named import add_set
 from pushplan.sim.control.controller import Controller
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
@@ -188,6 +191,22 @@ CALLS: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "simulator": (lambda: pushplan.trial(crates(), 2, simulator=7), "7 is no simulator"),  # type: ignore[arg-type]
     "follower": (lambda: pushplan.Follower(7), "nothing to follow in 7"),  # type: ignore[arg-type]
+    "no planner": (
+        lambda: planner_named("nobody"),
+        "no planner is called 'nobody'; there are auto, rrt, est",
+    ),
+    "no module": (
+        lambda: planner_named("no_such_module:Planner"),
+        "cannot load 'no_such_module:Planner': No module",
+    ),
+    "no attribute": (lambda: planner_named("math:nothing"), "module 'math' has no attribute 'nothing'"),
+    "a number": (lambda: planner_named("math:pi"), "the planner 'math:pi' is a float"),
+    "no set": (lambda: add_set("math:pi"), "'math:pi' is no stable set; allowed: a subclass of"),
+    "misspelt": (lambda: add_set("stabel"), "no stable set is called 'stabel'; there are ecof, cof"),
+    "a name taken": (
+        lambda: add_set(type("False_", (EcofSet,), {"name": "cof"})),
+        "has the name 'cof'; allowed: a text other than ecof, cof",
+    ),
     "move": (lambda: pushplan.SlipSimulator(world()).move({}, 1.0), "twist cannot be read"),  # type: ignore[arg-type]
     "poses": (lambda: world().with_object_poses(np.array([["a"] * 3])), "cannot be read as numbers"),
 }

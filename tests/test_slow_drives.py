@@ -13,7 +13,7 @@ from pushplan.plans import trajectory as trajectories
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import example_text
 
-MOST_SAMPLES, MOST_VIEWED = 2_000, 1_500
+MOST_SAMPLES, MOST_VIEWED = 800, 600
 
 
 @pytest.fixture(autouse=True)

@@ -1,7 +1,6 @@
 """How objects rest on the floor: supports, where loads may be, and feet that stand for a pressure."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -39,11 +38,10 @@ def test_wrong_feet_are_refused(fractions: FloatArray | None, center: FloatArray
     assert type(caught.value).__module__ == "pushplan.errors"
 
 
-def test_pressure_map_from_csv(tmp_path: Path) -> None:
+def test_pressure_map_from_csv() -> None:
     """Columns in any order, rows without pressure left out, pressures scaled to a sum of 1."""
-    path = tmp_path / "map.csv"
-    path.write_text("pressure, x, y\n300, 0, 0\n100, 0.1, 0\n\n0, 0.5, 0.5\n")
-    support = PressureMapSupport.from_csv(path)
+    table = b"pressure, x, y\n300, 0, 0\n100, 0.1, 0\n\n0, 0.5, 0.5\n"
+    support = PressureMapSupport.from_bytes(table, "map.csv")
     np.testing.assert_allclose(support.fractions, [0.75, 0.25])
     np.testing.assert_allclose(support.center, [0.025, 0.0])
 
@@ -57,11 +55,9 @@ def test_pressure_map_from_csv(tmp_path: Path) -> None:
     ("x,y,pressure\n0,nan,1\n", "map.csv:2: x, y and pressure must be finite"),
     ("x,y,pressure\n0,0,0\n", "map.csv: no row has a pressure > 0"),
 ])  # fmt: skip
-def test_wrong_pressure_maps_name_file_and_line(tmp_path: Path, text: str, finding: str) -> None:
-    path = tmp_path / "map.csv"
-    path.write_text(text)
+def test_wrong_pressure_maps_name_file_and_line(text: str, finding: str) -> None:
     with pytest.raises(SupportError) as caught:
-        PressureMapSupport.from_csv(path)
+        PressureMapSupport.from_bytes(text.encode(), "map.csv")
     assert finding in str(caught.value)
 
 

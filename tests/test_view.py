@@ -42,7 +42,7 @@ def _patience() -> Iterator[None]:
     """Let a machine that is a few times slower find and polish a plan, too."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(answering, "SEARCH", dict.fromkeys(KINDS, 20.0))
-        patch.setattr(answering, "POLISHING", dict(zip(KINDS, (1.0, 2.0, 3.0), strict=True)))
+        patch.setattr(answering, "POLISHING", dict.fromkeys(KINDS, 0.5))
         yield
 
 

@@ -256,16 +256,6 @@ class Chain:
         """(n, 3) poses of the objects' own frames in the chain frame."""
         return frozen([obj.pose_chain for obj in self.objects], (None, 3), "places of the objects")
 
-    def outlines_at(self, pose: FloatArray, load: FloatArray | None = None) -> list[FloatArray]:
-        """Return the world outlines of all `bodies` with the chain frame at a pose (3,).
-
-        Args:
-            pose: Of the chain frame.
-            load: (3,) where the chain frame is for the objects, if the plate is not in contact with them as stated.
-        """
-        at = {BodyKind.OBJECT: pose if load is None else load}
-        return [transform_points(at.get(body.kind, pose), body.outline) for body in self.bodies]
-
     @cached_property
     def contact_heights(self) -> FloatArray:
         """(n, 2) least and largest height above the floor at which each contact's force may act, m."""

@@ -51,14 +51,6 @@ class DynamicRows:
         beta = self.beta if acceleration >= 0.0 else self.beta_down
         return np.asarray(self.alpha + beta * abs(acceleration) + self.gamma * speed**2)
 
-    @property
-    def steady_speed(self) -> float:
-        """Largest s' at s'' = 0 up to which no row is negative; 0 where a row is negative at rest already."""
-        if (self.alpha < 0.0).any():
-            return 0.0
-        falling = self.gamma < 0.0
-        return float(np.sqrt(np.min(self.alpha[falling] / -self.gamma[falling], initial=np.inf)))
-
 
 class Wrenches(NamedTuple):
     """What is known of the wrenches of n contacts at m instants.

@@ -8,7 +8,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -316,24 +315,14 @@ class PressureMapSupport(Support):
         object.__setattr__(self, "fractions", _fractions(self.fractions, len(self.points)))
 
     @classmethod
-    def from_csv(cls, path: str | Path) -> PressureMapSupport:
-        """Read a CSV file with the columns x, y (m) and pressure (any unit, >= 0).
+    def from_bytes(cls, data: bytes, path: str) -> PressureMapSupport:
+        """Read a CSV table with the columns x, y (m) and pressure (any unit, >= 0); messages call it `path`.
 
-        Every row stands for an equal area: the pressures are scaled to sum to 1. Rows with pressure 0 are
-        left out.
+        Every row stands for an equal area: the pressures are scaled to sum to 1. Rows with pressure 0 are left out.
 
         Raises:
-            SupportError: With file and line, when the file cannot be read or a value is not allowed.
+            SupportError: With file and line, when a value is not allowed.
         """
-        try:
-            data = Path(path).read_bytes()
-        except OSError as error:
-            raise SupportError(f"{path}: cannot read the pressure map: {error}") from error
-        return cls.from_bytes(data, str(path))
-
-    @classmethod
-    def from_bytes(cls, data: bytes, path: str) -> PressureMapSupport:
-        """Read what a file for `from_csv` holds; messages call it `path`."""
         rows = parse_pressure_map(data, path)
         loaded = rows[rows[:, 2] > 0.0]
         if len(loaded) == 0:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.geometry.se2 import compose, exp, inverse, relative, wrap_angle
+from pushplan.geometry.se2 import compose, exp, inverse, relative
 from pushplan.mechanics.chain import Chain
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.report import contact_motion
@@ -58,12 +58,6 @@ def contacts_at(chain: Chain, places: FloatArray) -> Contacts:
     plate = np.zeros((len(many), 1, 3))
     found = contact_motion(chain, np.concatenate([motions, plate], axis=1), None)
     return Contacts(*(values.reshape(places.shape[:-1]) for values in found))
-
-
-def off_places(chain: Chain, places: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return how far (n,), m, and by what angle (n,), rad, objects at `places` (n, 3) are off the chain's."""
-    apart = relative(chain.places, places)
-    return np.hypot(apart[:, 0], apart[:, 1]), np.abs(wrap_angle(apart[:, 2]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 import pushplan
 from pushplan.cli.main import main
 from pushplan.geometry.se2 import compose, relative
+from pushplan.scenario.file import example_text
 from pushplan.sim.physics.stepping import PhysicsSimulator
 from pushplan.util.arrays import FloatArray
 
@@ -69,8 +72,17 @@ def test_a_world_may_be_disturbed_and_the_plate_taken_away(crates: pushplan.Scen
     assert np.hypot(way[0], way[1]) == pytest.approx(0.1, rel=0.2)
 
 
-def test_the_command_closes_the_loop_in_the_engine(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["simulate", "one-box", "--closed-loop", "--physics", "--no-log", "--json"]) == 0
+def test_the_command_closes_the_loop_in_the_engine(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stated = yaml.safe_load(example_text("one-box"))
+    stated["pusher"]["limits"] = {"speed": 0.5, "acceleration": 1.5, "jerk": 30, "angular_speed": 2}
+    stated |= {"goal": {"pose": [1.0, 0.2, 0.2]}, "obstacles": []}
+    (tmp_path / "box.yaml").write_text(json.dumps(stated))
+    assert (
+        main(["simulate", str(tmp_path / "box.yaml"), "--closed-loop", "--physics", "--no-log", "--json"])
+        == 0
+    )
     told = json.loads(capsys.readouterr().out)
     assert told["outcome"] == "arrived"
     assert told["replans"] == []

@@ -16,6 +16,7 @@ from pushplan.closed_loop import ClosedLoopRun, run_closed_loop
 from pushplan.errors import RunLogError
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
+from pushplan.scenario.file import example_text
 from pushplan.sim.control.again import check_closed_loop
 from pushplan.sim.control.simulated_push import Disturbance
 
@@ -23,8 +24,16 @@ DISTURBANCE = "time=4s,object=far,y=-5mm,turn=3deg"
 
 
 @pytest.fixture(scope="module")
-def run() -> ClosedLoopRun:
-    scenario = pushplan.load_scenario("two-crates")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A packaged scenario with a faster robot."""
+    path = tmp_path_factory.mktemp("fast") / "two-crates.yaml"
+    path.write_text(example_text("two-crates").replace("speed: 0.2,", "speed: 0.5,"))
+    return path
+
+
+@pytest.fixture(scope="module")
+def run(file: Path) -> ClosedLoopRun:
+    scenario = pushplan.load_scenario(file)
     disturbance = Disturbance(4.0, 1, 0.0, -5e-3, 0.05)
     world = pushplan.World.from_scenario(scenario).with_contact_friction(0.8)
     return run_closed_loop(scenario, world, [disturbance], seed=7)
@@ -116,32 +125,28 @@ def test_a_log_that_was_tampered_with_does_not_verify(back: RecordedRun) -> None
 
 
 def test_the_command_arrives_in_closed_loop_and_verifies(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, page = tmp_path / "run.mcap", tmp_path / "run.html"
-    words = f"simulate two-crates --closed-loop --disturb {DISTURBANCE} -o {out} --html {page} --json".split()
+    words = f"simulate {file} --closed-loop --disturb {DISTURBANCE} -o {out} --html {page} --json".split()
     assert main(words) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["outcome"] == "arrived"
     assert told["log"] == str(out)
-    assert {event["kind"] for event in told["events"]} >= {
-        "plan",
-        "disturbance",
-        "deviation",
-        "re-localisation",
-        "replan",
-        "arrived",
-    }
+    kinds = {event["kind"] for event in told["events"]}
+    assert kinds >= {"plan", "disturbance", "deviation", "re-localisation", "replan", "arrived"}
     assert page.stat().st_size > 10_000
     assert load_run(out).outcome == "arrived"
 
 
-def test_the_command_says_what_does_not_arrive_and_what_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:
-    far = "time=3,object=far,x=0.3"
-    assert main(["simulate", "two-crates", "--no-log", "--closed-loop", "--disturb", far]) == 4
+def test_the_command_says_what_does_not_arrive_and_what_is_wrong(
+    file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    far = "time=3,object=far,x=0.5"
+    assert main(["simulate", str(file), "--no-log", "--closed-loop", "--disturb", far]) == 4
     assert "gave up: no push of up to 50 mm closes the contacts" in capsys.readouterr().out
     aside = "time=3,object=far,y=-2cm"
-    assert main(["simulate", "two-crates", "--no-log", "--disturb", aside]) == 4
+    assert main(["simulate", str(file), "--no-log", "--disturb", aside]) == 4
     assert "missed: the goal's object is not within its tolerances" in capsys.readouterr().out
     assert main(["simulate", "two-crates", "--no-log", "--disturb", "time=3,object=cat"]) == 2
     assert "no object is called 'cat'; there are near, far" in capsys.readouterr().err

@@ -27,6 +27,9 @@ from pushplan.sim.slip.simulator import simulate_poses
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 
+SAMPLES = 41
+"""Of a measured push."""
+
 BOX = np.array([[-0.05, -0.04], [0.05, -0.04], [0.05, 0.04], [-0.05, 0.04]])
 
 
@@ -43,7 +46,7 @@ def pushed(
     world: World, twist: FloatArray, noise: float, seed: int, force_noise: float | None = None
 ) -> MeasuredPush:
     """What is measured of a push with a constant body twist (3,), m and rad; forces only with a noise (N)."""
-    shares = np.linspace(0.0, 1.0, 61)
+    shares = np.linspace(0.0, 1.0, SAMPLES)
     report = simulate_poses(shares, se2.compose(world.start, se2.exp(shares[:, None] * twist)), world)
     off = noise * np.random.default_rng(seed).standard_normal(report.objects.shape) * [1.0, 1.0, 5.0]
     if force_noise is None:
@@ -60,7 +63,7 @@ def _rougher() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("pushplan.sim.identify.posterior.ENOUGH", 50.0)
         patch.setattr("pushplan.sim.identify.posterior.PASSES", 2)
-        patch.setattr("pushplan.sim.identify.identify.LOOKED_AT", 64)
+        patch.setattr("pushplan.sim.identify.identify.LOOKED_AT", 32)
         patch.setattr("pushplan.sim.identify.identify.STARTS", 2)
         yield
 
@@ -156,17 +159,17 @@ def test_measured_forces_tell_the_size_of_floor_friction() -> None:
 
 def slipped(course: MeasuredPush, names: tuple[str, ...]) -> Execution:
     """A course as the simulator with slip would have recorded it."""
-    times, count = np.linspace(0.0, 1.0, 61), len(names)
-    wrenches = np.zeros((61, 3)) if course.wrenches is None else course.wrenches
+    times, count = np.linspace(0.0, 1.0, SAMPLES), len(names)
+    wrenches = np.zeros((SAMPLES, 3)) if course.wrenches is None else course.wrenches
     return Execution(
         names,
         "ecof",
         times,
         course.plate_poses,
-        np.zeros((61, 3)),
+        np.zeros((SAMPLES, 3)),
         course.object_poses,
-        np.zeros(61, dtype=np.int64),
-        np.full((61, count), np.nan),
+        np.zeros(SAMPLES, dtype=np.int64),
+        np.full((SAMPLES, count), np.nan),
         None,
         (0.0, 0.0),
         wrenches=wrenches,

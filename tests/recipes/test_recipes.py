@@ -48,9 +48,10 @@ def test_a_support_model_is_pushed_like_the_points_that_it_stands_for() -> None:
     assert vars(there(first.robustness)) == pytest.approx(vars(there(second.robustness)), rel=1e-9)
 
 
-def test_a_stable_set_limits_a_plan(tmp_path: Path, capsys: Captured) -> None:
+@pytest.mark.parametrize("given", ["wide-turns", "warehouse.sets:WideTurnsSet"])
+def test_a_stable_set_limits_a_plan(given: str, tmp_path: Path, capsys: Captured) -> None:
     log = tmp_path / "run.mcap"
-    assert main(["plan", "one-box", "--set", "wide-turns", "--first", "--json", "-o", str(log)]) == 0
+    assert main(["plan", "one-box", "--set", given, "--first", "--json", "-o", str(log)]) == 0
     plan = json.loads(capsys.readouterr().out)
     assert plan["set"] == "wide-turns"
     for arc in plan["arcs"]:
@@ -59,9 +60,10 @@ def test_a_stable_set_limits_a_plan(tmp_path: Path, capsys: Captured) -> None:
     assert main(["replay", str(log), "--verify"]) == 0
 
 
-def test_a_planner_plans(capsys: Captured) -> None:
-    assert main(["plan", "one-box", "--planner", "patient-rrt", "--first", "--json", "--no-log"]) == 0
-    assert json.loads(capsys.readouterr().out)["planner"] == "patient-rrt"
+@pytest.mark.parametrize("given", ["patient-rrt", "warehouse.planners:patient_rrt"])
+def test_a_planner_plans(given: str, capsys: Captured) -> None:
+    assert main(["plan", "one-box", "--planner", given, "--first", "--json", "--no-log"]) == 0
+    assert json.loads(capsys.readouterr().out)["planner"] == given
 
 
 def test_an_exporter_writes_what_a_run_holds(tmp_path: Path, capsys: Captured) -> None:

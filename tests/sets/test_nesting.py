@@ -42,7 +42,7 @@ def test_stable_is_inside_robust_is_inside_ecof(make_chain: ChainMaker, pressure
         margins = robust.margin(twists)
         assert not (stable_set(chain, "stable").contains(twists) & (margins <= 0.0)).any()
         inside += int((margins > 0.0).sum())
-        for _ in range(3):
+        for _ in range(2):
             for loaded in (pressures.on_points(chain), pressures.spread(chain)):
                 exact = stable_set(loaded, "ecof").margin(twists)
                 assert not ((margins > 0.0) & (exact < margins - 1e-9)).any()
@@ -55,7 +55,7 @@ def test_nesting_holds_for_pushes_above_the_floor(
 ) -> None:
     """The load shifts with the friction force, in `ecof` by an affine pressure, in the others in any way."""
     inside = tried = 0
-    for seed in range(0, 12, 2):
+    for seed in range(0, 12, 3):
         chain = raised(make_chain.random(seed, n), 0.05 + 0.05 * seed)
         robust, rng = stable_set(chain, "robust"), np.random.default_rng(seed)
         twists = np.concatenate(
@@ -72,7 +72,7 @@ def test_nesting_holds_for_pushes_above_the_floor(
             tried += 1
             assert not ((margins > 0.0) & (exact < margins - 1e-9)).any()
     assert inside > 0
-    assert tried > 2
+    assert tried > 1
 
 
 def raised(chain: Chain, part: float) -> Chain:
