@@ -131,6 +131,23 @@ py::tuple facet_rows(const Numbers &facets, const Numbers &wrenches, double leng
     return py::make_tuple(rows, size);
 }
 
+py::array_t<double> moved_wrenches_of(const PackedChain &packed, const Numbers &twists, const Numbers &moves) {
+    const auto rows = twist_table(twists);
+    const std::ptrdiff_t n = packed.count();
+    require_shape(moves, {rows.rows, n, 2}, "moves");
+    py::array_t<double> out({rows.rows, n, std::ptrdiff_t{3}});
+    auto *wrench = reinterpret_cast<Wrench *>(out.mutable_data());
+    const double *move = moves.data();
+    py::gil_scoped_release free;
+    for (std::ptrdiff_t i = 0; i < rows.rows; ++i) {
+        const Twist twist = twist_at(rows[i]);
+        const Twist direction = scaled(twist, size_of(twist, packed.length));
+        for (std::ptrdiff_t k = 0; k < n; ++k, ++wrench, move += 2)
+            *wrench = moved_wrench(packed.supports(), k, direction, move[0], move[1]);
+    }
+    return out;
+}
+
 py::array_t<double> object_wrenches_of(const PackedChain &packed, const Numbers &twists) {
     const auto rows = twist_table(twists);
     py::array_t<double> out({rows.rows, std::ptrdiff_t{3}});
@@ -240,6 +257,7 @@ void bind_contacts(py::module_ &core) {
     m.def("contact_margins_of", &contact_margins_of, py::arg("packed"), py::arg("wrenches"));
     m.def("facet_rows", &facet_rows, py::arg("facets"), py::arg("wrenches"), py::arg("length"));
     m.def("object_wrenches_of", &object_wrenches_of, py::arg("packed"), py::arg("twists"));
+    m.def("moved_wrenches_of", &moved_wrenches_of, py::arg("packed"), py::arg("twists"), py::arg("moves"));
     m.def("inertia_per_object", &inertia_per_object, py::arg("table"), py::arg("twists"), py::arg("rates"));
     m.def("sum_over_carried", &sum_over_carried, py::arg("per_object").noconvert(), py::arg("pushers"));
     m.def("edge_log", &edge_log, py::arg("d"), py::arg("length"), py::arg("rho_sum"));

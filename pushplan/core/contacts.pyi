@@ -79,6 +79,15 @@ def facet_rows(facets: FloatArray, wrenches: FloatArray, length: float) -> tuple
 def object_wrenches_of(packed: PackedChain, twists: FloatArray) -> FloatArray:
     """Return the wrenches (k, 3) that move the first object at many twists (k, 3), none of them zero."""
 
+def moved_wrenches_of(packed: PackedChain, twists: FloatArray, moves: FloatArray) -> FloatArray:
+    """Return by how much each object's wrench (m, n, 3) changes where its load's centre is moved by (m, n, 2), m.
+
+    Args:
+        packed: The objects.
+        twists: (m, 3) body twists with which they slide, none of them 0.
+        moves: Beside what the friction of the object itself moves; in the chain frame.
+    """
+
 def inertia_per_object(
     table: tuple[FloatArray, FloatArray, FloatArray], twists: FloatArray, rates: FloatArray
 ) -> FloatArray:

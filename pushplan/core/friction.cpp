@@ -144,17 +144,23 @@ Sums point_sums(const Supports &supports, std::ptrdiff_t i, double radius, const
     return sums;
 }
 
-// The force with what the load's shift by the push height changes: f = f_0 + M b with (S - h M) b = h f_0.
-Wrench shifted(const Support &support, const Sums &sums) {
+// What a load adds whose centre is moved by (cx, cy), beside what its own friction moves it then: M b with
+// (S - h M) b = c.
+Wrench moved(const Support &support, const Sums &sums, double cx, double cy) {
     const double h = support.shift;
     const auto &[force, along_x, along_y] = sums;
     const double xx = support.xx - h * along_x.x, xy = support.xy - h * along_y.x;
     const double yx = support.xy - h * along_x.y, yy = support.yy - h * along_y.y;
     const double det = xx * yy - xy * yx;
-    const double bx = h * (force.x * yy - force.y * xy) / det;
-    const double by = h * (xx * force.y - yx * force.x) / det;
-    return {force.x + (along_x.x * bx + along_y.x * by), force.y + (along_x.y * bx + along_y.y * by),
-            force.m + (along_x.m * bx + along_y.m * by)};
+    const double bx = (cx * yy - cy * xy) / det, by = (xx * cy - yx * cx) / det;
+    return {along_x.x * bx + along_y.x * by, along_x.y * bx + along_y.y * by, along_x.m * bx + along_y.m * by};
+}
+
+// The force with what the load's shift by the push height changes: the centre is moved by h f_0.
+Wrench shifted(const Support &support, const Sums &sums) {
+    const double h = support.shift;
+    const Wrench added = moved(support, sums, h * sums.force.x, h * sums.force.y);
+    return {sums.force.x + added.x, sums.force.y + added.y, sums.force.m + added.m};
 }
 
 // What `uniform_sums` returns, for the whole load of an object with any support and push height.
@@ -220,10 +226,29 @@ SeriesPair series_pair(Table<const std::complex<double>> series, std::ptrdiff_t 
     return {{x * ux - y * uy, x * uy + y * ux}, {u * ux - w * uy, u * uy + w * ux}};
 }
 
+namespace {
+
+// A twist about the anchor of a support.
+Twist anchored(const Support &support, const Twist &twist) {
+    return {twist.vx - twist.omega * support.y, twist.vy + twist.omega * support.x, twist.omega};
+}
+
+} // namespace
+
+Wrench moved_wrench(const Supports &supports, std::ptrdiff_t i, const Twist &twist, double cx, double cy) {
+    const Support support = read<Support>(supports.objects[i]);
+    const Twist anchor = anchored(support, twist);
+    const Sums sums = supports.links[i][KIND] == POINTS ? point_sums(supports, i, support.radius, anchor)
+                                                        : polygon_sums(supports, i, support.radius, anchor);
+    const Wrench added = moved(support, sums, cx, cy);
+    const double fx = support.load * added.x, fy = support.load * added.y;
+    return {fx, fy, support.load * added.m + support.x * fy - support.y * fx};
+}
+
 Wrench carried_wrench(const Supports &supports, std::ptrdiff_t i, const Twist &twist) {
     const Support support = read<Support>(supports.objects[i]);
     const double ax = support.x, ay = support.y;
-    const Twist anchor{twist.vx - twist.omega * ay, twist.vy + twist.omega * ax, twist.omega};
+    const Twist anchor = anchored(support, twist);
     double load = support.load;
     Wrench sum;
     if (supports.links[i][KIND] == UNIFORM) {

@@ -120,4 +120,7 @@ SeriesPair series_pair(Table<const std::complex<double>> series, std::ptrdiff_t 
 // The twist in any unit, not zero.
 Wrench carried_wrench(const Supports &supports, std::ptrdiff_t i, const Twist &twist);
 
+// What it changes by where something else moves the centre of the load by (cx, cy), m: linear in these.
+Wrench moved_wrench(const Supports &supports, std::ptrdiff_t i, const Twist &twist, double cx, double cy);
+
 } // namespace pushplan::mechanics

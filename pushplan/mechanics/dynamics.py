@@ -14,7 +14,7 @@ import pushplan.core.contacts as contacts
 import pushplan.core.sphere as sphere
 import pushplan.core.uncertain as uncertain
 from pushplan.errors import PushplanError
-from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.chain import GRAVITY, Chain
 from pushplan.mechanics.heights import counts_by_centre, leans
 from pushplan.mechanics.inertia import InertiaTable, inertia_table
 from pushplan.mechanics.intervals import IntervalChain
@@ -167,11 +167,13 @@ class ContactDynamics(MotionConditions):
 
     def rows_of_inertia(self, sliding: FloatArray, twists: FloatArray, rates: FloatArray) -> Wrenches:
         """Return what inertia adds, loads that it moves included, where objects slide with twists (m, 3)."""
+        if self.exact:
+            return self._exactly(self.inertia_wrenches(twists, rates, sliding))
         return self.inertia(twists, rates).less(self._lost(sliding, twists, rates))
 
     def _lost(self, sliding: FloatArray, twists: FloatArray, rates: FloatArray) -> FloatArray:
         """Return what loads that inertia moves take from the rows (m, n, 4) of objects that slide with twists, N."""
-        if self.exact or not self._leans.any():
+        if not self._leans.any():
             return np.zeros((1, 1, 4))
         forces = contacts.inertia_per_object(self.table, twists, rates)[..., :2]
         moved = (np.hypot(forces[..., 0], forces[..., 1]) / self.table.mass) @ self._leans.T
@@ -197,18 +199,41 @@ class ContactDynamics(MotionConditions):
         return by_direction(lambda v: contacts.wrenches_of(self.packed, v), twists, length)
 
     def inertia(self, twists: FloatArray, rates: FloatArray) -> Wrenches:
-        """Return what inertia adds to the contacts' wrenches; see `inertia_wrenches`."""
+        """Return what the masses add to the contacts' wrenches; see `inertia_wrenches`."""
         if self.interval is None:
-            return self._exactly(self.inertia_wrenches(twists, rates))
+            return self._exactly(self.mass_wrenches(twists, rates))
         return Wrenches(*self.interval_inertia.rows(twists, rates))
 
-    def inertia_wrenches(self, twists: FloatArray, rates: FloatArray) -> FloatArray:
+    def inertia_wrenches(
+        self, twists: FloatArray, rates: FloatArray, sliding: FloatArray | None = None
+    ) -> FloatArray:
         """Return what inertia adds to the wrench of each contact (m, n, 3), about the chain frame's origin.
+
+        That is what moves the masses, and what loads change that it moves on the floor; they must be known for that.
 
         Args:
             twists: (m, 3) body twists V.
             rates: (m, 3) their time derivatives dV/dt.
+            sliding: (m, 3) twists with which the objects slide over the floor, if not V.
         """
+        wrenches = self.mass_wrenches(twists, rates)
+        if not self._arms.any():
+            return wrenches
+        forces = contacts.inertia_per_object(self.table, twists, rates)[..., :2]
+        moves = forces * (self._arms / (GRAVITY * self.table.mass))[:, None]
+        moved = contacts.moved_wrenches_of(self.packed, twists if sliding is None else sliding, moves)
+        contacts.sum_over_carried(moved, self._pushers)
+        return wrenches + moved
+
+    @cached_property
+    def _arms(self) -> FloatArray:
+        """(n,) by how much objects are pushed above their centre of mass, m; 0 where its height is not stated."""
+        height = self.chain.contact_height
+        objects = self.chain.objects
+        return np.array([0.0 if o.center_height is None else height - o.center_height for o in objects])
+
+    def mass_wrenches(self, twists: FloatArray, rates: FloatArray) -> FloatArray:
+        """Return what moves the masses alone (m, n, 3); see `inertia_wrenches`."""
         wrenches = contacts.inertia_per_object(self.table, twists, rates)
         contacts.sum_over_carried(wrenches, self._pushers)
         return wrenches

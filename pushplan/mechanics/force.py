@@ -77,7 +77,7 @@ class PushForce:
         own = self.dynamics
         if own.interval is not None:
             return own.interval_inertia.forces(twists, rates)
-        return self._on_plate(own.inertia_wrenches(twists, rates))
+        return self._on_plate(own.mass_wrenches(twists, rates))
 
     def _on_plate(self, wrenches: FloatArray) -> FloatArray:
         """Return the force (m, 3) of the plate, known, given the wrenches of contacts (m, n, 3)."""

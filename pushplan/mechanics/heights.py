@@ -98,19 +98,27 @@ def loads_move(chain: Chain) -> bool:
 def is_pressed(chain: Chain) -> bool:
     """Whether loads shift in the one way that has a closed form.
 
-    That is for one height of all contacts at which no part of an object with a known load lifts, wherever it moves.
+    That is for one height of all contacts at which no part of an object with a known load lifts, wherever it moves
+    and with the largest acceleration that the pusher's limits admit.
     """
     heights = chain.contact_heights
     height = float(heights[0, 0])
     if (heights != height).any():
         return False
-    return height == 0.0 or all(push_room(obj, height) >= 0.0 for obj in chain.objects if obj.support.known)
+    if not loads_move(chain):
+        return True
+    leaning = _leaning(chain, None)
+    return all(
+        push_room(obj, height) >= lean
+        for obj, lean in zip(chain.objects, leaning, strict=True)
+        if obj.support.known
+    )
 
 
 def counts_by_centre(chain: Chain, interval: IntervalChain | None = None) -> bool:
     """Whether of each load the centre alone is counted, so that heights, and loads that inertia moves, are borne.
 
-    So they are where a load has no closed form, as soon as one of its numbers is an interval, or inertia counts.
+    So they are where a load that moves has no closed form, or one of the chain's numbers is an interval.
     """
     if not chain.loads_known or not loads_move(chain):
         return False
@@ -119,7 +127,7 @@ def counts_by_centre(chain: Chain, interval: IntervalChain | None = None) -> boo
         or interval.pressures
         or (interval.floor_friction[:, 0] < interval.floor_friction[:, 1]).any()
     )
-    inertia = any(obj.center_height is not None for obj in chain.objects)
+    inertia = interval is not None and any(obj.center_height is not None for obj in chain.objects)
     return inertia or uncertain or not is_pressed(chain)
 
 
@@ -253,6 +261,17 @@ def _require_standing(
     )
 
 
+def _leaning(chain: Chain, interval: IntervalChain | None) -> FloatArray:
+    """Return how far (n,) inertia moves loads with the largest acceleration that the pusher's limits admit, m."""
+    limits = chain.pusher.limits
+    speed, push, turn, spin = (
+        max(limits.both(name)) for name in ("speed", "acceleration", "angular_speed", "angular_acceleration")
+    )
+    centers = np.array([transform_points(obj.pose_chain, obj.support.center) for obj in chain.objects])
+    most = push + speed * turn + (spin + turn**2) * np.hypot(*centers.T)
+    return np.asarray(leans(chain, interval) @ most)
+
+
 def _scaled(chain: Chain, share: float) -> Chain:
     """Return the chain with all contact heights times a share."""
     contacts = tuple(
@@ -267,13 +286,7 @@ def _spare(chain: Chain, interval: IntervalChain | None, areas: tuple[LoadArea, 
 
     Inertia counts with the largest acceleration that the pusher's limits admit.
     """
-    limits = chain.pusher.limits
-    speed, push, turn, spin = (
-        max(limits.both(name)) for name in ("speed", "acceleration", "angular_speed", "angular_acceleration")
-    )
-    centers = np.array([area.center for area in areas])
-    most = push + speed * turn + (spin + turn**2) * np.hypot(*centers.T)
-    leaning = leans(chain, interval) @ most
+    leaning = _leaning(chain, interval)
     spare = np.zeros(len(areas))
     for i, (obj, area) in enumerate(zip(chain.objects, areas, strict=True)):
         hull = transform_points(obj.pose_chain, obj.support.hull)

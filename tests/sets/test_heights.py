@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from conftest import ChainMaker
 
+import pushplan.core.contacts as contacts
 from pushplan.errors import SupportError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY
 from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.mechanics.heights import counts_by_centre, load_areas
 from pushplan.mechanics.intervals import IntervalChain
+from pushplan.mechanics.packed import pack_chain
 from pushplan.mechanics.support import FeetSupport
 from pushplan.sets.interval_set import stable_set_over
 from pushplan.sets.named import stable_set
@@ -57,29 +59,31 @@ def lifted(rest: FloatArray, points: FloatArray, center: FloatArray) -> FloatArr
     return np.asarray(rest * np.where(active, pressure, 0.0))
 
 
-def least_row(interval: IntervalChain, v: FloatArray, dv: FloatArray, rng: np.random.Generator) -> float:
-    """Return the least of all contact conditions, N and N m, in one world that the intervals allow."""
+def carried(interval: IntervalChain, v: FloatArray, dv: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Return the wrenches (n, 3) of all contacts in one world that the intervals allow."""
     chain, n = interval.chain, len(interval.chain.objects)
     height = [rng.uniform(*span) for span in chain.contact_heights]
-    total, least = np.zeros((n, 3)), np.inf
+    total = np.zeros((n, 3))
     for i in reversed(range(n)):
-        obj, contact = chain.objects[i], chain.contacts[i]
+        obj = chain.objects[i]
         mu, weight = rng.uniform(*interval.floor_friction[i]), obj.mass * GRAVITY
-        side = 0.05 * (2.0 * np.arange(GRID) + 1.0 - GRID) / GRID
-        points = transform_points(obj.pose_chain, np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2))
-        rest = 1.0 + interval.pressures.get(i, 0.0) * np.sign(
-            (points - points.mean(axis=0)) @ rng.normal(size=2)
-        )
+        if isinstance(obj.support, FeetSupport):
+            places, rest = obj.support.positions, np.full(len(obj.support.positions), 0.25)
+        else:
+            side = 0.05 * (2.0 * np.arange(GRID) + 1.0 - GRID) / GRID
+            places, rest = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2), np.ones(GRID**2)
+        points = transform_points(obj.pose_chain, places)
+        uneven = np.sign((points - points.mean(axis=0)) @ rng.normal(size=2))
+        rest = rest * (1.0 + interval.pressures.get(i, 0.0) * uneven)
         rest /= rest.sum()
         g = rest @ points
         velocity = np.stack([v[0] - v[2] * points[:, 1], v[1] + v[2] * points[:, 0]], axis=1)
         u = velocity / np.linalg.norm(velocity, axis=1, keepdims=True)
-        push = obj.mass * np.array(
-            [
-                dv[0] - dv[2] * g[1] - v[2] * v[1] - v[2] ** 2 * g[0],
-                dv[1] + dv[2] * g[0] + v[2] * v[0] - v[2] ** 2 * g[1],
-            ]
-        )
+        turned = [
+            -dv[2] * g[1] - v[2] * v[1] - v[2] ** 2 * g[0],
+            dv[2] * g[0] + v[2] * v[0] - v[2] ** 2 * g[1],
+        ]
+        push = obj.mass * (dv[:2] + turned)
         z = height[i] if obj.center_height is None else obj.center_height
         ahead = [j for j in range(n) if chain.contacts[j].pusher == i]
         pressure = rest
@@ -87,21 +91,46 @@ def least_row(interval: IntervalChain, v: FloatArray, dv: FloatArray, rng: np.ra
             force = mu * weight * pressure @ u + push + total[ahead, :2].sum(axis=0)
             moved = height[i] * force - sum((height[j] * total[j, :2] for j in ahead), z * push)
             before, pressure = pressure, lifted(rest, points, g + moved / weight)
-            if np.abs(pressure - before).max() < 1e-9:
+            if np.abs(pressure - before).max() < 1e-12:
                 break
         drag = mu * weight * pressure[:, None] * u
         spin = dv[2] * obj.mass * 0.1**2 / 6.0 + g[0] * push[1] - g[1] * push[0]
-        total[i] = total[ahead].sum(axis=0)
-        total[i] += [
-            *(drag.sum(axis=0) + push),
-            (points[:, 0] * drag[:, 1] - points[:, 1] * drag[:, 0]).sum() + spin,
-        ]
-        normal, aside = total[i, :2] @ contact.normal, total[i, :2] @ contact.tangent
-        about = [
-            total[i, 2] - end[0] * total[i, 1] + end[1] * total[i, 0] for end in (contact.right, contact.left)
-        ]
-        least = min(least, contact.friction * normal - abs(aside), -about[0], about[1])
+        about = (points[:, 0] * drag[:, 1] - points[:, 1] * drag[:, 0]).sum() + spin
+        total[i] = np.append(drag.sum(axis=0) + push, about) + total[ahead].sum(axis=0)
+    return total
+
+
+def least_row(interval: IntervalChain, v: FloatArray, dv: FloatArray, rng: np.random.Generator) -> float:
+    """Return the least of all contact conditions, N and N m, in one such world."""
+    least = np.inf
+    for contact, (fx, fy, m) in zip(interval.chain.contacts, carried(interval, v, dv, rng), strict=True):
+        normal, aside = np.array([fx, fy]) @ contact.normal, np.array([fx, fy]) @ contact.tangent
+        right, left = (m - end[0] * fy + end[1] * fx for end in (contact.right, contact.left))
+        least = min(least, contact.friction * normal - abs(aside), -right, left)
     return float(least)
+
+
+def test_inertia_moves_known_loads_as_the_balance_of_moments_says(make_chain: ChainMaker) -> None:
+    """On feet, of which none lifts, everything is known, and the contacts' margins agree to rounding."""
+    feet = np.array([[-0.04, -0.04], [0.05, -0.03], [0.04, 0.04], [-0.03, 0.05]])
+    chain = make_chain.boxes(3, support=lambda _: FeetSupport(feet, np.full(4, 0.25)), contact_height=0.02)
+    chain = replace(chain, objects=tuple(replace(obj, center_height=0.05) for obj in chain.objects))
+    assert not counts_by_centre(chain)
+    rng = np.random.default_rng(3)
+    twists = 0.2 * (np.array([1.0, 0.0, 0.0]) + rng.normal(size=(20, 3)) * [0.0, 0.2, 1.0])
+    rates = rng.normal(size=(20, 3)) * [0.4, 0.2, 0.8]
+    packed, length = pack_chain(chain), chain.characteristic_length
+    world = np.array(
+        [carried(IntervalChain.from_ranges(chain), *pair, rng) for pair in zip(twists, rates, strict=True)]
+    )
+    dynamics = ContactDynamics(chain)
+    np.testing.assert_allclose(
+        dynamics.margins(twists, rates), contacts.contact_margins_of(packed, world), atol=1e-8
+    )
+    alpha, beta, gamma, _ = dynamics.rows_along(twists)
+    along = np.array([carried(IntervalChain.from_ranges(chain), v, 0.7 * v, rng) for v in twists])
+    rows = contacts.facet_rows(packed.rows, along, length)[0]
+    np.testing.assert_allclose(alpha + 0.7 * beta + gamma, rows, atol=1e-7)
 
 
 SPANS = {
