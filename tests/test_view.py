@@ -275,7 +275,7 @@ def test_in_a_browser_what_is_dragged_is_planned_saved_played_or_refused(
         viewed.click(browser, "YAML")
         file.write_text(viewed.downloaded(downloads))
         viewed.click(browser, "Play")
-        played = np.array([pose for _ in range(40) if (pose := viewed.next_played(window)) is not None])
+        played = np.array([pose for _ in range(25) if (pose := viewed.next_played(window)) is not None])
         viewed.drag(browser, window, start, start + np.array([0.55, 0.3, 0.0]))  # into a wall
         viewed.wait_for(browser, "document.body.innerText.includes('no plan')")
         assert viewed.next_played(window) is None

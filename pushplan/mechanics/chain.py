@@ -128,7 +128,7 @@ class Limits:
         angular_acceleration: See `angular_speed`.
         angular_jerk: See `angular_speed`.
         contact: Whether no contact may slip through inertia either, one of `names.CONTACT_LIMITS`.
-        force: Largest force |F_xy| with which the plate pushes, N.
+        force: Largest force `|F_xy|` with which the plate pushes, N.
         breakaway: Factor, >= 1, by which static friction on the floor exceeds that of sliding, as a push begins.
     """
 

@@ -37,7 +37,7 @@ _INSCRIBED = float(np.cos(np.pi / DIRECTIONS))
 
 @dataclass(frozen=True, eq=False)
 class PushForce:
-    """The largest |F_xy| (N) with which the plate pushes a load, over all that its loads and frictions may be.
+    """The largest `|F_xy|` (N) with which the plate pushes a load, over all that its loads and frictions may be.
 
     Attributes:
         dynamics: Of the load; tells what is known of it.

@@ -66,7 +66,7 @@ class Execution:
         forces: (m, n, 2) contact force on the pushed object, in the contact's frame of its load, N.
         wrenches: (m, 3) with which the plate pushes on all that it touches, in the contact's frame, about its origin:
             N, N, N m. None where contacts may not slip: it is then that of `forces`.
-        needed_forces: (m,) with which the plate has to push, N: |F_xy| for the least favourable of the stated loads
+        needed_forces: (m,) with which the plate has to push, N: `|F_xy|` for the least favourable of the stated loads
             and frictions, inertia included, and as a push begins what static friction asks for. NaN where nothing is
             pushed; None where contacts may slip.
     """
@@ -99,7 +99,7 @@ class Execution:
         return None if self.dynamic_margins is None else _least(self.dynamic_margins)
 
     def max_force(self, segment: int | None = None) -> float | None:
-        """Return the largest force |F_xy| of the plate, N, in a segment or in all; None where it is not known.
+        """Return the largest force `|F_xy|` of the plate, N, in a segment or in all; None where it is not known.
 
         That is of `needed_forces`, and of `wrenches` where contacts may slip.
         """
