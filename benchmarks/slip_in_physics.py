@@ -24,8 +24,8 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.sets.named import stable_set
 from pushplan.sim.physics.agreement import sample_pushes
+from pushplan.sim.physics.chains import simulate_twist
 from pushplan.sim.physics.engine import SLIPPING, engine
-from pushplan.sim.physics.simulate import simulate_twist
 from pushplan.sim.report import ContactReport
 from pushplan.sim.slip.simulator import simulate_poses
 from pushplan.sim.world import World

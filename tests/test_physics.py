@@ -20,9 +20,9 @@ from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sets.named import stable_set
 from pushplan.sim.physics.agreement import Agreement, compare, sample_pushes
+from pushplan.sim.physics.chains import simulate_trajectory, simulate_twist
 from pushplan.sim.physics.engine import MissingEngineError, PhysicsSettings
 from pushplan.sim.physics.model import LoadTransfer, build_model
-from pushplan.sim.physics.simulate import simulate_trajectory, simulate_twist
 
 try:
     import mujoco  # noqa: F401

@@ -16,7 +16,8 @@ from pushplan.mechanics.perturb import (
 from pushplan.mechanics.support import FeetSupport, Support
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sim.physics import simulate as physics
-from pushplan.sim.physics.simulate import HARD, STEPS, simulate_in_physics, simulate_trajectory
+from pushplan.sim.physics.chains import simulate_trajectory
+from pushplan.sim.physics.simulate import HARD, STEPS, simulate_in_physics
 from pushplan.sim.report import ContactReport
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray

@@ -20,7 +20,7 @@ from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.scenario.file import load_scenario
 from pushplan.sets.named import stable_set
-from pushplan.sim.physics.simulate import simulate_trajectory
+from pushplan.sim.physics.chains import simulate_trajectory
 from pushplan.sim.report import ContactReport
 from pushplan.util.arrays import FloatArray
 

@@ -13,8 +13,8 @@ from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts import contact_state
 from pushplan.mechanics.sphere import angles_of, checked_twists, twists_at
 from pushplan.sets.stable_set import StableSet
+from pushplan.sim.physics.chains import simulate_twist
 from pushplan.sim.physics.engine import PhysicsSettings
-from pushplan.sim.physics.simulate import simulate_twist
 from pushplan.util.arrays import BoolArray, FloatArray, frozen
 
 FINE = PhysicsSettings(tolerance=1e-4, indentation=5e-6)

@@ -11,6 +11,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.sim.physics.engine import PhysicsSettings, engine
 from pushplan.sim.physics.model import LoadTransfer, PhysicsModel, build_model, joint_coordinates
+from pushplan.sim.report import CLOSED, contact_motion
 from pushplan.sim.slip.packing import push_heights
 from pushplan.util.arrays import FloatArray, IntArray
 
@@ -47,6 +48,70 @@ class Recording:
 
     steps: IntArray
     motions: FloatArray
+
+
+class ContactWatch:
+    """Looks at the contacts while a chain is pushed: from when on slides and gaps count, and whether to go on.
+
+    Attributes:
+        placed: (n, 3) how the objects stand off their places at the start, as motions of the chain frame, or None.
+        base: Number of the look from which slides and gaps count. Objects off their places touch with a corner only
+            and have to close first, until no gap is wider than a tenth of the tolerance. None before that.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        tolerance: float,
+        begin: float = 0.0,
+        end: float = 1.0,
+        placed: FloatArray | None = None,
+        until_moved: bool = False,
+        progress: Callable[[float], None] | None = None,
+    ) -> None:
+        """Watch `chain`.
+
+        Args:
+            chain: What is pushed.
+            tolerance: Slide or gap over the length of a segment above which a contact counts as moved.
+            begin: Share of the motion before which nothing counts.
+            end: Share after which nothing does.
+            placed: See the class.
+            until_moved: Ask to stop when a contact has moved.
+            progress: Called with the share that is done.
+        """
+        self.placed = placed
+        self.base: int | None = None
+        self._chain, self._begin, self._end = chain, begin, end
+        self._until_moved, self._progress = until_moved, progress
+        self._most = tolerance * np.array([contact.length for contact in chain.contacts])
+        self._looks = 0
+        self._reference: FloatArray | None = None
+
+    def __call__(self, share: float, motions: FloatArray) -> bool:
+        """Take a look; tell whether to stop. See `Watch`."""
+        if self._progress is not None:
+            self._progress(share)
+        counts = self._begin <= share <= self._end
+        if self.base is None and counts and self._closed(motions):
+            self.base, self._reference = self._looks, motions
+        self._looks += 1
+        return (
+            self._until_moved
+            and counts
+            and self._reference is not None
+            and self._moved(self._reference, motions)
+        )
+
+    def _closed(self, motions: FloatArray) -> bool:
+        if self.placed is None:
+            return True
+        opening = contact_motion(self._chain, motions[None], None)[1][0]
+        return bool((opening <= CLOSED * self._most).all())
+
+    def _moved(self, reference: FloatArray, motions: FloatArray) -> bool:
+        slide, opening, _ = contact_motion(self._chain, np.stack([reference, motions]))
+        return bool((np.maximum(np.abs(slide[1]), opening[1]) > self._most).any())
 
 
 def drive(

@@ -6,8 +6,8 @@ from conftest import ChainMaker
 
 from pushplan.geometry import se2
 from pushplan.mechanics.support import FeetSupport
+from pushplan.sim.physics.chains import simulate_twist
 from pushplan.sim.physics.engine import SLIPPING
-from pushplan.sim.physics.simulate import simulate_twist
 from pushplan.sim.slip.simulator import simulate_poses
 from pushplan.sim.world import World
 
