@@ -121,23 +121,30 @@ class Validator:
         if row is None or not segments:
             return ""
         end, heading = segments[-1].after, float(segments[-1].path.end[2])
-        ahead = np.array([np.cos(heading), np.sin(heading)])
         bodies = {name: self._scenario.bodies[name].chain.objects[0] for name in row.of}
         outlines = {name: se2.transform_points(end[name], obj.outline) for name, obj in bodies.items()}
-        order = sorted(row.of, key=lambda name: float((outlines[name] @ ahead).max()))
-        if row.order == "given" and tuple(order) != row.of:
+        order = self._scenario.row_order(end, heading)
+        if row.order == "given" and order != row.of:
             return f"the row has the order {', '.join(order)}"
-        for behind, before in pairwise(order):
+        if set(order[len(order) - len(row.placed) :]) != set(row.placed):
+            return f"{', '.join(row.placed)} do not stand at the row's front"
+        for behind, before in pairwise(order[: len(order) - len(row.placed) + 1]):
             touch = find_touch(outlines[behind], outlines[before])
             depth = overlap_depth(outlines[behind], outlines[before])
             if touch is None or len(touch) != 1 or depth > TOUCH:
                 return f"'{behind}' is not flush with '{before}' in the row"
         ways = {name: list(ways_through(obj.outline)) for name, obj in bodies.items()}
         rears = [se2.compose(end[order[0]], way.entry) for way in ways[order[0]]]
-        if row.pose is not None and not any(max(se2.pose_error(rear, row.pose)) <= EXACT for rear in rears):
-            return f"the row's rear, of '{order[0]}', is not where it shall be"
+        # What stood there already is where it was measured, and the rest is flush with it.
+        allowed = row.tolerance if row.placed else (EXACT, EXACT)
+        errors = [] if row.pose is None else [se2.pose_error(rear, row.pose) for rear in rears]
+        position, angle = min(errors, key=lambda error: error[0] + error[1], default=(0.0, 0.0))
+        if position > allowed[0] or angle > allowed[1]:
+            off = f"{1e3 * position:.3g} mm and {np.degrees(angle):.2g} deg off where it shall be"
+            return f"the row's rear, of '{order[0]}', is {off}"
         fronts = [se2.compose(end[order[-1]], way.exit) for way in ways[order[-1]] if way.exit is not None]
-        if row.wall is not None and not any(self._is_at_wall(front, row.wall) for front in fronts):
+        at_wall = row.wall is None or any(self._is_at_wall(front, row.wall) for front in fronts)
+        if not at_wall and not row.placed:
             return f"the row's front, of '{order[-1]}', is not at the wall"
         return ""
 

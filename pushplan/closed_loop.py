@@ -268,6 +268,7 @@ def run_closed_loop(
     asked = scenario, plan, settings, sensor, seed, tuple(disturbances)
     with _Growing(*asked, observer, progress, log, runs) as growing:
         controller = Controller(scenario, settings, plan=plan, observer=observer)
+        scenario = controller.scenario  # of a row it says what place each object has
         growing.begin(controller.plan, controller)
         course = simulate_push(
             there,
@@ -315,6 +316,7 @@ def run_open_loop(
         plan = plan_in(scenario, observer=observer) if plan is None else plan
         if plan.trajectory is None:
             raise PlanningError(f"there is no plan: {plan.reason}")
+        scenario = plan.scenario if scenario.row is not None else scenario
         growing.begin(plan)
         driver = OpenLoop(plan, settings.rate)
         course = simulate_push(

@@ -33,13 +33,13 @@ FINE = 1e-4
 SECTIONS = 8
 """Scales that are asked at once."""
 
-CORNERS = 12
+CORNERS = 24
 """Corners that one linearisation may add."""
 
 ROUNDS = 8
 """Linearisations at most."""
 
-WEAK = 64
+WEAK = 192
 """Moments with the least to spare that are asked before all are."""
 
 NO_CONTACT = 1e6
@@ -203,13 +203,14 @@ class JointErrors:
 
         The point is zero where none does up to there, or where a contact is lost with all numbers in the middle.
         """
-        course, which = self.course, self.course.order[:WEAK]
-        middle = np.zeros((1, len(course.chain.objects), len(KINDS)))
+        middle = np.zeros((1, len(self.course.chain.objects), len(KINDS)))
         scale, known, about = self.most, middle, middle[0]
         if not scale > 0.0 or (self.values(np.zeros(1), middle, None) <= 0.0).any():
             return 0.0, about
+        which: IntArray | None = None
         for _ in range(ROUNDS):
-            corners = self._corners(scale if len(known) > 1 else min(1.0, scale), about, which)
+            corners, moments = self._corners(scale if len(known) > 1 else min(1.0, scale), about, which)
+            which = moments if which is None else which
             fresh = np.array([c for c in corners if not (known == c).all(axis=(1, 2)).any()])
             if not len(fresh):
                 break
@@ -225,8 +226,12 @@ class JointErrors:
             about = about if at is None else known[lost][at]
         return scale, about
 
-    def _corners(self, scale: float, about: FloatArray, which: IntArray) -> FloatArray:
+    def _corners(
+        self, scale: float, about: FloatArray, which: IntArray | None
+    ) -> tuple[FloatArray, IntArray]:
         """Return corners (c, n, 6) that are the worst ones as seen from a point (n, 6) of the box at a scale.
+
+        Also which `WEAK` of the moments `which` lose a contact first, seen so.
 
         Of each condition the change with each number alone is looked at, to either side: a contact that shortens
         whichever way an object moves has no gradient.
@@ -241,10 +246,12 @@ class JointErrors:
         gain = here - np.minimum(np.minimum(below, above), here)
         total = gain.sum(axis=0)
         # The share of the changes at which a condition is lost, if they simply add up.
-        chosen = np.argsort(here / np.maximum(total, 1e-300), kind="stable")[: 4 * CORNERS]
+        share = here / np.maximum(total, 1e-300)
+        chosen = np.argsort(share, kind="stable")[: 4 * CORNERS]
+        first_lost = share.reshape(-1, 4 * len(about)).min(axis=1)
         corners = np.where(gain > 0.0, np.where(below < above, -1.0, 1.0), about.reshape(-1, 1))[:, chosen].T
         _, first = np.unique(corners, axis=0, return_index=True)
-        return np.asarray(corners[np.sort(first)[:CORNERS]].reshape(-1, *shape))
+        return corners[np.sort(first)[:CORNERS]].reshape(-1, *shape), np.argsort(first_lost)[:WEAK]
 
     def _first_loss(
         self, corners: FloatArray, most: float, which: IntArray | None

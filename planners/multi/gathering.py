@@ -116,9 +116,9 @@ class GatheringSearch:
                     if other == name
                 ]
             )
-            for name in scenario.row.of
+            for name in scenario.row.left
         }
-        return beyond_reach(scenario.alone(scenario.row.of[0]), outlines, faces, scenario.row.of)
+        return beyond_reach(scenario.alone(scenario.row.of[0]), outlines, faces, scenario.row.left)
 
     def _require_pushable(self) -> None:
         """Refuse a row of which an object cannot be pushed at all.
@@ -127,7 +127,7 @@ class GatheringSearch:
             PlanningError: With the reason.
         """
         assert self.scenario.row is not None
-        for name in self.scenario.row.of:
+        for name in self.scenario.row.left:
             ways = [member for member in self.hands.ways if member[0] == name]
             if not any(self.hands.hand((member,)) for member in ways):
                 why = self.hands.why.get(name, "the plate fits on none of the faces that it may choose")
@@ -210,9 +210,12 @@ class _Beams:
 
     def _beam(self, width: int, closes: bool, delivers: bool) -> tuple[Situation | None, bool]:
         """Return the end of the best plan of a beam that is better than the best so far, and whether it was cut."""
-        chances = [(0.0, Chance(None, member, False)) for member in self.steps.members]
+        begin = self.steps.begin
+        chances = [
+            (0.0, Chance(None, member, False)) for member in self.steps.members if member[0] in begin.left
+        ]
         truncated = False
-        for _ in range(len(self.steps.row.of)):
+        for _ in range(len(begin.left)):
             kept, cut = self._chosen(chances, width)
             truncated = truncated or cut
             if not kept:

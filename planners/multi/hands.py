@@ -54,16 +54,6 @@ TRIED = 8
 EFFORT = (30, 300)
 """Poses drawn in search of a transit, at first and where none was found."""
 
-BESIDE_A_WALL = 1e-3
-"""What a row's front keeps from a wall beside the clearance, m."""
-
-ALONG_A_WALL = 0.25
-"""Distance between places along a wall that are offered to a row, m, and so many of them at most."""
-MOST_ALONG = 16
-
-AT_PLACE = 1e-6
-"""A row that is made up of other lengths than its stated place is for misses it by more, m."""
-
 Standing = tuple[tuple[str, bytes], ...]
 """Names and poses of all objects that rest, as a key."""
 
@@ -400,57 +390,6 @@ class Floor:
                     break
             self._transits[key] = found
         return self._transits[key]
-
-
-@dataclass(frozen=True, eq=False)
-class RowPlace:
-    """A place for the row: (3,) pose of its front, +x along the push; and of its rear where that is stated."""
-
-    front: FloatArray
-    rear: FloatArray | None
-
-
-def row_places(scenario: Scenario, hands: Hands) -> tuple[RowPlace, ...]:
-    """Return the places that the row may have; none where it may stand anywhere."""
-    row = scenario.row
-    assert row is not None
-    if row.pose is not None:
-        return tuple(
-            RowPlace(se2.compose(row.pose, [length, 0.0, 0.0]), np.asarray(row.pose))
-            for length in sorted(_lengths(row.of, hands))
-        )
-    if row.wall is None:
-        return ()
-    area = scenario.workspace
-    assert area is not None
-    kept = scenario.clearance + BESIDE_A_WALL
-    sides = {
-        "xmin": ([area.xmin + kept, area.ymin], [area.xmin + kept, area.ymax], math.pi),
-        "xmax": ([area.xmax - kept, area.ymin], [area.xmax - kept, area.ymax], 0.0),
-        "ymin": ([area.xmin, area.ymin + kept], [area.xmax, area.ymin + kept], -0.5 * math.pi),
-        "ymax": ([area.xmin, area.ymax - kept], [area.xmax, area.ymax - kept], 0.5 * math.pi),
-    }
-    found = []
-    for name, (begin, end, heading) in sides.items():
-        if row.wall in (name, "any"):
-            length = float(np.linalg.norm(np.subtract(end, begin)))
-            count = max(1, min(MOST_ALONG, int(length / ALONG_A_WALL)))
-            shares = (np.arange(count) + 0.5) / count
-            middles = np.add(begin, shares[:, None] * np.subtract(end, begin))
-            found += [RowPlace(np.append(middle, heading), None) for middle in middles]
-    return tuple(found)
-
-
-def _lengths(names: tuple[str, ...], hands: Hands) -> set[float]:
-    """Return how long a row of all the objects may be, each pushed through a face straight in front of another."""
-    found = {0.0}
-    for name in names:
-        own = set()
-        for (other, _), way in hands.ways.items():
-            if other == name and way.across is not None and abs(way.across[1]) < AT_PLACE:
-                own.add(round(float(way.across[0]), 9))
-        found = {round(sofar + length, 9) for sofar in found for length in own}
-    return found
 
 
 def _key(standing: Poses) -> Standing:

@@ -12,8 +12,9 @@ import numpy as np
 from pushplan.core.driving import shortest_drive
 from pushplan.core.pushes import word_costs
 from pushplan.geometry import se2
-from pushplan.planners.multi.hands import AT_PLACE, SHORT, Floor, Hand, Hands, Pushed, row_places
+from pushplan.planners.multi.hands import SHORT, Floor, Hand, Hands, Pushed
 from pushplan.planners.multi.multi_push import AHEAD
+from pushplan.planners.multi.row_places import AT_PLACE, RowPlace, front_of_placed, row_places
 from pushplan.planners.outcome import Segments
 from pushplan.plans.path import PushPath
 from pushplan.plans.row_load import Member
@@ -116,7 +117,7 @@ class Steps:
     Args:
         hands: What the plate may hold, with the margins to plan with.
         floor: What stands in the room.
-        begin: What came before, the robot holding nothing; None for nothing.
+        begin: What came before, the robot holding nothing; None for nothing, or what is placed in the row.
         starts: Where the objects are then; None for where the scenario has them.
     """
 
@@ -129,13 +130,23 @@ class Steps:
         self.scenario, self.row, self.choice = scenario, scenario.row, scenario.pushes
         self.hands, self.floor = hands, floor
         self.starts = scenario.poses if starts is None else starts
-        nothing = Situation(0.0, (), scenario.plate_start, frozenset(self.row.of), {}, None, -1, "", (), None)
-        self.begin = nothing if begin is None else begin
+        self.begin = self._first() if begin is None else begin
         self.members = [member for member in hands.ways if hands.hand((member,)) is not None]
         self.entries = {
             member: se2.compose(self.starts[member[0]], hands.ways[member].entry) for member in self.members
         }
-        self.places = row_places(scenario, hands)
+        front = self.begin.front
+        self.places = row_places(scenario, hands) if front is None else (RowPlace(front, None),)
+
+    def _first(self) -> Situation:
+        """Return the situation in which nothing was done yet."""
+        row, front, last = self.row, None, ""
+        if row.placed:
+            front, last = front_of_placed(self.scenario, self.hands)
+        delivered = {name: self.starts[name] for name in row.placed}
+        left = frozenset(row.of) - frozenset(row.placed)
+        place = 0 if row.placed else -1
+        return Situation(0.0, (), self.scenario.plate_start, left, delivered, front, place, last, (), None)
 
     # --- what may come next ---
 
@@ -274,6 +285,8 @@ class Steps:
         """Yield the steps once an object was pushed straight ahead and left: the least accessible ones first."""
         taken: dict[str, list[Situation]] = {name: [] for name in self.row.of}
         for member in self.members:
+            if member[0] in self.row.placed:
+                continue
             found = self._next_taken(self.begin, member)
             if found is not None:
                 taken[member[0]].append(found)

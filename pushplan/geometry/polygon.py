@@ -9,7 +9,11 @@ import shapely
 from numpy.typing import ArrayLike
 
 from pushplan.errors import SupportError
+from pushplan.geometry.se2 import rotate
 from pushplan.util.arrays import FloatArray, frozen
+
+MOST_SYMMETRIES = 12
+"""Turns that are looked at."""
 
 
 class AreaMoments(NamedTuple):
@@ -51,6 +55,18 @@ def area_moments(outline: FloatArray) -> AreaMoments:
     outer = p[:, :, None] * p[:, None, :] + q[:, :, None] * q[:, None, :]
     outer += total[:, :, None] * total[:, None, :]
     return AreaMoments(area, anchor + centroid, np.einsum("e,eij->ij", cross, outer) / 24.0)
+
+
+def symmetries(outline: FloatArray) -> list[FloatArray]:
+    """Return the motions (3,) that take a simple polygon onto itself, no motion first: turns about its centroid."""
+    centroid, count = area_moments(outline).centroid, len(outline)
+    corners, same = outline - centroid, 1e-9 * np.ptp(outline)
+    for n in range(min(count, MOST_SYMMETRIES), 1, -1):
+        turned = rotate(2.0 * np.pi / n, corners)
+        if count % n == 0 and np.abs(turned - np.roll(corners, -(count // n), axis=0)).max() <= same:
+            angles = 2.0 * np.pi * np.arange(n) / n
+            return [np.append(centroid - rotate(angle, centroid), angle) for angle in angles]
+    return [np.zeros(3)]
 
 
 def convex_hull(points: FloatArray) -> FloatArray:

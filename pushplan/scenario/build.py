@@ -331,6 +331,23 @@ def _row(file: RearrangementFile, source: Source) -> Row | None:
             source.error(("contacts", "between", i), what)
     if stated.wall is not None and file.workspace is None:
         source.error(("goals", "row", "wall"), "needs a workspace, whose sides are the walls")
+    where = ("goals", "row", "placed")
+    for i, name in enumerate(stated.placed):
+        if name not in stated.of:
+            source.error(
+                (*where, i), f"'{shorten(str(name))}' is not in the row; allowed: {', '.join(stated.of)}"
+            )
+    if len(set(stated.placed)) not in (0, *range(len(stated.placed), len(stated.of))):
+        source.error(
+            where, "names all of the row, or one of it twice; allowed: each at most once, and not all"
+        )
+    if stated.placed and stated.anywhere:
+        source.error(where, "does not go together with a row anywhere, which comes about in one piece")
+    front = stated.of[len(stated.of) - len(stated.placed) :]
+    if stated.order == "given" and set(front) != set(stated.placed):
+        source.error(
+            where, f"is not the front of the given order; allowed: the last ones, as {', '.join(front)}"
+        )
     if stated.anywhere and file.gather == "never":
         source.error(("gather",), "'never' does not go together with a row anywhere; allowed: auto, always")
     return Row(
@@ -341,6 +358,7 @@ def _row(file: RearrangementFile, source: Source) -> Row | None:
         file.gather,
         (lowest(friction), highest(friction)),
         (stated.tolerance.position, stated.tolerance.angle),
+        stated.placed,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
@@ -12,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from pushplan.errors import ChainError, PushplanError
-from pushplan.geometry import se2
+from pushplan.geometry import polygon, se2
 from pushplan.mechanics.chain import Chain, Pusher
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.scenario.parts import (
@@ -179,10 +180,29 @@ class Scenario:
         bodies = dict(self.bodies)
         for name in self.row.of:
             body = bodies[name]
-            there = se2.compose(poses[name], se2.inverse(body.chain.objects[0].pose_chain))
-            goal = Goal(poses[name], name, there, *self.row.tolerance)
-            bodies[name] = dataclasses.replace(body, goals=(goal,))
+            obj, goals = body.chain.objects[0], []
+            for turn in polygon.symmetries(obj.outline):  # a row that looks the same is the same
+                pose = se2.compose(poses[name], turn)
+                there = se2.compose(pose, se2.inverse(obj.pose_chain))
+                goals.append(Goal(pose, name, there, *self.row.tolerance))
+            bodies[name] = dataclasses.replace(body, goals=tuple(goals))
         return dataclasses.replace(self, bodies=bodies)
+
+    def row_order(self, poses: Mapping[str, FloatArray], heading: float) -> tuple[str, ...]:
+        """Return the objects of the row, from its rear to its front, where they stand at poses (3,).
+
+        Args:
+            poses: By name.
+            heading: Direction in the world that the row is pushed along, rad.
+        """
+        assert self.row is not None
+        ahead = [math.cos(heading), math.sin(heading)]
+
+        def front(name: str) -> float:
+            outline = self.bodies[name].chain.objects[0].outline
+            return float((se2.transform_points(poses[name], outline) @ ahead).max())
+
+        return tuple(sorted(self.row.of, key=front))
 
     def alone(self, name: str) -> Scenario:
         """Return the problem of one of `bodies`, alone in the same room.
@@ -383,7 +403,8 @@ def _resolved_row(row: Row) -> dict[str, Any]:
     if row.pose is not None:
         place = {"pose": row.pose.tolist()}
     tolerance = {"position": row.tolerance[0], "angle": row.tolerance[1]}
-    return {"of": list(row.of), **place, "order": row.order, "tolerance": tolerance}
+    found = {"of": list(row.of), **place, "order": row.order, "tolerance": tolerance}
+    return {**found, "placed": list(row.placed)} if row.placed else found
 
 
 def _resolved_planner(scenario: Scenario) -> dict[str, Any]:

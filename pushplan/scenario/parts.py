@@ -134,6 +134,7 @@ class Row:
         gather: One of `names.GATHER`.
         friction: Least and largest coefficient between two of them.
         tolerance: Distance (m) and angle (rad) that still count as reached.
+        placed: Those that stand in it already, at its front: the others are pushed onto the rear of these.
     """
 
     of: tuple[str, ...]
@@ -143,10 +144,16 @@ class Row:
     gather: str
     friction: tuple[float, float]
     tolerance: tuple[float, float]
+    placed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.pose is not None:
             object.__setattr__(self, "pose", frozen(self.pose, (3,), "pose of the row"))
+
+    @property
+    def left(self) -> tuple[str, ...]:
+        """Names of those that have to be brought to it."""
+        return tuple(name for name in self.of if name not in self.placed)
 
 
 @dataclass(frozen=True, eq=False)

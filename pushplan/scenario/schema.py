@@ -527,6 +527,9 @@ class RowGoal(t.Strict):
     anywhere: bool | None = Field(default=None, description="true: wherever the row comes about")
     order: Literal["any", "given"] = Field(default="any", description="any, or given: that of the list")
     tolerance: Tolerance = Field(default_factory=Tolerance, description="{position: ..., angle: ...}")
+    placed: Annotated[tuple[t.Name, ...], t.Several(0, MOST_IN_ROW)] = Field(
+        default=(), description="a list of those that stand in it already, at its front"
+    )
 
     @model_validator(mode="after")
     def _one_place(self) -> RowGoal:

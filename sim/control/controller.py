@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pushplan.errors import PlanningError
-from pushplan.geometry.se2 import compose, exp, inverse, log, pose_error, relative, twist_of
+from pushplan.geometry.se2 import compose, exp, inverse, log, pose_error, relative, twist_of, wrap_angle
 from pushplan.planners.planner import plan as plan_in
 from pushplan.planners.timing.segments import time_segments
 from pushplan.plans.events import Event, Replan
@@ -30,6 +30,7 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer
 from pushplan.scenario.model import Obstacle, Scenario
+from pushplan.sim.closing import OFF as CLOSES
 from pushplan.sim.control.estimator import Estimator
 from pushplan.sim.control.following import Following
 from pushplan.sim.control.pushing import Phase, PushJob, PushLoop, words
@@ -57,6 +58,8 @@ NEAR = 0.5
 """Share of the slack by which a load may be off its planned place so that planned ways to it are driven."""
 PASSING = 2.0
 """Factor of the tolerances for a push after which the load is pushed on from elsewhere."""
+PRESSED = 1e-3
+"""A load that closes onto an object is pushed on by so much, m, and by what its face is off square."""
 STILL = np.zeros(3)
 
 
@@ -115,7 +118,7 @@ class Controller:
         self._intake, self._bad_clock = Intake(partial(self._tell, "dropped")), 0
         self._sightings, self._estimator = Sightings(), None
         self._standing = Standing(scenario.poses, settings, self._sightings)
-        self._rest_planner = RestPlanner(scenario, observer)
+        self._rest_planner = RestPlanner(scenario, plan, self._tolerance, observer)
         self._plate = self._odometry = self._told = np.array(scenario.plate_start)
         self._localised: tuple[FloatArray, FloatArray] | None = None
         self._now, self._began, self._since, self._late = 0.0, math.inf, 0.0, False
@@ -433,16 +436,19 @@ class Controller:
         """Push the load of a segment."""
         load = segment.load
         assert load is not None
-        columns, settle = self._standing.columns(load.names), 0.0
+        columns, settle, straight = self._standing.columns(load.names), 0.0, False
         problem, plan, replanner = self.scenario, self.plan, self._replanner
         if replanner is None:
             assert self.scenario.pushes is not None
             problem, settle = self._problem(segment), self.scenario.pushes.settle
+            length = self._straight_onto(segment) if segment.onto else None
+            if length is not None:
+                settle, straight = length, True
             plan = self._alone(replace(segment, load=load.with_problem(problem)))
             replanner = Replanner(problem, self.settings, self._observer)
         frames = compose(np.stack([self._plate, self._odometry]), load.frame_plate)
         self._push = PushLoop(
-            PushJob(problem, plan, columns, settle, self._again < AGAIN, self._wary),
+            PushJob(problem, plan, columns, settle, self._again < AGAIN, self._wary, straight),
             replanner,
             self.settings,
             self._sightings,
@@ -469,6 +475,22 @@ class Controller:
             self.scenario, self._obstacles, self._standing.by_name, (*segment.load.names, segment.onto)
         )
         return replace(problem, goal=goal, obstacles=around)
+
+    def _straight_onto(self, segment: Segment) -> float | None:
+        """Return how far the load has to be pushed straight ahead to close onto an object where that was measured, m.
+
+        None where that is too far off or turned to become flush so, or to stand well in the row.
+        """
+        onto, away = segment.onto, inverse(segment.path.end)
+        flush = compose(self._standing.by_name[onto], inverse(compose(away, segment.before[onto])))
+        ahead, aside, _ = (float(value) for value in relative(self._plate, flush))
+        turn = float(wrap_angle(flush[2] - self._plate[2]))
+        position, angle = self._tolerance
+        square = abs(turn) <= max(PASSING * angle, CLOSES[1])
+        if not square or abs(aside) > PASSING * position or ahead < -PASSING * position:
+            return None
+        face = max(contact.length for contact in segment.load.chain.contacts) if segment.load else 0.0
+        return max(ahead, 0.0) + 0.5 * face * abs(math.sin(turn)) + PRESSED
 
     def _is_last(self, segment: Segment) -> bool:
         """Tell whether the objects of a push are not pushed again by the plan."""

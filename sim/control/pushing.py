@@ -85,6 +85,7 @@ class PushJob:
         settle: Length of the straight push that closes the contacts after an approach, m; 0 where they are closed.
         again: Whether the plate may back off and come up to the load once more.
         wary: Whether an object has left its place before: no plan is less cautious then because that is shorter.
+        straight: Whether it is over after that straight push, wherever it ends: it closes onto an object that rests.
     """
 
     scenario: Scenario
@@ -93,6 +94,7 @@ class PushJob:
     settle: float = 0.0
     again: bool = False
     wary: bool = False
+    straight: bool = False
 
 
 class PushLoop:
@@ -304,7 +306,9 @@ class PushLoop:
                 self._touch(measured)
                 self.places = relative(self.plate, measured)
                 contacts = contacts_at(self.scenario.chain, self.places)
-        if aim.reached(poses, CLEARLY) or (aim.reached(poses, 1.0) and not nearer):
+        if self._job.straight:
+            self._end(Phase.ARRIVED, "closed")
+        elif aim.reached(poses, CLEARLY) or (aim.reached(poses, 1.0) and not nearer):
             self._end(Phase.ARRIVED, f"{off} off the goal")
         elif self._replans >= self.settings.replans:
             self._give_up(f"{self.settings.replans} plans were made on the way, and it is not there")

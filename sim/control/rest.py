@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -120,11 +121,24 @@ class RestPlanner:
 
     Args:
         scenario: What is believed.
+        plan: What was to be done at first.
+        tolerance: Distance (m) and angle (rad) by which an object that was brought to its goal may be off.
         observer: Takes messages about what takes long.
     """
 
-    def __init__(self, scenario: Scenario, observer: Observer) -> None:
+    def __init__(
+        self, scenario: Scenario, plan: Plan, tolerance: tuple[float, float], observer: Observer
+    ) -> None:
         self._scenario, self._observer = scenario, observer
+        self._row, (position, angle) = scenario.row, tolerance
+        if self._row is not None:  # the places of its objects are those that the plan gave them
+            last = plan.segments[-1]
+            order = scenario.row_order(last.after, float(last.path.end[2]))
+            # A row goes on from what stands there, and ends off its place by what that is turned, too.
+            there = np.array([scenario.goals[name][0].pose[:2] for name in order])
+            reach = float(np.linalg.norm(np.ptp(there, axis=0)))
+            off = position + angle * reach, angle
+            self._row = replace(self._row, of=order, order="given", tolerance=off)
 
     def plan(
         self,
@@ -172,11 +186,16 @@ class RestPlanner:
             first = scenario.chain.objects[0]
             start = compose(poses[first.name], inverse(first.pose_chain))
             return replace(scenario, start=start, pushes=pushes, obstacles=obstacles)
-        bodies = {}
+        bodies, row = {}, self._row
+        if row is not None:
+            front = itertools.takewhile(lambda name: name in delivered, reversed(row.of))
+            row = replace(row, placed=tuple(front)[::-1])
         for name, body in scenario.bodies.items():
             bodies[name] = replace(body, pose=poses[name])
-            if name in delivered:
+            if row is not None and name in row.of:
+                bodies[name] = replace(bodies[name], goals=())
+            elif name in delivered:
                 there, goal = bodies[name].start, body.goals[0]
                 stay = replace(goal, pose=there, of=None, pose_chain=there)
                 bodies[name] = replace(bodies[name], goals=(stay,))
-        return replace(scenario, bodies=bodies, pushes=pushes, obstacles=obstacles)
+        return replace(scenario, bodies=bodies, row=row, pushes=pushes, obstacles=obstacles)
