@@ -79,7 +79,7 @@ class ClosedLoopRun:
     @property
     def goal_errors(self) -> tuple[float, float]:
         """How far (m) and by what angle (rad) the goal's object ends off; the worst where there are several."""
-        return worst_at_goal(self.scenario, self.simulated.object_poses[-1])
+        return worst_at_goal(_placed(self.scenario, self.plan), self.simulated.object_poses[-1])
 
     @property
     def execution(self) -> Execution:
@@ -108,6 +108,11 @@ class ClosedLoopRun:
         with _Growing(*asked, SILENT, None, path, None) as growing:
             growing.begin(self.plan)
             growing.end(self)
+
+
+def _placed(scenario: Scenario, plan: Plan) -> Scenario:
+    """Return the scenario with a goal for each object: in a row the plan says what place each one has."""
+    return plan.scenario if scenario.row is not None else scenario
 
 
 def execution_of(scenario: Scenario, plan: Plan, course: SimulatedPush, feedback: Feedback) -> Execution:
@@ -268,7 +273,6 @@ def run_closed_loop(
     asked = scenario, plan, settings, sensor, seed, tuple(disturbances)
     with _Growing(*asked, observer, progress, log, runs) as growing:
         controller = Controller(scenario, settings, plan=plan, observer=observer)
-        scenario = controller.scenario  # of a row it says what place each object has
         growing.begin(controller.plan, controller)
         course = simulate_push(
             there,
@@ -316,7 +320,6 @@ def run_open_loop(
         plan = plan_in(scenario, observer=observer) if plan is None else plan
         if plan.trajectory is None:
             raise PlanningError(f"there is no plan: {plan.reason}")
-        scenario = plan.scenario if scenario.row is not None else scenario
         growing.begin(plan)
         driver = OpenLoop(plan, settings.rate)
         course = simulate_push(
@@ -327,12 +330,13 @@ def run_open_loop(
             progress=growing.grown,
             simulator_of=simulator_of,
         )
-        goals = [goal for task in scenario.tasks for goal in task.goals]
+        placed = _placed(scenario, plan)
+        goals = [goal for task in placed.tasks for goal in task.goals]
         tolerance = (
             max(settings.position_tolerance, min(goal.position_tolerance for goal in goals)),
             max(settings.angle_tolerance, min(goal.angle_tolerance for goal in goals)),
         )
-        off = worst_at_goal(scenario, course.object_poses[-1])
+        off = worst_at_goal(placed, course.object_poses[-1])
         reached = off[0] <= tolerance[0] and off[1] <= tolerance[1]
         outcome = "jammed" if course.jammed else "arrived" if reached else "missed"
         reason = {"jammed": JAMMED, "missed": MISSED}.get(outcome, "")
