@@ -28,8 +28,8 @@ from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Nearest, Plan
 from pushplan.plans.settings import Observer, PlanOptions, PlanSettings
 from pushplan.plans.trajectory import SAMPLE_RATE
-from pushplan.scenario.build import troubles_at_first
 from pushplan.scenario.model import Scenario
+from pushplan.scenario.one_load import troubles_at_first
 from pushplan.scenario.parts import Goal, Obstacle
 from pushplan.scenario.room import Surroundings, placed, placement_troubles
 from pushplan.sets.named import add_set

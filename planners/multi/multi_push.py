@@ -24,8 +24,8 @@ from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Nearest
 from pushplan.plans.segment import Poses, Segment
 from pushplan.plans.settings import PlanSettings
-from pushplan.scenario.build import troubles_at
 from pushplan.scenario.model import Scenario
+from pushplan.scenario.one_load import troubles_at
 from pushplan.sets.force_limited_set import too_heavy_ahead
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, PUSH, RETREAT, TRANSIT, TRANSIT_CLEARANCE

@@ -1,0 +1,239 @@
+"""From a document to the scenario of one load that it states, for one push or several, or to findings.
+
+What files of several objects state as well is built and checked here, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pushplan.geometry import se2
+from pushplan.geometry.polygon import overlap_depth
+from pushplan.mechanics.body import Body, BodyKind
+from pushplan.mechanics.chain import Chain
+from pushplan.scenario import schema
+from pushplan.scenario.chain import build_bodies
+from pushplan.scenario.layout import millimetres
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import (
+    Goal,
+    PlannerSettings,
+    Pushes,
+    StabilitySettings,
+    Uncertainty,
+)
+from pushplan.scenario.room import Attachments, Surroundings, build_surroundings, placed, placement_troubles
+from pushplan.scenario.schema import (
+    GatheringFile,
+    GoalPose,
+    RoomFile,
+    ScenarioFile,
+)
+from pushplan.scenario.source import Place, Source, shorten
+from pushplan.scenario.validation import nearest, salvage, validate
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import DEFAULT_PLANNER, RANKED_BY, TRANSIT_CLEARANCE
+
+_NEAREST = 1e-3
+"""What an approach begins, and a retreat ends, farther from the objects than the clearance, m."""
+
+_OF_SEVERAL = {"name", "cost", "time_limit", "seed", "gap"}
+"""Keys of `planner` that bear on several pushes."""
+
+
+def shared(file: RoomFile, source: Source, room: Surroundings, attachments: Attachments) -> dict[str, Any]:
+    """Return what all kinds of scenarios have in common."""
+    planner = PlannerSettings(**file.planner.model_dump())
+    return {
+        "name": file.name or source.path.stem,
+        "path": source.path,
+        "source": source.data,
+        "origin": source,
+        "floor_friction": file.floor.friction,
+        "workspace": room.workspace,
+        "obstacles": room.obstacles,
+        "clearance": file.clearance,
+        "stability": StabilitySettings(file.stability.set, file.stability.margin),
+        "planner": planner if file.robot.start is None else replace(planner, cost=RANKED_BY),
+        "trajectory": file.trajectory,
+        "attachments": attachments.contents,
+        "uncertainty": Uncertainty(**file.uncertainty.model_dump()),
+    }
+
+
+def check_room_for_inertia(file: RoomFile, source: Source) -> None:
+    """Report dynamic contact limits where contacts may be pushed at their limit."""
+    if file.pusher.limits.contact == "dynamic" and file.stability.margin == 0.0:
+        source.error(
+            ("pusher", "limits", "contact"),
+            "'dynamic', the default, needs a stability.margin above 0, for a contact at its limit has nothing to "
+            "spare for inertia; allowed: a stability.margin such as auto or 0.05, or quasi-static",
+        )
+
+
+def one_load(source: Source, attachments: Attachments) -> Scenario | None:
+    """Return the scenario that a document of one load states; None where findings leave none."""
+    file, doubtful = validate(ScenarioFile, source), set[str]()
+    if file is None:
+        mended = salvage(source)
+        if mended is None:
+            return None
+        file, doubtful = mended
+    part = source.moved(lambda place: place)
+    bodies = build_bodies(file, attachments.read, part)
+    source.take(part, *doubtful)  # without what follows from stand-ins alone
+    stated = _stated_goals(file)
+    if not _goals_exist(file, stated, source):
+        doubtful.add("goal")
+    if bodies is None:
+        return None
+    check_room_for_inertia(file, source)
+    _check_for_several_only(file, source)
+    room = build_surroundings(file, attachments, source)
+    goals = tuple(goal for one in stated.values() for goal in turned_goals(one, bodies.chain))
+    scenario = Scenario(
+        **shared(file, source, room, attachments),
+        chain=bodies.chain,
+        start=np.array(file.start),
+        goal=goals[0],
+        stated=bodies.stated,
+        interval=bodies.interval,
+        contact_friction=bodies.contact_friction,
+        snapping=bodies.snapping,
+        pushes=pushes_of(file, goals, source),
+    )
+    if doubtful & {"workspace", "obstacles", "clearance"}:
+        return None
+    if scenario.pushes is None:
+        for what, place, pose in (
+            ("start", ("start",), scenario.start),
+            ("goal", ("goal", "pose"), scenario.goal.pose_chain),
+        ):
+            if what not in doubtful:
+                for trouble in placement_troubles(
+                    what, placed(scenario.chain.bodies, pose), surroundings_of(scenario)
+                ):
+                    source.error(place, trouble)
+    elif not doubtful & {"start", "goal", "robot"}:
+        check_pushes(scenario, (*next(iter(stated)), "pose"), source)
+    return scenario
+
+
+def _stated_goals(file: ScenarioFile) -> dict[Place, GoalPose]:
+    """Return the goals of a file by where each stands."""
+    if isinstance(file.goal, GoalPose):
+        return {("goal",): file.goal}
+    return {("goal", i): goal for i, goal in enumerate(file.goal)}
+
+
+def _goals_exist(file: ScenarioFile, stated: Mapping[Place, GoalPose], source: Source) -> bool:
+    """Tell whether the object that each goal names exists, and report the first that does not."""
+    known = [obj.name for obj in file.objects]
+    for place, goal in stated.items():
+        if goal.of is not None and goal.of not in known:
+            near = nearest(goal.of, known)
+            what = f"no object is called '{shorten(goal.of)}'{near} allowed: {', '.join(known)}"
+            source.error((*place, "of"), what)
+            return False
+    return True
+
+
+def turned_goals(stated: GoalPose, chain: Chain) -> Iterator[Goal]:
+    """Yield a goal for each turn that the object's symmetry allows."""
+    known = [obj.name for obj in chain.objects]
+    for k in range(stated.symmetry):
+        turn = se2.wrap_angle(stated.pose[2] + 2.0 * np.pi * k / stated.symmetry) if k else stated.pose[2]
+        pose = pose_chain = np.array([*stated.pose[:2], turn])
+        if stated.of in known:
+            inner = chain.objects[chain.index_of(stated.of)].pose_chain
+            pose_chain = se2.compose(pose, se2.inverse(inner))
+        yield Goal(pose, stated.of, pose_chain, stated.tolerance.position, stated.tolerance.angle)
+
+
+def _check_for_several_only(file: ScenarioFile, source: Source) -> None:
+    """Report what says nothing of one push with the plate in contact."""
+    if file.robot.start is not None:
+        return
+    several_goals = not isinstance(file.goal, GoalPose)
+    meaningless: dict[Place, bool] = {
+        ("goal",): several_goals,
+        ("goal", "symmetry"): isinstance(file.goal, GoalPose) and file.goal.symmetry > 1,
+        ("pusher", "faces"): file.pusher.faces is not None,
+        ("pusher", "offsets"): file.pusher.offsets is not None,
+        ("pushes",): file.pushes is not None,
+    }
+    for place in (place for place, stated in meaningless.items() if stated):
+        what = "is for multi-push plans: it needs a robot.start, the plate's pose in the world"
+        source.error(place, what, at_key=True)
+
+
+def pushes_of(file: RoomFile, goals: tuple[Goal, ...], source: Source) -> Pushes | None:
+    """Return what several pushes start from and may choose, or None where one push is asked for."""
+    if file.robot.start is None:
+        return None
+    for name in sorted(file.planner.model_fields_set - _OF_SEVERAL):
+        what = "is for a single push; multi-push plans (robot.start) are weighed by what 'pushes' says"
+        source.error(("planner", name), what, at_key=True)
+    for name, only in (("name", DEFAULT_PLANNER), ("cost", RANKED_BY)):
+        if name in file.planner.model_fields_set and getattr(file.planner, name) != only:
+            source.error(("planner", name), f"is for a single push; multi-push plans have {only} only")
+    plate, choice = file.pusher, file.pushes or schema.PushChoice()
+    if isinstance(file, GatheringFile) and "transit_weight" not in choice.model_fields_set:
+        choice = choice.model_copy(
+            update={"transit_weight": 1.0}
+        )  # a row is asked for to save the robot's way
+    faces = None if plate.faces in (None, "all") else tuple(plate.faces)
+    return Pushes(np.array(file.robot.start), goals, faces, plate.offsets or (0.0,), **choice.model_dump())
+
+
+def check_pushes(scenario: Scenario, goal: Place, source: Source) -> None:
+    """Report what cannot be several pushes: short paths, what is not free at first, or at any goal, for the first."""
+    pushes = scenario.pushes
+    assert pushes is not None
+    for name in ("approach", "retreat"):
+        kept = max(scenario.clearance, TRANSIT_CLEARANCE)
+        least = kept + _NEAREST
+        if getattr(pushes, name) < least:
+            why = f"the robot keeps {kept:.6g} m from the objects when it drives on"
+            what = f"is {getattr(pushes, name):.6g} m, and {why}; allowed: at least {least:.6g}"
+            source.error(("pushes", name), what)
+    for place, what in troubles_at_first(scenario):
+        source.error(place, what)
+    taken = [list(troubles_at(scenario, one.pose_chain, "goal")) for one in pushes.goals]
+    if all(taken):
+        for what in taken[0]:
+            source.error(goal, what)
+
+
+def troubles_at_first(scenario: Scenario) -> Iterator[tuple[Place, str]]:
+    """Yield the place in a file and a sentence for objects, and parts of the robot, that are not free at first."""
+    chain = scenario.chain
+    for what in troubles_at(scenario, scenario.start, "start"):
+        yield ("start",), what
+    robot = placed(chain.carried, scenario.robot_start)
+    for what in placement_troubles("robot's start", robot, surroundings_of(scenario)):
+        yield ("robot", "start"), what
+    for name, outline in robot:
+        for other, standing in placed(_objects(chain), scenario.start):
+            depth = overlap_depth(standing, outline)
+            if depth > 0.0:
+                what = f"at the robot's start, '{name}' overlaps '{other}' by {millimetres(depth)}"
+                yield ("robot", "start"), what
+
+
+def troubles_at(scenario: Scenario, load: FloatArray, what: str) -> Iterator[str]:
+    """Yield a sentence for each object that is not free with the load at a pose (3,), its `start` or a `goal`."""
+    return placement_troubles(what, placed(_objects(scenario.chain), load), surroundings_of(scenario))
+
+
+def surroundings_of(scenario: Scenario) -> Surroundings:
+    """Return what stands in the room of a scenario."""
+    return Surroundings(scenario.workspace, scenario.obstacles, scenario.clearance)
+
+
+def _objects(chain: Chain) -> list[Body]:
+    return [body for body in chain.bodies if body.kind is BodyKind.OBJECT]
