@@ -19,7 +19,7 @@ KEY = "Content"
 
 _PLANNED = ("solved", "reason", "arcs", "segments")
 """What of a plan's document a picture shows."""
-_VOLATILE = ("log", "page", "seconds", "improvements", "progress", "time_of", "worst", "max_force")
+_VOLATILE = ("log", "page", "seconds", "improvements", "progress", "time_of", "worst", "max_force", "height")
 """Parts of keys whose values differ from run to run, or are in no picture."""
 _DIGITS = 4
 

@@ -55,6 +55,10 @@ class SupportError(PushplanError, ValueError):
     """A support model is impossible or lacks what the question needs (e.g. known loads)."""
 
 
+class TippingError(SupportError):
+    """An object could tip over where it is pushed."""
+
+
 class UndefinedEcofError(PushplanError, ValueError):
     """The friction force vanishes (the COR lies at the COF), so no line of action exists."""
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pushplan.errors import ChainError, EmptyStableSetError
+from pushplan.errors import ChainError, EmptyStableSetError, TippingError
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import Place, places, pushed_from
 from pushplan.planners.controls import margins_to_try, straight_pushes
@@ -93,7 +93,7 @@ def find_modes(scenario: Scenario, settings: PlanSettings) -> tuple[ContactMode,
     for place in places(scenario.chain, scenario.pushes.faces, scenario.pushes.offsets):
         try:
             found.append(ContactMode.of(scenario, place, settings))
-        except (EmptyStableSetError, ChainError) as error:
+        except (EmptyStableSetError, ChainError, TippingError) as error:
             why.append(f"{place.face}: {error}")
     if not found:
         reason = "; ".join(why) or "the plate fits on none of the faces that it may choose"

@@ -17,7 +17,7 @@ from pushplan.core.driving import Surroundings, Wheels
 from pushplan.core.problem import connect, reach
 from pushplan.core.pushes import PackedMode, approaches_are_free, find_push, settles
 from pushplan.core.transit import find_transit, shortened
-from pushplan.errors import ChainError, EmptyStableSetError
+from pushplan.errors import ChainError, EmptyStableSetError, TippingError
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import Place, Through, ways_through
 from pushplan.planners.controls import margins_to_try
@@ -209,7 +209,7 @@ class Hands:
             margins = margins_to_try(load.problem, stable, MARGIN)
             place = Place((0,), load.face, 0.0, np.zeros(3), np.zeros(3))
             return ContactMode(place, load, stable, margins, np.zeros(3), Posing(meridians=FINE))
-        except (ChainError, EmptyStableSetError) as error:
+        except (ChainError, EmptyStableSetError, TippingError) as error:
             self.why.setdefault(members[0][0], str(error))
             return None
 
@@ -229,6 +229,7 @@ def _form(scenario: Scenario, name: str, way: Through, load: tuple[FloatArray, .
     yield type(support).__name__.encode() + placed(support.center)
     yield placed(*load)
     yield np.array([obj.mass, obj.floor_friction, body.chain.contacts[0].friction]).tobytes()
+    yield body.chain.contact_heights.tobytes() + repr(obj.center_height).encode()
     if body.interval is not None:
         yield body.interval.mass.tobytes() + body.interval.floor_friction.tobytes()
         yield repr((dict(body.interval.fractions), dict(body.interval.pressures))).encode()

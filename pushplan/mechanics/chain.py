@@ -170,7 +170,8 @@ class Pusher:
     Attributes:
         outline: (v, 2) plate in the chain frame, m, counter-clockwise.
         friction: Coefficient between the plate and the objects it touches.
-        contact_height: Height above the floor of the forces of contacts that do not state their own, m.
+        contact_height: Height above the floor of the forces of contacts that do not state their own, or least and
+            largest one, m.
         drive: What twists the robot can make.
         limits: What its motion may not exceed.
         footprint: Outlines (v, 2) of the robot's parts in the chain frame, m, counter-clockwise; none where the robot
@@ -181,7 +182,7 @@ class Pusher:
 
     outline: FloatArray
     friction: float
-    contact_height: float = 0.0
+    contact_height: float | tuple[float, float] = 0.0
     drive: Drive = field(default_factory=Drive)
     limits: Limits = field(default_factory=Limits)
     footprint: tuple[FloatArray, ...] = ()
@@ -260,8 +261,8 @@ class Chain:
     def contact_heights(self) -> FloatArray:
         """(n, 2) least and largest height above the floor at which each contact's force may act, m."""
         own = self.pusher.contact_height
-        heights = [(own, own) if contact.height is None else contact.height for contact in self.contacts]
-        return frozen(heights, (None, 2), "contact heights")
+        heights = [own if contact.height is None else contact.height for contact in self.contacts]
+        return frozen([np.broadcast_to(height, 2) for height in heights], (None, 2), "contact heights")
 
     @property
     def contact_height(self) -> float:

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pushplan.errors import SupportError
+from pushplan.errors import TippingError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject
 from pushplan.mechanics.contacts import carried_objects
@@ -82,7 +82,7 @@ def load_areas(
         off: Whether pressures that are off put the centre elsewhere, too, as load fractions in intervals do.
 
     Raises:
-        SupportError: When a push at the contact heights could tip an object.
+        TippingError: When a push at the contact heights could tip an object.
     """
     areas = _areas(chain, interval, off)
     if loads_move(chain):
@@ -240,7 +240,7 @@ def _most(values: FloatArray, parts: FloatArray) -> float:
 def _require_standing(
     chain: Chain, interval: IntervalChain | None, off: bool, areas: tuple[LoadArea, ...]
 ) -> None:
-    """Raise SupportError unless every load's centre stays in the hull of its support, wherever it may move."""
+    """Raise TippingError unless every load's centre stays in the hull of its support, wherever it may move."""
     spare = _spare(chain, interval, areas)
     i = int(spare.argmin())
     if spare[i] >= -_ROUNDING:
@@ -255,7 +255,7 @@ def _require_standing(
     possible = (
         f"up to {1e3 * low * height:.4g} mm can be planned" if low > 0.0 else "no height can be planned"
     )
-    raise SupportError(
+    raise TippingError(
         f"a push at {1e3 * height:.4g} mm could tip {chain.objects[i].name!r}: its load's centre may move "
         f"{-1e3 * spare[i]:.4g} mm out of its support; {possible}"
     )

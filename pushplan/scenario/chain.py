@@ -263,7 +263,7 @@ def _pusher(file: RoomFile, parts: Sequence[Part], layout: Layout, source: Sourc
     return Pusher(
         layout.plate,
         lowest(plate.friction),
-        middle(plate.contact_height),
+        plate.contact_height,
         _drive(plate.drive, np.zeros(3)) if robot.drive is None else _drive(robot.drive, frame),
         Limits(**plate.limits.model_dump(), **({} if robot.limits is None else robot.limits.model_dump())),
         _footprint(file, parts, layout, source),

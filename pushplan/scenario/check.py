@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from pushplan.errors import Finding, PushplanError
+from pushplan.errors import Finding, PushplanError, TippingError
 from pushplan.mechanics.chain import PLATE
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.source import Place, Source
@@ -40,7 +40,8 @@ def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
         stable = scenario.stable_set()
         what, contact = emptiness(stable, 0.0 if margin == AUTO else margin)
     except PushplanError as error:
-        return (_finding(scenario, ("stability", "set"), str(error)),)
+        at: Place = ("pusher",) if isinstance(error, TippingError) else ("stability", "set")
+        return (_finding(scenario, at, str(error)),)
     place: Place = ("stability", "margin")
     if contact is not None:
         on_plate = stable.chain.contacts[contact].pusher == PLATE

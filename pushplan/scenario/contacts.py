@@ -152,22 +152,24 @@ def _stated(file: RoomFile, names: Sequence[str], source: Source) -> dict[frozen
     return stated
 
 
-def contact_heights(file: RoomFile, pairs: Iterable[Pair], source: Source) -> dict[Pair, float | Span]:
-    """Return the height of each pair of bodies that touch; one above an object is reported."""
+def contact_heights(file: RoomFile, pairs: Iterable[Pair], source: Source) -> dict[Pair, Span]:
+    """Return the heights that pairs of bodies that touch state; what is above an object is reported."""
     stated = {frozenset(entry.objects): (i, entry) for i, entry in enumerate(file.contacts.between)}
-    heights: dict[Pair, float | Span] = {}
+    heights: dict[Pair, Span] = {}
     for pair in pairs:
         objects = [file.objects[i] for i in pair if i != PLATE]
         key = frozenset([*(obj.name for obj in objects), *([PUSHER] if PLATE in pair else [])])
         i, entry = stated.get(key, (0, None))
         own = None if entry is None else entry.height
-        heights[pair] = file.pusher.contact_height if own is None else own
+        height = file.pusher.contact_height if own is None else own
+        if own is not None:
+            heights[pair] = lowest(own), highest(own)
         for obj in objects:
-            if obj.height is not None and highest(heights[pair]) > obj.height:
+            if obj.height is not None and highest(height) > obj.height:
                 place: Place = (
                     ("pusher", "contact_height") if own is None else ("contacts", "between", i, "height")
                 )
-                reach, top = millimetres(highest(heights[pair])), millimetres(obj.height)
+                reach, top = millimetres(highest(height)), millimetres(obj.height)
                 source.error(place, f"reaches {reach}, and '{obj.name}' is {top} high; allowed: up to {top}")
     return heights
 
@@ -175,7 +177,7 @@ def contact_heights(file: RoomFile, pairs: Iterable[Pair], source: Source) -> di
 def make_contacts(
     segments: Mapping[Pair, FloatArray],
     frictions: Mapping[Pair, float | Span],
-    heights: Mapping[Pair, float | Span],
+    heights: Mapping[Pair, Span],
 ) -> tuple[Contact, ...]:
     """Return the contacts in the order of the objects that they push, with their lowest frictions."""
     pairs = sorted(segments, key=lambda pair: pair[1])
@@ -186,7 +188,7 @@ def make_contacts(
             lowest(frictions[pair]),
             pushed=pair[1],
             pusher=pair[0],
-            height=(lowest(heights[pair]), highest(heights[pair])),
+            height=heights.get(pair),
         )
         for pair in pairs
     )

@@ -87,7 +87,8 @@ def push_heights(chain: Chain, objects: Sequence[PushedObject]) -> FloatArray:
     Those that are not in the chain are pushed by the plate, at the height of contacts that state none.
     """
     own = dict(zip((obj.name for obj in chain.objects), chain.contact_heights.mean(axis=1), strict=True))
-    return np.array([own.get(obj.name, chain.pusher.contact_height) for obj in objects])
+    others = float(np.mean(chain.pusher.contact_height))
+    return np.array([own.get(obj.name, others) for obj in objects])
 
 
 def pack_bodies(

@@ -10,10 +10,11 @@ from conftest import there
 from pushplan.errors import PushplanError, ScenarioError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.dynamics import dynamic_margins
+from pushplan.mechanics.faces import pushed_at
 from pushplan.mechanics.support import FeetSupport
 from pushplan.planners.planner import plan
 from pushplan.scenario.check import check_scenario
-from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.file import scenario_from_document, scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.sets.interval_set import stable_set_over
 from pushplan.util.arrays import FloatArray
@@ -164,3 +165,35 @@ def test_it_is_the_same_as_writing_the_intervals() -> None:
     np.testing.assert_allclose(
         stable_set_over(bare).margin(at), scenario_from_text(written).stable_set().margin(at), atol=1e-12
     )
+
+
+HIGH = """\
+format: pushplan/1
+floor: {friction: 0.3}
+objects:
+  - {name: near, shape: {box: [0.1, 0.1]}, mass: 1, height: 0.1}
+  - {name: far, shape: {box: [0.1, 0.1]}, mass: 1, height: 60 mm, center_of_mass: [0, 0, 20 mm]}
+contacts: {friction: 0.4, between: [{objects: [near, far], height: [10 mm, 40 mm]}]}
+pusher: {width: 0.2, friction: 0.5, contact_height: [30 mm, 50 mm]}
+uncertainty: {contact_friction: 20 %, floor_friction: 20 %, load: 20 %}
+goal: {pose: [0.8, 0.3, 40 deg]}
+"""
+
+
+def test_heights_are_those_of_contacts_whoever_pushes() -> None:
+    scenario = scenario_from_text(HIGH)
+    assert scenario_from_document(scenario.resolved()) == scenario
+    assert [obj.center_height for obj in scenario.chain.objects] == [0.05, 0.02]
+    np.testing.assert_allclose(scenario.chain.contact_heights, [[0.03, 0.05], [0.01, 0.04]])
+    turned = pushed_at(scenario.chain, "front")
+    assert [obj.name for obj in turned.objects] == ["far", "near"]
+    np.testing.assert_allclose(turned.contact_heights, [[0.03, 0.05], [0.01, 0.04]])
+    assert scenario.stable_set().contains([[1.0, 0.0, 0.0]])
+    assert not check_scenario(scenario)
+    with pytest.raises(
+        ScenarioError, match=r"height: reaches 70 mm, and 'far' is 60 mm high; allowed: up to 60 mm"
+    ):
+        scenario_from_text(HIGH.replace("40 mm]}]", "70 mm]}]"))
+    (finding,) = check_scenario(scenario_from_text(HIGH.replace("[30 mm, 50 mm]", "0.09")))
+    assert finding.where == "pusher"
+    assert "up to" in finding.what
