@@ -64,6 +64,7 @@ class Validator:
             or self._missed_goal(segments)
             or self._broken_row(segments)
             or self._lost_contact(execution)
+            or self._too_heavy(execution)
             or next(filter(None, (self.flaw_of(segment, stable_set) for segment in segments)), "")
         )
 
@@ -174,6 +175,14 @@ class Validator:
             f"the plan does not hold when it is executed: contact {loss.contact} is lost after {loss.time:.2f} s, "
             f"with a margin of {loss.margin:.3g}"
         )
+
+    def _too_heavy(self, execution: Execution | None) -> str:
+        """Return that an execution takes more force than the robot has, empty if it does not."""
+        limit = self._scenario.pusher.limits.force
+        needed = None if execution is None else execution.max_force()
+        if needed is None or needed <= limit:
+            return ""
+        return f"the plan takes up to {needed:.6g} N when it is executed; robot.limits.force is {limit:.6g} N"
 
     def _flaw_of_push(self, segment: Segment, load: Load, stable_set: str | None) -> str:
         problem = segment.problem(self._scenario)

@@ -41,6 +41,7 @@ from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
 
 JAMMED = "no motion of the objects satisfies all contacts"
+STALLED = "pushing takes more than robot.limits.force"
 MISSED = "the goal's object is not within its tolerances"
 
 
@@ -54,7 +55,7 @@ class ClosedLoopRun:
         simulated: What happened in the world.
         events: What happened to objects, and what the controller noticed and did.
         replans: All attempts to plan after the first one.
-        outcome: `arrived`, `gave up`, `missed`, `jammed` or `time limit`.
+        outcome: `arrived`, `gave up`, `missed`, `jammed`, `stalled` or `time limit`.
         reason: Why it did not arrive; empty if it did.
         settings: Of the controller; None in open loop.
         sensor: How objects were measured.
@@ -338,8 +339,9 @@ def run_open_loop(
         )
         off = worst_at_goal(placed, course.object_poses[-1])
         reached = off[0] <= tolerance[0] and off[1] <= tolerance[1]
-        outcome = "jammed" if course.jammed else "arrived" if reached else "missed"
-        reason = {"jammed": JAMMED, "missed": MISSED}.get(outcome, "")
+        failed = "jammed" if course.jammed else "stalled" if course.stalled else "missed"
+        outcome = "arrived" if reached and not course.jammed else failed
+        reason = {"jammed": JAMMED, "missed": MISSED, "stalled": STALLED}.get(outcome, "")
         events = events_until(float(course.t[-1]), course.names, disturbances, None)
         made = scenario, plan, course, events, (), outcome, reason, None, SENSOR, 1
         return growing.end(ClosedLoopRun(*made, tuple(disturbances)))

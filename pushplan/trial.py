@@ -135,6 +135,9 @@ def write_trial(trials: Trials, sample: int, path: Path | str) -> None:
             log.log("warning", f"{what} ({loss.mode.name.lower()})")
         if report.jammed_at is not None:
             log.log("warning", f"jammed at {report.jammed_at:.2f} s: no motion satisfies all contacts")
+        if report.stalled_at is not None:
+            limit = plan.scenario.pusher.limits.force
+            log.log("warning", f"stalled at {report.stalled_at:.2f} s: it takes more than {limit:.3g} N")
         log.finish("arrived" if report.arrived(trials.scenario) else "missed")
 
 

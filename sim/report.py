@@ -71,6 +71,7 @@ class ContactReport(Execution):
         modes: (m, n) what each contact did in the step that ends at the sample, values of `Mode`.
         jammed_at: Time at which no motion satisfied all contacts and balances, s; everything ends there. None if it
             never came.
+        stalled_at: Time at which the plate would have had to push with more than `robot.limits.force`, s; likewise.
         clear: Least distance (m) of robot and load from objects that rest; infinite where it was not looked at,
             because the simulator lets them touch.
         seconds: Wall-clock time of the simulation.
@@ -86,6 +87,7 @@ class ContactReport(Execution):
     contacts: Mapping[tuple[int, str], str]
     modes: IntArray
     jammed_at: float | None = None
+    stalled_at: float | None = None
     clear: float = math.inf
     seconds: float = 0.0
     touched: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
@@ -108,8 +110,8 @@ class ContactReport(Execution):
 
     @property
     def kept(self) -> bool:
-        """Whether no contact moved, nothing jammed, and nothing but the load was touched."""
-        held = not self.moved.any() and self.jammed_at is None
+        """Whether no contact moved, nothing jammed or stalled, and nothing but the load was touched."""
+        held = not self.moved.any() and self.jammed_at is None and self.stalled_at is None
         return held and self.disturbed <= STILL and self.clear > 0.0
 
     @cached_property
@@ -136,7 +138,7 @@ class ContactReport(Execution):
     def arrived(self, scenario: Scenario) -> bool:
         """Tell whether every goal is reached within its tolerances; see `goal_units`."""
         units = goal_units(scenario, self.goal_errors(scenario))
-        return bool((units <= 1.0).all()) and self.jammed_at is None
+        return bool((units <= 1.0).all()) and self.jammed_at is None and self.stalled_at is None
 
     @property
     def execution(self) -> Execution:
@@ -288,6 +290,7 @@ def report_of(
     wanted: FloatArray,
     *,
     jammed_at: float | None = None,
+    stalled_at: float | None = None,
     clear: float = math.inf,
     seconds: float = 0.0,
 ) -> ContactReport:
@@ -330,6 +333,7 @@ def report_of(
         contacts=contacts,
         modes=joined([_modes(part, len(names)) for part in parts]),
         jammed_at=jammed_at,
+        stalled_at=stalled_at,
         clear=clear,
         seconds=seconds,
         touched={part.segment: part.touched for part in parts if part.touched},

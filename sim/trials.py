@@ -202,7 +202,7 @@ class Trials:
         object_poses: (k, n, 3) where they end, in the world.
         arrived: (k,) whether the goal's object, or every object, ends within the goal's tolerances.
         losses: The first contact that moved in each sample, or None.
-        jammed: (k,) whether nothing could give way, so that the push ended early.
+        jammed: (k,) whether nothing could give way, or the robot had not the force, so that the push ended early.
         log: The log that was written meanwhile; None where there is none, or it could not be written.
     """
 
@@ -332,7 +332,7 @@ def _end(sample: int, scenario: Scenario, report: ContactReport, arrived: bool) 
     return TrialEnd(
         sample=sample,
         arrived=arrived,
-        jammed=report.jammed_at is not None,
+        jammed=report.jammed_at is not None or report.stalled_at is not None,
         errors=report.goal_errors(scenario),
         objects=report.objects[-1],
         contact="" if loss is None else loss.contact,

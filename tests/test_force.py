@@ -189,3 +189,13 @@ def test_output_log_and_page_tell_the_force(tmp_path: Path, capsys: pytest.Captu
     file.write_text(json.dumps(crates(force=5.8)))
     assert main(["check", str(file)]) == 2
     assert "robot.limits.force: pushing 'near' and 'far' takes at least 5.907 N" in capsys.readouterr().err
+
+
+def test_forces_are_those_of_the_engine_by_impulse() -> None:
+    """Over 50 ms, within 5 % while pushing steadily, as `benchmarks/forces.py` has it for all packaged scenarios."""
+    benchmark = runpy.run_path(str(Path(__file__).parents[1] / "benchmarks" / "forces.py"))
+    plan = pushplan.plan(scenario_from_document(crates(force=10.0)), seed=1, time_limit=60.0, first=True)
+    found, needed, changing = benchmark["impulses"](plan)
+    steady = changing < benchmark["STEADY"]
+    assert steady.sum() > 50
+    assert np.abs(found / needed - 1.0)[steady].max() < 0.05

@@ -233,13 +233,13 @@ struct TraceArrays {
     py::array poses, modes, forces, wrenches, others, residual, end;
 };
 
-TraceArrays march(Simulation &simulation, const Numbers &twists) {
+TraceArrays march(Simulation &simulation, const Numbers &twists, double limit) {
     const auto rows = table(twists);
     require(rows.columns == 3, "twists are v_x, v_y, omega");
     Trace trace;
     {
         py::gil_scoped_release free;
-        trace = simulation.march(rows);
+        trace = simulation.march(rows, limit);
     }
     const auto m = static_cast<py::ssize_t>(trace.end.size()), n = static_cast<py::ssize_t>(simulation.world->plate());
     return {to_numpy(std::move(trace.poses), {m, n, 3}),    to_numpy(std::move(trace.modes), {m, n}),
@@ -259,6 +259,7 @@ void bind_constants(py::module_ &m) {
     m.attr("UNSOLVED") = static_cast<int>(UNSOLVED);
     m.attr("JAMMED") = static_cast<int>(JAMMED);
     m.attr("CROWDED") = static_cast<int>(CROWDED);
+    m.attr("STALLED") = static_cast<int>(STALLED);
 }
 
 } // namespace
@@ -308,7 +309,7 @@ void bind_slip(py::module_ &parent) {
         .def_property_readonly("object_poses", &object_poses_of)
         .def_property_readonly(
             "plate_pose", [](const Simulation &simulation) { return to_array(simulation.state.poses.back()); })
-        .def("march", &march, py::arg("twists"))
+        .def("march", &march, py::arg("twists"), py::arg("limit") = std::numeric_limits<double>::infinity())
         .def(py::pickle(&simulation_to_tuple, &simulation_from_tuple));
 }
 

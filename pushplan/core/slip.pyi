@@ -14,8 +14,10 @@ FALLBACK: int
 UNSOLVED: int
 JAMMED: int
 CROWDED: int
+STALLED: int
 """How a step ended: by Newton's method; with the fallback's help; no motion was found that balances all forces; no
-motion satisfies all contacts; more manifolds than there is room for. After the last three nothing has moved."""
+motion satisfies all contacts; more manifolds than there is room for; the plate would have to push with more force
+than it has. After the last four nothing has moved."""
 
 class World:
     """What does not change while bodies are pushed about.
@@ -141,7 +143,7 @@ class Trace:
 
     @property
     def end(self) -> IntArray:
-        """(m,) how every step ended, `CONVERGED` to `CROWDED`."""
+        """(m,) how every step ended, `CONVERGED` to `STALLED`."""
 
 class Simulation:
     """Where everything is, and the last step's solution, with which the next one begins."""
@@ -170,11 +172,12 @@ class Simulation:
     def plate_pose(self) -> FloatArray:
         """(3,) of the frame that the plate is moved in."""
 
-    def march(self, twists: FloatArray) -> Trace:
+    def march(self, twists: FloatArray, limit: float = ...) -> Trace:
         """Move the plate by body twists times time (m, 3), one after the other, and the objects with it.
 
-        It ends early where there is no solution, or more manifolds than there is room for; the step that ended it is
-        the last one in the trace. The interpreter's lock is let go meanwhile.
+        It ends early where there is no solution, more manifolds than there is room for, or the plate would have to
+        push with more than `limit` (N; infinite unless it is given); the step that ended it is the last one in the
+        trace. The interpreter's lock is let go meanwhile.
 
         Raises:
             ValueError: On another shape.

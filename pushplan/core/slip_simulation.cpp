@@ -35,7 +35,7 @@ static Pose moved(const Pose &pose, const Pose &reference, const Vector &u, doub
     return {reference.x + c * dx - s * dy + vx, reference.y + s * dx + c * dy + vy, pose.theta + turn};
 }
 
-Solution Simulation::step(const Twist &twist) {
+Solution Simulation::step(const Twist &twist, double limit) {
     // Displacement of the plate with its turn as a length: eps, reach and gaps are shares of it, so that a push is the
     // same in steps of any size.
     const double turn = world->length * twist.omega;
@@ -61,6 +61,9 @@ Solution Simulation::step(const Twist &twist) {
             return solution;
         keep_forces();
     }
+    const Vector wrench = plate_wrench();
+    if (std::hypot(wrench.x, wrench.y) > limit)
+        return {solution.residual, STALLED};
     keep_motion(scale.size);
     const Pose reference = state.poses.back();
     for (std::size_t i = 0; i < state.poses.size(); ++i)
@@ -285,11 +288,11 @@ Solution Simulation::solve(const Scale &scale) {
     return {left, jam ? JAMMED : UNSOLVED};
 }
 
-Trace Simulation::march(Table<const double> twists) {
+Trace Simulation::march(Table<const double> twists, double limit) {
     const std::size_t n = world->objects.size();
     Trace trace;
     for (std::ptrdiff_t m = 0; m < twists.rows; ++m) {
-        const Solution solution = step(twist_at(twists[m]));
+        const Solution solution = step(twist_at(twists[m]), limit);
         trace.residual.push_back(solution.residual / world->friction());
         trace.end.push_back(solution.end);
         trace.poses.resize(trace.poses.size() + 3 * n);
@@ -335,18 +338,23 @@ void Simulation::note_contacts(Trace &trace) const {
     }
 }
 
+// The wrench with which the plate pushes in the last step, moments over the length of the world.
+Vector Simulation::plate_wrench() const {
+    Vector sum{0.0, 0.0, 0.0};
+    for (const Manifold &m : work.manifolds)
+        if (m.a == world->plate()) {
+            const Vector wrench = m.wrench();
+            sum = {sum.x + wrench.x, sum.y + wrench.y, sum.w + wrench.w};
+        }
+    return sum;
+}
+
 // Write down the wrench with which the plate pushes, in its own frame where the step was solved.
 //
 // The step knows it in the world's axes, about the plate's reference point at the step's start.
 void Simulation::note_wrench(Trace &trace) const {
-    double fx = 0.0, fy = 0.0, torque = 0.0;
-    for (const Manifold &m : work.manifolds)
-        if (m.a == world->plate()) {
-            const Vector wrench = m.wrench();
-            fx += wrench.x;
-            fy += wrench.y;
-            torque += world->length * wrench.w;
-        }
+    const auto [fx, fy, moment] = plate_wrench();
+    const double torque = world->length * moment;
     // Turned by the plate's heading into its axes, and the moment from the point O to the place of the plate.
     const Body &there = work.bodies[world->plate()];
     double *out = trace.wrenches.data() + trace.wrenches.size() - 3;

@@ -11,8 +11,9 @@ namespace pushplan::slip {
 enum Mode { OPEN = 0, STICK = 1, SLIDE = 2, ROLL = 3, ROLL_SLIDE = 4 };
 
 // How a step ended: by Newton's method; with the fallback's help; no motion was found that balances all forces; no
-// motion satisfies all contacts; more manifolds than there is room for. After the last three nothing has moved.
-enum End { CONVERGED = 0, FALLBACK = 1, UNSOLVED = 2, JAMMED = 3, CROWDED = 4 };
+// motion satisfies all contacts; more manifolds than there is room for; the plate would have to push with more force than
+// it has. After the last four nothing has moved.
+enum End { CONVERGED = 0, FALLBACK = 1, UNSOLVED = 2, JAMMED = 3, CROWDED = 4, STALLED = 5 };
 
 // The multipliers of a pair of pieces in the last step; no points where the pair did not touch.
 struct Memory {
@@ -54,11 +55,12 @@ struct Simulation {
     // Poses of the objects are in the caller's order; they have not moved yet.
     Simulation(std::shared_ptr<World> world, const std::vector<Pose> &objects, const Pose &plate);
 
-    // Move the plate by body twists times time (m, 3), one after the other; the step that fails is the last one.
-    Trace march(Table<const double> twists);
+    // Move the plate by body twists times time (m, 3), one after the other, with a force (N) up to a limit; the step
+    // that fails is the last one.
+    Trace march(Table<const double> twists, double limit);
 
     // Move the plate by a body twist times time and the objects with it; forces and modes stay in `work`.
-    Solution step(const Twist &twist);
+    Solution step(const Twist &twist, double limit);
 
     std::shared_ptr<World> world;
     State state;
@@ -80,6 +82,7 @@ struct Simulation {
     Solution solve_midway(const Scale &scale);
     void note_contacts(Trace &trace) const;
     void note_wrench(Trace &trace) const;
+    Vector plate_wrench() const;
 
     std::vector<Pose> poses; // for which the contacts are looked up
 };

@@ -42,6 +42,7 @@ _EVENT_MARKS = {
     "moved": "^",
     "replan": "D",
     "room": "s",
+    "stall": "P",
     "unseen": "o",
     "gave up": "X",
 }

@@ -60,6 +60,7 @@ EVENTS = {
     "moved": "#a3265e",
     "replan": "#8e3fb0",
     "room": "#8a6d00",
+    "stall": "#5b2a86",
     "unseen": "#7d8794",
     "gave up": SLIPS,
 }

@@ -22,13 +22,14 @@ KINDS = {
     "dropped": "what came in cannot be: no numbers, absurd ones, or a time that is none",
     "jump": "the measured pose of the plate jumped",
     "sensor": "what was found to be wrong with sensors and wheels",
+    "stall": "the plate is driven on, and all that it pushes stands still",
     "unseen": "no measurement has come for a while",
     "arrived": "the goal's object is within its tolerances",
     "gave up": "nothing more can be done, and why",
 }
 """Kinds of events, and what they mean."""
 
-WARNINGS = ("deviation", "moved", "dropped", "unseen", "gave up")
+WARNINGS = ("deviation", "stall", "moved", "dropped", "unseen", "gave up")
 """Kinds that are told as warnings."""
 
 

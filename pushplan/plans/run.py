@@ -156,7 +156,7 @@ class TrialEnd:
     Attributes:
         sample: Number of the world.
         arrived: Whether every goal is reached within its tolerances.
-        jammed: Whether nothing could give way, so that the push ended early.
+        jammed: Whether nothing could give way, or the robot had not the force, so that the push ended early.
         errors: (n, 2) how far (m) and by what angle (rad) every object is away from its pose at the goal.
         objects: (n, 3) where the objects are, in the world.
         contact: What the first contact that moved is called; empty where all held.

@@ -448,7 +448,7 @@ class Controller:
             replanner = Replanner(problem, self.settings, self._observer)
         frames = compose(np.stack([self._plate, self._odometry]), load.frame_plate)
         self._push = PushLoop(
-            PushJob(problem, plan, columns, settle, self._again < AGAIN, self._wary, straight),
+            PushJob(problem, plan, columns, settle, self._again < AGAIN, self._wary, straight, segment.onto),
             replanner,
             self.settings,
             self._sightings,
@@ -513,6 +513,9 @@ class Controller:
             self._end(push.phase, push.text)
             return
         self._tell("pushed", f"{', '.join(names)}: {push.phase.value}, {push.text}")
+        if push.stalled:
+            self._give_up(push.text)
+            return
         self._standing.put(self._standing.columns(names), compose(push.plate, push.places))
         if push.phase is Phase.GAVE_UP:
             retreat = next(s for s in self._planned.segments[self._at :] if s.kind == RETREAT)

@@ -33,6 +33,7 @@ from pushplan.sim.control.following import Following
 from pushplan.sim.control.replanner import CAUTION, Replanner
 from pushplan.sim.control.sensing import Sightings
 from pushplan.sim.control.settings import SIGMAS, ControlSettings
+from pushplan.sim.control.stall import StallWatch
 from pushplan.sim.follower import Steering
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
@@ -86,6 +87,7 @@ class PushJob:
         again: Whether the plate may back off and come up to the load once more.
         wary: Whether an object has left its place before: no plan is less cautious then because that is shorter.
         straight: Whether it is over after that straight push, wherever it ends: it closes onto an object that rests.
+        onto: Name of the object that the load is pushed up to; empty where there is none.
     """
 
     scenario: Scenario
@@ -95,6 +97,7 @@ class PushJob:
     again: bool = False
     wary: bool = False
     straight: bool = False
+    onto: str = ""
 
 
 class PushLoop:
@@ -122,6 +125,7 @@ class PushLoop:
         estimator: What sensors and wheels err by.
         met_aside: It is over because the load was met where it takes a long way round from.
         wary: See `PushJob`.
+        stalled: It is over because the load is too heavy.
     """
 
     def __init__(
@@ -157,7 +161,8 @@ class PushLoop:
         self._since, self._closings, self._settled = now, 0, False
         self._path: PushPath = plan.path
         self._touching, self._off = job.settle > 0.0, (0.0, 0.0)
-        self.met_aside, self.wary = False, job.wary
+        self.met_aside, self.stalled, self.wary = False, False, job.wary
+        self._stall = StallWatch([obj.name for obj in scenario.chain.objects], settings, job.onto)
         if self._touching:
             self._straight(plan.path.twists[0], job.settle)
         else:
@@ -186,6 +191,7 @@ class PushLoop:
         """Take a measurement (n, 3) of all objects into account while contacts are taken for closed."""
         sample = Sample(time, poses[self._job.columns], self._replanner.chain.places)
         self._recent.append(sample)
+        self._stall.see(time, sample.poses)
         if not self.driving:
             return
         self.estimator.add(sample)
@@ -224,10 +230,15 @@ class PushLoop:
         twist = self._following.twist(self.plate)
         self.plate = compose(self.plate, exp(twist * period))
         self.way += float(np.hypot(twist[0], twist[1])) * period
+        self._stall.driven(self._now, twist * period)
         return self.estimator.asked(twist)
 
     def decide(self) -> None:
         """Stop where something is not as it should be, and decide what to do once it has been looked at."""
+        heavy = self._stall.stalled(self.places)
+        if heavy:
+            self._end_stall(heavy)
+            return
         unseen = self._now - float(self._sightings.unseen(self._began, self._job.columns).min())
         if unseen > 10.0 * self.settings.patience:
             self._give_up(f"no measurement has come for {unseen:.1f} s")
@@ -237,6 +248,14 @@ class PushLoop:
             self.phase, self._since = Phase.LOOKING, self._now
         elif not self._following.drive.stopping:
             self._watch(unseen)
+
+    def _end_stall(self, heavy: tuple[str, ...]) -> None:
+        """Give up as the plate cannot push what it is driven against."""
+        limit, self.stalled = self.scenario.pusher.limits.force, True
+        force = "" if math.isinf(limit) else f", and has {limit:.3g} N"
+        stands = f"{heavy[0]} stands" if len(heavy) == 1 else f"{', '.join(heavy)} stand"
+        self._tell("stall", f"{stands} still in the measurements though the plate is driven on")
+        self._give_up(f"the plate stalls: it cannot push {', '.join(heavy)}{force}")
 
     def _watch(self, unseen: float) -> None:
         """Stop when an object has left its place, or nothing is seen any more."""

@@ -77,6 +77,10 @@ class Simulator(Protocol):
         """Whether nothing can move any more."""
 
     @property
+    def stalled(self) -> bool:
+        """Whether in the last move the plate stood, as it would have had to push with more force than it has."""
+
+    @property
     def plate_in_frame(self) -> FloatArray:
         """(3,) pose of the plate frame in the frame that the plate is moved in."""
 
@@ -225,6 +229,7 @@ class SimulatedPush:
         measured: What the sensor said.
         jammed: Nothing could give way; everything ends there.
         over: What moves the plate came to its end.
+        stalled: The plate stood at some time because it had not the force.
     """
 
     names: tuple[str, ...]
@@ -237,6 +242,7 @@ class SimulatedPush:
     measured: Measured
     jammed: bool
     over: bool
+    stalled: bool
 
 
 def simulate_push(
@@ -272,12 +278,13 @@ def simulate_push(
     left = deque(sorted(disturbances, key=lambda disturbance: disturbance.time))
     rows: list[tuple[float, FloatArray, FloatArray, FloatArray, int]] = []
     wrenches: list[FloatArray] = []
+    stalled = False
 
     def so_far() -> SimulatedPush:
         columns = (np.array(column) for column in zip(*rows, strict=True))
         t, poses, object_poses, twists, segment = columns
         pushed = np.array(wrenches).reshape(-1, 3)
-        ended = simulator.jammed, driver.over
+        ended = simulator.jammed, driver.over, stalled
         return SimulatedPush(
             world.names, t, poses, object_poses, pushed, twists, segment, seen.measured, *ended
         )
@@ -301,5 +308,6 @@ def simulate_push(
             break
         twist = twist_of(inverse(plate), twist)
         wrenches.append(simulator.move(twist, 1.0 / rate).wrenches.mean(axis=0))
-        frame = compose(frame, exp(twist / rate))
+        stalled |= simulator.stalled
+        frame = simulator.plate_pose if simulator.stalled else compose(frame, exp(twist / rate))
     return so_far()

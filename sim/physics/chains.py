@@ -105,7 +105,8 @@ def _simulate(
     t = np.asarray(dt * recording.steps, dtype=np.float64)
     part = Part(0, chain, t, poses, chain.pusher.plate_pose, objects, watch.base)
     names, wanted = tuple(obj.name for obj in chain.objects), se2.compose(poses[-1], chain.places)
-    return report_of(names, (part,), settings.tolerance, wanted, seconds=perf_counter() - began)
+    ended = {"stalled_at": float(t[-1])} if recording.stalled else {}
+    return report_of(names, (part,), settings.tolerance, wanted, **ended, seconds=perf_counter() - began)
 
 
 def _counted(chain: Chain, motion: Motion, settings: PhysicsSettings) -> Motion:

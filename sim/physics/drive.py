@@ -9,7 +9,7 @@ import numpy as np
 
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
-from pushplan.sim.physics.engine import PhysicsSettings, engine
+from pushplan.sim.physics.engine import ForceMeter, PhysicsSettings, engine
 from pushplan.sim.physics.model import LoadTransfer, PhysicsModel, build_model, joint_coordinates
 from pushplan.sim.report import CLOSED, contact_motion
 from pushplan.sim.slip.packing import push_heights
@@ -44,10 +44,14 @@ class Recording:
     Attributes:
         steps: (m,) numbers of time steps after which the bodies were looked at.
         motions: (m, n + 1, 3) how the objects and, last, the plate have moved (see `PhysicsModel.motions`).
+        stalled: It ends where the plate would have had to push with more force than it has.
+        forces: (k, 2) of the plate in every time step, N, in the axes of the motion's first pose.
     """
 
     steps: IntArray
     motions: FloatArray
+    stalled: bool
+    forces: FloatArray
 
 
 class ContactWatch:
@@ -148,7 +152,7 @@ def drive(
         transfer.follow(model)
     model.carry(False)
     model.drive(bodies, begin, end)
-    return _push(model, transfer, motion, settings, watch)
+    return _push(model, transfer, motion, settings, watch, ForceMeter(chain.pusher.limits.force, motion.dt))
 
 
 def _all_moved(motion: FloatArray, placed: FloatArray | None, bodies: int) -> FloatArray:
@@ -165,6 +169,7 @@ def _push(
     motion: Motion,
     settings: PhysicsSettings,
     watch: Watch | None,
+    meter: ForceMeter,
 ) -> Recording:
     """Drive the plate step by step: its joint coordinates are computed beforehand, the loop only hands them over."""
     count, plate = len(motion.poses) - 1, int(model.dofs[-1])
@@ -174,19 +179,23 @@ def _push(
         np.int64
     )
     position, velocity = model.data.qpos[plate : plate + 3], model.data.qvel[plate : plate + 3]  # views
-    step, motions = engine().mj_step, list[FloatArray]()
+    force, forces = model.data.qfrc_constraint[plate : plate + 2], np.zeros((count, 2))  # on the plate
+    step, motions, stalled = engine().mj_step, list[FloatArray](), False
     for i in range(count + 1):
         position[:] = ways[i]
-        if i == looks[len(motions)]:
+        if i == looks[len(motions)] or stalled:
             motions.append(model.motions())
-            if watch is not None and watch(i / count, motions[-1]):
+            looks[len(motions) - 1] = i
+            if stalled or (watch is not None and watch(i / count, motions[-1])):
                 break
         if i < count:
             velocity[:] = speeds[i]
             step(model.model, model.data)
             transfer.follow(model)
+            forces[i] = -force
+            stalled = meter.exceeded(*forces[i])
     model.require_sound()
-    return Recording(looks[: len(motions)], np.array(motions))
+    return Recording(looks[: len(motions)], np.array(motions), stalled, forces[:i])
 
 
 def _sliding_speed(chain: Chain, motion: Motion) -> float:

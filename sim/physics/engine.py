@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -83,3 +85,28 @@ class PhysicsSettings:
 
 SLIPPING = PhysicsSettings(step=3e-5, friction_stiffness=1e5, indentation=3e-5, slip_time=20.0)
 """Settings with which contacts slide as far as Coulomb's law says, ten times slower to simulate."""
+
+
+class ForceMeter:
+    """Tells when the plate has pushed with more than a force for a while: it stops there, as a robot does.
+
+    The median over `SPAN` counts, so that the few steps in which objects are met do not.
+
+    Args:
+        limit: N.
+        dt: Time step, s.
+    """
+
+    SPAN = 0.05
+    """s."""
+
+    def __init__(self, limit: float, dt: float) -> None:
+        self._limit, self._forces = limit, deque[float](maxlen=max(3, round(self.SPAN / dt)))
+
+    def exceeded(self, fx: float, fy: float) -> bool:
+        """Take the force of a time step, N; tell whether it has been too much for a while."""
+        if math.isinf(self._limit):
+            return False
+        self._forces.append(math.hypot(fx, fy))
+        full = len(self._forces) == self._forces.maxlen
+        return full and 2 * sum(force > self._limit for force in self._forces) > len(self._forces)

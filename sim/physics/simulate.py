@@ -75,7 +75,7 @@ def simulate_in_physics(
     there = World.from_scenario(plan.scenario) if world is None else world
     there.require(plan.scenario)
     began, objects = perf_counter(), there.object_poses
-    parts, clear = list[Part](), math.inf
+    parts, clear, stalled = list[Part](), math.inf, False
     for group in _groups(plan):
         standing = _standing(plan, there, group, objects)
         if plan.segments[group[0]].load is None:
@@ -86,14 +86,16 @@ def simulate_in_physics(
             found = own.executed()
             parts += found
             clear = min(clear, *(_clearance(plan, there, part, standing) for part in found))
-            if own.stopped:
+            stalled = own.stalled
+            if own.stopped or stalled:
                 break
         objects = parts[-1].objects[-1]
         if progress is not None:
             progress(plan.times[group[-1] + 1] / plan.times[-1])
     wanted = wanted_at_end(plan, parts[-1], there.names)
     seconds = perf_counter() - began
-    return report_of(there.names, parts, HARD.tolerance, wanted, clear=clear, seconds=seconds)
+    ended = {"stalled_at": float(parts[-1].t[-1])} if stalled else {}
+    return report_of(there.names, parts, HARD.tolerance, wanted, **ended, clear=clear, seconds=seconds)
 
 
 def _groups(plan: Plan) -> list[list[int]]:
@@ -128,7 +130,7 @@ class _Push:
         assert load is not None
         assert plan.trajectory is not None
         self.chain = world.chain if world.plate is None else world.pushed(load.chain)
-        self.stopped = False
+        self.stopped = self.stalled = False
         self._plan, self._world, self._group, self._objects = plan, world, group, objects
         self._until_moved, self._progress = until_moved, progress
         self._t0, self._t1 = float(plan.times[group[0]]), float(plan.times[group[-1] + 1])
@@ -145,6 +147,7 @@ class _Push:
         self.stopped = self._until_moved and math.isfinite(moved_at)
         if math.isfinite(moved_at) and not self._until_moved:
             driven = self._driven(share, until_moved=False)
+        self.stalled = driven.recording.stalled
         return self._parts(driven)
 
     def _settled(self) -> float:

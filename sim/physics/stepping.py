@@ -22,7 +22,7 @@ from pushplan.mechanics.inertia import inertia_of
 from pushplan.scenario.parts import CircleObstacle
 from pushplan.sim.feet import feet_of
 from pushplan.sim.intake import FARTHEST
-from pushplan.sim.physics.engine import PhysicsError, PhysicsSettings, engine
+from pushplan.sim.physics.engine import ForceMeter, PhysicsError, PhysicsSettings, engine
 from pushplan.sim.physics.model import (
     CORNER,
     OVERLAP,
@@ -66,6 +66,7 @@ class PhysicsSimulator:
         world: What it began as.
         chain: What is held: the plate is moved in its frame; in the plate frame where that is None.
         jammed: The engine could not go on; nothing moves any more.
+        stalled: The plate had to push with more than `robot.limits.force`: it stands until it is moved another way.
     """
 
     def __init__(self, world: World, settings: PhysicsSettings = STEPPED) -> None:
@@ -79,13 +80,15 @@ class PhysicsSimulator:
             MissingEngineError: When the engine is not installed.
             SupportError: When the load under an object is not known, or a push could lift a part of it.
         """
-        self.world, self.jammed = world, False
+        self.world, self.jammed, self.stalled = world, False, False
+        self._against: FloatArray = np.zeros(3)
         self.chain = world.chain if world.plate is None else None
         pusher = world.chain.pusher
         first = se2.compose(world.start, pusher.plate_pose) if world.plate is None else world.plate
         self._plate: FloatArray = np.array(first)
         self._begin = np.vstack([world.object_poses, first])
         self._settings = settings
+        self._meter = ForceMeter(pusher.limits.force, settings.time_step)
         objects, pieces, pairs = bodies_of(world)
         self._outlines = [obj.outline for obj in objects]
         self._carried = [piece.corners for piece in pieces if piece.body == len(objects)]
@@ -131,6 +134,11 @@ class PhysicsSimulator:
             self._plate = np.asarray(se2.compose(self._plate, se2.exp(own * duration)))
             self._put(np.array([len(self._outlines)]), self._plate[None])
             return Moved(np.zeros((1, 3)))
+        self.stalled = (
+            self.stalled and float(own @ (self._against * [1.0, 1.0, self.world.chain.reach**2])) > 0.0
+        )
+        if self.stalled:
+            own = np.zeros(3)
         try:
             return Moved(self._pushed(own, duration, max(1, round(duration / self._settings.time_step))))
         except PhysicsError:
@@ -148,15 +156,18 @@ class PhysicsSimulator:
         ways[:, 2] = np.unwrap(ways[:, 2])
         speeds = np.diff(ways, axis=0) / self._settings.time_step
         position, velocity = model.data.qpos[dof : dof + 3], model.data.qvel[dof : dof + 3]  # views
-        forces = np.empty((count, 3))
+        forces, last = np.empty((count, 3)), count
         for i in range(count):
-            position[:], velocity[:] = ways[i], speeds[i]
+            now = min(i, last)
+            position[:], velocity[:] = ways[now], speeds[now] if i < last else 0.0
             model.step()
             self._transfer.follow(model)
             forces[i] = model.data.qfrc_constraint[dof : dof + 3]  # on the plate, about its middle
+            if self._meter.exceeded(*forces[i, :2]) and not self.stalled and twist.any():
+                self.stalled, self._against, last = True, twist, i + 1
         model.require_sound()
-        self._plate = np.asarray(poses[-1])
-        self._put(np.array([len(self._outlines)]), poses[-1:])
+        self._plate = np.asarray(poses[last])
+        self._put(np.array([len(self._outlines)]), poses[last : last + 1])
         into = self.plate_in_frame
         force = -se2.rotate(into[2] - poses[:-1, 2], forces[:, :2])
         moment = -forces[:, 2] + into[0] * force[:, 1] - into[1] * force[:, 0]

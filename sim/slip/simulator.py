@@ -71,6 +71,7 @@ class SlipSimulator:
         world: What it began as.
         settings: See there.
         jammed: No motion of the objects satisfied all contacts and balances; nothing moves any more until `place`.
+        stalled: In the last move the plate would have had to push with more than `robot.limits.force`, and stood.
         chain: What is held: its contacts are told of; None while the plate is alone.
     """
 
@@ -89,6 +90,7 @@ class SlipSimulator:
         """
         self.world, self.settings = world, settings
         self.chain = world.chain if world.plate is None else None
+        self._limit = world.chain.pusher.limits.force
         self._packed = pack_world(world, self.chain)
         first = world.start if world.plate is None else world.plate
         self.place(world.object_poses, first if plate_pose is None else plate_pose)
@@ -110,7 +112,7 @@ class SlipSimulator:
         objects = frozen(object_poses, (len(self.world.objects), 3), "poses of the objects")
         plate = frozen(plate_pose, (3,), "pose of the plate")
         self._simulation = core.Simulation(self._packed, objects, plate)
-        self.jammed = False
+        self.jammed = self.stalled = False
 
     @property
     def object_poses(self) -> FloatArray:
@@ -139,20 +141,22 @@ class SlipSimulator:
         return self.follow(np.tile(motion / count, (count, 1)))
 
     def follow(self, motions: FloatArray) -> core.Trace:
-        """Move the plate by body twists times time (m, 3), one step each; after a jam what is left is not done.
+        """Move the plate by body twists times time (m, 3), one step each; after a jam or stall the rest is not done.
 
         Returns:
-            The trace of the steps that were made; a jam is its last one. Columns are those of the world's objects.
+            The trace of the steps that were made; a jam or a stall is its last one. Columns are those of the world's
+            objects.
 
         Raises:
             PushplanError: When more bodies touch at once than there is room for.
         """
-        trace = self._simulation.march(motions[:0] if self.jammed else motions)
+        trace = self._simulation.march(motions[:0] if self.jammed else motions, self._limit)
         if (trace.end == core.CROWDED).any():
             raise PushplanError(
                 f"more than {self._packed.room} contacts at once: that is more than the simulator has room for"
             )
         self.jammed = self.jammed or bool(np.isin(trace.end, (core.JAMMED, core.UNSOLVED)).any())
+        self.stalled = bool((trace.end == core.STALLED).any())
         return trace
 
 
@@ -192,16 +196,11 @@ def slip(plan: Plan, world: World, settings: SlipSettings = DEFAULTS) -> Contact
     simulator = SlipSimulator(world, settings=settings)
     for k in range(len(plan.segments)):
         parts.append(_executed(simulator, plan, k))
-        if simulator.jammed:
+        if simulator.jammed or simulator.stalled:
             break
-    jammed_at = None
-    if simulator.jammed:
-        jammed_at = float(parts[-1].t[-1])
-        parts[-1] = _without_jam(parts[-1])
+    ended = _ended(simulator, parts)
     wanted = wanted_at_end(plan, parts[-1], world.names)
-    return report_of(
-        world.names, parts, settings.tolerance, wanted, jammed_at=jammed_at, seconds=perf_counter() - began
-    )
+    return report_of(world.names, parts, settings.tolerance, wanted, **ended, seconds=perf_counter() - began)
 
 
 def _executed(simulator: SlipSimulator, plan: Plan, k: int) -> Part:
@@ -259,17 +258,26 @@ def simulate_poses(
     """
     began = perf_counter()
     simulator = SlipSimulator(world, poses[0], settings)
-    part = moved(simulator, t, poses)
-    jammed_at = float(part.t[-1]) if simulator.jammed else None
-    part = _without_jam(part) if simulator.jammed else part
+    parts = [moved(simulator, t, poses)]
+    ended = _ended(simulator, parts)
+    part = parts[0]
     if world.offsets.any():
         part = replace(part, base=first_closed(world.chain, part.motions(world.names), settings.tolerance))
     wanted = se2.compose(part.frame[-1], world.chain.places)
     seconds = perf_counter() - began
-    return report_of(world.names, (part,), settings.tolerance, wanted, jammed_at=jammed_at, seconds=seconds)
+    return report_of(world.names, (part,), settings.tolerance, wanted, **ended, seconds=seconds)
 
 
-def _without_jam(part: Part) -> Part:
+def _ended(simulator: SlipSimulator, parts: list[Part]) -> dict[str, float]:
+    """Return when a jam or a stall ended the last part, by its name in a report, and take its step away."""
+    if not (simulator.jammed or simulator.stalled):
+        return {}
+    at = float(parts[-1].t[-1])
+    parts[-1] = _without_last(parts[-1])
+    return {"jammed_at" if simulator.jammed else "stalled_at": at}
+
+
+def _without_last(part: Part) -> Part:
     """Return a part without its last step, in which nothing moved."""
     assert part.modes is not None
     assert part.wrenches is not None
