@@ -38,9 +38,9 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put files of few tests first, which are the long ones, so that no worker is left with one at the end."""
-    tests = Counter(item.path for item in items)
-    items.sort(key=lambda item: tests[item.path])
+    """Put long files first, and files of few tests before others, so that no worker is left with one at the end."""
+    tests, order = Counter(item.path for item in items), {name: k for k, name in enumerate(LONG)}
+    items.sort(key=lambda item: (order.get(item.path.stem, len(LONG)), tests[item.path]))
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
@@ -58,6 +58,9 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 
 Value = TypeVar("Value")
+
+LONG = ("test_docs", "test_every_kind", "test_screens", "test_view")
+"""Files that take 70 to 20 s of a processor; all others less."""
 
 
 def there(value: Value | None) -> Value:
