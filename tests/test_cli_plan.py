@@ -155,16 +155,6 @@ def test_a_log_is_no_scenario_and_replaces_none(
     assert mine.read_text() == example_text("one-box")
 
 
-# `pushplan replay`: its exports, by the words that a user types.
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("replay") / "run.mcap"
-    assert main(["plan", "free-space", "--first", "-o", str(path)]) == 0
-    return path
-
-
 def test_what_a_log_says_is_shown_escaped_and_told_exactly(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

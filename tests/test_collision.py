@@ -223,11 +223,10 @@ def test_few_poses_find_what_many_do(lane: Scenario) -> None:
 
 
 @pytest.mark.parametrize("name", ["three-boxes-clutter", "asymmetric", "carts", "hook"])
-@pytest.mark.parametrize("enough", [0.3])
 def test_gaps_are_the_distances_of_every_body_from_everything_up_to_what_is_enough(
-    name: str, enough: float
+    name: str,
 ) -> None:
-    scenario = load_scenario(name)
+    scenario, enough = load_scenario(name), 0.3
     walls = there(scenario.workspace)
     rng = np.random.default_rng(2)
     poses = rng.uniform([walls.xmin, walls.ymin, -4.0], [walls.xmax, walls.ymax, 4.0], (40, 3))

@@ -3,6 +3,7 @@
 import json
 import sys
 from functools import reduce
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -24,14 +25,8 @@ from pushplan.sim.physics.chains import simulate_trajectory, simulate_twist
 from pushplan.sim.physics.engine import MissingEngineError, PhysicsSettings
 from pushplan.sim.physics.model import LoadTransfer, build_model
 
-try:
-    import mujoco  # noqa: F401
-
-    INSTALLED = True
-except ImportError:
-    INSTALLED = False
 needs_engine = pytest.mark.skipif(
-    not INSTALLED, reason="MuJoCo is not installed; the extra pushplan[physics] brings it"
+    find_spec("mujoco") is None, reason="MuJoCo is not installed; the extra pushplan[physics] brings it"
 )
 BAND = np.radians(0.5), 0.02
 SAFE_BAND = np.radians(0.1), 0.005
@@ -159,18 +154,13 @@ stability: {{margin: 0}}
 FEET = "support: {feet: [[-0.04, -0.04, 0.25], [0.04, -0.04, 0.25], [0.04, 0.04, 0.25], [-0.04, 0.04, 0.25]]}"
 
 
-@pytest.fixture
-def _engine() -> None:
-    pytest.importorskip("mujoco", reason="MuJoCo is not installed; the extra pushplan[physics] brings it")
-
-
 def written(folder: Path, support: str = FEET, acceleration: float = 0.5, goal: float = 0.2) -> str:
     path = folder / "scenario.yaml"
     path.write_text(SCENARIO.format(support=support, acceleration=acceleration, goal=goal), "utf-8")
     return str(path)
 
 
-@pytest.mark.usefixtures("_engine")
+@needs_engine
 def test_a_gentle_push_holds_in_plan_and_in_replay(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -187,7 +177,7 @@ def test_a_gentle_push_holds_in_plan_and_in_replay(
     assert json.loads(capsys.readouterr().out)["physics"] == physics
 
 
-@pytest.mark.usefixtures("_engine")
+@needs_engine
 def test_a_push_that_brakes_too_hard_is_a_mismatch(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

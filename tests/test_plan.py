@@ -68,9 +68,8 @@ def test_packaged_scenarios_solve_exactly(name: str) -> None:
 
 
 @pytest.mark.parametrize("planner", sorted(PLANNERS))
-@pytest.mark.parametrize("name", ["narrow-gap"])
-def test_every_planner_solves_and_shortens(planner: str, name: str) -> None:
-    scenario = load_plain(name)
+def test_every_planner_solves_and_shortens(planner: str) -> None:
+    scenario = load_plain("narrow-gap")
     first = plan(scenario, planner=planner, time_limit=PATIENT, first=True)
     result = plan(scenario, planner=planner, time_limit=PATIENT, iterations=2 * first.iterations + 5_000)
     _check(scenario, result)
@@ -179,12 +178,6 @@ def too_fast(
     return SimpleNamespace(trajectory=time_path(path, Bounds(FAST), rate))
 
 
-@pytest.fixture
-def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every path is driven much too fast for its contacts."""
-    monkeypatch.setattr("pushplan.planners.timing.segments.blend_path", too_fast)
-
-
 def test_a_plan_in_cof_is_cut_down_to_what_the_judge_accepts() -> None:
     scenario = load_scenario("one-box")
     result = plan(scenario, stable_set="cof", time_limit=60.0, iterations=ITERATIONS)
@@ -213,8 +206,10 @@ def test_the_set_to_plan_in_is_what_both_sets_have_in_common() -> None:
 
 
 def test_the_command_says_so_in_words_in_json_in_the_log_and_by_its_exit_code(
-    hurried: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """Where every path is driven much too fast for its contacts."""
+    monkeypatch.setattr("pushplan.planners.timing.segments.blend_path", too_fast)
     log = tmp_path / "run.mcap"
     words = ["--iterations", str(ITERATIONS), "--time-limit", "60", "--json", "-o", str(log)]
     assert main(["plan", "two-crates", *words]) == 3

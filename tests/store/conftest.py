@@ -82,8 +82,7 @@ def _closed_loop(plan: Plan) -> Case:
     t = execution.t[::7]
     measured = Measured(t, moved.objects[::7] + 1e-3 * rng.normal(size=moved.objects[::7].shape))
     events = (Event(0.0, "plan", "the first"), Event(1.5, "deviation", "an object is away from its pose"))
-    result: Any = plan  # the controller hands over plans of the old type for now
-    replans = (Replan(1.5, result, "", 0.1), Replan(2.0, None, "nothing found", 0.2))
+    replans = (Replan(1.5, plan, "", 0.1), Replan(2.0, None, "nothing found", 0.2))
     return Case(plan, moved, Feedback(measured, events, replans))
 
 

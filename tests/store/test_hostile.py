@@ -22,7 +22,7 @@ from pushplan.logging.runs import FOLDER, runs_folder, runs_of
 from pushplan.scenario.file import load_scenario
 from pushplan.verification import verify_log
 
-HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, ATTACHMENT, METADATA, DATA_END = 1, 2, 3, 4, 5, 6, 9, 12, 15
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, METADATA, DATA_END = 1, 2, 3, 4, 5, 6, 12, 15
 
 
 def record(opcode: int, body: bytes, length: int | None = None) -> bytes:
