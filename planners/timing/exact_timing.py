@@ -65,8 +65,8 @@ def bounds_use(pieces: Pieces, bounds: Bounds) -> Use:
     """
     pusher = limit_use(pieces, bounds.limits)
     held, slowing = np.zeros(len(pusher)), np.ones(len(pusher))
-    twists, rates, piece = timing.instants(pieces.durations, pieces.coefficients)
     for one in bounds.conditions:
+        twists, rates, piece = timing.instants(pieces.durations, pieces.coefficients)
         floor, inertia = one.quasi_static(twists), one.rows_of_inertia(twists, twists, rates)
         steady = one.rows_of_inertia(twists, twists, np.zeros_like(rates))
         own = timing.contact_use(floor, inertia, steady, piece, len(pusher), bounds.margin, ROOM)

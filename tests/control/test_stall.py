@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from conftest import there
+from several.conftest import problem_document
 
 import pushplan
 from pushplan.plans.plan import Plan
@@ -109,3 +110,12 @@ def test_a_stalled_plate_stands_until_it_backs_off(plan: Plan) -> None:
         simulator.move([-0.1, 0.0, 0.0], 0.5)
         assert not simulator.stalled
         assert simulator.plate_pose[0] - world.start[0] < -0.04
+
+
+def test_of_several_pushes_a_stall_ends_all() -> None:
+    scenario = scenario_from_document(problem_document("car", 2, robot={"limits": {"force": 8.0}}))
+    plan = pushplan.plan(scenario, seed=1, time_limit=60.0, first=True)
+    controller = Controller(plan)
+    simulate_push(World.from_scenario(scenario).with_mass(1.5), controller, controller.settings.rate)
+    assert controller.reason == "the plate stalls: it cannot push b0, b1, and has 8 N"
+    assert not controller.replans
