@@ -303,7 +303,7 @@ def report_of(
     t = joined([part.t for part in parts])
     plates = [se2.compose(part.frame, part.plate) for part in parts]
     poses, columns = joined(plates), joined([_columns(part, names) for part in parts])
-    push = all(part.wrenches is not None for part in parts)
+    wrenches = [part.wrenches for part in parts if part.wrenches is not None]
     contacts = {
         (part.segment, obj.name): part.chain.contact_name(i)
         for part in parts
@@ -321,9 +321,7 @@ def report_of(
         np.full((len(t), len(names)), np.nan),
         None,
         (math.nan, math.nan),
-        wrenches=joined([at_poses(part.wrenches) for part in parts if part.wrenches is not None])
-        if push
-        else None,
+        wrenches=joined([at_poses(each) for each in wrenches]) if len(wrenches) == len(parts) else None,
         slide=columns[..., 0],
         opening=columns[..., 1],
         rotation=columns[..., 2],
