@@ -17,7 +17,7 @@ from pushplan.logging.recording import Recording, Where
 from pushplan.logging.writer import RunLogWriter
 from pushplan.planners.planner import plan as plan_in
 from pushplan.plans.events import Event, Feedback, Measured, Replan
-from pushplan.plans.goals import worst_at_goal
+from pushplan.plans.goals import tolerance_of, worst_at_goal
 from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Execution, segments_of
@@ -332,11 +332,7 @@ def run_open_loop(
             simulator_of=simulator_of,
         )
         placed = _placed(scenario, plan)
-        goals = [goal for task in placed.tasks for goal in task.goals]
-        tolerance = (
-            max(settings.position_tolerance, min(goal.position_tolerance for goal in goals)),
-            max(settings.angle_tolerance, min(goal.angle_tolerance for goal in goals)),
-        )
+        tolerance = tolerance_of(placed, settings.position_tolerance, settings.angle_tolerance)
         off = worst_at_goal(placed, course.object_poses[-1])
         reached = off[0] <= tolerance[0] and off[1] <= tolerance[1]
         failed = "jammed" if course.jammed else "stalled" if course.stalled else "missed"

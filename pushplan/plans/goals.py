@@ -64,3 +64,12 @@ def worst_at_goal(scenario: Scenario, objects: FloatArray) -> tuple[float, float
     """Return how far (m) and by what angle (rad) the objects (n, 3) that count at the goal are off at most."""
     off = errors_at_goal(scenario, objects)[goal_columns(scenario)]
     return (float(off[:, 0].max(initial=0.0)), float(off[:, 1].max(initial=0.0)))
+
+
+def tolerance_of(scenario: Scenario, position: float, angle: float) -> tuple[float, float]:
+    """Return how far (m) and by what angle (rad) objects may be off: what every goal allows, at least that stated."""
+    goals = [goal for task in scenario.tasks for goal in task.goals]
+    return (
+        max(position, min(goal.position_tolerance for goal in goals)),
+        max(angle, min(goal.angle_tolerance for goal in goals)),
+    )

@@ -19,26 +19,26 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pushplan.errors import PlanningError
-from pushplan.geometry.se2 import compose, exp, inverse, log, pose_error, relative, twist_of, wrap_angle
+from pushplan.geometry.se2 import compose, exp, inverse, log, pose_error, relative, twist_of
 from pushplan.planners.planner import plan as plan_in
 from pushplan.planners.timing.segments import time_segments
 from pushplan.plans.events import Event, Replan
-from pushplan.plans.goals import errors_at_goal, worst_at_goal
+from pushplan.plans.goals import worst_at_goal
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
 from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer
 from pushplan.scenario.model import Obstacle, Scenario
-from pushplan.sim.closing import OFF as CLOSES
 from pushplan.sim.control.estimator import Estimator
 from pushplan.sim.control.following import Following
-from pushplan.sim.control.pushing import Phase, PushJob, PushLoop, words
+from pushplan.sim.control.jobs import PushJob, alone, is_last, push_job
+from pushplan.sim.control.pushing import Phase, PushLoop, words
 from pushplan.sim.control.replanner import Replanner
 from pushplan.sim.control.rest import Leg, RestPlanner, legs_to, standing_obstacles
 from pushplan.sim.control.sensing import MEMORY, Sightings
 from pushplan.sim.control.settings import ControlSettings
-from pushplan.sim.control.standing import Standing
+from pushplan.sim.control.standing import Deliveries, Standing
 from pushplan.sim.follower import Steering
 from pushplan.sim.intake import Intake
 from pushplan.sim.slip.simulator import SlipSimulator
@@ -56,10 +56,6 @@ AGAIN = 2
 """So often the plate backs off and comes up to a load again that it met aside, at most."""
 NEAR = 0.5
 """Share of the slack by which a load may be off its planned place so that planned ways to it are driven."""
-PASSING = 2.0
-"""Factor of the tolerances for a push after which the load is pushed on from elsewhere."""
-PRESSED = 1e-3
-"""A load that closes onto an object is pushed on by so much, m, and by what its face is off square."""
 STILL = np.zeros(3)
 
 
@@ -118,13 +114,14 @@ class Controller:
         self._intake, self._bad_clock = Intake(partial(self._tell, "dropped")), 0
         self._sightings, self._estimator = Sightings(), None
         self._standing = Standing(scenario.poses, settings, self._sightings)
-        self._rest_planner = RestPlanner(scenario, plan, self._tolerance, observer)
+        self._delivered = Deliveries(scenario, settings, self._standing)
+        self._rest_planner = RestPlanner(scenario, plan, self._delivered.tolerance, observer)
         self._plate = self._odometry = self._told = np.array(scenario.plate_start)
         self._localised: tuple[FloatArray, FloatArray] | None = None
         self._now, self._began, self._since, self._late = 0.0, math.inf, 0.0, False
         self._planned, self._at, self._before, self._rests = plan, 0, 0, 0
         self._again, self._backing, self._wary = 0, False, False
-        self._delivered, self._lost = dict[str, FloatArray](), ""
+        self._lost = ""
         self._push: PushLoop | None = None
         self._legs: deque[Leg] = deque()
         self._following: Following | None = None
@@ -328,7 +325,7 @@ class Controller:
         if leg.load is not None:
             self._standing.let_go(self._standing.columns(leg.load.names))  # may be touched
         limits, rate = self.scenario.pusher.limits, self.settings.rate
-        self._following = Following(leg.trajectory, limits, rate, STILL, Steering(self._alone(leg)))
+        self._following = Following(leg.trajectory, limits, rate, STILL, Steering(alone(self._planned, leg)))
         self._phase = Phase.DRIVING
 
     def _rest(self) -> None:
@@ -347,7 +344,7 @@ class Controller:
             self._give_up(f"no measurement has come for {unseen:.1f} s")
         if self.over or not standing.look(self._since + self._delay(), self._now):
             return
-        left = self._left()
+        left = self._delivered.left()
         if not left:
             self._end(Phase.ARRIVED, f"{words(*self.goal_errors(standing.poses))} off the goal")
             return
@@ -370,34 +367,6 @@ class Controller:
         late = usual + 2.0 * self.settings.delay_error
         return late if found is None else max(0.0, found.values[3] + 2.0 * math.sqrt(found.covariance[3, 3]))
 
-    def _left(self) -> set[str]:
-        """Return the objects that have to be pushed yet; one that was pushed to its goal and moved is one of them."""
-        standing, settings = self._standing, self.settings
-        errors = errors_at_goal(self.scenario, standing.poses)
-        slack = settings.position_slack, settings.angle_slack
-        for name, error in zip(standing.names, errors, strict=True):
-            pose, before = standing.by_name[name], self._delivered.get(name)
-            if before is None:
-                continue
-            if np.isnan(before[0]):
-                self._delivered[name] = pose
-            elif (np.array(pose_error(pose, before)) > slack).any() and (error > self._tolerance).any():
-                del self._delivered[name]
-        wanted = set()
-        for task in self.scenario.tasks:
-            for goal in task.goals:
-                wanted |= set(goal.objects or (obj.name for obj in task.chain.objects))
-        return wanted - set(self._delivered)
-
-    @property
-    def _tolerance(self) -> tuple[float, float]:
-        """Distance (m) and angle (rad) that an object may be off its goal."""
-        goals = [goal for task in self.scenario.tasks for goal in task.goals]
-        return (
-            max(self.settings.position_tolerance, min(goal.position_tolerance for goal in goals)),
-            max(self.settings.angle_tolerance, min(goal.angle_tolerance for goal in goals)),
-        )
-
     def _legs_to_next(self) -> list[Leg]:
         """Return the ways to the load of the next push from where everything stands."""
         settings, poses = self.settings, self._standing.by_name
@@ -415,7 +384,7 @@ class Controller:
         if self._rests > RESTS:
             self._give_up(f"{RESTS} plans were made for the rest, and it is not there: {why}")
             return
-        delivered = frozenset(self._delivered)
+        delivered = self._delivered.names
         asked = self._plate, self._standing.by_name, self._obstacles, delivered, self._rests
         replan = self._rest_planner.plan(self._now, *asked)
         self.replans.append(replan)
@@ -436,19 +405,16 @@ class Controller:
         """Push the load of a segment."""
         load = segment.load
         assert load is not None
-        columns, settle, straight = self._standing.columns(load.names), 0.0, False
-        problem, plan, replanner = self.scenario, self.plan, self._replanner
+        columns, replanner = self._standing.columns(load.names), self._replanner
         if replanner is None:
-            assert self.scenario.pushes is not None
-            problem, settle = self._problem(segment), self.scenario.pushes.settle
-            length = self._straight_onto(segment) if segment.onto else None
-            if length is not None:
-                settle, straight = length, True
-            plan = self._alone(replace(segment, load=load.with_problem(problem)))
-            replanner = Replanner(problem, self.settings, self._observer)
+            poses, obstacles = self._standing.by_name, self._obstacles
+            job = push_job(self._planned, segment, self._plate, poses, obstacles, self._delivered.tolerance)
+            replanner = Replanner(job.scenario, self.settings, self._observer)
+        else:
+            job = PushJob(self.scenario, self.plan, columns)
         frames = compose(np.stack([self._plate, self._odometry]), load.frame_plate)
         self._push = PushLoop(
-            PushJob(problem, plan, columns, settle, self._again < AGAIN, self._wary, straight, segment.onto),
+            replace(job, again=self._again < AGAIN, wary=self._wary),
             replanner,
             self.settings,
             self._sightings,
@@ -462,48 +428,6 @@ class Controller:
         if self._late and self._estimator is None:
             self._push.estimator.unstamped()
         self._standing.let_go(columns)
-
-    def _problem(self, segment: Segment) -> Scenario:
-        """Return a push as a problem among what stands in the room now; its goal is where the plan ends it."""
-        assert segment.load is not None
-        problem, last = segment.problem(self.scenario), self._is_last(segment)
-        wider = 1.0 if last else PASSING
-        position, turn = (wider * value for value in self._tolerance)
-        of = self.scenario.goal.of if last and not self.scenario.bodies else None
-        goal = replace(problem.goal, of=of, position_tolerance=position, angle_tolerance=turn)
-        around = standing_obstacles(
-            self.scenario, self._obstacles, self._standing.by_name, (*segment.load.names, segment.onto)
-        )
-        return replace(problem, goal=goal, obstacles=around)
-
-    def _straight_onto(self, segment: Segment) -> float | None:
-        """Return how far the load has to be pushed straight ahead to close onto an object where that was measured, m.
-
-        None where that is too far off or turned to become flush so, or to stand well in the row.
-        """
-        onto, away = segment.onto, inverse(segment.path.end)
-        flush = compose(self._standing.by_name[onto], inverse(compose(away, segment.before[onto])))
-        ahead, aside, _ = (float(value) for value in relative(self._plate, flush))
-        turn = float(wrap_angle(flush[2] - self._plate[2]))
-        position, angle = self._tolerance
-        square = abs(turn) <= max(PASSING * angle, CLOSES[1])
-        if not square or abs(aside) > PASSING * position or ahead < -PASSING * position:
-            return None
-        face = max(contact.length for contact in segment.load.chain.contacts) if segment.load else 0.0
-        return max(ahead, 0.0) + 0.5 * face * abs(math.sin(turn)) + PRESSED
-
-    def _is_last(self, segment: Segment) -> bool:
-        """Tell whether the objects of a push are not pushed again by the plan."""
-        later = self._planned.segments[self._planned.segments.index(segment) + 1 :]
-        names = {name for s in later if s.pushes and s.load is not None for name in s.load.names}
-        return segment.load is not None and not names & set(segment.load.names)
-
-    def _alone(self, segment: Segment) -> Plan:
-        """Return a plan of one segment."""
-        plan = self._planned
-        return Plan(
-            plan.scenario, (segment,), "", plan.planner, plan.stable_set, plan.seed, cost=segment.cost
-        )
 
     def _end_push(self, push: PushLoop) -> None:
         """Go on after a push that is over: with the next segment, or with a look at what is left."""
@@ -528,8 +452,8 @@ class Controller:
             self._backing = True
             return
         self._again = 0
-        if self._is_last(self._planned.segments[self._at]):
-            self._delivered |= {name: np.full(3, np.nan) for name in names}
+        if is_last(self._planned, self._planned.segments[self._at]):
+            self._delivered.take(names)
         self._go_on()
 
     def _give_up(self, reason: str) -> None:

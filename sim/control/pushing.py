@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
@@ -26,10 +25,11 @@ from pushplan.plans.events import Replan
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.plan import Plan
 from pushplan.plans.trajectory import Trajectory
-from pushplan.scenario.model import Obstacle, Scenario
+from pushplan.scenario.model import Obstacle
 from pushplan.sim.control.closing import ClosingPush, Contacts, Spread, closing_push, contacts_at
 from pushplan.sim.control.estimator import HOLD, Estimator, Sample
 from pushplan.sim.control.following import Following
+from pushplan.sim.control.jobs import PushJob
 from pushplan.sim.control.replanner import CAUTION, Replanner
 from pushplan.sim.control.sensing import Sightings
 from pushplan.sim.control.settings import SIGMAS, ControlSettings
@@ -73,31 +73,6 @@ class Phase(Enum):
     LOOKING = "looking"
     ARRIVED = "arrived"
     GAVE_UP = "gave up"
-
-
-@dataclass(frozen=True, eq=False)
-class PushJob:
-    """A push that is to be done.
-
-    Attributes:
-        scenario: The push problem: the load, where it shall go, and what stands in the room.
-        plan: Of this push alone, to begin with.
-        columns: Numbers of the load's objects among all that are measured.
-        settle: Length of the straight push that closes the contacts after an approach, m; 0 where they are closed.
-        again: Whether the plate may back off and come up to the load once more.
-        wary: Whether an object has left its place before: no plan is less cautious then because that is shorter.
-        straight: Whether it is over after that straight push, wherever it ends: it closes onto an object that rests.
-        onto: Name of the object that the load is pushed up to; empty where there is none.
-    """
-
-    scenario: Scenario
-    plan: Plan
-    columns: list[int]
-    settle: float = 0.0
-    again: bool = False
-    wary: bool = False
-    straight: bool = False
-    onto: str = ""
 
 
 class PushLoop:

@@ -1,4 +1,4 @@
-"""Where objects are believed to stand, and whether one has moved that nothing pushed."""
+"""Where objects are believed to stand, whether one has moved that nothing pushed, and which are at their goals."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from pushplan.geometry.se2 import wrap_angle
+from pushplan.geometry.se2 import pose_error, wrap_angle
+from pushplan.plans.goals import errors_at_goal, tolerance_of
 from pushplan.plans.segment import Poses
+from pushplan.scenario.model import Scenario
 from pushplan.sim.control.pushing import SLOW, words
 from pushplan.sim.control.sensing import Sightings
 from pushplan.sim.control.settings import ControlSettings
@@ -97,3 +99,49 @@ class Standing:
         noise = np.array([s.position_noise, s.angle_noise])
         most = np.maximum([s.position_slack, s.angle_slack], SLOW / math.sqrt(count) * noise) + noise
         return bool(np.hypot(mean[0], mean[1]) > most[0] or abs(mean[2]) > most[1])
+
+
+class Deliveries:
+    """Which objects were brought to their goals, and are there still.
+
+    Args:
+        scenario: With a goal for every object that is to be brought to one.
+        settings: See there.
+        standing: Where objects are believed to stand.
+
+    Attributes:
+        tolerance: Distance (m) and angle (rad) that an object may be off its goal.
+    """
+
+    def __init__(self, scenario: Scenario, settings: ControlSettings, standing: Standing) -> None:
+        self._scenario, self._settings, self._standing = scenario, settings, standing
+        self.tolerance = tolerance_of(scenario, settings.position_tolerance, settings.angle_tolerance)
+        self._there: dict[str, FloatArray] = {}
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Of those that are there."""
+        return frozenset(self._there)
+
+    def take(self, names: Iterable[str]) -> None:
+        """Take objects for delivered, where they are seen next."""
+        self._there |= {name: np.full(3, np.nan) for name in names}
+
+    def left(self) -> set[str]:
+        """Return the objects that have to be pushed yet; one that was delivered and moved is one of them."""
+        standing, settings = self._standing, self._settings
+        errors = errors_at_goal(self._scenario, standing.poses)
+        slack = settings.position_slack, settings.angle_slack
+        for name, error in zip(standing.names, errors, strict=True):
+            pose, before = standing.by_name[name], self._there.get(name)
+            if before is None:
+                continue
+            if np.isnan(before[0]):
+                self._there[name] = pose
+            elif (np.array(pose_error(pose, before)) > slack).any() and (error > self.tolerance).any():
+                del self._there[name]
+        wanted = set()
+        for task in self._scenario.tasks:
+            for goal in task.goals:
+                wanted |= set(goal.objects or (obj.name for obj in task.chain.objects))
+        return wanted - set(self._there)

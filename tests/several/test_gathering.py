@@ -24,7 +24,7 @@ from pushplan.plans.settings import Observer
 from pushplan.scenario.file import load_scenario, scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.sim import closing
-from pushplan.sim.control.controller import Controller
+from pushplan.sim.control.jobs import straight_onto
 from pushplan.sim.control.rest import RestPlanner
 from pushplan.sim.slip.simulator import simulate
 from pushplan.sim.world import World
@@ -376,11 +376,9 @@ def test_a_load_closes_straight_onto_an_object_where_that_was_measured(
 ) -> None:
     plan = made[1]
     k = next(k for k, segment in enumerate(plan.segments) if segment.kind == "close")
-    close, controller = plan.segments[k], Controller(made[0], plan=plan)
+    close = plan.segments[k]
     away = se2.relative(close.path.end, close.before[close.onto])
-    controller._plate = close.path.start
     flush = se2.compose(close.path.start, [ahead, aside, turn])
-    standing = controller._standing
-    standing.put(standing.columns((close.onto,)), se2.compose(flush, away)[None])
-    found = controller._straight_onto(close)
+    poses = {**close.before, close.onto: se2.compose(flush, away)}
+    found = straight_onto(close, close.path.start, poses, (5e-3, np.radians(1.0)))
     assert found == (None if length is None else pytest.approx(length, abs=1e-4))
