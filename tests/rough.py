@@ -1,7 +1,11 @@
-"""Identification that is over soon: a rough answer is one, too."""
+"""Work that is over soon where only its form is looked at: a rough answer is one, too."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 
+from pushplan.sim.control.controller import DEFAULTS
 from pushplan.sim.identify import posterior
 
 
@@ -11,3 +15,12 @@ def rough_identification(patch: pytest.MonkeyPatch) -> None:
         patch.setattr(posterior, name, value)
     patch.setattr("pushplan.sim.identify.identify.LOOKED_AT", 16)
     patch.setattr("pushplan.sim.identify.identify.STARTS", 1)
+
+
+@contextmanager
+def slow_controllers() -> Iterator[None]:
+    """Let controllers that nobody says otherwise of step half as often."""
+    rate = DEFAULTS.rate
+    object.__setattr__(DEFAULTS, "rate", 0.5 * rate)
+    yield
+    object.__setattr__(DEFAULTS, "rate", rate)

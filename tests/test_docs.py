@@ -10,6 +10,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -17,7 +18,7 @@ import click
 import numpy as np
 import pytest
 from PIL import Image
-from rough import rough_identification
+from rough import rough_identification, slow_controllers
 
 import pushplan
 from pushplan.cli import main as cli
@@ -61,6 +62,12 @@ def _run(line: str, recorded: bool) -> None:
         assert main(shlex.split(command)[1:]) == 0, line
     if target:
         Path(target).write_text(out.getvalue())
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _slow() -> Iterator[None]:
+    with slow_controllers():
+        yield
 
 
 @pytest.fixture(scope="module")

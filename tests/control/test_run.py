@@ -3,12 +3,14 @@
 import json
 import os
 import signal
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from rough import slow_controllers
 
 import pushplan
 from pushplan.cli.main import main
@@ -29,6 +31,12 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("fast") / "two-crates.yaml"
     path.write_text(example_text("two-crates").replace("speed: 0.2,", "speed: 0.5,"))
     return path
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _slow() -> Iterator[None]:
+    with slow_controllers():
+        yield
 
 
 @pytest.fixture(scope="module")
