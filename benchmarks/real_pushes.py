@@ -6,8 +6,8 @@ MIT MCube lab, Yu et al., IROS 2016), as arrays in SI units:
 
 * `push_*`: straight pushes with one round tip, against even pressure and a friction that nobody measured; with
   `--fit` friction, heavier border and two tilts of the pressure are found from 80 pushes a set and judged by others.
-* `line_*`: pushes with two fingers. The outlines' place in the measured frame is taken from the last, resting pose of
-  the first push against each side, which then does not count.
+* `line_*`: pushes with two fingers. Each run is predicted from what other runs tell: the outline's place in the
+  measured frame by their resting poses, the friction by the other objects.
 * `force_*`: force, moment and motion on three feet with loads that follow from the centre of mass.
 """
 
@@ -23,24 +23,32 @@ import shapely
 from random_chains import tell
 from scipy.optimize import least_squares, minimize
 
+import pushplan.core.slip as slip
 from pushplan.bench.machine import Machine
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.contacts import friction_wrench
 from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
+from pushplan.scenario.file import scenario_from_document
+from pushplan.sim.identify.identify import identify_pushes
+from pushplan.sim.identify.measured_push import MeasuredPush
 from pushplan.sim.identify.unknowns import MOST_BORDER, MOST_TILT, PressedOutline
-from pushplan.sim.slip.simulator import FingerPush
+from pushplan.sim.slip.packing import pack_world
+from pushplan.sim.slip.simulator import FingerPush, steps_of
+from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, IntArray
 
 Data = Mapping[str, Any]
 
 TIP = np.array([[0.0, 0.0, 4.75e-3]])
+LAG = 0.1
+"""Between a pose of the hand and the measured one of the object, s: see the data's README."""
 TWO = np.array([[0.0, 9e-3, 2.5e-3], [0.0, -9e-3, 2.5e-3]])
 """Fingers: x, y in the hand's frame and radius, m."""
 TIP_FRICTION = 0.225
 """The middle of what fits of others found, 0.15 to 0.30."""
-LINE_FRICTION = 0.5
+LINE_FRICTIONS = (0.25, 0.3, 0.4, 0.5, 0.6)
 """Nobody measured it; those who planned the pushes so that nothing slips took 0.25 to 0.3 and called it cautious."""
 SHAPES = {"bigrect_3pts": "bigrect", "bigrect_ridge": "bigrect", "tri": "smalltri", "butter": "smallbutter"}
 STEP = 1e-3
@@ -149,36 +157,125 @@ def identified_pushes(data: Data, speed: int) -> bool:
 
 
 def line_pushes(data: Data) -> bool:
-    """Predict the resting poses after pushes with two fingers."""
+    """Predict the resting poses after pushes with two fingers, each run from what other runs tell.
+
+    The outlines' place in the measured frame comes from the resting poses of the other runs of the same object; the
+    friction, which nobody measured, is the one of `LINE_FRICTIONS` with which the other objects are predicted best.
+    """
     samples = np.split(data["line_samples"].astype(float), data["line_start"][1:-1])
-    firsts = {
-        (name, action): k
-        for k, (name, action) in reversed(
-            list(enumerate(zip(data["line_object"], data["line_action"], strict=True)))
-        )
-    }
-    rows, kinds = [], []
+    errors = np.stack([_with_friction(data, samples, friction) for friction in LINE_FRICTIONS])
+    objects, chosen = data["line_object"], np.zeros(len(samples), dtype=int)
+    for name in SHAPES:
+        others = np.median(errors[:, objects != name], axis=1)
+        chosen[objects == name] = int(np.argmin(others[:, 0] + others[:, 1]))
+    for friction, off_by in zip(LINE_FRICTIONS, errors, strict=True):
+        p50, p90 = np.percentile(off_by, [50, 90], axis=0).round(2)
+        print(f"  friction {friction:4}: median {p50}, p90 {p90} (mm, deg)")
+    found = errors[chosen, np.arange(len(samples))]
+    for name in SHAPES:
+        here = found[objects == name]
+        p50, p90 = np.percentile(here, [50, 90], axis=0).round(2)
+        friction = LINE_FRICTIONS[chosen[objects == name][0]]
+        print(f"  {name:14} {len(here):3}: median {p50}, p90 {p90}, friction {friction} by the others")
+    p50, p90 = np.percentile(found, [50, 90], axis=0)
+    good = tell(f"{len(found)} held-out two-finger pushes, median (mm)", float(p50[0]), "<=", 2.0)
+    good &= tell(f"{len(found)} held-out two-finger pushes, median (deg)", float(p50[1]), "<=", 0.8)
+    print(f"  p90 of all: {p90[0]:.1f} mm, {p90[1]:.1f} deg")
+    fits = found[objects != "butter"]  # whose outline does not fit where it rests
+    p90 = np.percentile(fits, 90, axis=0)
+    return good & tell(f"{len(fits)} of them, without the butterfly, p90 (mm)", float(p90[0]), "<=", 4.0)
+
+
+def _with_friction(data: Data, samples: list[FloatArray], friction: float) -> FloatArray:
+    """Return how far off (k, 2) every push ends, mm and deg, the outline placed by other runs."""
+    found = np.zeros((len(samples), 2))
     for name, shape in SHAPES.items():
         outline = data[f"shape_{shape}"].astype(float)
-        resting = [samples[k][-1] for (of, _), k in firsts.items() if of == name]
-        placed = outline + frame_offset(outline, resting)
-        push = FingerPush(resting_on(placed, UniformSupport(placed)), TWO, LINE_FRICTION)
-        for k in np.flatnonzero(data["line_object"] == name):
-            if int(k) not in firsts.values():
+        own = np.flatnonzero(data["line_object"] == name)
+        for run in np.unique(data["line_run"][own]):
+            here = own[data["line_run"][own] == run]
+            resting = [samples[k][-1] for k in own if k not in here]
+            placed = outline + frame_offset(outline, resting)
+            push = FingerPush(resting_on(placed, UniformSupport(placed)), TWO, friction)
+            for k in here:
                 course = from_rest(samples[k])
                 predicted = push.push(course[0, 1:4], resampled(course[:, 4:7]))[-1]
-                rows.append(off(predicted[None], course[-1:, 1:4])[0])
-                kinds.append(name)
-    errors = np.array(rows)
-    for name in SHAPES:
-        here = errors[np.array(kinds) == name]
-        p50, p90 = np.percentile(here, [50, 90], axis=0).round(2)
-        print(f"  {name:14} {len(here):3}: median {p50}, p90 {p90}")
-    good = tell(f"{len(errors)} two-finger pushes, median (mm)", float(np.median(errors[:, 0])), "<=", 1.8)
-    good &= tell(f"{len(errors)} two-finger pushes, median (deg)", float(np.median(errors[:, 1])), "<=", 0.7)
-    return good & tell(
-        f"{len(errors)} two-finger pushes, p90 (mm)", float(np.percentile(errors[:, 0], 90)), "<=", 3.5
+                found[k] = off(predicted[None], course[-1:, 1:4])[0]
+    return found
+
+
+def identified_lines(data: Data) -> bool:
+    """Let `pushplan identify` learn from half of the pushes of an object's side, and predict the other half."""
+    samples = np.split(data["line_samples"].astype(float), data["line_start"][1:-1])
+    rows, plain = [], []
+    for name, shape in SHAPES.items():
+        own = np.flatnonzero(data["line_object"] == name)
+        outline = data[f"shape_{shape}"].astype(float)
+        outline = outline + frame_offset(outline, [samples[k][-1] for k in own])
+        for side in np.unique(data["line_action"][own]):
+            here = own[data["line_action"][own] == side]
+            if len(here) < 4 or name == "butter":
+                continue
+            world, pushes = _as_measured(outline, [samples[k] for k in here])
+            for k in (0, 1):
+                found = identify_pushes(world, pushes[k::2], jobs=1)
+                middle = np.median(found.samples, axis=0)
+                rows += [_ends_off(found.unknowns.packed_for(middle), push) for push in pushes[1 - k :: 2]]
+                plain += [_ends_off(pack_world(world, world.chain), push) for push in pushes[1 - k :: 2]]
+                spans = "; ".join(
+                    f"{one.unknown.name} {one.low:.2f} to {one.high:.2f}"
+                    for one in found.estimates
+                    if one.determined
+                )
+                print(f"  {name}, side {side}, half {k + 1}: {spans or 'nothing determined'}", flush=True)
+    p50, p90 = (np.percentile(rows, q, axis=0) for q in (50, 90))
+    even = np.percentile(plain, 50, axis=0)
+    print(f"  not learned (friction 0.5, even load): median {even.round(2)}; learned: p90 {p90.round(2)}")
+    good = tell(f"{len(rows)} two-finger pushes, learned from others (mm)", float(p50[0]), "<=", 1.8)
+    return good & tell(f"{len(rows)} two-finger pushes, learned from others (deg)", float(p50[1]), "<=", 0.8)
+
+
+def _as_measured(outline: FloatArray, courses: list[FloatArray]) -> tuple[World, list[MeasuredPush]]:
+    """Return pushes of one side of an object as the package takes them: the two fingers are a plate."""
+    turned = float(np.median([se2.relative(course[-1, 4:7], course[-1, 1:4])[2] for course in courses]))
+    along = np.diff(se2.rotate(turned, np.vstack([outline, outline[:1]])), axis=0)
+    off_square = se2.wrap_angle(np.arctan2(along[:, 1], along[:, 0]) + 0.5 * np.pi)  # of faces to the rear
+    turned -= float(off_square[np.argmin(np.abs(off_square))])  # what is measured is not quite square
+    points = [[float(x), float(y)] for x, y in se2.rotate(turned, outline)]
+    scenario = scenario_from_document(
+        {
+            "format": "pushplan/1",
+            "name": "real",
+            "floor": {"friction": 0.3},
+            "contacts": {"friction": 0.5},
+            "objects": [{"name": "object", "shape": {"polygon": points}, "mass": 1.0}],
+            "pusher": {"width": 2.0 * float(TWO[0, 1] + TWO[0, 2]), "friction": 0.5},
+            "start": [0.0, 0.0, 0.0],
+            "goal": {"pose": [1.0, 0.0, 0.0]},
+        }
     )
+    pushes = []
+    for course in map(from_rest, courses):
+        t, heading = course[:, 0], np.unwrap(course[:, 3])
+        # Measured poses of the object come a tenth of a second after those of the hand.
+        lagged = [np.interp(t + LAG, t, column) for column in (course[:, 1], course[:, 2], heading)]
+        objects = se2.compose(np.column_stack(lagged), [0.0, 0.0, -turned])
+        plate = se2.compose(course[:, 4:7], [TWO[0, 2], 0.0, 0.0])
+        pushes.append(MeasuredPush(plate[::5], objects[::5, None]))
+    return World.from_scenario(scenario), pushes
+
+
+def _ends_off(packed: slip.World, push: MeasuredPush) -> tuple[float, float]:
+    """Return how far a push is predicted to end off where it does, mm and deg, from where it began."""
+    motions = steps_of(push.plate_poses)
+    way = np.hypot(motions[:, 0], motions[:, 1]) + 0.03 * np.abs(motions[:, 2])
+    counts = np.maximum(1, np.ceil(way / STEP)).astype(np.int64)
+    begin = push.object_poses[0]
+    trace = slip.Simulation(packed, begin, push.plate_poses[0]).march(
+        np.repeat(motions / counts[:, None], counts, 0)
+    )
+    distance, angle = off(trace.poses[-1], push.object_poses[-1])[0]
+    return float(distance), float(angle)
 
 
 def frame_offset(outline: FloatArray, resting: list[FloatArray]) -> FloatArray:
@@ -219,12 +316,10 @@ def resampled(poses: FloatArray) -> FloatArray:
 
 def wrench_directions(data: Data) -> bool:
     """Compare the direction of the floor's wrench with the one measured, moments over the feet's mean distance."""
-    angles = []
-    for feet, twist, wrench in zip(
-        data["force_feet"], data["force_twist"], data["force_wrench"], strict=True
+    angles: dict[str, list[float]] = {}
+    for name, feet, twist, wrench in zip(
+        data["force_name"], data["force_feet"], data["force_twist"], data["force_wrench"], strict=True
     ):
-        if np.isnan(feet).any():
-            continue
         feet = feet.astype(float)
         loads = np.linalg.solve(np.vstack([np.ones(3), feet.T]), [1.0, 0.0, 0.0])
         length = float(np.sqrt(loads @ (feet**2).sum(axis=1)))
@@ -234,9 +329,12 @@ def wrench_directions(data: Data) -> bool:
         scale = np.array([1.0, 1.0, 1.0 / length])
         predicted, measured = -friction_wrench(obj, twist[None].astype(float))[0] * scale, wrench * scale
         cosine = predicted @ measured / np.linalg.norm(predicted) / np.linalg.norm(measured)
-        angles.append(float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))))
+        angles.setdefault(str(name), []).append(float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))))
+    for name, own in angles.items():
+        print(f"  {name:24} {len(own):3}: median {np.median(own):.1f} deg, p90 {np.percentile(own, 90):.1f}")
+    worst = max(float(np.median(own)) for own in angles.values())
     return tell(
-        f"{len(angles)} wrenches on three feet, median angle (deg)", float(np.median(angles)), "<=", 10.0
+        f"wrenches on three feet, {len(angles)} sets, the worst set's median (deg)", worst, "<=", 15.0
     )
 
 
@@ -252,7 +350,7 @@ def main() -> int:
     data = dict(np.load(arguments.data))
     good = wrench_directions(data) & line_pushes(data) & single_pushes(data, arguments.speed)
     if arguments.fit:
-        good &= identified_pushes(data, arguments.speed)
+        good &= identified_lines(data) & identified_pushes(data, arguments.speed)
     return 0 if good else 1
 
 
