@@ -44,7 +44,8 @@ def run(file: Path) -> ClosedLoopRun:
     scenario = pushplan.load_scenario(file)
     disturbance = Disturbance(4.0, 1, 0.0, -5e-3, 0.05)
     world = pushplan.World.from_scenario(scenario).with_contact_friction(0.8)
-    return run_closed_loop(scenario, world, [disturbance], seed=7)
+    plan = pushplan.plan(scenario, seed=1, iterations=300, time_limit=300.0)  # the same on any machine
+    return run_closed_loop(scenario, world, [disturbance], plan=plan, seed=7)
 
 
 @pytest.fixture(scope="module")
