@@ -205,12 +205,13 @@ class PushLoop:
         twist = self._following.twist(self.plate)
         self.plate = compose(self.plate, exp(twist * period))
         self.way += float(np.hypot(twist[0], twist[1])) * period
-        self._stall.driven(self._now, twist * period)
+        self._stall.driven(self._now, twist * period, self.plate)
         return self.estimator.asked(twist)
 
     def decide(self) -> None:
         """Stop where something is not as it should be, and decide what to do once it has been looked at."""
-        heavy = self._stall.stalled(self.places)
+        # While it comes up to the load the plate, millimetres off where it believes to be, may not have met it.
+        heavy = () if self._touching else self._stall.stalled(self.places)
         if heavy:
             self._end_stall(heavy)
             return
@@ -281,6 +282,7 @@ class PushLoop:
             return
         if self._touching:
             self._touch(measured)
+            self._stall.restart()
             estimator = self.estimator
         chain = self._replanner.chain
         poses = measured  # where a contact tells where the plate is, goals are where the camera sees them

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pushplan.geometry.se2 import compose, relative
+from pushplan.geometry.se2 import compose, relative, rotate
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.util.arrays import FloatArray
 
@@ -21,6 +21,9 @@ DRIVEN, SIGMAS = 0.016, 5.0
 load of up to three quarters of that, where the plate is not yet in contact or a load was displaced, is no stall."""
 STILL = 0.25
 """Share of that way up to which an object stands still."""
+PRESSED = 0.012
+"""By how much (m) the plate has to be believed beyond where objects leave room, unless it is measured to stand: it
+may not have met them before that."""
 FEWEST = 6
 """Measurements that a window has to have."""
 MEMORY = 2.0
@@ -41,16 +44,22 @@ class StallWatch:
 
     def __init__(self, names: Sequence[str], settings: ControlSettings, onto: str = "") -> None:
         self._names, self._noise, self._onto = tuple(names), settings.position_noise, onto
-        self._told: deque[tuple[float, FloatArray]] = deque()
+        self._told: deque[tuple[float, FloatArray, FloatArray]] = deque()
         self._seen: deque[tuple[float, FloatArray]] = deque()
         self._first: FloatArray | None = None
         self._last: FloatArray = np.zeros((len(names), 3))
         self._plate: FloatArray = np.zeros(3)
 
-    def driven(self, now: float, motion: FloatArray) -> None:
-        """Take down by what body motion (3,) of the load's frame the plate was told to move until now."""
+    def driven(self, now: float, motion: FloatArray, believed: FloatArray) -> None:
+        """Take down by what body motion (3,) of the load's frame the plate was told to move until now.
+
+        Args:
+            now: Time, s.
+            motion: (3,) since it was taken down before.
+            believed: (3,) pose of that frame in the world, as believed.
+        """
         self._plate = compose(self._plate, motion)
-        self._told.append((now, self._plate))
+        self._told.append((now, self._plate, believed))
         while self._told[0][0] < now - MEMORY:
             self._told.popleft()
 
@@ -63,6 +72,10 @@ class StallWatch:
         self._seen.append((time, poses))
         while self._seen[0][0] < time - WINDOWS[-1]:
             self._seen.popleft()
+
+    def restart(self) -> None:
+        """Forget what was seen so far."""
+        self._seen.clear()
 
     def stalled(self, places: FloatArray) -> tuple[str, ...]:
         """Return the names of what the plate cannot push on; none where it can, or that is not known yet.
@@ -95,18 +108,27 @@ class StallWatch:
         moved = poses[1].mean(axis=0) - poses[0].mean(axis=0)
         most = max(DRIVEN, SIGMAS * self._noise * math.sqrt(2.0 / len(before)))
         for late in (0.0, LATE):
-            plates = [self._at(time - late) for time in times]
-            way = compose(relative(plates[0], plates[1]), places)[:, :2] - places[:, :2]
+            (first, begin), (last, end) = (self._at(time - late) for time in times)
+            way, believed = (
+                compose(relative(*plates), places)[:, :2] - places[:, :2]
+                for plates in ((first, last), (begin, end))
+            )
             size = np.hypot(way[:, 0], way[:, 1])
             counts = seen & (size >= most)
             if not counts.any() or (np.hypot(*moved[counts].T) > STILL * size[counts]).any():
                 return False
+            plate = self._told[-1][2]
+            ahead = rotate(float(plate[2]), way) / np.maximum(size, 1e-9)[:, None]
+            beyond = ((compose(plate, places)[:, :2] - poses[1].mean(axis=0)) * ahead).sum(axis=1)
+            stands = np.hypot(believed[:, 0], believed[:, 1]) <= STILL * size
+            if not (stands | (beyond >= PRESSED))[counts].all():
+                return False
         return True
 
-    def _at(self, time: float) -> FloatArray:
-        """Return where the plate was told to be (3,)."""
-        times = np.array([told for told, _ in self._told])
-        return self._told[max(int(np.searchsorted(times, time, side="right")) - 1, 0)][1]
+    def _at(self, time: float) -> tuple[FloatArray, FloatArray]:
+        """Return where the plate was told to be, from where it began, and where it was believed to be (3,)."""
+        times = np.array([told for told, *_ in self._told])
+        return self._told[max(int(np.searchsorted(times, time, side="right")) - 1, 0)][1:]
 
     def _blamed(self) -> tuple[str, ...]:
         assert self._first is not None

@@ -32,28 +32,36 @@ def met(gap: float = 0.0, stuck: float = math.inf) -> Callable[[float], list[flo
 
 
 @pytest.mark.parametrize(
-    ("moves", "late", "onto", "names"),
+    ("moves", "late", "onto", "names", "off", "stands"),
     [
-        (met(), 0.0, "", ()),
-        (met(), 0.2, "", ()),
-        (met(gap=0.012), 0.15, "", ()),  # the plate was not in contact yet
-        (met(stuck=0.0), 0.0, "", ("near", "far")),
-        (met(stuck=0.2), 0.2, "", ("near", "far")),
-        (met(stuck=0.2), 0.0, "other", ("other",)),
-        (lambda way: [min(way, 0.1), 0.0], 0.0, "", ("far",)),  # it has just been met
-        (lambda way: [way, 0.0], 0.0, "", ()),  # its contact slips
-        (lambda way: [0.0, math.nan], 0.0, "", ("near", "far")),
-        (lambda way: [way, math.nan], 0.0, "", ()),
+        (met(), 0.0, "", (), 0.0, None),
+        (met(), 0.2, "", (), 0.0, None),
+        (met(gap=0.012), 0.15, "", (), 0.0, None),  # the plate was not in contact yet
+        (met(gap=0.025), 0.0, "", (), 0.018, None),  # nor here, as the measurements say
+        (met(stuck=0.0), 0.0, "", ("near", "far"), 0.0, None),
+        (met(stuck=0.2), 0.2, "", ("near", "far"), 0.0, None),
+        (met(stuck=0.2), 0.0, "", ("near", "far"), 0.0, 0.2),  # the plate is measured, too
+        (met(stuck=0.2), 0.0, "other", ("other",), 0.0, None),
+        (lambda way: [min(way, 0.1), 0.0], 0.0, "", ("far",), 0.0, None),  # it has just been met
+        (lambda way: [way, 0.0], 0.0, "", (), 0.0, None),  # its contact slips
+        (lambda way: [0.0, math.nan], 0.0, "", ("near", "far"), 0.0, None),
+        (lambda way: [way, math.nan], 0.0, "", (), 0.0, None),
     ],
 )
 def test_only_a_load_that_stands_still_as_a_whole_stalls(
-    moves: Callable[[float], list[float]], late: float, onto: str, names: tuple[str, ...]
+    moves: Callable[[float], list[float]],
+    late: float,
+    onto: str,
+    names: tuple[str, ...],
+    off: float,
+    stands: float | None,
 ) -> None:
     watch, random = StallWatch(["near", "far"], ControlSettings(), onto), np.random.default_rng(1)
     ways = np.cumsum(np.minimum(0.5 * np.arange(200) / RATE, SPEED)) / RATE
     found: tuple[str, ...] = ()
     for k, way in enumerate(ways):
-        watch.driven(k / RATE, np.array([(way - ways[max(k - 1, 0)]), 0.0, 0.0]))
+        plate = np.array([min(way, stands) if stands is not None else way, 0.0, 0.0])
+        watch.driven(k / RATE, np.array([(way - ways[max(k - 1, 0)]), 0.0, 0.0]), plate - [off, 0.0, 0.0])
         if k % 2 == 0:
             seen = PLACES + random.normal(size=(2, 3)) * [1e-3, 1e-3, 5e-3]
             seen[:, 0] += moves(float(ways[max(0, k - round(late * RATE))]))
@@ -118,4 +126,4 @@ def test_of_several_pushes_a_stall_ends_all() -> None:
     controller = Controller(plan)
     simulate_push(World.from_scenario(scenario).with_mass(1.5), controller, controller.settings.rate)
     assert controller.reason == "the plate stalls: it cannot push b0, b1, and has 8 N"
-    assert not controller.replans
+    assert all(replan.result is None or len(replan.result.segments) == 1 for replan in controller.replans)
