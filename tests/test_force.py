@@ -193,6 +193,7 @@ def test_output_log_and_page_tell_the_force(tmp_path: Path, capsys: pytest.Captu
 
 def test_forces_are_those_of_the_engine_by_impulse() -> None:
     """Over 50 ms, within 5 % while pushing steadily, as `benchmarks/forces.py` has it for all packaged scenarios."""
+    pytest.importorskip("mujoco")
     benchmark = runpy.run_path(str(Path(__file__).parents[1] / "benchmarks" / "forces.py"))
     near = {**crates(force=10.0), "goal": {"pose": [0.5, 0.1, 20.0 * np.pi / 180.0]}, "obstacles": []}
     plan = pushplan.plan(scenario_from_document(near), seed=1, time_limit=60.0, first=True)

@@ -171,10 +171,6 @@ def test_the_words_of_a_film_do_not_overlap(kind: str) -> None:
 
 @EVERY
 def test_one_thing_has_one_colour_everywhere(kind: str) -> None:
-    from pushplan.view.draft import Draft
-    from pushplan.view.stage import Stage
-    from pushplan.view.tone import of_body
-
     run = made(kind)
     scene = Scene.of(run.scenario, run.plan, run.execution, run.events)
     expected = {body.name: body.colour for body in scene.bodies}
@@ -203,6 +199,10 @@ def test_one_thing_has_one_colour_everywhere(kind: str) -> None:
             rgb = tuple(round(255 * part) for part in (paint.r, paint.g, paint.b))
             assert rgb == palette.red_green_blue(expected[name])
     pytest.importorskip("viser")
+    from pushplan.view.draft import Draft
+    from pushplan.view.stage import Stage
+    from pushplan.view.tone import of_body
+
     seen, draft = Seen(), Draft.of(run.scenario)
     stage = Stage(seen, draft)
     stage.draw_bodies(draft, Scene.of(run.scenario))
