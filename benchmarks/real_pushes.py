@@ -23,7 +23,6 @@ import shapely
 from random_chains import tell
 from scipy.optimize import least_squares, minimize
 
-import pushplan.core.slip as slip
 from pushplan.bench.machine import Machine
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
@@ -34,8 +33,7 @@ from pushplan.scenario.file import scenario_from_document
 from pushplan.sim.identify.identify import identify_pushes
 from pushplan.sim.identify.measured_push import MeasuredPush
 from pushplan.sim.identify.unknowns import MOST_BORDER, MOST_TILT, PressedOutline
-from pushplan.sim.slip.packing import pack_world
-from pushplan.sim.slip.simulator import FingerPush, steps_of
+from pushplan.sim.slip.simulator import FingerPush, simulate_poses
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, IntArray
 
@@ -220,8 +218,8 @@ def identified_lines(data: Data) -> bool:
             for k in (0, 1):
                 found = identify_pushes(world, pushes[k::2], jobs=1)
                 middle = np.median(found.samples, axis=0)
-                rows += [_ends_off(found.unknowns.packed_for(middle), push) for push in pushes[1 - k :: 2]]
-                plain += [_ends_off(pack_world(world, world.chain), push) for push in pushes[1 - k :: 2]]
+                rows += [_ends_off(found.unknowns.world_for(middle), push) for push in pushes[1 - k :: 2]]
+                plain += [_ends_off(world, push) for push in pushes[1 - k :: 2]]
                 spans = "; ".join(
                     f"{one.unknown.name} {one.low:.2f} to {one.high:.2f}"
                     for one in found.estimates
@@ -265,16 +263,11 @@ def _as_measured(outline: FloatArray, courses: list[FloatArray]) -> tuple[World,
     return World.from_scenario(scenario), pushes
 
 
-def _ends_off(packed: slip.World, push: MeasuredPush) -> tuple[float, float]:
+def _ends_off(world: World, push: MeasuredPush) -> tuple[float, float]:
     """Return how far a push is predicted to end off where it does, mm and deg, from where it began."""
-    motions = steps_of(push.plate_poses)
-    way = np.hypot(motions[:, 0], motions[:, 1]) + 0.03 * np.abs(motions[:, 2])
-    counts = np.maximum(1, np.ceil(way / STEP)).astype(np.int64)
-    begin = push.object_poses[0]
-    trace = slip.Simulation(packed, begin, push.plate_poses[0]).march(
-        np.repeat(motions / counts[:, None], counts, 0)
-    )
-    distance, angle = off(trace.poses[-1], push.object_poses[-1])[0]
+    there, plate = world.with_object_poses(push.object_poses[0]), resampled(push.plate_poses)
+    report = simulate_poses(np.arange(len(plate), dtype=float), plate, there)
+    distance, angle = off(report.objects[-1], push.object_poses[-1])[0]
     return float(distance), float(angle)
 
 

@@ -17,7 +17,7 @@ from pushplan.logging.recording import Recording, Where
 from pushplan.logging.writer import RunLogWriter
 from pushplan.planners.planner import plan as plan_in
 from pushplan.plans.events import Event, Feedback, Measured, Replan
-from pushplan.plans.goals import tolerance_of, worst_at_goal
+from pushplan.plans.goals import tolerance_of, with_places, worst_at_goal
 from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Execution, segments_of
@@ -80,7 +80,7 @@ class ClosedLoopRun:
     @property
     def goal_errors(self) -> tuple[float, float]:
         """How far (m) and by what angle (rad) the goal's object ends off; the worst where there are several."""
-        return worst_at_goal(_placed(self.scenario, self.plan), self.simulated.object_poses[-1])
+        return worst_at_goal(with_places(self.scenario, self.plan), self.simulated.object_poses[-1])
 
     @property
     def execution(self) -> Execution:
@@ -109,11 +109,6 @@ class ClosedLoopRun:
         with _Growing(*asked, SILENT, None, path, None) as growing:
             growing.begin(self.plan)
             growing.end(self)
-
-
-def _placed(scenario: Scenario, plan: Plan) -> Scenario:
-    """Return the scenario with a goal for each object: in a row the plan says what place each one has."""
-    return plan.scenario if scenario.row is not None else scenario
 
 
 def execution_of(scenario: Scenario, plan: Plan, course: SimulatedPush, feedback: Feedback) -> Execution:
@@ -331,7 +326,7 @@ def run_open_loop(
             progress=growing.grown,
             simulator_of=simulator_of,
         )
-        placed = _placed(scenario, plan)
+        placed = with_places(scenario, plan)
         tolerance = tolerance_of(placed, settings.position_tolerance, settings.angle_tolerance)
         off = worst_at_goal(placed, course.object_poses[-1])
         reached = off[0] <= tolerance[0] and off[1] <= tolerance[1]

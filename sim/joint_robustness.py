@@ -16,7 +16,6 @@ import numpy as np
 
 from pushplan.core.contacts import AFFINE, UNIFORM
 from pushplan.geometry.polygon import SHORTEST_CONTACT
-from pushplan.geometry.se2 import rotate
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.packed import contact_facets, push_room
 from pushplan.mechanics.perturb import aside_slides, displace
@@ -73,7 +72,7 @@ class ErrorBox:
     def fixed(cls, chain: Chain) -> ErrorBox:
         """Return the box `BOX` about the numbers of a chain."""
         n, off = len(chain.objects), BOX
-        row = [off.floor_friction, 0.0, off.load, off.load, off.position, off.angle]
+        row = [off.floor_friction, off.mass, off.load, off.load, off.position, off.angle]
         return cls(chain, np.full(n, off.contact_friction), np.tile(row, (n, 1)))
 
     @classmethod
@@ -85,8 +84,7 @@ class ErrorBox:
         n = len(chain.objects)
         share = np.full(n, problem.uncertainty.contact_friction)
         if problem.contact_friction is not None:
-            low, high = problem.contact_friction.T
-            share = (high - low) / np.maximum(high + low, 1e-300)
+            share = _half_widths(problem.contact_friction)
         # The contacts of such a chain have the lowest coefficients; their middles are higher by this.
         contacts = tuple(
             replace(contact, friction=contact.friction / (1.0 - off)) if off < 1.0 else contact
@@ -95,12 +93,17 @@ class ErrorBox:
         widths, interval = np.zeros((n, len(KINDS))), problem.interval
         if interval is not None:
             for column, spans in enumerate((interval.floor_friction, interval.mass)):
-                widths[:, column] = np.diff(spans)[:, 0] / np.maximum(spans.sum(axis=1), 1e-300)
+                widths[:, column] = _half_widths(spans)
             for i, spans in interval.fractions.items():
-                widths[i, 2:4] = float((np.diff(spans)[:, 0] / np.maximum(spans.sum(axis=1), 1e-300)).min())
+                widths[i, 2:4] = _half_widths(spans).min()
             for i, off in interval.pressures.items():
                 widths[i, 2:4] = off
         return cls(replace(chain, contacts=contacts), share, widths)
+
+
+def _half_widths(spans: FloatArray) -> FloatArray:
+    """Return the half widths (k,) of intervals (k, 2) as shares of their middles."""
+    return np.asarray(np.diff(spans)[:, 0] / np.maximum(spans.sum(axis=1), 1e-300))
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,8 +123,8 @@ class JointErrors:
         found: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         for i, obj in enumerate(chain.objects):
             for axis in (0, 1):
-                direction = rotate(-float(obj.pose_chain[2]), np.eye(2)[axis])
-                step = 0.01 * min(1.0, *(obj.support.most_lean(sign * direction) for sign in (1.0, -1.0)))
+                direction, most = self.course.most_lean(i, axis)
+                step = 0.01 * min(1.0, most)
                 if not step > 0.0:  # then `most` is zero, and nothing is asked
                     continue
                 leant = [replace(obj, support=obj.support.leaning(direction, s)) for s in (-step, step)]
@@ -140,17 +143,11 @@ class JointErrors:
         least += [1.0 / off for off in [*share, *widths[:, 0], *widths[:, 1]] if off > 0.0]
         least += [MOST_ANGLE / off for off in widths[:, 5] if off > 0.0]
         height = self.course.chain.contact_height
-        for obj, row in zip(self.course.chain.objects, widths, strict=True):
-            axes = rotate(-float(obj.pose_chain[2]), np.eye(2))
-            leans = sum(
-                off / max(min(obj.support.most_lean(sign * axis) for sign in (1.0, -1.0)), 1e-300)
-                for axis, off in zip(axes, row[2:4], strict=True)
-            )
+        for i, (obj, row) in enumerate(zip(self.course.chain.objects, widths, strict=True)):
+            leans = sum(row[2 + axis] / max(self.course.most_lean(i, axis)[1], 1e-300) for axis in (0, 1))
             if leans > 0.0:
                 least.append((1.0 - 1e-9) / leans)
-            if (
-                height > 0.0
-            ):  # what a push shifts grows with the friction, what it may be shrinks with the lean
+            if height > 0.0:  # a push shifts more with more friction, and what leans bears less of it
                 room = push_room(obj, height)
                 least.append(max(room, 0.0) / (height * obj.floor_friction * (row[0] + leans) + 1e-300))
         return min(least)
@@ -169,8 +166,7 @@ class JointErrors:
         arrays[0][:, :, SHIFT] *= 1.0 + off[:, :, 0]
         moved = displace(chain, aside_slides(chain, off[:, :, 4]), off[:, :, 5])
         exist = np.asarray((moved.lengths > SHORTEST_CONTACT).all(axis=1))
-        nominal = np.array([[contact.right, contact.left] for contact in chain.contacts])
-        ends = np.where(exist[:, None, None, None], moved.ends, nominal)
+        ends = np.where(exist[:, None, None, None], moved.ends, self.course.ends)
         friction = np.array([contact.friction for contact in chain.contacts])
         friction = friction * (1.0 - scales[:, None] * self.box.contact_friction)
         links = itself.links.copy()

@@ -135,22 +135,22 @@ def contacts_along(segment: Segment, planned: str, t: FloatArray) -> Contacts:
     dynamics = contact_dynamics(problem, judge.name)
     floor = state.wrenches if state is not None and dynamics.chain is judge.chain else None
     dynamic = dynamics.margins(asked, rates, floor)
-    needed = _needed_forces(PushForce(dynamics), segment, t)
+    force = PushForce(dynamics)
+    needed = force.moving(asked, rates, floor)
+    _count_starts(needed, force, segment, t)
     if state is None:
         return Contacts(judge.name, margins, dynamic, needed, None, None, None)
     known = state.friction_margins, state.lambdas, state.forces
     return Contacts(judge.name, margins, dynamic, needed, *known)
 
 
-def _needed_forces(force: PushForce, segment: Segment, t: FloatArray) -> FloatArray:
-    """Return what `Execution.needed_forces` are at times (m,); samples next to a stop have what it takes to go on."""
+def _count_starts(needed: FloatArray, force: PushForce, segment: Segment, t: FloatArray) -> None:
+    """Let the forces (m,) at samples (m,) next to a stop be at least what it takes to go on."""
     own = segment.contact_trajectory
-    needed = force.moving(own.directions_at(t), own.rates_at(t))
     stops = own.breaks[:-1][np.abs(own.twists_at(own.breaks[:-1])).max(axis=1) < RESTING]
     nearest = np.clip(np.searchsorted(t, stops), 0, len(t) - 1)
     begin = force.dynamics.chain.pusher.limits.breakaway * force.steady(own.directions_at(stops))
     np.maximum.at(needed, nearest, begin)
-    return needed
 
 
 def integrated(trajectory: Trajectory) -> FloatArray:

@@ -30,7 +30,7 @@ from pushplan.mechanics.packed import (
     pack_objects,
     push_room,
 )
-from pushplan.mechanics.perturb import Motion, aside, turn
+from pushplan.mechanics.perturb import Motion, aside, contact_ends, turn
 from pushplan.plans.robustness import MOST_ANGLE, MOST_SHARE, USED_UP, Robustness
 from pushplan.plans.segment import Segment
 from pushplan.plans.trajectory import Trajectory
@@ -212,9 +212,8 @@ class Course:
         n, packed = len(self.chain.objects), self.packed
         objects, parts = packed.objects[None], packed.parts[None]
         still, every = np.zeros((1, n, 3)), np.ones(n, dtype=np.bool_)
-        ends = np.array([[contact.right, contact.left] for contact in self.chain.contacts])
         centers = np.ascontiguousarray(self.inertia.center[None])
-        facets = self._facets(ends[None])
+        facets = self._facets(self.ends[None])
         return Variants(objects, parts, packed.links, every, still, centers, facets, np.ones(1, np.bool_))
 
     @cached_property
@@ -259,7 +258,7 @@ class Course:
         def change(sizes: FloatArray) -> Variants:
             moved = motion(self.chain, index, sense * sizes)
             exist = np.asarray((moved.lengths > SHORTEST_CONTACT).all(axis=1))
-            ends = np.where(exist[:, None, None, None], moved.ends, self._ends)
+            ends = np.where(exist[:, None, None, None], moved.ends, self.ends)
             return self.itself._replace(
                 changed=moved.moved, poses=moved.poses, facets=self._facets(ends), exist=exist
             )
@@ -267,8 +266,9 @@ class Course:
         return change
 
     @cached_property
-    def _ends(self) -> FloatArray:
-        return np.array([[contact.right, contact.left] for contact in self.chain.contacts])
+    def ends(self) -> FloatArray:
+        """(n, 2, 2) right and left end of every contact, m."""
+        return contact_ends(self.chain)
 
     def standing(self, index: int, objects: Sequence[PushedObject]) -> Variants:
         """Return the chains with another object in place of one, all of the same outline.
@@ -299,11 +299,15 @@ class Course:
 
         return self._least_either_way(index, at, MOST_SHARE)
 
-    def least_lean(self, index: int, axis: int) -> float:
-        """Return the largest share by which the load of an object may lean along the chain frame's x or y."""
+    def most_lean(self, index: int, axis: int) -> tuple[FloatArray, float]:
+        """Return the chain frame's x or y (2,) in an object's own frame, and how far its load may lean either way."""
         obj = self.chain.objects[index]
         direction = rotate(-float(obj.pose_chain[2]), np.eye(2)[axis])
-        most = min(obj.support.most_lean(sense * direction) for sense in (1.0, -1.0))
+        return direction, min(obj.support.most_lean(sense * direction) for sense in (1.0, -1.0))
+
+    def least_lean(self, index: int, axis: int) -> float:
+        """Return the largest share by which the load of an object may lean along the chain frame's x or y."""
+        obj, (direction, most) = self.chain.objects[index], self.most_lean(index, axis)
 
         def at(size: float) -> PushedObject:
             return replace(obj, support=obj.support.leaning(direction, size))

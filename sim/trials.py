@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from numbers import Integral
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.support import FeetSupport
 from pushplan.plans.goals import goal_columns, goal_units
 from pushplan.plans.plan import Plan
+from pushplan.plans.robustness import TrialUncertainty as TrialUncertainty
 from pushplan.plans.run import TrialEnd
 from pushplan.scenario.model import Scenario
 from pushplan.sim.report import ContactLoss, ContactReport, with_margins
@@ -26,48 +27,6 @@ from pushplan.sim.slip.simulator import slip
 from pushplan.sim.world import World
 from pushplan.util.arrays import BoolArray, FloatArray
 from pushplan.util.wilson import wilson
-
-
-@dataclass(frozen=True)
-class TrialUncertainty:
-    """By how much sampled worlds differ; every number is drawn evenly from its interval, each on its own.
-
-    Shares are of what a scenario states, of the middle where it states an interval.
-
-    Attributes:
-        contact_friction: Share by which every contact's coefficient may be off, below 1.
-        floor_friction: The same of every object's coefficient with the floor.
-        mass: The same of every object's mass.
-        load: Largest share by which the outermost pressure under an object is off: its load leans to a random side.
-        position: How far an object may stand aside along its contact, m.
-        angle: How far an object may be turned so that one end of its contact still touches, rad.
-    """
-
-    contact_friction: float = 0.2
-    floor_friction: float = 0.2
-    mass: float = 0.0
-    load: float = 0.1
-    position: float = 1e-3
-    angle: float = 0.005
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not 0.0 <= value < 1.0:
-                unit = {"position": " m: 5 mm is 5mm", "angle": " rad: a degree is 1deg"}.get(field.name, "")
-                raise PushplanError(
-                    f"{field.name} of the trials' uncertainty is {value}; it must be from 0 to below 1{unit}"
-                )
-
-    @property
-    def words(self) -> str:
-        """The intervals for people."""
-        return (
-            f"contact friction ±{100 * self.contact_friction:.3g} %, "
-            f"floor friction ±{100 * self.floor_friction:.3g} %, "
-            f"mass ±{100 * self.mass:.3g} %, load ±{100 * self.load:.3g} %, "
-            f"objects aside ±{1e3 * self.position:.3g} mm and turned ±{np.degrees(self.angle):.2g} deg"
-        )
 
 
 def sampled_world(

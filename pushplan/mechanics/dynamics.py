@@ -15,7 +15,7 @@ import pushplan.core.sphere as sphere
 import pushplan.core.uncertain as uncertain
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import GRAVITY, Chain
-from pushplan.mechanics.heights import counts_by_centre, leans
+from pushplan.mechanics.heights import counts_by_centre, inertia_shifts
 from pushplan.mechanics.inertia import InertiaTable, inertia_table
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.packed import pack_chain
@@ -162,8 +162,8 @@ class ContactDynamics(MotionConditions):
         return not self.worst_case and self.interval is None and not counts_by_centre(self.chain)
 
     @cached_property
-    def _leans(self) -> FloatArray:
-        return leans(self.chain, self.interval)
+    def _inertia_shifts(self) -> FloatArray:
+        return inertia_shifts(self.chain, self.interval)
 
     def rows_of_inertia(self, sliding: FloatArray, twists: FloatArray, rates: FloatArray) -> Wrenches:
         """Return what inertia adds, loads that it moves included, where objects slide with twists (m, 3)."""
@@ -173,10 +173,10 @@ class ContactDynamics(MotionConditions):
 
     def _lost(self, sliding: FloatArray, twists: FloatArray, rates: FloatArray) -> FloatArray:
         """Return what loads that inertia moves take from the rows (m, n, 4) of objects that slide with twists, N."""
-        if not self._leans.any():
+        if not self._inertia_shifts.any():
             return np.zeros((1, 1, 4))
         forces = contacts.inertia_per_object(self.table, twists, rates)[..., :2]
-        moved = (np.hypot(forces[..., 0], forces[..., 1]) / self.table.mass) @ self._leans.T
+        moved = (np.hypot(forces[..., 0], forces[..., 1]) / self.table.mass) @ self._inertia_shifts.T
         return np.asarray(np.einsum("mkji,mi->mkj", self._solved(sliding)[2], moved), dtype=np.float64)
 
     def _solved(self, twists: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -196,7 +196,7 @@ class ContactDynamics(MotionConditions):
 
     def quasi_static(self, twists: FloatArray) -> Wrenches:
         """Return what the contacts transmit without inertia at body twists (m, 3), none of them zero."""
-        if not self.exact and self._leans.any():
+        if not self.exact and self._inertia_shifts.any():
             return Wrenches(*self._solved(twists)[:2])
         owner, first = sphere.directions(twists, self.chain.characteristic_length)
         if len(first) > WORTHWHILE * len(twists):

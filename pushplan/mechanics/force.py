@@ -57,9 +57,17 @@ class PushForce:
         """Return the force (m,) of pushing slowly at body twists (m, 3) in the chain frame, none of them zero."""
         return np.asarray(np.minimum(_largest(self.against_floor(twists)), self.most_friction))
 
-    def moving(self, twists: FloatArray, rates: FloatArray) -> FloatArray:
-        """Return the force (m,) at body twists (m, 3), none of them zero, with their time derivatives (m, 3)."""
-        floor, inertia = self.against_floor(twists), self.against_inertia(twists, rates)
+    def moving(self, twists: FloatArray, rates: FloatArray, known: FloatArray | None = None) -> FloatArray:
+        """Return the force (m,) at body twists (m, 3), none of them zero, with their time derivatives (m, 3).
+
+        Args:
+            twists: V.
+            rates: dV/dt.
+            known: (m, n, 3) what the contacts transmit at the twists without inertia, if known.
+        """
+        own = None if known is None or not self.dynamics.exact else self._on_plate(known)
+        floor = self.against_floor(twists) if own is None else own
+        inertia = self.against_inertia(twists, rates)
         return np.asarray(np.minimum(_largest(floor + inertia), self.most_friction + _largest(inertia)))
 
     def against_floor(self, twists: FloatArray) -> FloatArray:

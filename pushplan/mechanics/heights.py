@@ -107,7 +107,7 @@ def is_pressed(chain: Chain) -> bool:
         return False
     if not loads_move(chain):
         return True
-    leaning = _leaning(chain, None)
+    leaning = _most_shifted(chain, None)
     return all(
         push_room(obj, height) >= lean
         for obj, lean in zip(chain.objects, leaning, strict=True)
@@ -116,7 +116,7 @@ def is_pressed(chain: Chain) -> bool:
 
 
 def counts_by_centre(chain: Chain, interval: IntervalChain | None = None) -> bool:
-    """Whether of each load the centre alone is counted, so that heights, and loads that inertia moves, are borne.
+    """Whether of each load the centre alone is counted, so that heights, and loads that inertia moves, are tolerated.
 
     So they are where a load that moves has no closed form, or one of the chain's numbers is an interval.
     """
@@ -131,7 +131,7 @@ def counts_by_centre(chain: Chain, interval: IntervalChain | None = None) -> boo
     return inertia or uncertain or not is_pressed(chain)
 
 
-def leans(chain: Chain, interval: IntervalChain | None = None) -> FloatArray:
+def inertia_shifts(chain: Chain, interval: IntervalChain | None = None) -> FloatArray:
     """Return by how much (n, n) an acceleration of object k moves the load of object i at most, m per m/s^2.
 
     Objects whose centre of mass has no stated height stand as they are whatever moves.
@@ -261,7 +261,7 @@ def _require_standing(
     )
 
 
-def _leaning(chain: Chain, interval: IntervalChain | None) -> FloatArray:
+def _most_shifted(chain: Chain, interval: IntervalChain | None) -> FloatArray:
     """Return how far (n,) inertia moves loads with the largest acceleration that the pusher's limits admit, m."""
     limits = chain.pusher.limits
     speed, push, turn, spin = (
@@ -269,7 +269,7 @@ def _leaning(chain: Chain, interval: IntervalChain | None) -> FloatArray:
     )
     centers = np.array([transform_points(obj.pose_chain, obj.support.center) for obj in chain.objects])
     most = push + speed * turn + (spin + turn**2) * np.hypot(*centers.T)
-    return np.asarray(leans(chain, interval) @ most)
+    return np.asarray(inertia_shifts(chain, interval) @ most)
 
 
 def _scaled(chain: Chain, share: float) -> Chain:
@@ -286,7 +286,7 @@ def _spare(chain: Chain, interval: IntervalChain | None, areas: tuple[LoadArea, 
 
     Inertia counts with the largest acceleration that the pusher's limits admit.
     """
-    leaning = _leaning(chain, interval)
+    leaning = _most_shifted(chain, interval)
     spare = np.zeros(len(areas))
     for i, (obj, area) in enumerate(zip(chain.objects, areas, strict=True)):
         hull = transform_points(obj.pose_chain, obj.support.hull)

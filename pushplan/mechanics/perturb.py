@@ -135,7 +135,7 @@ def displace(chain: Chain, slides: FloatArray, turns: FloatArray) -> Motion:
     Raises:
         ChainError: When a contact does not lie on edges of both bodies.
     """
-    slid = slide(chain, slides) if slides.any() else _unmoved(chain, len(turns))
+    slid = slide(chain, slides)
     poses, ends, carried = slid.poses, slid.ends, carried_objects(chain)
     for k in reversed(range(len(chain.contacts))):  # what is carried first: a turn takes all of it along
         size = turns[:, k]
@@ -150,14 +150,6 @@ def displace(chain: Chain, slides: FloatArray, turns: FloatArray) -> Motion:
     return replace(slid, moved=np.asarray((poses != 0.0).any(axis=(0, 2))))
 
 
-def _unmoved(chain: Chain, count: int) -> Motion:
-    """Return no motion, `count` times."""
-    n = len(chain.contacts)
-    ends = np.repeat(_ends(chain)[None], count, axis=0)
-    lengths = np.repeat([[contact.length for contact in chain.contacts]], count, axis=0)
-    return Motion(np.zeros(n, dtype=np.bool_), np.zeros((count, n, 3)), ends, lengths)
-
-
 def slide(chain: Chain, slides: FloatArray) -> Motion:
     """Return every object slid along the contact that pushes it, with all that it carries, to the left by (q, n), m.
 
@@ -168,7 +160,7 @@ def slide(chain: Chain, slides: FloatArray) -> Motion:
     """
     many = np.asarray(slides, dtype=np.float64)
     shifts = np.zeros((len(many), len(chain.contacts) + 1, 2))  # the last row is the plate's
-    ends = np.repeat(_ends(chain)[None], len(many), axis=0)
+    ends = np.repeat(contact_ends(chain)[None], len(many), axis=0)
     lengths = np.repeat([[contact.length for contact in chain.contacts]], len(many), axis=0)
     sliding = np.asarray(many.any(axis=0))
     for k, contact in enumerate(chain.contacts):
@@ -219,7 +211,8 @@ def turned(chain: Chain, index: int, angle: float) -> Chain:
     return turn(chain, index, angle).applied(chain)
 
 
-def _ends(chain: Chain) -> FloatArray:
+def contact_ends(chain: Chain) -> FloatArray:
+    """Return the right and left end (n, 2, 2) of every contact, m."""
     return np.array([[contact.right, contact.left] for contact in chain.contacts])
 
 

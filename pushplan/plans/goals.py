@@ -10,6 +10,7 @@ from pushplan.geometry import se2
 from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
+    from pushplan.plans.plan import Plan
     from pushplan.scenario.model import Scenario
 
 
@@ -73,3 +74,8 @@ def tolerance_of(scenario: Scenario, position: float, angle: float) -> tuple[flo
         max(position, min(goal.position_tolerance for goal in goals)),
         max(angle, min(goal.angle_tolerance for goal in goals)),
     )
+
+
+def with_places(scenario: Scenario, plan: Plan) -> Scenario:
+    """Return the scenario with a goal for each object: in a row the plan says what place each one has."""
+    return plan.scenario if scenario.row is not None else scenario

@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from math import degrees, floor, log10, pi, radians
 
+from pushplan.errors import PushplanError
+
 MOST_SHARE = 1.0
 """Share of a floor friction, or of a load, up to which changes are looked at."""
 
@@ -14,25 +16,48 @@ MOST_ANGLE = pi / 2
 
 
 @dataclass(frozen=True)
-class Errors:
-    """By how much numbers of a chain may be off.
+class TrialUncertainty:
+    """By how much sampled worlds differ; every number is drawn evenly from its interval, each on its own.
+
+    Shares are of what a scenario states, of the middle where it states an interval.
 
     Attributes:
-        contact_friction: Share of every coefficient between plate and objects.
-        floor_friction: Share of every coefficient with the floor.
-        load: Share by which the outermost load of every object is off, along the chain frame's x and along its y.
-        position: How far every object stands aside along its contact, m.
-        angle: How far every object is turned about the middle of its contact, rad.
+        contact_friction: Share by which every contact's coefficient may be off, below 1.
+        floor_friction: The same of every object's coefficient with the floor.
+        mass: The same of every object's mass.
+        load: Largest share by which the outermost pressure under an object is off: its load leans to a random side.
+        position: How far an object may stand aside along its contact, m.
+        angle: How far an object may be turned so that one end of its contact still touches, rad.
     """
 
-    contact_friction: float
-    floor_friction: float
-    load: float
-    position: float
-    angle: float
+    contact_friction: float = 0.2
+    floor_friction: float = 0.2
+    mass: float = 0.0
+    load: float = 0.1
+    position: float = 1e-3
+    angle: float = 0.005
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not 0.0 <= value < 1.0:
+                unit = {"position": " m: 5 mm is 5mm", "angle": " rad: a degree is 1deg"}.get(field.name, "")
+                raise PushplanError(
+                    f"{field.name} of the trials' uncertainty is {value}; it must be from 0 to below 1{unit}"
+                )
+
+    @property
+    def words(self) -> str:
+        """The intervals for people."""
+        return (
+            f"contact friction ±{100 * self.contact_friction:.3g} %, "
+            f"floor friction ±{100 * self.floor_friction:.3g} %, "
+            f"mass ±{100 * self.mass:.3g} %, load ±{100 * self.load:.3g} %, "
+            f"objects aside ±{1e3 * self.position:.3g} mm and turned ±{degrees(self.angle):.2g} deg"
+        )
 
 
-BOX = Errors(contact_friction=0.2, floor_friction=0.2, load=0.1, position=3e-3, angle=radians(2.0))
+BOX = TrialUncertainty(contact_friction=0.2, floor_friction=0.2, load=0.1, position=3e-3, angle=radians(2.0))
 """What `Robustness.joint` is a multiple of, where the scenario states no intervals."""
 
 BOX_WORDS = (

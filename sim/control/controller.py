@@ -23,7 +23,7 @@ from pushplan.geometry.se2 import compose, exp, inverse, log, pose_error, relati
 from pushplan.planners.planner import plan as plan_in
 from pushplan.planners.timing.segments import time_segments
 from pushplan.plans.events import Event, Replan
-from pushplan.plans.goals import worst_at_goal
+from pushplan.plans.goals import with_places, worst_at_goal
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
@@ -102,8 +102,7 @@ class Controller:
             )
         if plan.trajectory is None:
             raise PlanningError(f"there is no plan to begin with: {plan.reason}")
-        if scenario.row is not None:
-            scenario = plan.scenario  # which says what place in the row each object has
+        scenario = with_places(scenario, plan)
         self.scenario, self.plan, self.settings = scenario, plan, settings
         self._observer, self._obstacles = observer, scenario.obstacles
         self._phase, self.reason = Phase.PUSHING if plan.segments[0].pushes else Phase.LOOKING, ""
@@ -405,13 +404,13 @@ class Controller:
         """Push the load of a segment."""
         load = segment.load
         assert load is not None
-        columns, replanner = self._standing.columns(load.names), self._replanner
+        replanner = self._replanner
         if replanner is None:
             poses, obstacles = self._standing.by_name, self._obstacles
             job = push_job(self._planned, segment, self._plate, poses, obstacles, self._delivered.tolerance)
             replanner = Replanner(job.scenario, self.settings, self._observer)
         else:
-            job = PushJob(self.scenario, self.plan, columns)
+            job = PushJob(self.scenario, self.plan, self._standing.columns(load.names))
         frames = compose(np.stack([self._plate, self._odometry]), load.frame_plate)
         self._push = PushLoop(
             replace(job, again=self._again < AGAIN, wary=self._wary),
@@ -427,7 +426,7 @@ class Controller:
         )
         if self._late and self._estimator is None:
             self._push.estimator.unstamped()
-        self._standing.let_go(columns)
+        self._standing.let_go(job.columns)
 
     def _end_push(self, push: PushLoop) -> None:
         """Go on after a push that is over: with the next segment, or with a look at what is left."""

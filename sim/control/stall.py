@@ -49,6 +49,8 @@ class StallWatch:
         self._first: FloatArray | None = None
         self._last: FloatArray = np.zeros((len(names), 3))
         self._plate: FloatArray = np.zeros(3)
+        self._times: FloatArray = np.zeros(0)
+        self._fresh = False
 
     def driven(self, now: float, motion: FloatArray, believed: FloatArray) -> None:
         """Take down by what body motion (3,) of the load's frame the plate was told to move until now.
@@ -70,6 +72,7 @@ class StallWatch:
         self._first = np.where(np.isnan(self._first), poses, self._first)
         self._last = np.where(np.isnan(poses), self._last, poses)
         self._seen.append((time, poses))
+        self._fresh = True
         while self._seen[0][0] < time - WINDOWS[-1]:
             self._seen.popleft()
 
@@ -86,6 +89,10 @@ class StallWatch:
         Args:
             places: (n, 3) poses of the objects in the load's frame.
         """
+        if not self._fresh:
+            return ()  # nothing was measured since it was asked before
+        self._fresh = False
+        self._times = np.array([time for time, *_ in self._told])
         for window in WINDOWS:
             seen = [one for one in self._seen if one[0] >= self._seen[-1][0] - window]
             third = len(seen) // 3
@@ -109,10 +116,7 @@ class StallWatch:
         most = max(DRIVEN, SIGMAS * self._noise * math.sqrt(2.0 / len(before)))
         for late in (0.0, LATE):
             (first, begin), (last, end) = (self._at(time - late) for time in times)
-            way, believed = (
-                compose(relative(*plates), places)[:, :2] - places[:, :2]
-                for plates in ((first, last), (begin, end))
-            )
+            way = compose(relative(first, last), places)[:, :2] - places[:, :2]
             size = np.hypot(way[:, 0], way[:, 1])
             counts = seen & (size >= most)
             if not counts.any() or (np.hypot(*moved[counts].T) > STILL * size[counts]).any():
@@ -120,6 +124,7 @@ class StallWatch:
             plate = self._told[-1][2]
             ahead = rotate(float(plate[2]), way) / np.maximum(size, 1e-9)[:, None]
             beyond = ((compose(plate, places)[:, :2] - poses[1].mean(axis=0)) * ahead).sum(axis=1)
+            believed = compose(relative(begin, end), places)[:, :2] - places[:, :2]
             stands = np.hypot(believed[:, 0], believed[:, 1]) <= STILL * size
             if not (stands | (beyond >= PRESSED))[counts].all():
                 return False
@@ -127,8 +132,7 @@ class StallWatch:
 
     def _at(self, time: float) -> tuple[FloatArray, FloatArray]:
         """Return where the plate was told to be, from where it began, and where it was believed to be (3,)."""
-        times = np.array([told for told, *_ in self._told])
-        return self._told[max(int(np.searchsorted(times, time, side="right")) - 1, 0)][1:]
+        return self._told[max(int(np.searchsorted(self._times, time, side="right")) - 1, 0)][1:]
 
     def _blamed(self) -> tuple[str, ...]:
         assert self._first is not None
