@@ -230,6 +230,8 @@ class Film(Still):
         axes.set_xlim(0.0, float(execution.t[-1]) or 1.0)
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(colors=FAINT)
+        for tick, label in zip(palette.MARGIN_TICKS, axes.get_yticklabels(), strict=True):
+            label.set_color(palette.margin_colour(tick) or INK)
         named = worst_contacts(execution)
         for place, k in enumerate(named):
             name = cut(self._names[k], 90 // len(named))

@@ -95,7 +95,11 @@ def _world(scenario: Scenario, scene: Scene) -> dict[str, Any]:
         "reach": reach,
         "longest_arrow": longest_arrow(scenario),
         "margin_ticks": palette.MARGIN_TICKS,
-        "marks": [{"place": _plain(mark.place), "colour": palette.EVENTS[mark.kind]} for mark in scene.marks],
+        "margins": palette.MARGINS,
+        "marks": [
+            {"kind": mark.kind, "place": _plain(mark.place), "colour": palette.EVENTS[mark.kind]}
+            for mark in scene.marks
+        ],
         "colours": {
             "goal": palette.GOAL,
             "nearest": palette.NEAREST,

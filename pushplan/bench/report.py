@@ -92,13 +92,17 @@ class Table:
         return [all(_NUMBER.match(word) for word in column) for column in columns]
 
     def latex(self, caption: str, label: str) -> str:
-        """Return it as a LaTeX table with its note in the caption; it takes the package booktabs."""
+        """Return it as a LaTeX table with its note in the caption, no wider than the text.
+
+        It takes the packages booktabs and graphicx.
+        """
         columns = "".join("r" if numeric else "l" for numeric in self.numeric)
         lines = [" & ".join(map(_latex, row)) + r" \\" for row in (self.head, *self.rows)]
         above = [r"\begin{table}", r"\centering", rf"\caption{{{_latex(f'{caption}. {self.note}')}}}"]
+        fitting = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{%"
         rules = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", lines[0], r"\midrule", *lines[1:]]
-        below = [r"\bottomrule", r"\end{tabular}", r"\end{table}", ""]
-        return "\n".join([*above, rf"\label{{tab:{label}}}", *rules, *below])
+        below = [r"\bottomrule", r"\end{tabular}}", r"\end{table}", ""]
+        return "\n".join([*above, rf"\label{{tab:{label}}}", fitting, *rules, *below])
 
 
 _LATEX = {

@@ -110,6 +110,7 @@ def test_latex_has_captions_labels_units_and_equal_digits(tmp_path: Path) -> Non
     assert re.findall(r"\\label\{(.*?)\}", text) == ["tab:planners", "tab:problems", "tab:comparisons"]
     assert text.count(r"\caption{Benchmark made up") == text.count(r"\end{table}") == 3
     assert r"$\times$ 10.000" in text
+    assert text.count(r"\resizebox{\ifdim\width>\linewidth") == 3  # no wider than a column
     assert text.isascii()
     problems = text.split(r"\midrule")[2].split(r"\bottomrule")[0]
     cells = [line.removesuffix(r" \\").split(" & ")[3:] for line in problems.strip().splitlines()]
