@@ -14,6 +14,7 @@ from pushplan.cli.console import Console, counted, plain
 from pushplan.errors import EmptyStableSetError, ScenarioError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY, PLATE, PushedObject, Pusher
+from pushplan.mechanics.heights import tipping_room
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import CircleObstacle, Obstacle, Row, Snapping
@@ -117,7 +118,7 @@ def rows(scenario: Scenario) -> list[tuple[str, str]]:
 
 def document(scenario: Scenario) -> dict[str, object]:
     """Return the same as an object for JSON."""
-    chain = scenario.chain
+    chain, room = scenario.chain, _tipping_room(scenario)
     return {
         "scenario": scenario.name,
         "robot": {"footprint": chain.pusher.footprint, "drive": chain.pusher.drive.kind},
@@ -129,6 +130,7 @@ def document(scenario: Scenario) -> dict[str, object]:
                 "floor_friction": _stated(scenario, i, "floor_friction"),
                 "support": support_text(obj),
                 "pressure_off_by": _pressure_share(scenario, i),
+                "tipping_room": None if room is None else room[i],
                 "pose": obj.pose_chain,
             }
             for i, obj in enumerate(chain.objects)
@@ -260,7 +262,15 @@ def object_rows(scenario: Scenario, i: int) -> list[tuple[str, str]]:
         load = load.replace("known loads", "loads in intervals")
     if share := _pressure_share(scenario, i):
         load += f", pressure off by up to {100.0 * share:.3g} %"
+    room = _tipping_room(scenario)
+    if room is not None:
+        load += f", {1e3 * room[i]:.3g} mm from tipping"
     return [(f"object {obj.name}", f"{shape}, {mass} kg ({weight} N), floor friction {friction}"), ("", load)]
+
+
+def _tipping_room(scenario: Scenario) -> FloatArray | None:
+    """Return by how much (n,) loads could move on before an object tips, m, as the stable set has it."""
+    return tipping_room(scenario.chain, scenario.interval, off=scenario.stability.set in KNOWN_LOAD_SETS)
 
 
 def support_text(obj: PushedObject) -> str:

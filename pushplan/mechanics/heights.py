@@ -150,6 +150,15 @@ def inertia_shifts(chain: Chain, interval: IntervalChain | None = None) -> Float
     return found
 
 
+def tipping_room(chain: Chain, interval: IntervalChain | None = None, off: bool = False) -> FloatArray | None:
+    """Return by how much (n,) loads could move on, m, before their objects tip; None where nothing moves loads.
+
+    That is from the farthest that heights, intervals, and the largest acceleration that the pusher's limits admit can
+    put their centres, `off` as for `load_areas`; below 0 where an object could tip.
+    """
+    return _spare(chain, interval, _areas(chain, interval, off)) if loads_move(chain) else None
+
+
 # --- centres ---
 
 

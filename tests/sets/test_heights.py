@@ -14,13 +14,14 @@ from pushplan.errors import SupportError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY
 from pushplan.mechanics.dynamics import ContactDynamics
-from pushplan.mechanics.heights import counts_by_centre, load_areas
+from pushplan.mechanics.heights import counts_by_centre, load_areas, tipping_room
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.packed import pack_chain
 from pushplan.mechanics.support import FeetSupport
 from pushplan.sets.interval_set import stable_set_over
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray
+from pushplan.util.names import KNOWN_LOAD_SETS
 
 GRID = 12
 """Points along a side of a square, in the world."""
@@ -172,9 +173,25 @@ def test_what_could_tip_is_refused_with_the_height_that_is_possible(
     possible = 1e-3 * float(re.findall(r"up to ([\d.]+) mm", str(refused.value))[0])
     assert 0.09 < possible < 0.14
     span = np.array([0.5, 1.0]) * possible
-    assert stable_set_over(cubes(make_chain, [tuple(0.999 * span)], z=0.05), name).contains([[1.0, 0.0, 0.0]])
+    fits, tips = (cubes(make_chain, [tuple(share * span)], z=0.05) for share in (0.999, 1.001))
+    assert stable_set_over(fits, name).contains([[1.0, 0.0, 0.0]])
     with pytest.raises(SupportError, match="could tip"):
-        stable_set_over(cubes(make_chain, [tuple(1.001 * span)], z=0.05), name)
+        stable_set_over(tips, name)
+    off = name in KNOWN_LOAD_SETS
+    room, beyond = (tipping_room(one.chain, one, off) for one in (fits, tips))
+    assert room is not None
+    assert beyond is not None
+    assert -1e-4 < beyond[0] < 0.0 < room[0] < 1e-4
+
+
+def test_the_room_to_tip_is_what_the_shift_leaves_of_the_support(make_chain: ChainMaker) -> None:
+    chain = make_chain.boxes(2, contact_height=0.03)
+    half = 0.5 * np.array([np.ptp(obj.outline, axis=0).min() for obj in chain.objects])
+    shift = 0.03 * np.array([obj.floor_friction for obj in chain.objects])
+    room = tipping_room(chain)
+    assert room is not None
+    np.testing.assert_allclose(room, half - shift)
+    assert tipping_room(make_chain.boxes(2)) is None
 
 
 def test_numbers_are_intervals_of_no_width(make_chain: ChainMaker) -> None:
