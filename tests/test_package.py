@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from pushplan.cli.main import COMMANDS, MORE
 from pushplan.cli.main import pushplan as command_line
 
-HEAVY = ("ompl", "matplotlib", "mcap", "shapely", "scipy", "ruckig", "numpy")
+HEAVY = ("ompl", "matplotlib", "mcap", "shapely", "pydantic", "scipy", "ruckig", "numpy")
 ROOT = Path(__file__).parents[1]
 
 

@@ -109,7 +109,7 @@ def enlarged(parameters: ProblemParameters, radius: float) -> ProblemParameters:
         name: tuple(factor * end for end in getattr(parameters, name))
         for name in ("workspace", "obstacle_size")
     }
-    return parameters.replaced(**scaled)
+    return parameters.model_copy(update=scaled)
 
 
 def _round(value: float) -> float:

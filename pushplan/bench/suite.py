@@ -18,8 +18,7 @@ from pushplan.errors import Finding, PushplanError, ScenarioError
 from pushplan.scenario.file import load_scenario, scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.source import MOST_BYTES, DocumentError, Source
-from pushplan.scenario.units import nearest
-from pushplan.scenario.validation import validate
+from pushplan.scenario.validation import nearest, validate
 from pushplan.util.naming import PLACE
 
 KEY_LENGTH = 16
@@ -126,7 +125,7 @@ class RunSpec:
 
 def planner_settings(planner: Planner) -> dict[str, object]:
     """Return all of a planner that bears on results: everything but its label."""
-    return {name: value for name, value in planner.values().items() if name != "label"}
+    return planner.model_dump(exclude={"label"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,10 +292,12 @@ def _planners(file: SuiteFile, report: Source) -> tuple[Planner, ...]:
     made: list[Planner] = []
     for i, stated in enumerate(file.planners):
         planner = Planner(name=stated) if isinstance(stated, str) else stated
-        planner = planner.replaced(
-            label=planner.label or planner.name,
-            time=planner.time or file.limits.time,
-            iterations=planner.iterations or file.limits.iterations,
+        planner = planner.model_copy(
+            update={
+                "label": planner.label or planner.name,
+                "time": planner.time or file.limits.time,
+                "iterations": planner.iterations or file.limits.iterations,
+            }
         )
         for j, other in enumerate(made):
             if planner_settings(planner) == planner_settings(other):

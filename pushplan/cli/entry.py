@@ -11,6 +11,9 @@ from pushplan.util.interruption import leaving_at_once
 # 11 s of CPU with one of them, and 70 s with two.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+# Nothing here has plugins of pydantic, which it would look for in every package that is installed.
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+
 
 def entry() -> NoReturn:
     """Load the command line, run it, and end the process with its exit code."""

@@ -36,8 +36,8 @@ from pushplan.scenario.schema import (
     RearrangementFile,
 )
 from pushplan.scenario.source import Place, Source, shorten
-from pushplan.scenario.units import highest, lowest, nearest
-from pushplan.scenario.validation import validate
+from pushplan.scenario.units import highest, lowest
+from pushplan.scenario.validation import nearest, validate
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import PUSHER
 
@@ -65,7 +65,7 @@ def _rearrangement(source: Source, attachments: Attachments) -> Scenario | None:
     bodies = {name: body for name, body in found.items() if body is not None}
     if not bodies:
         return None
-    stated = {**next(iter(bodies.values())).stated, "contacts": file.contacts.plain()}
+    stated = {**next(iter(bodies.values())).stated, "contacts": file.contacts.model_dump(exclude_none=True)}
     del stated["objects"]
     scenario = Scenario(
         **shared(file, source, room, attachments),
@@ -178,10 +178,10 @@ def _placed_object(
     obj, part = file.objects[i], _part_of(source, i, file.objects[i].name)
     between = tuple(pair for pair in file.contacts.between if set(pair.objects) == {obj.name, PUSHER})
     alone = {
-        "objects": (obj.replaced(pose=None, offset=None),),
-        "contacts": file.contacts.replaced(friction=None, between=between),
+        "objects": (obj.model_copy(update={"pose": None, "offset": None}),),
+        "contacts": file.contacts.model_copy(update={"friction": None, "between": between}),
     }
-    bodies = build_bodies(file.replaced(**alone), attachments.read, part)
+    bodies = build_bodies(file.model_copy(update=alone), attachments.read, part)
     source.take(part)
     if bodies is None:
         return None
@@ -200,9 +200,9 @@ def _placed_object(
 def _goals_of(stated: Any, name: str) -> tuple[GoalPose, ...]:
     """Return the goals of one object as a file of one load has them."""
     if isinstance(stated, ObjectGoal):
-        return (GoalPose.of_values(of=name, **stated.values()),)
+        return (GoalPose.model_construct(of=name, **dict(stated)),)
     if isinstance(stated[0], float):
-        return _goals_of(ObjectGoal.of_values(pose=stated), name)
+        return _goals_of(ObjectGoal.model_construct(pose=stated), name)
     return tuple(goal for one in stated for goal in _goals_of(one, name))
 
 

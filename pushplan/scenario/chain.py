@@ -140,20 +140,23 @@ def widened(file: File) -> File:
     no interval of a number: it is a share by which the pressure at every place may be off.
     """
     share = file.uncertainty
-    floor = file.floor.replaced(friction=around(file.floor.friction, share.floor_friction))
+    floor = file.floor.model_copy(update={"friction": around(file.floor.friction, share.floor_friction)})
+    pusher = {"friction": around(file.pusher.friction, share.contact_friction)}
     between = tuple(
         pair
         if pair.friction is None
-        else pair.replaced(friction=around(pair.friction, share.contact_friction))
+        else pair.model_copy(update={"friction": around(pair.friction, share.contact_friction)})
         for pair in file.contacts.between
     )
     friction = file.contacts.friction
     friction = None if friction is None else around(friction, share.contact_friction)
-    return file.replaced(
-        floor=floor,
-        objects=tuple(_widened(obj, share) for obj in file.objects),
-        contacts=file.contacts.replaced(friction=friction, between=between),
-        pusher=file.pusher.replaced(friction=around(file.pusher.friction, share.contact_friction)),
+    return file.model_copy(
+        update={
+            "floor": floor,
+            "objects": tuple(_widened(obj, share) for obj in file.objects),
+            "contacts": file.contacts.model_copy(update={"friction": friction, "between": between}),
+            "pusher": file.pusher.model_copy(update=pusher),
+        }
     )
 
 
@@ -165,8 +168,8 @@ def _widened(obj: schema.Object, share: schema.UncertaintyShares) -> schema.Obje
         feet = tuple(
             (*foot[:2], *(around(f, share.load, 1.0) for f in foot[2:])) for foot in obj.support.feet
         )
-        update["support"] = obj.support.replaced(feet=feet)
-    return obj.replaced(**update)
+        update["support"] = obj.support.model_copy(update={"feet": feet})
+    return obj.model_copy(update=update)
 
 
 def around(value: float | Span, share: float, most: float = float("inf")) -> float | Span:
@@ -255,14 +258,14 @@ def _placed_support(
 
 def _pusher(file: RoomFile, parts: Sequence[Part], layout: Layout, source: Source) -> Pusher:
     plate, robot, frame = file.pusher, file.robot, layout.plate_pose
-    if robot.drive is not None and "drive" in plate.stated:
+    if robot.drive is not None and "drive" in plate.model_fields_set:
         source.error(("robot", "drive"), "is stated in pusher.drive, too; keep one of them", at_key=True)
     return Pusher(
         layout.plate,
         lowest(plate.friction),
         plate.contact_height,
         _drive(plate.drive, np.zeros(3)) if robot.drive is None else _drive(robot.drive, frame),
-        Limits(**plate.limits.values(), **({} if robot.limits is None else robot.limits.values())),
+        Limits(**plate.limits.model_dump(), **({} if robot.limits is None else robot.limits.model_dump())),
         _footprint(file, parts, layout, source),
         None if robot.base is None else se2.compose(frame, np.array(robot.base)),
     )
@@ -315,14 +318,16 @@ def _resolved(file: RoomFile, layout: Layout) -> dict[str, Any]:
     """Return what is stated of objects, contacts, pusher and robot, with poses and defaults filled in."""
     objects = []
     for i, obj in enumerate(file.objects):
-        stated = obj.plain()
+        stated = obj.model_dump(mode="json", exclude_none=True)
         stated |= {"floor_friction": floor_friction(obj, file), "pose": layout.poses[i].tolist()}
         if i > 0:
             stated.pop("offset", None)
         elif obj.pose is None or obj.offset is None:
             stated["offset"] = float(layout.poses[0, 1] - layout.plate_pose[1])
         objects.append(stated)
-    contacts, pusher, robot = (part.plain() for part in (file.contacts, file.pusher, file.robot))
+    contacts, pusher, robot = (
+        part.model_dump(mode="json", exclude_none=True) for part in (file.contacts, file.pusher, file.robot)
+    )
     if isinstance(robot.get("footprint"), dict):
         robot["footprint"] = [robot["footprint"]]
     if "drive" in robot:

@@ -12,7 +12,8 @@ from pushplan.mechanics.chain import PLATE, Contact
 from pushplan.scenario.layout import Layout, Part, describe_gap, describe_overlap, millimetres
 from pushplan.scenario.schema import RoomFile
 from pushplan.scenario.source import Place, Source, shorten
-from pushplan.scenario.units import Span, highest, lowest, nearest
+from pushplan.scenario.units import Span, highest, lowest
+from pushplan.scenario.validation import nearest
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import PUSHER
 

@@ -3,22 +3,33 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    StringConstraints,
+    Tag,
+    WithJsonSchema,
+)
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from pushplan.geometry.polygon import find_flaw
 from pushplan.scenario import units
-from pushplan.scenario.records import After, Before, Chosen, Record, Several
 from pushplan.scenario.units import (
-    NotAllowedError,
+    DESCRIBED_FAULT,
     OrWord,
     Quantity,
     Span,
-    Stated,
     either_way,
+    fault,
     friction,
     or_interval,
     show,
@@ -74,96 +85,138 @@ AngularAcceleration = Annotated[
 AngularJerk = Annotated[float, Quantity("an angular jerk", units.ANGULAR_JERK, 1e-4, 1e5, "900 deg/s^3")]
 
 
-def _row(form: str, or_else: str = "") -> Before:
+def _row(form: str, or_else: str = "") -> BeforeValidator:
     """Return the validator of a list with one value for each word in `form`, e.g. `[x, y, theta]`."""
 
     def read(value: Any) -> Any:
         if not isinstance(value, list) or len(value) != form.count(",") + 1:
-            raise NotAllowedError(show(value), form + or_else)
+            raise fault(show(value), form + or_else)
         return value
 
-    return Before(read)
+    return BeforeValidator(read)
 
 
 Point = Annotated[tuple[Coordinate, Coordinate], _row("[x, y]")]
 FlatCenter = Annotated[tuple[Coordinate, Coordinate], _row("[x, y]", " or [x, y, z]")]
 HighCenter = Annotated[tuple[Coordinate, Coordinate, Size], _row("[x, y, z]")]
 MassCenter = Annotated[
-    FlatCenter | HighCenter, Chosen(lambda point: int(isinstance(point, list) and len(point) == 3))
+    Annotated[FlatCenter, Tag("<flat>")] | Annotated[HighCenter, Tag("<high>")],
+    Discriminator(
+        lambda point: "<high>" if isinstance(point, list | tuple) and len(point) == 3 else "<flat>"
+    ),
 ]
 Pose = Annotated[tuple[Coordinate, Coordinate, Angle], _row("[x, y, theta]")]
 Box = Annotated[tuple[Size, Size], _row("[length along x, width along y]")]
 BareFoot = Annotated[tuple[Coordinate, Coordinate], _row("[x, y]", " or [x, y, load]")]
 LoadedFoot = Annotated[tuple[Coordinate, Coordinate, LoadFraction], _row("[x, y, load]")]
-Foot = Annotated[BareFoot | LoadedFoot, Chosen(lambda foot: int(isinstance(foot, list) and len(foot) == 3))]
+Foot = Annotated[
+    Annotated[BareFoot, Tag("<bare>")] | Annotated[LoadedFoot, Tag("<loaded>")],
+    Discriminator(lambda foot: "<loaded>" if isinstance(foot, list | tuple) and len(foot) == 3 else "<bare>"),
+]
 
 
 def _interval(ends: tuple[float, float]) -> tuple[float, float]:
     if not ends[0] < ends[1]:
-        raise NotAllowedError(f"is [{ends[0]:.9g}, {ends[1]:.9g}]", "[min, max] with min < max")
+        raise fault(f"is [{ends[0]:.9g}, {ends[1]:.9g}]", "[min, max] with min < max")
     return ends
 
 
-Interval = Annotated[tuple[Coordinate, Coordinate], _row("[min, max]"), After(_interval)]
+Interval = Annotated[tuple[Coordinate, Coordinate], _row("[min, max]"), AfterValidator(_interval)]
+
+
+@dataclass(frozen=True)
+class Several:
+    """Requires a list of `low` to `high` values; put beside a tuple type in an annotation.
+
+    The length is that of the list in the file: pydantic's own limits count what is left after validation.
+    """
+
+    low: int
+    high: int
+
+    def read(self, value: Any) -> Any:
+        """Return `value` when it is such a list."""
+        if not isinstance(value, list) or not self.low <= len(value) <= self.high:
+            raise PydanticCustomError(DESCRIBED_FAULT, "{text}", {"text": show(value)})
+        return value
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return handler(schema) | {"minItems": self.low, "maxItems": self.high}
 
 
 def _simple(corners: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
     flaw = find_flaw(np.array(corners))
     if flaw is not None:
-        raise NotAllowedError(flaw, "a polygon that does not touch itself, its corners in order")
+        raise fault(flaw, "a polygon that does not touch itself, its corners in order")
     return corners
 
 
-Polygon = Annotated[tuple[Point, ...], Several(3, MOST_CORNERS), After(_simple)]
+Polygon = Annotated[tuple[Point, ...], Several(3, MOST_CORNERS), AfterValidator(_simple)]
 
 NAME_PATTERN = r"^[^\W_][\w .-]{0,63}$"
 
 # Editors read `\w` as ASCII, so that their pattern excludes what ASCII has beside letters and digits.
 _NAME_IN_EDITORS = r"^[^\x00-/:-@\[-`{-\x7f\ud800-\udfff][^\x00-\x1f!-,/:-@\[-^`{-\x7f\ud800-\udfff]{0,63}$"
 
-
-@dataclass(frozen=True)
-class Text(Stated):
-    """A text of at least one character, or one of a pattern, which editors know in their own form."""
-
-    pattern: str = ""
-    in_editors: str = ""
-
-    def read(self, value: Any) -> str:
-        """Return the text."""
-        if not isinstance(value, str) or not value or (self.pattern and not re.search(self.pattern, value)):
-            raise NotAllowedError(show(value))
-        return value
-
-    def schema(self) -> dict[str, Any]:
-        """Return its JSON Schema."""
-        return {
-            "type": "string",
-            **({"pattern": self.in_editors} if self.in_editors else {"minLength": 1}),
-        }
+Name = Annotated[
+    str,
+    StringConstraints(strict=True, pattern=NAME_PATTERN),
+    WithJsonSchema({"type": "string", "pattern": _NAME_IN_EDITORS}),
+]
+FileName = Annotated[str, StringConstraints(strict=True, min_length=1)]
 
 
-Name = Annotated[str, Text(NAME_PATTERN, _NAME_IN_EDITORS)]
-FileName = Annotated[str, Text()]
+class Strict(BaseModel):
+    """A mapping that takes no other keys than its own."""
+
+    # What validates a part is built within what validates the file; building it by itself as well takes as long.
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 def still_here(name: Any) -> Any:
     """Return the name of a planner, but of one that went to the benchmarks.
 
     Raises:
-        NotAllowedError: With what to write instead.
+        PydanticCustomError: With what to write instead.
     """
     if name in names.MOVED_PLANNERS and name not in names.PLANNERS:
-        raise NotAllowedError(
+        raise fault(
             f"is '{name}', a baseline that is in the benchmarks now",
             f"{names.DEFAULT_PLANNER}, or where a module:attribute is allowed, that of the benchmark",
         )
     return name
 
 
-def require_one(record: Record, *keys: str) -> None:
-    """Refuse a record unless exactly one of `keys` is given."""
-    given = [key for key in keys if getattr(record, key) is not None]
+def require_one(model: Strict, *keys: str) -> None:
+    """Let the validation of `model` fail unless exactly one of `keys` is given."""
+    given = [key for key in keys if getattr(model, key) is not None]
     if len(given) != 1:
         found = f"has {' and '.join(given)}" if given else f"has none of {', '.join(keys)}"
-        raise NotAllowedError(found, f"exactly one of {', '.join(keys)}")
+        raise fault(found, f"exactly one of {', '.join(keys)}")
+
+
+def one_or_list(value: object) -> str:
+    """Tell a list from a single value, for a union of `<one>` and `<list>`."""
+    return "<list>" if isinstance(value, list | tuple) else "<one>"
+
+
+def by_key(*keys: str) -> Discriminator:
+    """Return what tells forms of a mapping apart: each has one key that the others lack, and the tag `<key>`.
+
+    A value that is no mapping has the tag `<word>`.
+    """
+
+    def form(value: object) -> str | None:
+        if isinstance(value, BaseModel):
+            value = dict(value)
+        if not isinstance(value, dict):
+            return "<word>"
+        given = [key for key in keys if value.get(key) is not None]
+        return f"<{given[0]}>" if len(given) == 1 else None
+
+    return Discriminator(form)

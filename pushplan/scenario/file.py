@@ -17,7 +17,7 @@ from pushplan.scenario.maps import map_files
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.room import Attachments
 from pushplan.scenario.source import MOST_BYTES, DocumentError, Source
-from pushplan.scenario.units import nearest
+from pushplan.scenario.validation import nearest
 
 _SUFFIX = ".yaml"
 

@@ -7,7 +7,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
-from pushplan.scenario.records import json_schema
+from pydantic.json_schema import models_json_schema
 
 
 def scenario_schema() -> dict[str, Any]:
@@ -18,13 +18,13 @@ def scenario_schema() -> dict[str, Any]:
     """
     from pushplan.scenario.schema import GatheringFile, RearrangementFile, ScenarioFile
 
-    definitions: dict[str, Any] = {}
-    forms = (ScenarioFile, RearrangementFile, GatheringFile)
-    one, several, row = (json_schema(form, definitions) for form in forms)
+    models = (ScenarioFile, RearrangementFile, GatheringFile)
+    names, schema = models_json_schema([(model, "validation") for model in models])
+    one, several, row = (names[model, "validation"] for model in models)
     of_row = {"properties": {"goals": {"properties": {"row": {"required": ["of"]}}, "required": ["row"]}}}
     with_goals = {"if": of_row, "then": row, "else": several}
     chosen = {"if": {"required": ["goals"]}, "then": with_goals, "else": one}
-    return finished({"type": "object", "$defs": definitions, **chosen}, "pushplan scenario")
+    return finished({"type": "object", **schema, **chosen}, "pushplan scenario")
 
 
 def schema_text(schema: dict[str, Any]) -> str:
@@ -39,6 +39,26 @@ def schema_file(name: str = "scenario") -> Path:
 
 
 def finished(schema: dict[str, Any], title: str) -> dict[str, Any]:
-    """Return the schema of a file with a title, its definitions in alphabetical order."""
-    schema["$defs"] = dict(sorted(schema["$defs"].items()))
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": title}
+    """Return a schema of pydantic's with a title, and without those that it makes from keys."""
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **_without_titles(schema),
+        "title": title,
+    }
+
+
+def _without_titles(node: Any) -> Any:
+    """Return a schema without the titles that pydantic makes from the keys: editors show them beside the keys."""
+    if isinstance(node, list):
+        return [_without_titles(child) for child in node]
+    if not isinstance(node, dict):
+        return node
+    return {
+        key: _properties(child) if key in ("properties", "$defs") else _without_titles(child)
+        for key, child in node.items()
+        if key != "title"
+    }
+
+
+def _properties(node: dict[str, Any]) -> dict[str, Any]:
+    return {name: _without_titles(child) for name, child in node.items()}

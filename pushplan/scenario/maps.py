@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 import shapely
+from pydantic import BaseModel, ConfigDict, Field
 
 from pushplan.errors import ImportedFileError, SupportError
 from pushplan.geometry.polygon import LEAST_AREA, SAME_POINT, find_flaw
@@ -22,7 +23,6 @@ from pushplan.geometry.se2 import transform_points
 from pushplan.scenario import fields as t
 from pushplan.scenario import units
 from pushplan.scenario.parts import PolygonObstacle, Workspace
-from pushplan.scenario.records import Record, key
 from pushplan.scenario.source import MOST_BYTES, DocumentError, Source
 from pushplan.scenario.units import Quantity
 from pushplan.scenario.validation import validate
@@ -63,18 +63,18 @@ _Share = Annotated[float, Quantity("a probability", {}, 0.0, 1.0)]
 _Resolution = Annotated[float, Quantity("a length", units.LENGTH, 1e-4, 100.0, "5 cm")]
 
 
-class _MapFile(Record):
+class _MapFile(BaseModel):
     """What map_server reads; other keys are left to others."""
 
-    others = True
+    model_config = ConfigDict(extra="ignore")
 
-    image: t.FileName = key(description="the name of a picture")
-    resolution: _Resolution = key(description="the side of a cell, a length in m")
-    origin: t.Pose = key(description="[x, y, yaw] of the lower left corner in the world")
-    negate: Annotated[int, Quantity("0 or 1", {}, 0, 1, whole=True)] = key(default=0, description="0 or 1")
-    occupied_thresh: _Share = key(default=0.65, description="a probability from 0 to 1")
-    free_thresh: _Share = key(default=0.196, description="a probability from 0 to 1")
-    mode: Literal["trinary", "scale", "raw"] = key(default="trinary", description="trinary, scale or raw")
+    image: t.FileName = Field(description="the name of a picture")
+    resolution: _Resolution = Field(description="the side of a cell, a length in m")
+    origin: t.Pose = Field(description="[x, y, yaw] of the lower left corner in the world")
+    negate: Annotated[int, Quantity("0 or 1", {}, 0, 1, whole=True)] = Field(default=0, description="0 or 1")
+    occupied_thresh: _Share = Field(default=0.65, description="a probability from 0 to 1")
+    free_thresh: _Share = Field(default=0.196, description="a probability from 0 to 1")
+    mode: Literal["trinary", "scale", "raw"] = Field(default="trinary", description="trinary, scale or raw")
 
     def to_world(self, corners: FloatArray) -> FloatArray:
         """Return corners (v, 2), in cells from the lower left one, in the world."""

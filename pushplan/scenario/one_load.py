@@ -34,8 +34,7 @@ from pushplan.scenario.schema import (
     ScenarioFile,
 )
 from pushplan.scenario.source import Place, Source, shorten
-from pushplan.scenario.units import nearest
-from pushplan.scenario.validation import salvage, validate
+from pushplan.scenario.validation import nearest, salvage, validate
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import DEFAULT_PLANNER, RANKED_BY, TRANSIT_CLEARANCE
 
@@ -48,7 +47,7 @@ _OF_SEVERAL = {"name", "cost", "time_limit", "seed", "gap"}
 
 def shared(file: RoomFile, source: Source, room: Surroundings, attachments: Attachments) -> dict[str, Any]:
     """Return what all kinds of scenarios have in common."""
-    planner = PlannerSettings(**file.planner.values())
+    planner = PlannerSettings(**file.planner.model_dump())
     return {
         "name": file.name or source.path.stem,
         "path": source.path,
@@ -62,7 +61,7 @@ def shared(file: RoomFile, source: Source, room: Surroundings, attachments: Atta
         "planner": planner if file.robot.start is None else replace(planner, cost=RANKED_BY),
         "trajectory": file.trajectory,
         "attachments": attachments.contents,
-        "uncertainty": Uncertainty(**file.uncertainty.values()),
+        "uncertainty": Uncertainty(**file.uncertainty.model_dump()),
     }
 
 
@@ -176,17 +175,19 @@ def pushes_of(file: RoomFile, goals: tuple[Goal, ...], source: Source) -> Pushes
     """Return what several pushes start from and may choose, or None where one push is asked for."""
     if file.robot.start is None:
         return None
-    for name in sorted(file.planner.stated - _OF_SEVERAL):
+    for name in sorted(file.planner.model_fields_set - _OF_SEVERAL):
         what = "is for a single push; multi-push plans (robot.start) are weighed by what 'pushes' says"
         source.error(("planner", name), what, at_key=True)
     for name, only in (("name", DEFAULT_PLANNER), ("cost", RANKED_BY)):
-        if name in file.planner.stated and getattr(file.planner, name) != only:
+        if name in file.planner.model_fields_set and getattr(file.planner, name) != only:
             source.error(("planner", name), f"is for a single push; multi-push plans have {only} only")
     plate, choice = file.pusher, file.pushes or schema.PushChoice()
-    if isinstance(file, GatheringFile) and "transit_weight" not in choice.stated:
-        choice = choice.replaced(transit_weight=1.0)  # a row is asked for to save the robot's way
+    if isinstance(file, GatheringFile) and "transit_weight" not in choice.model_fields_set:
+        choice = choice.model_copy(
+            update={"transit_weight": 1.0}
+        )  # a row is asked for to save the robot's way
     faces = None if plate.faces in (None, "all") else tuple(plate.faces)
-    return Pushes(np.array(file.robot.start), goals, faces, plate.offsets or (0.0,), **choice.values())
+    return Pushes(np.array(file.robot.start), goals, faces, plate.offsets or (0.0,), **choice.model_dump())
 
 
 def check_pushes(scenario: Scenario, goal: Place, source: Source) -> None:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+
 from pushplan.mechanics.chain import Limits
 from pushplan.scenario import fields as t
 from pushplan.scenario.parts import DEFAULT_TOLERANCE, TOLERANCE_OF_SEVERAL
-from pushplan.scenario.records import ONE_OR_LIST, Before, Chosen, Record, Several, by_key, key
-from pushplan.scenario.units import NotAllowedError
+from pushplan.scenario.units import fault
 from pushplan.util import names
 
 NAME = "a name of up to 64 letters, digits, blanks, '.', '_' and '-' that begins with a letter or digit"
@@ -45,171 +46,181 @@ def _one_of(words: tuple[str, ...]) -> str:
     return f"one of {', '.join(words)}"
 
 
-class BoxShape(Record):
+class BoxShape(t.Strict):
     """A box about its frame's origin."""
 
-    box: t.Box = key(description="[length along x, width along y]")
+    box: t.Box = Field(description="[length along x, width along y]")
 
 
-class PolygonShape(Record):
+class PolygonShape(t.Strict):
     """A polygon in its frame."""
 
-    polygon: t.Polygon = key(description=POLYGON)
+    polygon: t.Polygon = Field(description=POLYGON)
 
 
 Shape = Annotated[
-    BoxShape | PolygonShape,
-    by_key("box", "polygon"),
+    Annotated[BoxShape, Tag("<box>")] | Annotated[PolygonShape, Tag("<polygon>")],
+    t.by_key("box", "polygon"),
 ]
 
 
-class Feet(Record):
+class Feet(t.Strict):
     """Feet in the object's frame, all of them with their part of the load, or none."""
 
-    feet: Annotated[tuple[t.Foot, ...], Several(1, 1000)] = key(
-        description="a list of 1 to 1000 feet [x, y] or [x, y, load]",
-        extra={"anyOf": [{"items": {"type": "array", "maxItems": n, "minItems": n}} for n in (2, 3)]},
-    )
+    feet: Annotated[
+        tuple[t.Foot, ...],
+        t.Several(1, 1000),
+        Field(
+            json_schema_extra={
+                "anyOf": [{"items": {"type": "array", "maxItems": n, "minItems": n}} for n in (2, 3)]
+            }
+        ),
+    ] = Field(description="a list of 1 to 1000 feet [x, y] or [x, y, load]")
 
-    def checked(self) -> Feet:
-        """Refuse values that do not go together."""
+    @model_validator(mode="after")
+    def _alike(self) -> Feet:
         if len({len(foot) for foot in self.feet}) > 1:
-            raise NotAllowedError(
-                "some feet have a load and some have none", "a load for every foot, or for none"
-            )
+            raise fault("some feet have a load and some have none", "a load for every foot, or for none")
         return self
 
 
-class PressureMap(Record):
+class PressureMap(t.Strict):
     """A measured pressure in the object's frame."""
 
-    pressure_map: t.FileName = key(
+    pressure_map: t.FileName = Field(
         description="the name of a CSV file beside the scenario, with the columns x, y, pressure"
     )
 
 
 Support = Annotated[
-    Literal["uniform", "unknown"] | Feet | PressureMap,
-    by_key("feet", "pressure_map", word=True),
+    Annotated[Literal["uniform", "unknown"], Tag("<word>")]
+    | Annotated[Feet, Tag("<feet>")]
+    | Annotated[PressureMap, Tag("<pressure_map>")],
+    t.by_key("feet", "pressure_map"),
 ]
 
 
-class Object(Record):
+class Object(t.Strict):
     """One object; without `pose` it is stacked flush on the one before, or on the plate."""
 
-    name: t.Name = key(description=NAME)
-    shape: Shape = key(description="{box: [length, width]} or {polygon: [[x, y], ...]}")
-    mass: t.Mass = key(description="a mass in kg")
-    support: Support = key(default="uniform", description=SUPPORT)
-    height: t.Size | None = key(default=None, description="a height in m")
-    center_of_mass: t.MassCenter | None = key(
+    name: t.Name = Field(description=NAME)
+    shape: Shape = Field(description="{box: [length, width]} or {polygon: [[x, y], ...]}")
+    mass: t.Mass = Field(description="a mass in kg")
+    support: Support = Field(default="uniform", description=SUPPORT)
+    height: t.Size | None = Field(default=None, description="a height in m")
+    center_of_mass: t.MassCenter | None = Field(
         default=None, description="[x, y] in the object's frame, or [x, y, z] with z above the floor"
     )
-    floor_friction: t.Friction | None = key(default=None, description=FRICTION)
-    offset: t.Coordinate | None = key(default=None, description=LENGTH)
-    pose: t.Pose | None = key(default=None, description="[x, y, theta] in the chain frame")
+    floor_friction: t.Friction | None = Field(default=None, description=FRICTION)
+    offset: t.Coordinate | None = Field(default=None, description=LENGTH)
+    pose: t.Pose | None = Field(default=None, description="[x, y, theta] in the chain frame")
 
 
-class ContactPair(Record):
+class ContactPair(t.Strict):
     """The friction between two objects, or between the pusher and an object, and the height of their contact."""
 
-    objects: Annotated[tuple[str, ...], Several(2, 2)] = key(
+    objects: Annotated[tuple[str, ...], t.Several(2, 2)] = Field(
         description="two names of objects that touch, e.g. [near, far], or pusher and an object"
     )
-    friction: t.Friction | None = key(default=None, description=FRICTION)
-    height: t.Height | None = key(default=None, description=HEIGHT)
+    friction: t.Friction | None = Field(default=None, description=FRICTION)
+    height: t.Height | None = Field(default=None, description=HEIGHT)
 
-    def checked(self) -> ContactPair:
-        """Refuse values that do not go together."""
+    @model_validator(mode="after")
+    def _says_something(self) -> ContactPair:
         if self.friction is None and self.height is None:
-            raise NotAllowedError("neither friction nor height of a contact", "one of them, or both")
+            raise fault("neither friction nor height of a contact", "one of them, or both")
         return self
 
 
-class Contacts(Record):
+class Contacts(t.Strict):
     """Friction where objects touch each other."""
 
-    friction: t.Friction | None = key(default=None, description=FRICTION)
-    between: Annotated[tuple[ContactPair, ...], Several(0, 400)] = key(
+    friction: t.Friction | None = Field(default=None, description=FRICTION)
+    between: Annotated[tuple[ContactPair, ...], t.Several(0, 400)] = Field(
         default=(), description="a list of {objects: [a, b], friction: ..., height: ...}"
     )
 
 
-class Wheels(Record):
+class Wheels(t.Strict):
     """Two driven wheels on one axle."""
 
-    axle: t.Pose = key(description=_AXLE)
+    axle: t.Pose = Field(description=_AXLE)
 
 
 class CarWheels(Wheels):
     """A rear axle that follows and front wheels that steer."""
 
-    min_radius: t.Size = key(description="the smallest turning radius of the axle's middle, a length in m")
+    min_radius: t.Size = Field(description="the smallest turning radius of the axle's middle, a length in m")
 
 
-class Differential(Record):
+class Differential(t.Strict):
     """A drive with two wheels that do not slip sideways."""
 
-    differential: Wheels = key(description="{axle: [x, y, theta]}")
+    differential: Wheels = Field(description="{axle: [x, y, theta]}")
 
 
-class Car(Record):
+class Car(t.Strict):
     """A drive that steers like a car."""
 
-    car: CarWheels = key(description="{axle: [x, y, theta], min_radius: ...}")
+    car: CarWheels = Field(description="{axle: [x, y, theta], min_radius: ...}")
 
 
 Drive = Annotated[
-    Literal["omnidirectional"] | Differential | Car,
-    by_key("differential", "car", word=True),
+    Annotated[Literal["omnidirectional"], Tag("<word>")]
+    | Annotated[Differential, Tag("<differential>")]
+    | Annotated[Car, Tag("<car>")],
+    t.by_key("differential", "car"),
 ]
 
 
-class MotionLimits(Record):
+class MotionLimits(t.Strict):
     """What the pusher's motion may not exceed."""
 
-    speed: t.Speed = key(default=_LIMITS.speed, description="a speed in m/s, or [least, most]")
-    acceleration: t.Acceleration = key(
+    speed: t.Speed = Field(default=_LIMITS.speed, description="a speed in m/s, or [least, most]")
+    acceleration: t.Acceleration = Field(
         default=_LIMITS.acceleration, description="an acceleration in m/s^2, or [least, most]"
     )
-    jerk: t.Jerk = key(default=_LIMITS.jerk, description="a jerk in m/s^3")
-    angular_speed: t.AngularSpeed = key(
+    jerk: t.Jerk = Field(default=_LIMITS.jerk, description="a jerk in m/s^3")
+    angular_speed: t.AngularSpeed = Field(
         default=_LIMITS.angular_speed, description="an angular speed in rad/s, or [least, most]"
     )
-    angular_acceleration: t.AngularAcceleration = key(
+    angular_acceleration: t.AngularAcceleration = Field(
         default=_LIMITS.angular_acceleration,
         description="an angular acceleration in rad/s^2, or [least, most]",
     )
-    angular_jerk: t.AngularJerk = key(default=_LIMITS.angular_jerk, description="an angular jerk in rad/s^3")
-    contact: Literal[names.CONTACT_LIMITS] = key(  # type: ignore[valid-type]
+    angular_jerk: t.AngularJerk = Field(
+        default=_LIMITS.angular_jerk, description="an angular jerk in rad/s^3"
+    )
+    contact: Literal[names.CONTACT_LIMITS] = Field(  # type: ignore[valid-type]
         default=_LIMITS.contact, description=_one_of(names.CONTACT_LIMITS)
     )
 
 
 Faces = Annotated[
-    Literal["all"] | Annotated[tuple[t.Face, ...], Several(1, 100)],
-    ONE_OR_LIST,
+    Annotated[Literal["all"], Tag("<one>")]
+    | Annotated[Annotated[tuple[t.Face, ...], t.Several(1, 100)], Tag("<list>")],
+    Discriminator(t.one_or_list),
 ]
 
 
-class Plate(Record):
+class Plate(t.Strict):
     """The plate and how it may move."""
 
-    width: t.Size = key(description=LENGTH)
-    thickness: t.Size = key(default=0.03, description=LENGTH)
-    friction: t.Friction = key(description=FRICTION)
-    contact_height: t.Height = key(default=0.0, description=HEIGHT)
-    drive: Drive = key(default="omnidirectional", description=DRIVE)
-    faces: Faces | None = key(default=None, description=FACES)
-    offsets: Annotated[tuple[t.Coordinate, ...], Several(1, 20)] | None = key(
+    width: t.Size = Field(description=LENGTH)
+    thickness: t.Size = Field(default=0.03, description=LENGTH)
+    friction: t.Friction = Field(description=FRICTION)
+    contact_height: t.Height = Field(default=0.0, description=HEIGHT)
+    drive: Drive = Field(default="omnidirectional", description=DRIVE)
+    faces: Faces | None = Field(default=None, description=FACES)
+    offsets: Annotated[tuple[t.Coordinate, ...], t.Several(1, 20)] | None = Field(
         default=None, description="a list of 1 to 20 lengths in m, e.g. [0, 15 mm]"
     )
-    limits: MotionLimits = key(
+    limits: MotionLimits = Field(
         default_factory=MotionLimits, description="{speed: ..., acceleration: ..., jerk: ..., ...}"
     )
 
 
-_PART = key(default=(0.0, 0.0, 0.0), description="[x, y, theta] in the frame of the plate's front edge")
+_PART = Field(default=(0.0, 0.0, 0.0), description="[x, y, theta] in the frame of the plate's front edge")
 
 
 class BoxPart(BoxShape):
@@ -225,87 +236,88 @@ class PolygonPart(PolygonShape):
 
 
 Part = Annotated[
-    BoxPart | PolygonPart,
-    by_key("box", "polygon"),
+    Annotated[BoxPart, Tag("<box>")] | Annotated[PolygonPart, Tag("<polygon>")],
+    t.by_key("box", "polygon"),
 ]
 Footprint = Annotated[
-    Part | Annotated[tuple[Part, ...], Several(1, MOST_PARTS)],
-    ONE_OR_LIST,
+    Annotated[Part, Tag("<one>")]
+    | Annotated[Annotated[tuple[Part, ...], t.Several(1, MOST_PARTS)], Tag("<list>")],
+    Discriminator(t.one_or_list),
 ]
 
 
-class RobotLimits(Record):
+class RobotLimits(t.Strict):
     """What the robot cannot exceed, beside the plate's motion."""
 
-    force: t.Force = key(description="a force in N, the largest with which the plate pushes, e.g. 40 N")
-    breakaway: t.Breakaway = key(
+    force: t.Force = Field(description="a force in N, the largest with which the plate pushes, e.g. 40 N")
+    breakaway: t.Breakaway = Field(
         default=_LIMITS.breakaway,
         description="a factor from 1, by which the force that sets a load in motion exceeds that of sliding",
     )
 
 
-class Robot(Record):
+class Robot(t.Strict):
     """What carries the plate, its shape and its drive."""
 
-    footprint: Footprint | None = key(default=None, description=FOOTPRINT)
-    drive: Drive | None = key(default=None, description=DRIVE)
-    start: t.Pose | None = key(
+    footprint: Footprint | None = Field(default=None, description=FOOTPRINT)
+    drive: Drive | None = Field(default=None, description=DRIVE)
+    start: t.Pose | None = Field(
         default=None,
         description="[x, y, theta] of the plate's frame in the world; asks for a multi-push plan",
     )
-    base: t.Pose | None = key(
+    base: t.Pose | None = Field(
         default=None,
         description="[x, y, theta] in the plate's frame of the frame that path followers steer; default: the axle",
     )
-    limits: RobotLimits | None = key(default=None, description="{force: ..., breakaway: ...}")
+    limits: RobotLimits | None = Field(default=None, description="{force: ..., breakaway: ...}")
 
 
-class UncertaintyShares(Record):
+class UncertaintyShares(t.Strict):
     """By what share of the stated value coefficients and loads may be off; explicit intervals come before it."""
 
-    contact_friction: t.Share = key(default=0.0, description=SHARE)
-    floor_friction: t.Share = key(default=0.0, description=SHARE)
-    load: t.Share = key(default=0.0, description=SHARE)
+    contact_friction: t.Share = Field(default=0.0, description=SHARE)
+    floor_friction: t.Share = Field(default=0.0, description=SHARE)
+    load: t.Share = Field(default=0.0, description=SHARE)
 
 
-class Snap(Record):
+class Snap(t.Strict):
     """How far objects with a stated pose may be from the contact that they are moved onto."""
 
-    position: t.SnapDistance = key(description=LENGTH)
-    angle: t.SnapAngle = key(default=math.radians(2.0), description="an angle in rad")
+    position: t.SnapDistance = Field(description=LENGTH)
+    angle: t.SnapAngle = Field(default=math.radians(2.0), description="an angle in rad")
 
 
 SnapChoice = Annotated[
-    t.SnapDistance | Snap,
-    Chosen(lambda value: int(isinstance(value, dict))),
+    Annotated[t.SnapDistance, Tag("<word>")] | Annotated[Snap, Tag("<mapping>")],
+    Discriminator(lambda value: "<mapping>" if isinstance(value, dict | t.Strict) else "<word>"),
 ]
 
 
-class Floor(Record):
+class Floor(t.Strict):
     """The floor under every object that does not state its own friction."""
 
-    friction: t.FloorFriction = key(description=FRICTION)
+    friction: t.FloorFriction = Field(description=FRICTION)
 
 
-class Tolerance(Record):
+class Tolerance(t.Strict):
     """How far from the goal is still at the goal."""
 
-    position: t.PositionTolerance = key(default=DEFAULT_TOLERANCE[0], description=LENGTH)
-    angle: t.AngleTolerance = key(default=DEFAULT_TOLERANCE[1], description="an angle in rad")
+    position: t.PositionTolerance = Field(default=DEFAULT_TOLERANCE[0], description=LENGTH)
+    angle: t.AngleTolerance = Field(default=DEFAULT_TOLERANCE[1], description="an angle in rad")
 
 
 class ToleranceOfSeveral(Tolerance):
     """How far from its goal one of several objects is still there."""
 
-    position: t.PositionTolerance = key(default=TOLERANCE_OF_SEVERAL[0], description=LENGTH)
-    angle: t.AngleTolerance = key(default=TOLERANCE_OF_SEVERAL[1], description="an angle in rad")
+    position: t.PositionTolerance = Field(default=TOLERANCE_OF_SEVERAL[0], description=LENGTH)
+    angle: t.AngleTolerance = Field(default=TOLERANCE_OF_SEVERAL[1], description="an angle in rad")
 
 
-class _Aim(Record):
+class _Aim(t.Strict):
     """A pose, and after how many equal turns it is the same."""
 
-    pose: t.Pose = key(description="[x, y, theta] in the world")
-    symmetry: t.Symmetry = key(
+    pose: t.Pose = Field(description="[x, y, theta] in the world")
+    symmetry: t.Symmetry = Field(
         default=1, description="a whole number: after so many equal turns the frame meant is as it was"
     )
 
@@ -313,7 +325,7 @@ class _Aim(Record):
 class ObjectGoal(_Aim):
     """Where to bring one of several objects."""
 
-    tolerance: ToleranceOfSeveral = key(
+    tolerance: ToleranceOfSeveral = Field(
         default_factory=ToleranceOfSeveral, description="{position: ..., angle: ...}"
     )
 
@@ -321,28 +333,28 @@ class ObjectGoal(_Aim):
 class GoalPose(_Aim):
     """Where to bring the chain."""
 
-    tolerance: Tolerance = key(default_factory=Tolerance, description="{position: ..., angle: ...}")
-    of: str | None = key(
+    tolerance: Tolerance = Field(default_factory=Tolerance, description="{position: ..., angle: ...}")
+    of: str | None = Field(
         default=None, description="the name of the object meant; left out, the chain frame is meant"
     )
 
 
-class PushChoice(Record):
+class PushChoice(t.Strict):
     """What several pushes may come to, and what counts when they are ranked."""
 
-    most: t.Most = key(default=6, description="a whole number")
-    switch_cost: t.ArcPrice = key(default=0.1, description=LENGTH)
-    transit_weight: t.Weight = key(default=0.1, description="a weight from 0 to 1000")
-    approach: t.Travel = key(default=0.05, description=LENGTH)
-    retreat: t.Travel = key(default=0.05, description=LENGTH)
-    settle: t.Travel = key(default=0.02, description=LENGTH)
+    most: t.Most = Field(default=6, description="a whole number")
+    switch_cost: t.ArcPrice = Field(default=0.1, description=LENGTH)
+    transit_weight: t.Weight = Field(default=0.1, description="a weight from 0 to 1000")
+    approach: t.Travel = Field(default=0.05, description=LENGTH)
+    retreat: t.Travel = Field(default=0.05, description=LENGTH)
+    settle: t.Travel = Field(default=0.02, description=LENGTH)
 
 
-class Area(Record):
+class Area(t.Strict):
     """The rectangle in which robot, pusher and objects stay."""
 
-    x: t.Interval = key(description="[min, max] in m")
-    y: t.Interval = key(description="[min, max] in m")
+    x: t.Interval = Field(description="[min, max] in m")
+    y: t.Interval = Field(description="[min, max] in m")
 
 
 _WORLD = "[x, y, theta] in the world"
@@ -352,89 +364,94 @@ _UNKNOWN = "obstacle, the default, or free: what a map does not know"
 class BoxInRoom(BoxShape):
     """A rectangular obstacle."""
 
-    pose: t.Pose = key(description=_WORLD)
+    pose: t.Pose = Field(description=_WORLD)
 
 
 class PolygonInRoom(PolygonShape):
     """A polygonal obstacle; it may stand for a part of a map of which nothing is known."""
 
-    pose: t.Pose | None = key(default=None, description=_WORLD)
-    unknown: Literal["obstacle"] | None = key(default=None, description="obstacle")
+    pose: t.Pose | None = Field(default=None, description=_WORLD)
+    unknown: Literal["obstacle"] | None = Field(default=None, description="obstacle")
 
 
-class CircleInRoom(Record):
+class CircleInRoom(t.Strict):
     """A round obstacle."""
 
-    circle: t.Size = key(description="a radius in m")
-    center: t.Point = key(description="[x, y] in the world")
+    circle: t.Size = Field(description="a radius in m")
+    center: t.Point = Field(description="[x, y] in the world")
 
 
-class MapInRoom(Record):
+class MapInRoom(t.Strict):
     """All that a map has."""
 
-    map: t.FileName = key(description="a ROS map (YAML) in the scenario's folder")
-    unknown: Literal["obstacle", "free"] | None = key(default=None, description=_UNKNOWN)
+    map: t.FileName = Field(description="a ROS map (YAML) in the scenario's folder")
+    unknown: Literal["obstacle", "free"] | None = Field(default=None, description=_UNKNOWN)
 
 
 Obstacle = Annotated[
-    PolygonInRoom | BoxInRoom | CircleInRoom | MapInRoom,
-    by_key("polygon", "box", "circle", "map"),
+    Annotated[PolygonInRoom, Tag("<polygon>")]
+    | Annotated[BoxInRoom, Tag("<box>")]
+    | Annotated[CircleInRoom, Tag("<circle>")]
+    | Annotated[MapInRoom, Tag("<map>")],
+    t.by_key("polygon", "box", "circle", "map"),
 ]
 
 
-class StabilityChoice(Record):
+class StabilityChoice(t.Strict):
     """Which stable set limits the pusher's twists, and how far inside it they stay."""
 
-    set: Literal[names.STABLE_SETS] = key(  # type: ignore[valid-type]
+    set: Literal[names.STABLE_SETS] = Field(  # type: ignore[valid-type]
         default=names.DEFAULT_STABLE_SET, description=_one_of(names.STABLE_SETS)
     )
-    margin: t.Margin = key(default=names.AUTO, description="auto, or a margin from 0 to 0.99")
+    margin: t.Margin = Field(default=names.AUTO, description="auto, or a margin from 0 to 0.99")
 
 
-class PlannerChoice(Record):
+class PlannerChoice(t.Strict):
     """Which planner runs, for how long, with which random numbers."""
 
-    name: Annotated[Literal[names.PLANNERS], Before(t.still_here)] = key(  # type: ignore[valid-type]
+    name: Annotated[Literal[names.PLANNERS], BeforeValidator(t.still_here)] = Field(  # type: ignore[valid-type]
         default=names.DEFAULT_PLANNER, description=_one_of(names.PLANNERS)
     )
-    time_limit: t.Duration = key(default=2.0, description="a time in s")
-    seed: t.Seed = key(default=1, description="a whole number")
-    cost: Literal[names.COSTS] = key(  # type: ignore[valid-type]
+    time_limit: t.Duration = Field(default=2.0, description="a time in s")
+    seed: t.Seed = Field(default=1, description="a whole number")
+    cost: Literal[names.COSTS] = Field(  # type: ignore[valid-type]
         default=names.DEFAULT_COST, description=_one_of(names.COSTS)
     )
-    weight: t.Weight = key(default=1.0, description="a weight from 0 to 1000")
-    gap: t.Gap = key(default=0.0, description="a share from 0 to 100")
-    arc_price: t.ArcPrice = key(default=0.03, description=LENGTH)
+    weight: t.Weight = Field(default=1.0, description="a weight from 0 to 1000")
+    gap: t.Gap = Field(default=0.0, description="a share from 0 to 100")
+    arc_price: t.ArcPrice = Field(default=0.03, description=LENGTH)
 
 
-class RoomFile(Record):
+class RoomFile(t.Strict):
     """What every scenario file states: objects, robot, room and settings, but for where objects are and shall go."""
 
-    format: Literal["pushplan/1"] = key(description=names.SCENARIO_FORMAT)
-    name: t.Name | None = key(default=None, description=NAME)
-    floor: Floor = key(description="{friction: ...}")
-    uncertainty: UncertaintyShares = key(
+    format: Literal["pushplan/1"] = Field(description=names.SCENARIO_FORMAT)
+    name: t.Name | None = Field(default=None, description=NAME)
+    floor: Floor = Field(description="{friction: ...}")
+    uncertainty: UncertaintyShares = Field(
         default_factory=UncertaintyShares,
         description="{contact_friction: ..., floor_friction: ..., load: ...}",
     )
-    snap: SnapChoice | None = key(default=None, description=SNAP)
-    objects: Annotated[tuple[Object, ...], Several(1, 200)] = key(
+    snap: SnapChoice | None = Field(default=None, description=SNAP)
+    objects: Annotated[tuple[Object, ...], t.Several(1, 200)] = Field(
         description="a list of 1 to 200 objects, from the pusher outward"
     )
-    contacts: Contacts = key(default_factory=Contacts, description="{friction: ..., between: [...]}")
-    pusher: Plate = key(description="{width: ..., friction: ..., ...}")
-    robot: Robot = key(default_factory=Robot, description="{footprint: ..., drive: ..., start: ...}")
-    pushes: PushChoice | None = key(
+    contacts: Contacts = Field(default_factory=Contacts, description="{friction: ..., between: [...]}")
+    pusher: Plate = Field(description="{width: ..., friction: ..., ...}")
+    robot: Robot = Field(default_factory=Robot, description="{footprint: ..., drive: ..., start: ...}")
+    pushes: PushChoice | None = Field(
         default=None, description="{most: ..., switch_cost: ..., transit_weight: ..., approach: ..., ...}"
     )
-    workspace: Area | None = key(default=None, description="{x: [min, max], y: [min, max]}")
-    obstacles: Annotated[tuple[Obstacle, ...], Several(0, 10_000)] = key(default=(), description=OBSTACLES)
-    clearance: t.Clearance = key(default=names.COLLISION_CLEARANCE, description=LENGTH)
-    stability: StabilityChoice = key(default_factory=StabilityChoice, description="{set: ..., margin: ...}")
-    trajectory: Literal[names.TRAJECTORIES] = key(  # type: ignore[valid-type]
+    workspace: Area | None = Field(default=None, description="{x: [min, max], y: [min, max]}")
+    obstacles: Annotated[tuple[Obstacle, ...], t.Several(0, 10_000)] = Field(
+        default=(), description=OBSTACLES
+    )
+    clearance: t.Clearance = Field(default=names.COLLISION_CLEARANCE, description=LENGTH)
+    stability: StabilityChoice = Field(default_factory=StabilityChoice, description="{set: ..., margin: ...}")
+    trajectory: Literal[names.TRAJECTORIES] = Field(  # type: ignore[valid-type]
         default=names.DEFAULT_TRAJECTORY, description=_one_of(names.TRAJECTORIES)
     )
-    planner: PlannerChoice = key(
+    planner: PlannerChoice = Field(
         default_factory=PlannerChoice, description="{name: ..., time_limit: ..., seed: ...}"
     )
 
@@ -442,90 +459,97 @@ class RoomFile(Record):
 class ScenarioFile(RoomFile):
     """One load, in contact with the plate or anywhere."""
 
-    start: t.Pose = key(default=(0.0, 0.0, 0.0), description="[x, y, theta] of the chain frame in the world")
+    start: t.Pose = Field(
+        default=(0.0, 0.0, 0.0), description="[x, y, theta] of the chain frame in the world"
+    )
     goal: Annotated[
-        GoalPose | Annotated[tuple[GoalPose, ...], Several(1, 100)],
-        ONE_OR_LIST,
-    ] = key(description=GOAL)
+        Annotated[GoalPose, Tag("<one>")]
+        | Annotated[Annotated[tuple[GoalPose, ...], t.Several(1, 100)], Tag("<list>")],
+        Discriminator(t.one_or_list),
+    ] = Field(description=GOAL)
 
 
 class PlacedObject(Object):
     """One object, apart from the others."""
 
-    pose: t.Pose = key(description="[x, y, theta] in the world, where there are goals")
+    pose: t.Pose = Field(description="[x, y, theta] in the world, where there are goals")
 
 
 class PlacedRobot(Robot):
     """The robot, which stands somewhere in the room."""
 
-    start: t.Pose = key(description="[x, y, theta] of the plate's frame in the world")
+    start: t.Pose = Field(description="[x, y, theta] of the plate's frame in the world")
 
 
-def _goal_form(value: object) -> int:
-    """Tell a pose, a goal and a list of goals: a pose is a list of numbers."""
-    if not isinstance(value, list):
-        return 1
-    return 2 if any(isinstance(one, dict | list) for one in value) else 0
+def _goal_form(value: object) -> str:
+    """Tell a goal from a list of goals: a pose is a list of numbers."""
+    if not isinstance(value, list | tuple):
+        return "<one>"
+    several = any(isinstance(one, dict | list | tuple | t.Strict) for one in value)
+    return "<list>" if several else "<bare>"
 
 
 _Goal = Annotated[
-    t.Pose | ObjectGoal,
-    Chosen(lambda value: int(not isinstance(value, list))),
+    Annotated[t.Pose, Tag("<bare>")] | Annotated[ObjectGoal, Tag("<one>")],
+    Discriminator(lambda value: "<bare>" if isinstance(value, list | tuple) else "<one>"),
 ]
 _Goals = Annotated[
-    t.Pose | ObjectGoal | Annotated[tuple[_Goal, ...], Several(1, 100)],
-    Chosen(_goal_form),
+    Annotated[t.Pose, Tag("<bare>")]
+    | Annotated[ObjectGoal, Tag("<one>")]
+    | Annotated[Annotated[tuple[_Goal, ...], t.Several(1, 100)], Tag("<list>")],
+    Discriminator(_goal_form),
 ]
 
 
 class RearrangementFile(RoomFile):
     """Several objects that stand apart, each with goals of its own or without any."""
 
-    objects: Annotated[tuple[PlacedObject, ...], Several(1, 200)] = key(
+    objects: Annotated[tuple[PlacedObject, ...], t.Several(1, 200)] = Field(
         description="a list of 1 to 200 objects, each with its pose in the world"
     )
-    robot: PlacedRobot = key(description="{footprint: ..., drive: ..., start: ...}")
-    goals: dict[str, _Goals] = key(description=GOALS)
+    robot: PlacedRobot = Field(description="{footprint: ..., drive: ..., start: ...}")
+    goals: Annotated[dict[str, _Goals], Field(min_length=1)] = Field(description=GOALS)
 
 
-class RowGoal(Record):
+class RowGoal(t.Strict):
     """Several objects that shall stand flush in a row, one in front of another as they are pushed."""
 
-    of: Annotated[tuple[t.Name, ...], Several(1, MOST_IN_ROW)] = key(
+    of: Annotated[tuple[t.Name, ...], t.Several(1, MOST_IN_ROW)] = Field(
         description=f"a list of 1 to {MOST_IN_ROW} names of objects, from the pusher outward"
     )
-    pose: t.Pose | None = key(
+    pose: t.Pose | None = Field(
         default=None,
         description="[x, y, theta] in the world of the middle of the row's rear face, +x along the push",
     )
-    wall: Literal[names.WALLS] | None = key(  # type: ignore[valid-type]
+    wall: Literal[names.WALLS] | None = Field(  # type: ignore[valid-type]
         default=None, description=f"the wall that the row's front shall be at: {_one_of(names.WALLS)}"
     )
-    anywhere: bool | None = key(default=None, description="true: wherever the row comes about")
-    order: Literal["any", "given"] = key(default="any", description="any, or given: that of the list")
-    tolerance: Tolerance = key(default_factory=Tolerance, description="{position: ..., angle: ...}")
-    placed: Annotated[tuple[t.Name, ...], Several(0, MOST_IN_ROW)] = key(
+    anywhere: bool | None = Field(default=None, description="true: wherever the row comes about")
+    order: Literal["any", "given"] = Field(default="any", description="any, or given: that of the list")
+    tolerance: Tolerance = Field(default_factory=Tolerance, description="{position: ..., angle: ...}")
+    placed: Annotated[tuple[t.Name, ...], t.Several(0, MOST_IN_ROW)] = Field(
         default=(), description="a list of those that stand in it already, at its front"
     )
 
-    def checked(self) -> RowGoal:
-        """Refuse values that do not go together."""
+    @model_validator(mode="after")
+    def _one_place(self) -> RowGoal:
+        """Refuse a row without a place, or with more than one."""
         given = [self.pose is not None, self.wall is not None, bool(self.anywhere)]
         if sum(given) != 1:
-            raise NotAllowedError("a row with " + ("no place" if not any(given) else "several places"), ROW)
+            raise fault("a row with " + ("no place" if not any(given) else "several places"), ROW)
         return self
 
 
-class RowGoals(Record):
+class RowGoals(t.Strict):
     """The goals of a file whose objects shall stand in a row."""
 
-    row: RowGoal = key(description=ROW)
+    row: RowGoal = Field(description=ROW)
 
 
 class GatheringFile(RearrangementFile):
     """Several objects that stand apart and shall stand in a row; others stay where they are."""
 
-    goals: RowGoals = key(description=f"{{row: {ROW}}}")  # type: ignore[assignment]
-    gather: Literal[names.GATHER] = key(  # type: ignore[valid-type]
+    goals: RowGoals = Field(description=f"{{row: {ROW}}}")  # type: ignore[assignment]
+    gather: Literal[names.GATHER] = Field(  # type: ignore[valid-type]
         default="auto", description=f"whether objects are pushed together: {_one_of(names.GATHER)}"
     )

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from pushplan.scenario.source import shorten
 from pushplan.util.names import AUTO, MOST_FRICTION
@@ -55,29 +57,11 @@ DIMENSIONS: dict[str, Mapping[str, float]] = {
 _NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _WITH_UNIT = re.compile(rf"\s*({_NUMBER})\s*([^\s0-9.+-]\S*)\s*")
 
+FAULT = "pushplan"
+"""Type of the validation errors whose message is already a sentence for people."""
 
-class NotAllowedError(ValueError):
-    """A value is not what is allowed.
-
-    Attributes:
-        found: What was found instead.
-        allowed: What is allowed; where it is left out, the description of the key says so.
-        hint: What stands between the two.
-    """
-
-    def __init__(self, found: str, allowed: str = "", hint: str = ";") -> None:
-        self.found, self.allowed, self.hint = found, allowed, hint
-        super().__init__(self.sentence(allowed))
-
-    def sentence(self, described: str) -> str:
-        """Return what was found and what is allowed, with what the key's description says."""
-        return f"{self.found}{self.hint} allowed: {self.allowed or described}"
-
-
-def nearest(word: str, known: Sequence[str]) -> str:
-    """Return `; did you mean '...'?` with the known word most like `word`, or `;`."""
-    close = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.65)
-    return f"; did you mean '{close[0]}'?" if close else ";"
+DESCRIBED_FAULT = "pushplan-described"
+"""Type of those whose message says what was found; the field's description says what is allowed."""
 
 
 def split_unit(text: str) -> tuple[float, str] | None:
@@ -89,6 +73,11 @@ def split_unit(text: str) -> tuple[float, str] | None:
 def dimension_of(unit: str) -> str | None:
     """Return what `unit` measures, e.g. `an angle`, or None when the unit is not known."""
     return next((name for name, units in DIMENSIONS.items() if unit in units), None)
+
+
+def fault(found: str, allowed: str) -> PydanticCustomError:
+    """Return the error that says what was found and what is allowed."""
+    return PydanticCustomError(FAULT, "{text}", {"text": f"{found}; allowed: {allowed}"})
 
 
 def show(value: object) -> str:
@@ -115,12 +104,20 @@ class Stated(ABC):
         """Return the value in SI.
 
         Raises:
-            NotAllowedError: When `value` is written otherwise.
+            PydanticCustomError: When `value` is written otherwise.
         """
 
     @abstractmethod
     def schema(self) -> dict[str, Any]:
         """Return its JSON Schema."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return self.schema()
 
 
 @dataclass(frozen=True)
@@ -159,33 +156,29 @@ class Quantity(Stated):
         if isinstance(value, str):
             number = self._from_text(value)
         elif isinstance(value, bool) or not isinstance(value, int | float):
-            raise NotAllowedError(show(value), self.allowed)
+            raise fault(show(value), self.allowed)
         else:
             number = float(value)
         if not math.isfinite(number):
-            raise NotAllowedError(f"{show(value)}, which is not finite", self.allowed)
+            raise fault(f"{show(value)}, which is not finite", self.allowed)
         if not self.low <= number <= self.high or (self.whole and not number.is_integer()):
-            raise NotAllowedError(
-                f"is '{shorten(value)}'" if isinstance(value, str) else show(value), self.allowed
-            )
+            raise fault(f"is '{shorten(value)}'" if isinstance(value, str) else show(value), self.allowed)
         return number
 
     def _from_text(self, text: str) -> float:
         parts = split_unit(text)
         if parts is None:
-            raise NotAllowedError(show(text), self.allowed)
+            raise fault(show(text), self.allowed)
         number, unit = parts
         if unit not in self.units:
             kind = dimension_of(unit)
             unknown = f"has the unknown unit '{shorten(unit)}'"
-            raise NotAllowedError(unknown if kind is None else f"'{shorten(text)}' is {kind}", self.allowed)
+            raise fault(unknown if kind is None else f"'{shorten(text)}' is {kind}", self.allowed)
         value = number * self.units[unit]
         if not self.tangent:
             return value
         if not 0.0 <= value < math.pi / 2.0:
-            raise NotAllowedError(
-                f"'{shorten(text)}' is no friction angle", "an angle from 0 to less than 90 deg"
-            )
+            raise fault(f"'{shorten(text)}' is no friction angle", "an angle from 0 to less than 90 deg")
         return math.tan(value)
 
     def schema(self) -> dict[str, Any]:
@@ -237,11 +230,11 @@ class OrPair(Stated):
         if not isinstance(value, list | tuple):
             return self.number.read(value)
         if len(value) != 2:
-            raise NotAllowedError(show(value), f"{self.high.allowed}, or {self.form}")
+            raise fault(show(value), f"{self.high.allowed}, or {self.form}")
         low, high = self.low.read(value[0]), self.high.read(value[1])
         if self.ordered and not low <= high:
             what = f"is the interval [{low:.9g}, {high:.9g}]"
-            raise NotAllowedError(what, "[lowest, highest] with lowest <= highest")
+            raise fault(what, "[lowest, highest] with lowest <= highest")
         return low, high
 
     def schema(self) -> dict[str, Any]:

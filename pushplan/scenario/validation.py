@@ -1,29 +1,112 @@
-"""Documents read as records, with everything wrong told at its place, or as far as what is right allows."""
+"""What pydantic finds wrong in a document, as located sentences that say what is allowed."""
 
 from __future__ import annotations
 
 import difflib
-from typing import Any, TypeVar
+import types
+from typing import Any, TypeVar, get_args
 
-from pushplan.scenario.records import Faults, Record
+from pydantic import BaseModel, RootModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from pushplan.scenario import units
 from pushplan.scenario.schema import ScenarioFile
 from pushplan.scenario.source import Place, Source
+from pushplan.scenario.units import show
 
-File = TypeVar("File", bound=Record)
+Model = TypeVar("Model", bound=BaseModel)
 
 
-def validate(form: type[File], source: Source) -> File | None:
-    """Return the record that a document states, or report everything wrong with it and return None.
+def validate(model: type[Model], source: Source) -> Model | None:
+    """Return the model of a document, or report everything wrong with it and return None.
 
     What lies at, or in, a place that is reported already is not reported again.
     """
-    known, told, faults = source.wrong, set[Place](), Faults()
-    file = form.read(source.root.plain(), (), faults)
-    for place, what, at_key in faults:
-        if place not in told and not any(place[: len(at)] == at for at in known):
-            told.add(place)
-            source.error(place, what, at_key=at_key)
-    return None if known or faults else file
+    known = source.wrong
+    try:
+        valid = model.model_validate(source.root.plain())
+    except ValidationError as error:
+        told = set[Place]()
+        for detail in error.errors(include_url=False, include_context=False):
+            place = _place(source, detail["loc"])
+            if place not in told and not any(place[: len(at)] == at for at in known):
+                told.add(place)
+                source.error(place, _sentence(model, detail), at_key=detail["type"] == "extra_forbidden")
+        return None
+    return None if known else valid
+
+
+def nearest(word: str, known: list[str]) -> str:
+    """Return `; did you mean '...'?` with the known word most like `word`, or `;`."""
+    close = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.65)
+    return f"; did you mean '{close[0]}'?" if close else ";"
+
+
+def _is_tag(step: object) -> bool:
+    """Tell whether a step of pydantic's location names the form that it chose, as `<box>` does."""
+    return isinstance(step, str) and step.startswith("<") and step.endswith(">")
+
+
+def _place(source: Source, location: Place) -> Place:
+    """Return a location without the forms on the way; a key of the file that looks like one is an unknown key."""
+    place: Place = ()
+    for i, step in enumerate(location):
+        unknown_key = i == len(location) - 1 and source.holds((*place, step))
+        if not _is_tag(step) or unknown_key:
+            place = (*place, step)
+    return place
+
+
+def _sentence(model: type[BaseModel], detail: ErrorDetails) -> str:
+    """Return what is wrong and what is allowed."""
+    kind, value, location = detail["type"], detail["input"], detail["loc"]
+    parents, description = _walk(model, location[:-1])
+    inner, own = _walk(model, location)
+    description = own or description
+    match kind:
+        case units.FAULT:
+            return detail["msg"]
+        case units.DESCRIBED_FAULT:
+            return f"{detail['msg']}; allowed: {description}"
+        case "missing":
+            return f"is missing; needed: {description}"
+        case "extra_forbidden":
+            keys = [key for parent in parents for key in parent.model_fields]
+            return f"unknown key{nearest(str(location[-1]), keys)} allowed: {', '.join(dict.fromkeys(keys))}"
+        case "literal_error" if isinstance(value, str):
+            words = detail["msg"].replace(" or ", ", ").removeprefix("Input should be ").replace("'", "")
+            return f"{show(value)}{nearest(value, words.split(', '))} allowed: {description}"
+        case "model_type":
+            keys = [key for parent in inner for key in parent.model_fields]
+            return f"{show(value)}; allowed: a mapping with the keys {', '.join(dict.fromkeys(keys))}"
+        case "union_tag_not_found" if isinstance(value, dict):
+            keys = [key for parent in inner for key in parent.model_fields]
+            near = next((nearest(str(key), keys) for key in value if key not in keys), ";")
+            return f"has {' and '.join(map(str, value)) or 'no keys'}{near} allowed: {description}"
+    return f"{show(value)}; allowed: {description}"
+
+
+def _walk(model: type[BaseModel], location: Place) -> tuple[list[type[BaseModel]], str]:
+    """Return the models that may stand at a location, and the description of the field it lies in."""
+    models, description = _models_in(model), ""
+    for step in location:
+        if _is_tag(step):
+            chosen = [m for m in models if str(step)[1:-1] in m.model_fields]
+            models = chosen or models
+            continue
+        fields = [m.model_fields[step] for m in models if isinstance(step, str) and step in m.model_fields]
+        if fields:
+            models, description = _models_in(fields[0].annotation), fields[0].description or ""
+    return models, description
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    """Return the models that an annotation mentions."""
+    if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
+        if issubclass(annotation, RootModel):
+            return _models_in(annotation.model_fields["root"].annotation)
+        return [annotation] if issubclass(annotation, BaseModel) else []
+    return [model for part in get_args(annotation) for model in _models_in(part)]
 
 
 _STAND_INS: dict[Place, Any] = {
@@ -63,6 +146,7 @@ def salvage(source: Source) -> tuple[ScenarioFile, set[str]] | None:
             body[key] = stand_in
         if depth < 3:
             doubtful.add(str(place[0]))
-    faults = Faults()
-    file = ScenarioFile.read(data, (), faults)
-    return None if file is None or faults else (file, doubtful)
+    try:
+        return ScenarioFile.model_validate(data), doubtful
+    except ValidationError:
+        return None

@@ -66,9 +66,9 @@ def test_keys_change_with_all_that_bears_on_results_and_nothing_else() -> None:
     renamed = replace(
         suite,
         name="other",
-        planners=tuple(p.replaced(label=f"my {p.label}") for p in suite.planners),
+        planners=tuple(p.model_copy(update={"label": f"my {p.label}"}) for p in suite.planners),
         problems=tuple(replace(problem, name=f"my {problem.name}") for problem in suite.problems),
-        limits=suite.limits.replaced(memory=1.0),
+        limits=suite.limits.model_copy(update={"memory": 1.0}),
     )
     assert [run.key for run in _runs(renamed)] == keys
     others = [
@@ -153,7 +153,7 @@ def test_a_part_of_every_packaged_suite_can_be_run(name: str, tmp_path: Path) ->
     suite = _packaged(name)
     assert suite.name == name
     patient = {"time": 600.0, "iterations": 3_000}  # whatever else the machine does
-    suite = replace(suite, planners=tuple(one.replaced(**patient) for one in suite.planners))
+    suite = replace(suite, planners=tuple(one.model_copy(update=patient) for one in suite.planners))
     last = f"problem={suite.problems[-1].name}"
     folder = ResultsFolder(tmp_path)
     with folder.locked(), local_engine(1) as engine:
