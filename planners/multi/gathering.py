@@ -152,6 +152,7 @@ class _Beams:
         self._most = settings.iterations or math.inf
         self._turn = self._until, self._most
         self.best = math.inf
+        self._one_by_one = math.inf
         self.farthest: Situation | None = None
 
     def after(self, steps: Steps) -> _Beams:
@@ -162,6 +163,9 @@ class _Beams:
         """Whether there is no more time."""
         return self._past(self._until, self._most) or self._settings.observer.cancelled()
 
+    def _turn_over(self) -> bool:
+        return self._past(*self._turn) or self._settings.observer.cancelled()
+
     def _past(self, until: float, most: float) -> bool:
         return self.steps.floor.looked_at >= most or time.perf_counter() >= until
 
@@ -171,7 +175,11 @@ class _Beams:
         return 0.5 * (time.perf_counter() + self._until), 0.5 * (counted + self._most)
 
     def search(self, widths: Sequence[int]) -> Segments:
-        """Return the best plan of beams of some widths, none where none is better than the best so far."""
+        """Return the best plan of beams of some widths, none where none is better than the best so far.
+
+        Beams that only bring one by one are the same whether there are others beside them or not, down to what they
+        leave out: so `auto` has no longer plan than `never`, where both have the time for the same beams.
+        """
         found: Segments = ()
         ways = {"auto": ((True, True), (False, True)), "never": ((False, True),), "always": ((True, False),)}
         for width in widths:
@@ -185,7 +193,9 @@ class _Beams:
                 while end is not None and not self._surely_closes(end):
                     end, cut = self._beam(width, closes, delivers)
                 truncated = truncated or cut
-                if end is not None:
+                if end is not None and not closes:
+                    self._one_by_one = end.cost
+                if end is not None and end.cost < self.best:
                     found = self._taken(end)
                 if self.over() or (found and self._settings.first):
                     return found
@@ -209,16 +219,16 @@ class _Beams:
         return segments
 
     def _beam(self, width: int, closes: bool, delivers: bool) -> tuple[Situation | None, bool]:
-        """Return the end of the best plan of a beam that is better than the best so far, and whether it was cut."""
-        begin = self.steps.begin
+        """Return the end of the best plan of a beam that is better than those like it, and whether it was cut."""
+        begin, best = self.steps.begin, self.best if closes else self._one_by_one
         chances = [
             (0.0, Chance(None, member, False)) for member in self.steps.members if member[0] in begin.left
         ]
         truncated = False
         for _ in range(len(begin.left)):
-            kept, cut = self._chosen(chances, width)
+            kept, cut = self._chosen(chances, width, best)
             truncated = truncated or cut
-            if not kept:
+            if all(one.cost >= self.best for one in kept):
                 return None, truncated
             chances = []
             for one in kept:
@@ -229,21 +239,23 @@ class _Beams:
             for one in kept:
                 chances += self.steps.next(one, closes, delivers)
         ends = [chance for one in kept for chance in self.steps.last(one)]
-        done, _ = self._chosen(ends, 1)
+        done, _ = self._chosen(ends, 1, best)
         return (done[0] if done else None), truncated
 
-    def _chosen(self, chances: list[tuple[float, Chance]], width: int) -> tuple[list[Situation], bool]:
-        """Return the best situations that chances lead to, priced in the order of their bounds."""
+    def _chosen(
+        self, chances: list[tuple[float, Chance]], width: int, best: float
+    ) -> tuple[list[Situation], bool]:
+        """Return situations that chances lead to and that may be better than the best, priced by their bounds."""
         count = itertools.count()
         queue: list[tuple[float, int, Chance, Situation | None]] = [
-            (bound, next(count), chance, None) for bound, chance in chances if bound < self.best
+            (bound, next(count), chance, None) for bound, chance in chances if bound < best
         ]
         heapq.heapify(queue)
         kept: list[Situation] = []
         seen: set[tuple[object, ...]] = set()
-        while queue and len(kept) < width and not (self._past(*self._turn) or self.over()):
+        while queue and len(kept) < width and not self._turn_over():
             bound, _, chance, priced = heapq.heappop(queue)
-            if bound >= self.best:
+            if bound >= best:
                 break
             if priced is not None:
                 key = _same(priced)
@@ -259,7 +271,7 @@ class _Beams:
                 # No single word is free: a way around costs more than the bound by an unknown amount.
                 detour = bound + 0.5 * (bound - chance.situation.cost)
                 heapq.heappush(queue, (detour, next(count), replace(chance, by_way=True), None))
-        return kept, bool(queue)
+        return kept, bool(queue) and queue[0][0] < best
 
 
 def _with_one_moved_first(tried: Sequence[_Beams]) -> tuple[Segments, _Beams]:

@@ -22,10 +22,12 @@ from pushplan.geometry import se2
 from pushplan.mechanics.faces import Place, Through, ways_through
 from pushplan.planners.controls import margins_to_try
 from pushplan.planners.multi.contact_modes import ContactMode
+from pushplan.planners.multi.multi_push import AHEAD
 from pushplan.planners.multi.room import NO_WALLS, packed_mode, reaches, wheels_of
 from pushplan.planners.problem import Posing, sampling_box, walls_of
 from pushplan.planners.scene import bounding_circle, convex_pieces, flatten, scene_of
 from pushplan.plans.load import Load
+from pushplan.plans.path import PushPath
 from pushplan.plans.row_load import Member, row_load
 from pushplan.plans.segment import Poses, Segment
 from pushplan.plans.settings import PlanSettings
@@ -90,6 +92,39 @@ class Pushed:
 
     cost: float
     arcs: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """A segment of a plan, as the search has it.
+
+    Attributes:
+        kind: One of `names.SEGMENT_KINDS`.
+        members: What is held; none in a transit.
+        start: (3,) pose of the plate.
+        arcs: (k, 4) twists and lengths.
+        onto: What a close ends at.
+    """
+
+    kind: str
+    members: tuple[Member, ...]
+    start: FloatArray
+    arcs: FloatArray
+    onto: str = ""
+
+    @classmethod
+    def straight(
+        cls, kind: str, members: tuple[Member, ...], start: FloatArray, length: float, onto: str = ""
+    ) -> Move:
+        """Return a straight move ahead, or back where the length is negative."""
+        arcs = np.append(np.sign(length) * AHEAD, [[abs(length)]], axis=1)
+        return cls(kind, members, start, arcs, onto)
+
+    @property
+    def path(self) -> PushPath:
+        """Of the plate."""
+        kept = self.arcs[self.arcs[:, 3] > 1e-12]
+        return PushPath(self.start, kept[:, :3], kept[:, 3])
 
 
 class Hands:
@@ -275,7 +310,6 @@ class Floor:
         low, high = np.array(self.box[:2]), np.array(self.box[2:])
         places = random.uniform(low, high, size=(VIAS, 2))
         self._vias = np.column_stack([places, random.uniform(-np.pi, np.pi, VIAS)])
-        self._state = np.array([self.seed], dtype=np.uint64)
         self._scenes: dict[Standing, Scene] = {}
         self._bodied: dict[tuple[Standing, int], Scene] = {}
         self._hands: dict[int, Hand] = {}
@@ -380,14 +414,16 @@ class Floor:
         key = (_key(standing), start.tobytes(), goal.tobytes())
         if key not in self._transits:
             self.looked_at += 1
+            # Drawn anew for each transit, which then does not depend on what was looked for before.
+            state = np.array([self.seed], dtype=np.uint64)
             if name not in self._berths:
                 self._berths[name] = self._beside(name, np.zeros(3))
             around = Surroundings(self.robot(standing), self._berths[name], pose)
             found: FloatArray | None = None
             for effort in EFFORT:
-                found = find_transit(around, self.wheels, start, goal, self.box, 1.0, self._state, effort)
+                found = find_transit(around, self.wheels, start, goal, self.box, 1.0, state, effort)
                 if found is not None:
-                    found = shortened(around, self.wheels, start, found, self._state, 100)
+                    found = shortened(around, self.wheels, start, found, state, 100)
                     break
             self._transits[key] = found
         return self._transits[key]

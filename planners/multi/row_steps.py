@@ -6,17 +6,16 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from pushplan.core.driving import shortest_drive
 from pushplan.core.pushes import word_costs
 from pushplan.geometry import se2
-from pushplan.planners.multi.hands import SHORT, Floor, Hand, Hands, Pushed
-from pushplan.planners.multi.multi_push import AHEAD
+from pushplan.planners.multi.hands import SHORT, Floor, Hand, Hands, Move, Pushed
 from pushplan.planners.multi.row_places import AT_PLACE, RowPlace, front_of_placed, row_places
 from pushplan.planners.outcome import Segments
-from pushplan.plans.path import PushPath
 from pushplan.plans.row_load import Member
 from pushplan.plans.segment import Poses, Segment
 from pushplan.util.arrays import FloatArray
@@ -24,39 +23,6 @@ from pushplan.util.names import APPROACH, CLOSE, PUSH, RETREAT, TRANSIT
 
 AWAY = (0.3, 0.6, 1.0)
 """How far an object is pushed that has to be moved first, m."""
-
-
-@dataclass(frozen=True, eq=False)
-class Move:
-    """A segment of a plan, as the search has it.
-
-    Attributes:
-        kind: One of `names.SEGMENT_KINDS`.
-        members: What is held; none in a transit.
-        start: (3,) pose of the plate.
-        arcs: (k, 4) twists and lengths.
-        onto: What a close ends at.
-    """
-
-    kind: str
-    members: tuple[Member, ...]
-    start: FloatArray
-    arcs: FloatArray
-    onto: str = ""
-
-    @classmethod
-    def straight(
-        cls, kind: str, members: tuple[Member, ...], start: FloatArray, length: float, onto: str = ""
-    ) -> Move:
-        """Return a straight move ahead, or back where the length is negative."""
-        arcs = np.append(np.sign(length) * AHEAD, [[abs(length)]], axis=1)
-        return cls(kind, members, start, arcs, onto)
-
-    @property
-    def path(self) -> PushPath:
-        """Of the plate."""
-        kept = self.arcs[self.arcs[:, 3] > 1e-12]
-        return PushPath(self.start, kept[:, :3], kept[:, 3])
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +52,12 @@ class Situation:
     last: str
     moves: tuple[Move, ...]
     before: Situation | None
+
+    @cached_property
+    def key(self) -> tuple[object, ...]:
+        """On what it depends what comes next, and what that costs."""
+        delivered = tuple((name, np.asarray(pose).tobytes()) for name, pose in self.delivered.items())
+        return self.left, self.members, self.plate.tobytes(), delivered, self.place
 
     def way(self) -> tuple[Move, ...]:
         """Return all moves until here."""
@@ -137,6 +109,7 @@ class Steps:
         }
         front = self.begin.front
         self.places = row_places(scenario, hands) if front is None else (RowPlace(front, None),)
+        self._priced: dict[tuple[object, ...], tuple[Situation, float] | None] = {}
 
     def _first(self) -> Situation:
         """Return the situation in which nothing was done yet."""
@@ -260,6 +233,18 @@ class Steps:
         if now is None:
             assert chance.taken is not None
             return self._next_taken(self.begin, chance.taken)
+        if not chance.delivers:
+            assert chance.taken is not None
+            if self.hands.hand((*now.members, chance.taken)) is None:
+                return None  # it may have turned out meanwhile that the contact does not surely close
+        key = (now.key, chance.taken, chance.delivers, chance.place, chance.by_way)
+        if key not in self._priced:
+            found = self._worked_out(now, chance)
+            self._priced[key] = None if found is None else (found, found.cost - now.cost)
+        kept = self._priced[key]
+        return None if kept is None else replace(kept[0], cost=now.cost + kept[1], before=now)
+
+    def _worked_out(self, now: Situation, chance: Chance) -> Situation | None:
         hand = self.hands.hand(now.members)
         assert hand is not None
         if not chance.delivers:
@@ -267,10 +252,10 @@ class Steps:
             return self._closing(now, hand, chance.taken, chance.by_way)
         if self._stays(now):
             return self._left_there(now, hand)
-        delivered = self._delivery(now, hand, chance.place, chance.by_way)
-        if delivered is None or chance.taken is None:
-            return delivered
-        return self._next_taken(delivered, chance.taken)
+        if chance.taken is None:
+            return self._delivery(now, hand, chance.place, chance.by_way)
+        delivered = self.priced(replace(chance, taken=None))
+        return None if delivered is None else self._next_taken(delivered, chance.taken)
 
     def _standing(self, left: frozenset[str], delivered: Poses, *without: str) -> dict[str, FloatArray]:
         """Return all that rests: what is no part of the row, or not taken yet, and what was delivered."""
@@ -342,8 +327,6 @@ class Steps:
         )
 
     def _closing(self, now: Situation, hand: Hand, member: Member, by_way: bool) -> Situation | None:
-        if self.hands.hand((*now.members, member)) is None:
-            return None
         end = self._closed(hand, member)
         short = se2.compose(end, [-SHORT, 0.0, 0.0])
         standing = self._standing(now.left, now.delivered)

@@ -177,6 +177,22 @@ def test_objects_are_pushed_together_one_by_one_or_as_costs_decide(made: tuple[S
     assert there(chosen.cost) <= together.cost + 1e-9
 
 
+def test_where_one_by_one_costs_least_that_is_what_is_planned() -> None:
+    robot = {**DOCUMENT["robot"], "start": [2.11, 2.38, -1.5], "drive": CAR}
+    objects = [
+        {**stated, "pose": pose}
+        for stated, pose in zip(DOCUMENT["objects"], ([2.65, 1.67, 2.48], [1.38, 1.04, -2.83]), strict=False)
+    ]
+    row = {"of": ["a", "b"], "pose": [3.68, 3.31, 0.0]}
+    auto, never = (
+        pushplan.plan(scenario_from_document(room), seed=1, time_limit=60.0)
+        for room in (document(row, robot=robot, objects=objects, gather=how) for how in ("auto", "never"))
+    )
+    assert max(len(names) for _, names in kinds(never)) == 1
+    assert list(kinds(auto)) == list(kinds(never))
+    assert auto.cost == pytest.approx(there(never.cost), abs=1e-9)
+
+
 def test_a_stated_order_is_kept() -> None:
     for of in (["c", "a", "b"], ["b", "c", "a"]):
         plan = solved(document({"of": of, "pose": [3.0, 2.0, 0.0], "order": "given"}))
