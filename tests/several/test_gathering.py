@@ -214,7 +214,8 @@ def test_a_row_goes_on_from_those_that_are_placed(row: dict[str, Any]) -> None:
     far = [dict(obj) for obj in objects]
     far[2]["pose"] = [3.375, 2.1, 0.0]
     if "pose" in row:
-        told = pushplan.plan(scenario_from_document({**stated, "objects": far}), seed=1, iterations=30).reason
+        scenario = scenario_from_document({**stated, "objects": far})
+        told = pushplan.plan(scenario, seed=1, iterations=30, time_limit=60.0).reason
         assert "the row's rear" in told
         assert "100 mm and 0 deg off where it shall be" in told
 
@@ -329,7 +330,9 @@ def test_no_plan_has_a_closing_that_is_not_sure(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(closing, "closes", lambda chain, gap, push, friction: len(chain.objects) < 3)
     pairs = solved(document(gather="auto"))
     assert max(len(names) for _, names in kinds(pairs)) == 2
-    none = pushplan.plan(scenario_from_document(document(gather="always")), seed=1, iterations=40)
+    none = pushplan.plan(
+        scenario_from_document(document(gather="always")), seed=1, iterations=40, time_limit=60.0
+    )
     assert not none.solved
     assert "does not surely become flush with 'a', 'b'" in none.reason
 
