@@ -1,9 +1,10 @@
-"""Time per extension of the project's RRT against C++ OMPL with the same work, in one run.
+"""Time per extension of the project's trees against C++ OMPL with the same work, in one run.
 
 Run `python benchmarks/extensions_cpp.py [--extensions 20000] [--scenario three-boxes-clutter]`. Needs a C++ compiler
 and OMPL's headers (Debian: `apt-get install g++ libompl-dev`); says so and does nothing where they are missing. Both
-sides grow one tree of the same number of extensions, never restarted nor pruned, and try the exact connection from
-each node. Times are CPU times, taken in turn.
+sides grow one tree of the same number of extensions, never restarted, and try the exact connection from each node:
+OMPL's RRT, with the core's arcs from Python; those arcs without a planner, at random nodes instead of the nearest
+ones; and SST, here the core's own, which looks at all nodes. Times are CPU times, taken in turn.
 """
 
 from __future__ import annotations
@@ -24,14 +25,22 @@ from ompl import util as ou
 
 from pushplan.bench.machine import Machine
 from pushplan.core.problem import Problem
+from pushplan.core.search import SparseTree, Tree
+from pushplan.planners.controls import margins_to_try
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.search.form import pose_problem
 from pushplan.planners.search.session import Budget, Session
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Scenario
 
-SOURCE = Path(__file__).with_name("extensions.cpp")
 INCLUDES = [Path(f"/usr/include/{name}") for name in ("ompl-1.5", "ompl-1.6", "ompl-1.7", "eigen3")]
+
+
+def posed(scenario: Scenario) -> tuple[Scenario, Problem]:
+    """Return a scenario with the largest margin that `auto` tries, and its problem."""
+    stable = scenario.stable_set()
+    chosen = scenario.with_margin(margins_to_try(scenario, stable)[0])
+    return chosen, build_problem(chosen, stable)
 
 
 class Unreached(ob.GoalRegion):  # type: ignore[misc]
@@ -51,8 +60,9 @@ def why_not() -> str | None:
     return None
 
 
-def build(folder: Path) -> Path:
-    program = folder / "extensions"
+def build(folder: Path, name: str = "extensions") -> Path:
+    """Compile one of the programs beside this file into a folder, and return it."""
+    program = folder / name
     includes = [f"-I{path}" for path in INCLUDES if path.is_dir()]
     command = [
         "g++",
@@ -60,10 +70,10 @@ def build(folder: Path) -> Path:
         "-O3",
         "-march=native",
         *includes,
-        str(SOURCE),
+        str(Path(__file__).with_name(f"{name}.cpp")),
         "-o",
         str(program),
-        "-lompl",
+        *(["-lompl"] if name == "extensions" else []),
     ]
     subprocess.run(command, check=True)
     return program
@@ -98,15 +108,41 @@ def write(problem: Problem, scenario: Scenario, path: Path) -> None:
 def improvements(
     program: Path, problem: Problem, scenario: Scenario, planner: str, seed: int, seconds: float
 ) -> list[tuple[float, float]]:
-    """CPU seconds and costs (m) of the ever better paths of C++ OMPL's `rrt` or `sst`, never shortened."""
+    """CPU seconds and costs (m) of the ever better paths of a planner in C++, never shortened: `hybrid_astar`, or one
+    of OMPL's in `extensions`.
+    """
     data = program.with_name(f"{planner}-{seed}.txt")
     write(problem, scenario, data)
-    command = [program, data, "0", str(seed), planner, str(seconds)]
+    words = [str(seconds)] if program.name == "hybrid_astar" else ["0", str(seed), planner, str(seconds)]
+    command = [program, data, *words]
     told = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     return [(float(a), float(b)) for a, b in (line.split() for line in told.splitlines())]
 
 
-def ours(problem: Problem, scenario: Scenario, extensions: int, seed: int) -> tuple[float, float]:
+def core_arcs(problem: Problem, scenario: Scenario, extensions: int, seed: int) -> tuple[float, float]:
+    """CPU seconds per arc that the core adds to a tree at a random node, and the share of arcs kept."""
+    random = np.random.default_rng(seed)
+    arcs, nodes = random.random((extensions, 3)).tolist(), random.random(extensions).tolist()
+    tree = Tree(problem, scenario.start)
+    tree.clear(scenario.start)
+    began = time.process_time()
+    for (which, where, length), node in zip(arcs, nodes, strict=True):
+        tree.extend(int(node * len(tree)), which, where, length, math.inf)
+    return (time.process_time() - began) / extensions, (len(tree) - 1) / extensions
+
+
+def core_sst(problem: Problem, scenario: Scenario, extensions: int, seed: int) -> tuple[float, float]:
+    """CPU seconds per extension of the core's sparse tree, and the share of arcs that are nodes in the end."""
+    box, state = sampling_box(scenario), np.array([seed], dtype=np.uint64)
+    radii = [share * math.hypot(box[2] - box[0], box[3] - box[1]) for share in (0.08, 0.04)]
+    tree = SparseTree(scenario.start, problem.goal, np.array(box), body_reach(scenario), *radii)
+    began, done = time.process_time(), 0
+    while done < extensions:
+        done += tree.grow(problem, state, math.inf, extensions - done)[0]
+    return (time.process_time() - began) / done, (len(tree.nodes) - len(tree.unused)) / done
+
+
+def python_rrt(problem: Problem, scenario: Scenario, extensions: int, seed: int) -> tuple[float, float]:
     """CPU seconds per extension of OMPL's RRT with the propagator from the core, and the share of arcs kept."""
     ou.setLogLevel(ou.LOG_NONE)
     ou.RNG.setSeed(seed)
@@ -127,23 +163,29 @@ def compare(name: str, extensions: int, repeats: int) -> str:
     missing = why_not()
     if missing is not None:
         return f"C++ comparison skipped: {missing}"
-    scenario = load_scenario(name)
-    problem = build_problem(scenario, scenario.stable_set())
-    mine, theirs = [], []
+    scenario, problem = posed(load_scenario(name))
+    said = []
     with tempfile.TemporaryDirectory() as folder:
         program = build(Path(folder))
         data = Path(folder) / "problem.txt"
         write(problem, scenario, data)
-        for seed in range(1, repeats + 1):
-            mine.append(ours(problem, scenario, extensions, seed))
-            command = [program, data, str(extensions), str(seed)]
-            told = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-            theirs.append([float(word) for word in told.split()[:2]])
-    (a, kept_a), (b, kept_b) = np.median(mine, axis=0), np.median(theirs, axis=0)
-    return (
-        f"{name}: {1e6 * a:.2f} us per extension ({kept_a:.0%} of arcs kept), "
-        f"C++ {1e6 * b:.2f} us ({kept_b:.0%}), ratio {a / b:.2f}"
-    )
+        for what, ours, planner in (
+            ("OMPL's RRT with the core's arcs from Python", python_rrt, "rrt"),
+            ("the core's arcs at random nodes", core_arcs, "rrt"),
+            ("the core's SST", core_sst, "sst"),
+        ):
+            mine, theirs = [], []
+            for seed in range(1, repeats + 1):
+                mine.append(ours(problem, scenario, extensions, seed))
+                command = [program, data, str(extensions), str(seed), planner]
+                told = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+                theirs.append([float(word) for word in told.split()[:2]])
+            (a, kept_a), (b, kept_b) = np.median(mine, axis=0), np.median(theirs, axis=0)
+            said.append(
+                f"{name}, {what}: {1e6 * a:.2f} us per extension ({kept_a:.0%} of arcs kept), "
+                f"{planner} in C++ {1e6 * b:.2f} us ({kept_b:.0%}), ratio {a / b:.2f}"
+            )
+    return "\n".join(said)
 
 
 def main() -> None:

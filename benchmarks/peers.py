@@ -3,13 +3,15 @@
     python benchmarks/peers.py [--families everyday dense series gaps many] [--planners ...] [--seconds 1] [--seeds 2]
 
 Every problem is searched by travel with all of the time: by `auto`; by OMPL's control planners that the package
-offers; and by OMPL's geometric planners over Dubins' car, which the chain is for turns about two of its own points
-(`dubins_planners.py`). All see the same stable set, the same checks of collision and the same goal, which OMPL's
-control planners reach within their tolerance only, where the others end on it exactly. Families are those of
-`ablation.py`, and chains of 8, 20 and 50 boxes in a room with pillars.
+offers; by OMPL's geometric planners over Dubins' car, which the chain is for turns about two of its own points
+(`dubins_planners.py`); and, where there is a C++ compiler and OMPL's headers are installed (`extensions_cpp.py`), by
+OMPL's control planners in C++ (`cpp-...`) and by hybrid A* (`hybrid_astar.cpp`). All see the same stable set, checks
+of collision that prove the same clearance, and the same goal, which all reach exactly by the same words. Those in C++
+have the largest margin that `auto` tries, begin when the problem is read, and do not shorten their paths. Families
+are those of `ablation.py`, and chains of 8, 20 and 50 boxes in a room with pillars.
 
-Printed for each family and planner: the share of runs with a path, CPU time to the first one (median and nine tenths,
-of the runs that have one), the share within 1 % of the cheapest path that any run found, and the mean excess over it.
+Printed for each planner and family: the runs with a path, CPU time to the first one (median and nine tenths, of the
+runs that have one), the share within 1 % of the cheapest path that any run found, and the mean excess over it.
 """
 
 from __future__ import annotations
@@ -20,7 +22,10 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
+import extensions_cpp
 import numpy as np
 from ablation import FAMILIES, scenes
 
@@ -38,7 +43,14 @@ PLANNERS = (
     "kpiece",
     "dubins_planners:RRTOverDubins",
     "dubins_planners:BITStarOverDubins",
+    "cpp-rrt",
+    "cpp-sst",
+    "cpp-est",
+    "cpp-kpiece",
+    "hybrid-astar",
 )
+CPP = ("cpp-", "hybrid-")
+"""How the names of the planners in C++ begin."""
 
 BOXES = (8, 20, 50)
 """How many boxes the chains of the family `many` have."""
@@ -90,6 +102,16 @@ def problems(family: str, count: int) -> Iterator[Scenario]:
     yield from many() if family == "many" else scenes(family, count)
 
 
+def run_cpp(scenario: Scenario, planner: str, seed: int, seconds: float, programs: Path) -> Run:
+    """Search with all of the time by a planner in C++."""
+    chosen, problem = extensions_cpp.posed(scenario)
+    name = "hybrid_astar" if planner == "hybrid-astar" else "extensions"
+    found = extensions_cpp.improvements(
+        programs / name, problem, chosen, planner.removeprefix("cpp-"), seed, seconds
+    )
+    return Run(found[-1][1], found[0][0]) if found else Run(math.inf, math.inf)
+
+
 def run(scenario: Scenario, planner: str, seed: int, seconds: float) -> Run:
     """Search with all of the time."""
     try:
@@ -118,14 +140,35 @@ def main() -> int:
     given = parser.parse_args()
     time.perf_counter = time.process_time  # searches then count CPU time, whatever else the machine does
     print(f"{Machine.this().words}, {given.seeds} seeds, {given.seconds:g} s of CPU each\n")
-    print("| family | planner | solved | first path, ms: median, 90 % | within 1 % | mean excess |")
-    print("|---|---|---|---|---|---|")
+    with TemporaryDirectory() as folder:
+        cells = compare(given, Path(folder))
+    print(f"| planner | {' | '.join(given.families)} |\n|---|{'---|' * len(given.families)}")
+    for planner, of_families in cells.items():
+        print(f"| {planner.rsplit(':', maxsplit=1)[-1]} | {' | '.join(of_families)} |")
+    return 0
+
+
+def compare(given: argparse.Namespace, programs: Path) -> dict[str, list[str]]:
+    """Return the cells of each planner, one for each family."""
+    missing = extensions_cpp.why_not() if any(name.startswith(CPP) for name in given.planners) else None
+    if missing is not None:
+        print(f"planners in C++ skipped: {missing}", file=sys.stderr)
+        given.planners = [name for name in given.planners if not name.startswith(CPP)]
+    elif any(name.startswith(CPP) for name in given.planners):
+        for program in ("extensions", "hybrid_astar"):
+            extensions_cpp.build(programs, program)
+    cells: dict[str, list[str]] = {planner: [] for planner in given.planners}
     for family in given.families:
         every: dict[str, list[Run]] = {planner: [] for planner in given.planners}
         for scenario in problems(family, given.scenes):
             asked = replace(scenario, planner=replace(scenario.planner, cost="travel", arc_price=0.0))
             runs = {
-                planner: [run(asked, planner, seed, given.seconds) for seed in range(1, given.seeds + 1)]
+                planner: [
+                    run_cpp(asked, planner, seed, given.seconds, programs)
+                    if planner.startswith(CPP)
+                    else run(asked, planner, seed, given.seconds)
+                    for seed in range(1, given.seeds + 1)
+                ]
                 for planner in given.planners
             }
             best = min(one.cost for found in runs.values() for one in found)
@@ -134,22 +177,22 @@ def main() -> int:
                     replace(one, cost=one.cost / best if best < math.inf else math.inf) for one in found
                 ]
         for planner, found in every.items():
-            print(row(family, planner, found), flush=True)
-    return 0
+            cells[planner].append(cell(found))
+            print(f"{family}, {planner}: {cells[planner][-1]}", file=sys.stderr, flush=True)
+    return cells
 
 
-def row(family: str, planner: str, runs: list[Run]) -> str:
-    """Return a line of the table."""
+def cell(runs: list[Run]) -> str:
+    """Return what is said of a planner's runs on a family."""
     costs = np.array([one.cost for one in runs])
     solved = np.isfinite(costs)
-    name = planner.rsplit(":", maxsplit=1)[-1]
     if not solved.any():
-        return f"| {family} | {name} | 0 of {len(runs)} | - | - | - |"
+        return f"0 of {len(runs)}"
     firsts = 1e3 * np.array([one.first for one in runs])[solved]
     return (
-        f"| {family} | {name} | {solved.sum()} of {len(runs)} | {np.median(firsts):.3g}, "
-        f"{np.quantile(firsts, 0.9, method='higher'):.3g} | {100 * (costs <= NEAR).mean():.0f} % | "
-        f"{100 * (costs[solved].mean() - 1.0):.1f} % |"
+        f"{solved.sum()} of {len(runs)}; {np.median(firsts):.3g}, "
+        f"{np.quantile(firsts, 0.9, method='higher'):.3g} ms; {100 * (costs <= NEAR).mean():.0f} %, "
+        f"{100 * (costs[solved].mean() - 1.0):.1f} %"
     )
 
 

@@ -112,7 +112,8 @@ class Stated(ABC):
         """Return its JSON Schema."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return core_schema.no_info_before_validator_function(self.read, handler(source))
+        # What `read` returns needs no second look: pydantic would build and ask a validator of its type for that.
+        return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
@@ -163,7 +164,7 @@ class Quantity(Stated):
             raise fault(f"{show(value)}, which is not finite", self.allowed)
         if not self.low <= number <= self.high or (self.whole and not number.is_integer()):
             raise fault(f"is '{shorten(value)}'" if isinstance(value, str) else show(value), self.allowed)
-        return number
+        return int(number) if self.whole else number
 
     def _from_text(self, text: str) -> float:
         parts = split_unit(text)
