@@ -403,6 +403,8 @@ def judged(
 ) -> tuple[str, FloatArray]:
     """Return who judges, and the margins (m, n) that twists had if all contacts were as the judge has them.
 
+    The judge is that of the first load, also before it is pushed: in a log that grows, all parts name the same.
+
     Args:
         loads: What each segment pushes.
         planned: Name of the set that was planned in.
@@ -410,7 +412,9 @@ def judged(
         segment: (m,) index of the segment.
         twists: (m, 3) of the plate frame.
     """
-    judge, margins = "", np.full((len(twists), len(names)), np.nan)
+    first = next((load for load in loads if load is not None), None)
+    judge = "" if first is None else judging_set(first.problem, planned).name
+    margins = np.full((len(twists), len(names)), np.nan)
     for k, load in enumerate(loads):
         rows = np.flatnonzero(segment == k)
         if load is not None and len(rows):
@@ -418,7 +422,7 @@ def judged(
             own = np.array(columns_of(load.chain, names))
             asked = se2.twist_of(load.frame_plate, twists[rows])
             asked[-1] = 0.0  # what comes after the last sample is another segment's
-            judge, margins[np.ix_(rows, own)] = stable.name, stable.contact_margins(moving(asked))
+            margins[np.ix_(rows, own)] = stable.contact_margins(moving(asked))
     return judge, margins
 
 

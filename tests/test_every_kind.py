@@ -8,6 +8,7 @@ import re
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -52,6 +53,9 @@ SETTINGS = ControlSettings(time_limit=60.0, rate=25.0)
 """Iterations end searches, whatever the machine does; half of the usual steps."""
 LOOPS = tuple(f"{kind} in closed loop" for kind in KINDS)
 CLOSED = pytest.mark.parametrize("kind", LOOPS)
+GROWN = TemporaryDirectory(prefix="loops-")
+"""Of the logs of closed loops, written as they go."""
+
 EXECUTED = pytest.mark.parametrize("kind", [*KINDS, *LOOPS])
 
 
@@ -69,7 +73,8 @@ def made(kind: str) -> Made:
         whole = made(kind.split(" ")[0])
         index = 1 if len(whole.execution.names) > 1 else 0
         disturbance = Disturbance(0.5 * float(whole.execution.t[-1]), index, 0.0, 0.005, 0.0)
-        loop = run_closed_loop(whole.scenario, disturbances=[disturbance], plan=whole.plan, settings=SETTINGS)
+        how = {"plan": whole.plan, "settings": SETTINGS, "log": Path(GROWN.name) / f"{kind}.mcap"}
+        loop = run_closed_loop(whole.scenario, disturbances=[disturbance], **how)  # type: ignore[arg-type]
         assert loop.outcome == "arrived", loop.reason
         return Made(whole.scenario, loop.plan, loop.execution, loop)
     text = TEXTS.get(kind)
@@ -179,11 +184,11 @@ def test_trials_arrive_in_a_world_as_planned_and_can_be_looked_at(kind: str, tmp
 def test_a_closed_loop_is_a_run_that_can_be_repeated_shown_and_verified(kind: str, tmp_path: Path) -> None:
     loop = there(made(kind).loop)
     assert pushplan.trial(loop.plan, 2).samples == 2
-    loop.write(tmp_path / "loop.mcap")
-    report = verify_log(tmp_path / "loop.mcap")
+    assert loop.log is not None
+    report = verify_log(loop.log)
     assert report.matches, [check.text for check in report.mismatches]
     assert {"twist", "number of events"} <= {check.quantity for check in report.checks}
-    back = pushplan.load_run(tmp_path / "loop.mcap")
+    back = pushplan.load_run(loop.log)
     write_csv(back, tmp_path / "loop.csv")
     columns = np.genfromtxt(tmp_path / "loop.csv", delimiter=",", names=True)
     np.testing.assert_allclose(columns["t"], loop.simulated.t, atol=1e-9)
