@@ -7,8 +7,12 @@ settings. `--filter none --pairs 0 --seeds 1 2 3 4 5 6 7 8 9` are 108 runs in wh
 
 `--disturbances` (5 mm and 3 deg at 0.1 to 0.9 of the time, friction off by 20 %) tells how many of them are noticed
 within a second. Where they are not, the simulator says what they left: an object that stands again where it stood on
-the plate, to 2.5 mm and 0.5 deg (`position_slack`, `angle_slack`) 0.3 s later, was put back by the contact. All
+the plate, to 2.5 mm and 0.5 deg (`position_slack`, `angle_slack`) 0.5 s later, was put back by the contact. All
 others are missed.
+
+`--slides` lets what a contact pushes slide along it by 10 mm a metre, from 0.1 to 0.7 of the way on, until the loop
+stops and looks, and tells how many slides are noticed before 8 mm of them were on arcs, or 15 mm anywhere. Where the
+push ended before that, there was nothing to notice.
 
 An error of the camera is injected between world and controller, one of odometry between controller and world: the
 plate moves otherwise than it was told, and no `plate_pose` says so but in runs in which that jumps. A run arrives if
@@ -29,9 +33,12 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
+from tracker import Tracker
 
 from pushplan.bench.machine import Machine
-from pushplan.geometry.se2 import compose, exp, relative, wrap_angle
+from pushplan.core.slip import Trace
+from pushplan.geometry.se2 import compose, exp, relative, rotate, wrap_angle
+from pushplan.mechanics.contacts import carried_objects
 from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names, load_scenario
@@ -41,7 +48,8 @@ from pushplan.sim.control.pushing import Phase
 from pushplan.sim.control.replanner import Aim
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
-from pushplan.sim.control.simulated_push import Disturbance, SimulatedPush, simulate_push
+from pushplan.sim.control.simulated_push import Disturbance, SimulatedPush, Simulator, simulate_push
+from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 from pushplan.util.wilson import wilson
@@ -50,8 +58,14 @@ MOST_REPLANS = 3
 LONGEST = 200.0
 """Simulated seconds."""
 DEG = math.pi / 180.0
-HEALED = 0.3
+HEALED = 0.5
 """Time after which a contact has put back what it can, s."""
+RATE, ON_ARCS, ANYWHERE = 0.01, 8e-3, 15e-3
+"""Slides: m a metre, and by how much (m) they may go on unnoticed on arcs, and on arcs and straights together."""
+BENT = 0.05
+"""Curvature (1/m) from which on the plate is on an arc."""
+STOPS = ("deviation", "re-localisation")
+"""Events with which the loop looks where objects are."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +133,7 @@ class Erring:
         seen: The last measurement.
     """
 
-    controller: Controller
+    controller: Controller | Tracker
     errors: Errors
     random: np.random.Generator
     half: float
@@ -193,7 +207,74 @@ class Row:
     stops: int
     """For an object off its place, before anything had happened."""
     left: tuple[float, float]
-    """What of a disturbance is left 0.3 s later, m and rad."""
+    """What of a disturbance is left 0.5 s later, m and rad."""
+    slid: tuple[float, float]
+    """How far a slide had gone on arcs, and at all, when it was noticed or all was over, m."""
+
+    @property
+    def good(self) -> bool:
+        """Whether it arrived as it should."""
+        return self.arrived and self.replans <= MOST_REPLANS
+
+    @property
+    def missed(self) -> bool:
+        """Whether something happened that nothing put back and that went on for too long unnoticed."""
+        usual = ControlSettings()
+        put_back = self.left[0] <= usual.position_slack and self.left[1] <= usual.angle_slack
+        late = self.slid[0] > ON_ARCS or self.slid[1] > ANYWHERE
+        return late or (self.noticed is False and not put_back)
+
+
+class Sliding(SlipSimulator):
+    """A world in which what a contact pushes slides along it, from a way on and until the loop looks.
+
+    Attributes:
+        slid: How far on arcs, and at all, m.
+        since: When it began, s; infinite before.
+    """
+
+    def __init__(
+        self, world: World, controller: Controller | Tracker, begin: float, contact: int, side: float
+    ) -> None:
+        super().__init__(world)
+        self._controller, self._begin, self._side, self._way = controller, begin, side, 0.0
+        self._moved = carried_objects(world.chain)[contact]
+        self._tangent, self._told = world.chain.contacts[contact].tangent, 0
+        self.slid, self.since, self._time = (0.0, 0.0), math.inf, 0.0
+
+    def move(self, twist: ArrayLike, duration: float) -> Trace:
+        """Move as any world does, and let the objects slide."""
+        trace = super().move(twist, duration)
+        x, y, turn = np.asarray(twist) * duration
+        step, events = float(math.hypot(x, y)), self._controller.events
+        self._way, self._time = self._way + step, self._time + duration
+        if self.since == math.inf and self._way > self._begin and self._controller.phase is Phase.PUSHING:
+            self.since, self._told = self._time, len(events)
+        noticed = any(event.kind in STOPS for event in events[self._told :])
+        if self.since < math.inf and not noticed and not self.jammed and self.slid[1] <= 2.0 * ANYWHERE:
+            poses = self.object_poses
+            shift = rotate(float(self.plate_pose[2]), self._side * RATE * step * self._tangent)
+            poses[self._moved, :2] += shift
+            self.place(poses, self.plate_pose)
+            bent = float(abs(turn) > BENT * step)
+            self.slid = self.slid[0] + bent * RATE * step, self.slid[1] + RATE * step
+        return trace
+
+
+@dataclass(frozen=True)
+class Job:
+    """A run to be made: names of scenario and error, the errors, the seed, and what happens.
+
+    Told: settings know of noise. Tracker: in place of the controller.
+    """
+
+    name: str
+    error: str
+    errors: Errors
+    seed: int
+    what: str
+    told: bool
+    tracker: bool
 
 
 @cache
@@ -207,29 +288,28 @@ def _settings(told: bool) -> ControlSettings:
     return replace(usual, position_noise=2e-3, angle_noise=0.6 * DEG) if told else usual
 
 
-def run(job: tuple[str, str, Errors, int, bool, bool]) -> Row:
+def run(job: Job) -> Row:
     """Run one scenario with one error."""
-    name, _, errors, seed, disturbances, told = job
-    scenario, plan = _first(name, told)
+    scenario, plan = _first(job.name, job.told)
     assert plan.trajectory is not None
-    assert plan.path is not None
-    random = np.random.default_rng([seed, *name.encode()])
-    controller = Controller(scenario, _settings(told), plan=plan)
-    driver = Erring(controller, errors, random, 0.5 * plan.trajectory.duration)
+    random = np.random.default_rng([job.seed, *job.name.encode()])
+    settings = _settings(job.told)
+    controller = Tracker(plan, settings) if job.tracker else Controller(scenario, settings, plan=plan)
+    driver = Erring(controller, job.errors, random, 0.5 * plan.trajectory.duration)
     world, disturbance = World.from_scenario(scenario), None
-    if errors.start != (0.0, 0.0):
-        world = _beside(world, errors.start, random)
-    if disturbances:
-        for obj in scenario.chain.objects:
-            world = world.with_contact_friction(1.0 + 0.2 * random.choice([-1.0, 1.0]), obj.name)
-            world = world.with_floor_friction(1.0 + 0.2 * random.choice([-1.0, 1.0]), obj.name)
-        way, turn = random.uniform(-math.pi, math.pi), 3.0 * DEG * random.choice([-1.0, 1.0])
-        at, index = (
-            random.uniform(0.1, 0.9) * plan.trajectory.duration,
-            int(random.integers(len(world.names))),
-        )
-        disturbance = Disturbance(at, index, 5e-3 * math.cos(way), 5e-3 * math.sin(way), turn)
-    sensor = Sensor(delay=errors.unstamped or 0.1, position=errors.noise[0], angle=errors.noise[1])
+    if job.errors.start != (0.0, 0.0):
+        world = _beside(world, job.errors.start, random)
+    random = np.random.default_rng([job.seed, *f"{job.name} {job.error}".encode()])  # every error has others
+    if job.what == "disturbances":
+        world, disturbance = _disturbed(world, plan.trajectory.duration, random)
+    simulator: Simulator = SlipSimulator(world)
+    planned = float(np.hypot(*np.diff(plan.trajectory.poses[:, :2], axis=0).T).sum())
+    if job.what == "slides":
+        begin, contact = random.uniform(0.1, 0.7) * planned, int(random.integers(len(world.names)))
+        simulator = Sliding(world, controller, begin, contact, random.choice([-1.0, 1.0]))
+    sensor = Sensor(
+        delay=job.errors.unstamped or 0.1, position=job.errors.noise[0], angle=job.errors.noise[1]
+    )
     began = time.process_time()
     course = simulate_push(
         world,
@@ -237,34 +317,48 @@ def run(job: tuple[str, str, Errors, int, bool, bool]) -> Row:
         controller.settings.rate,
         [disturbance] if disturbance else [],
         sensor,
-        seed,
+        job.seed,
         time_limit=LONGEST,
+        simulator_of=lambda _: simulator,
     )
-    aim = Aim.of(scenario.goal, scenario.chain, 5e-3, DEG)
-    true = aim.errors(course.object_poses[-1])
-    last = (
-        compose(course.object_poses[-1], driver.shift)
-        if driver.own
-        else course.object_poses[-1] + driver.shift
-    )
-    there = any(
-        (aim.errors(poses) <= 1.05 * aim.tolerance).all() for poses in (course.object_poses[-1], last)
-    )
-    arrived = controller.phase is Phase.ARRIVED and bool(there)
-    replans = sum(replan.solved for replan in controller.replans)
-    travel = float(np.hypot(*np.diff(course.poses[:, :2], axis=0).T).sum())
-    noticed, left, until = None, (0.0, 0.0), math.inf
-    if disturbance is not None:
-        stops, until = ("deviation", "re-localisation", "slide", "bump"), disturbance.time
-        noticed = any(e.kind in stops and 0.0 <= e.time - until <= 1.0 for e in controller.events)
-        left = _left(course, until)
-    false = sum(e.kind == "deviation" and e.time < until for e in controller.events)
-    outcome = "jammed" if course.jammed else controller.reason or controller.phase.value
-    outcome = "arrived elsewhere" if outcome == "arrived" and not there else outcome
-    planned = float(np.hypot(*np.diff(plan.trajectory.poses[:, :2], axis=0).T).sum())
-    error = float(true[0]), float(true[1])
     seconds = time.process_time() - began
-    return Row(name, arrived, outcome, error, replans, travel, planned, noticed, seconds, false, left)
+    aim = Aim.of(scenario.goal, scenario.chain, 5e-3, DEG)
+    end = course.object_poses[-1]
+    last = compose(end, driver.shift) if driver.own else end + driver.shift
+    there = any(bool((aim.errors(poses) <= 1.05 * aim.tolerance).all()) for poses in (end, last))
+    outcome = "jammed" if course.jammed else controller.reason or controller.phase.value
+    noticed, left, since, slid = None, (0.0, 0.0), math.inf, (0.0, 0.0)
+    if disturbance is not None:
+        since, left = disturbance.time, _left(course, disturbance.time)
+        noticed = any(e.kind in STOPS and 0.0 <= e.time - since <= 1.0 for e in controller.events)
+    elif isinstance(simulator, Sliding):
+        since, slid = simulator.since, simulator.slid
+        noticed = any(e.kind == "deviation" and e.time >= since for e in controller.events)
+    error = aim.errors(end)
+    return Row(
+        job.name,
+        controller.phase is Phase.ARRIVED and there,
+        "arrived elsewhere" if outcome == "arrived" and not there else outcome,
+        (float(error[0]), float(error[1])),
+        sum(replan.solved for replan in controller.replans),
+        float(np.hypot(*np.diff(course.poses[:, :2], axis=0).T).sum()),
+        planned,
+        noticed,
+        seconds,
+        sum(e.kind == "deviation" and e.time < since for e in controller.events),
+        left,
+        slid,
+    )
+
+
+def _disturbed(world: World, duration: float, random: np.random.Generator) -> tuple[World, Disturbance]:
+    """Return a world whose friction is off, and a disturbance."""
+    for name in world.names:
+        world = world.with_contact_friction(1.0 + 0.2 * random.choice([-1.0, 1.0]), name)
+        world = world.with_floor_friction(1.0 + 0.2 * random.choice([-1.0, 1.0]), name)
+    way, turn = random.uniform(-math.pi, math.pi), 3.0 * DEG * random.choice([-1.0, 1.0])
+    at, index = random.uniform(0.1, 0.9) * duration, int(random.integers(len(world.names)))
+    return world, Disturbance(at, index, 5e-3 * math.cos(way), 5e-3 * math.sin(way), turn)
 
 
 def _left(course: SimulatedPush, time: float) -> tuple[float, float]:
@@ -292,8 +386,11 @@ def main() -> int:
     parser.add_argument("--only", nargs="*", help="names of scenarios")
     parser.add_argument("--filter", nargs="*", help="parts of names of errors")
     parser.add_argument("--pairs", type=int, default=12, help="pairs of errors, drawn by the first seed")
-    parser.add_argument("--disturbances", action="store_true")
+    happens = parser.add_mutually_exclusive_group()
+    for what in ("disturbances", "slides"):
+        happens.add_argument(f"--{what}", dest="what", action="store_const", const=what, default="")
     parser.add_argument("--told", action="store_true", help="settings know of noise of 2 mm and 0.6 deg")
+    parser.add_argument("--tracker", action="store_true", help="a tracker in place of the controller")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--verbose", action="store_true", help="print runs that do not arrive")
     asked = parser.parse_args()
@@ -308,7 +405,7 @@ def main() -> int:
         errors = {name: e for name, e in errors.items() if any(part in name for part in asked.filter)}
     scenarios = [n for n in example_names() if load_scenario(n).kind == "push" and n in (asked.only or [n])]
     jobs = [
-        (n, e, errors[e], s, asked.disturbances, asked.told)
+        Job(n, e, errors[e], s, asked.what, asked.told, asked.tracker)
         for e in errors
         for n in scenarios
         for s in asked.seeds
@@ -321,37 +418,36 @@ def main() -> int:
             every += found
             print(f"{name:30} {_words(found)}", flush=True)
             for row in found if asked.verbose else ():
-                if row.noticed is False or row.stops:
-                    left = f"{1e3 * row.left[0]:.1f} mm {row.left[1] / DEG:.2f} deg"
-                    how = "" if row.noticed is not False else "put back" if _healed(row) else "missed"
-                    print(f"    {row.name}: {row.stops} stops for nothing; left {left} {how}")
-                if not (row.arrived and row.replans <= MOST_REPLANS):
-                    off = f"{1e3 * row.error[0]:.1f} mm {row.error[1] / DEG:.2f} deg"
-                    way = f"{row.replans} replans, {row.travel:.1f} of {row.planned:.1f} m"
-                    print(f"    {row.name}: {way}, {off}: {row.outcome}")
+                if not row.good or row.missed or row.stops:
+                    print(f"    {row.name}: {_told(row)}")
     print(f"{'all':30} {_words(every)}")
     return 0
 
 
-def _healed(row: Row) -> bool:
-    usual = ControlSettings()
-    return row.left[0] <= usual.position_slack and row.left[1] <= usual.angle_slack
+def _told(row: Row) -> str:
+    left, slid = row.left, row.slid
+    off = f"{1e3 * row.error[0]:.1f} mm {row.error[1] / DEG:.2f} deg"
+    way = f"{row.replans} replans, {row.travel:.1f} of {row.planned:.1f} m, {off}: {row.outcome}"
+    way += f"; {row.stops} stops for nothing" if row.stops else ""
+    if row.missed:
+        way += f"; missed: left {1e3 * left[0]:.1f} mm {left[1] / DEG:.2f} deg"
+        way += f", slid {1e3 * slid[0]:.1f} mm on arcs of {1e3 * slid[1]:.1f} mm"
+    return way
 
 
 def _words(rows: list[Row]) -> str:
-    good = sum(row.arrived and row.replans <= MOST_REPLANS for row in rows)
+    good = sum(row.good for row in rows)
     low, high = wilson(good, len(rows))
     travel = np.array([row.travel / row.planned for row in rows])
     far = sum(row.travel > 2.0 * row.planned + 1.0 for row in rows)
-    disturbed = [row for row in rows if row.noticed is not None]
-    unnoticed = [row for row in disturbed if not row.noticed]
-    missed = [row for row in unnoticed if not _healed(row)]
     noticed = f", {sum(row.stops > 0 for row in rows)} stop for nothing"
-    if disturbed:
-        put = len(unnoticed) - len(missed)
-        noticed += (
-            f", disturbances: {len(disturbed) - len(unnoticed)} noticed, {put} put back, {len(missed)} missed"
+    if any(row.noticed is not None for row in rows):
+        seen, missed = (
+            sum(bool(row.noticed) and not row.missed for row in rows),
+            sum(row.missed for row in rows),
         )
+        rest = "ended before" if any(row.slid[1] for row in rows) else "put back"
+        noticed += f"; {seen} noticed, {len(rows) - seen - missed} {rest}, {missed} missed"
     return (
         f"{good:3} of {len(rows):3} ({100 * low:.0f} to {100 * high:.0f} %), travel {np.median(travel):.2f}, "
         f"{far} beyond 2 x + 1 m, {np.mean([row.replans for row in rows]):.1f} replans, "

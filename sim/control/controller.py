@@ -33,11 +33,11 @@ from pushplan.scenario.model import Obstacle, Scenario
 from pushplan.sim.control.estimator import Estimator
 from pushplan.sim.control.following import Following
 from pushplan.sim.control.jobs import PushJob, alone, is_last, push_job
-from pushplan.sim.control.pushing import Phase, PushLoop, words
+from pushplan.sim.control.pushing import Phase, PushLoop
 from pushplan.sim.control.replanner import Replanner
 from pushplan.sim.control.rest import Leg, RestPlanner, legs_to, standing_obstacles
 from pushplan.sim.control.sensing import MEMORY, Sightings
-from pushplan.sim.control.settings import ControlSettings
+from pushplan.sim.control.settings import ControlSettings, words
 from pushplan.sim.control.standing import Deliveries, Standing
 from pushplan.sim.follower import Steering
 from pushplan.sim.intake import Intake

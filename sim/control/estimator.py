@@ -14,21 +14,22 @@ observable yet.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pushplan.geometry.se2 import chained, compose, exp, inverse, log, relative, wrap_angle
+from pushplan.geometry.se2 import chained, compose, exp, inverse, log, relative, rotate, wrap_angle
 from pushplan.sim.control.settings import ControlSettings
-from pushplan.util.arrays import FloatArray
+from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
-ROOM = 160
+ROOM = 320
 """Samples kept; when there are more, every second one of the older half goes."""
 HOLD = 0.4
 """Age that a sample has to have before it is learned from, s: what happens is noticed before it can be explained."""
 FREEDOM = 4.0
 """Degrees of freedom of Student's t."""
-ROUNDS = 2
+ROUNDS = 1
 """Gauss-Newton steps a fit, which begins from the last one."""
 MODEL = (3e-4, 1e-3)
 """What the model errs by whatever is known, m and rad."""
@@ -55,6 +56,31 @@ class Sample:
     places: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """What samples tell, made linear in the values.
+
+    Attributes:
+        samples: Of what.
+        sigma: (3,) what errors are divided by, m, m and rad.
+        seen: (k, n) whether an object was.
+        errors: (m, 3) of all that were seen, sample by sample.
+        jacobian: (m, 3, p) their derivatives by the values.
+        weights: (m,) by Student's t.
+        gradient: (p,) of half the squares, priors included, by the values.
+        hessian: (p, p) likewise.
+    """
+
+    samples: list[Sample]
+    sigma: FloatArray
+    seen: BoolArray
+    errors: FloatArray
+    jacobian: FloatArray
+    weights: FloatArray
+    gradient: FloatArray
+    hessian: FloatArray
+
+
 class Estimator:
     """Estimates constants of the sensors and of the plate's motion.
 
@@ -64,13 +90,14 @@ class Estimator:
         known: Of a push before: what it found of clock and wheels is the prior.
 
     Attributes:
+        settings: See there.
         values: (7 + 3 n,) x, y (m), theta (rad) of C, tau (s), s_v, c, s_w, and of each object x, y, theta of B_i.
         covariance: Of these.
         noise: (2,) standard deviations of measurements, m and rad, as stated or as found where that is more.
     """
 
     def __init__(self, settings: ControlSettings, count: int, known: Estimator | None = None) -> None:
-        self._settings, self._count = settings, count
+        self.settings, self._count = settings, count
         gauge = [settings.start_error[0]] * 2 + [settings.start_error[1]]
         scale = settings.odometry_error
         bias = [settings.bias[0]] * 2 + [settings.bias[1]]
@@ -82,15 +109,22 @@ class Estimator:
         self.values: FloatArray = self._center.copy()
         self.covariance: FloatArray = np.diag(self._prior**2)
         self.noise = np.array([settings.position_noise, settings.angle_noise])
+        self._precision: FloatArray = np.diag(self._prior**-2.0)
         self._history, self._count_moved = np.zeros((1024, 4)), 0
         self._knots: list[FloatArray] = []
         self._samples: list[Sample] = []
 
+    @property
+    def count(self) -> int:
+        """Number of samples that are kept."""
+        return len(self._samples)
+
     def unstamped(self) -> None:
         """Expect what comes without a time to be late."""
-        late = self._settings.late
+        late = self.settings.late
         self._center[3], self._prior[3] = late, late
         self.values[3], self.covariance[3, 3] = late, late**2
+        self._precision = np.diag(self._prior**-2.0)
 
     def moved(self, time: float, plate: FloatArray) -> None:
         """Take down where the plate is by what it was told, or by odometry (3,)."""
@@ -115,7 +149,7 @@ class Estimator:
 
     def plate(self, time: float) -> FloatArray:
         """Return where the plate is or was at a time (3,), as the measured poses have it."""
-        return np.asarray(self._plates(self.values, np.array([time]), False)[0])
+        return np.asarray(self._plates(self.values, *self._moments(np.array([time])))[0])
 
     def scaled(self, twist: FloatArray) -> FloatArray:
         """Return the body twist (3,) that the plate does when it is told another."""
@@ -139,12 +173,28 @@ class Estimator:
         bias = self.values[COMMON:].reshape(-1, 3)
         return compose(poses, inverse(bias - self._aside(places, normals)))
 
-    def take_slides(self, places: FloatArray, normals: FloatArray) -> None:
-        """Take errors along the contacts for slides: places that come have them."""
-        aside = self._aside(places, normals)
-        self._samples = [Sample(s.time, s.poses, compose(s.places, aside)) for s in self._samples]
+    def take_for_closed(self, resting: Sample, recent: Iterable[Sample], normals: FloatArray) -> None:
+        """Begin once more from objects at rest that have slid to new places, where contacts are closed.
+
+        Errors along the contacts were slides; what the objects still seem off is the camera's. Of the samples before
+        only what they tell of the plate is kept: the offsets of objects that have slid would be taken for its errors.
+
+        Args:
+            resting: Mean of what was measured, and the new places.
+            recent: Measurements at rest; with what comes next, they tell the delay.
+            normals: See `unbiased`.
+        """
         self.values = self.values.copy()
-        self.values[COMMON:] -= aside.reshape(-1)
+        self.values[COMMON:] -= self._aside(resting.places, normals).reshape(-1)
+        (rest,) = self.residuals([resting])
+        self.values[COMMON:] += rest.reshape(-1)
+        common = self.covariance[:COMMON, :COMMON] + np.diag((DOUBT * self._prior[:COMMON]) ** 2)
+        self._precision = np.diag(self._prior**-2.0)
+        self._precision[:COMMON, :COMMON] = np.linalg.inv(common)
+        self._center, self._samples = self.values, []
+        for one in recent:
+            self.add(replace(one, places=resting.places))
+        self.fit(resting.time + HOLD)
 
     def _aside(self, places: FloatArray, normals: FloatArray) -> FloatArray:
         """Return what of the errors (n, 3) in the objects' frames is along the contacts."""
@@ -156,11 +206,11 @@ class Estimator:
 
     def residuals(self, samples: list[Sample]) -> FloatArray:
         """Return what measurements are off (k, n, 3) of what is expected with closed contacts, in their frames."""
-        return self._residuals(self.values, samples)
+        return self._residuals(samples)
 
     def spread(self, sample: Sample) -> FloatArray:
         """Return the standard deviations (n, 2) of what is expected of the objects then, m and rad."""
-        jacobian = self._jacobian([sample], self.values)[0]
+        jacobian = self._linear([sample])[1][0]
         own = np.einsum("nip,pq,niq->ni", jacobian, self.covariance, jacobian)
         position, angle = 0.5 * own[:, :2].sum(axis=1), own[:, 2]
         return np.asarray(np.sqrt(np.stack([position + MODEL[0] ** 2, angle + MODEL[1] ** 2], axis=-1)))
@@ -171,26 +221,34 @@ class Estimator:
         if len(samples) < 8:
             return
         self._look_at_noise(samples)
-        sigma = np.array([self.noise[0], self.noise[0], self.noise[1]])
-        values = self.values
         for _ in range(ROUNDS):
-            errors = self._residuals(values, samples) / sigma
-            seen = ~np.isnan(errors[..., 0])
-            jacobian = (self._jacobian(samples, values) / sigma[:, None])[seen]
-            e = errors[seen]
-            weights = (FREEDOM + 3.0) / (FREEDOM + (e**2).sum(axis=1))
-            hessian = np.einsum("k,kip,kiq->pq", weights, jacobian, jacobian) + np.diag(self._prior**-2.0)
-            gradient = (
-                np.einsum("k,kip,ki->p", weights, jacobian, e) + (values - self._center) / self._prior**2
-            )
-            values = values - np.linalg.solve(hessian, gradient)
-        self.values, self.covariance = values, np.linalg.inv(hessian)
+            self.values, self.covariance = self.solved(self.linear(samples))
 
-    def absorb(self, off: FloatArray) -> None:
-        """Take what is off (n, 3) in the objects' frames, and stays so after a push, for errors of measurement."""
-        self.values = self.values.copy()
-        self.values[COMMON:] += off.reshape(-1)
-        self._center[COMMON:] = self.values[COMMON:]
+    def linear(self, samples: list[Sample] | None = None) -> Linear:
+        """Return what samples, or all that are kept, tell near the values."""
+        samples = self._samples if samples is None else samples
+        sigma = np.array([self.noise[0], self.noise[0], self.noise[1]])
+        errors, jacobian = self._linear(samples)
+        errors, jacobian = errors / sigma, jacobian / sigma[:, None]
+        seen = ~np.isnan(errors[..., 0])
+        weights = (FREEDOM + 3.0) / (FREEDOM + (errors[seen] ** 2).sum(axis=1))
+        errors, jacobian = errors[seen], jacobian[seen]
+        weighted = (weights[:, None, None] * jacobian).reshape(-1, len(self.values)).T
+        hessian = weighted @ jacobian.reshape(-1, len(self.values)) + self._precision
+        gradient = weighted @ errors.reshape(-1) + self._precision @ (self.values - self._center)
+        return Linear(samples, sigma, seen, errors, jacobian, weights, gradient, hessian)
+
+    def solved(self, linear: Linear) -> tuple[FloatArray, FloatArray]:
+        """Return the most likely values and their covariance."""
+        covariance = np.asarray(np.linalg.inv(linear.hessian), dtype=np.float64)
+        return self.values - covariance @ linear.gradient, covariance
+
+    def ways(self, samples: list[Sample]) -> FloatArray:
+        """Return how far the plate had driven (k,) when samples were taken, m."""
+        history = self._history[: self._count_moved]
+        ways = np.append(0.0, np.cumsum(np.hypot(*np.diff(history[:, 1:3], axis=0).T)))
+        times = np.array([sample.time for sample in samples]) - self.values[3]
+        return np.asarray(np.interp(times, history[:, 0], ways))
 
     def words(self) -> str:
         """Return what was found, and what was not."""
@@ -230,55 +288,79 @@ class Estimator:
         """Estimate the noise from what differs from one measurement to the next."""
         recent = samples[-4 * NOISY :]
         close = np.diff([sample.time for sample in recent]) < 0.15
-        errors = np.diff(self._residuals(self.values, recent), axis=0)[close] / math.sqrt(2.0)
+        errors = np.diff(self._residuals(recent), axis=0)[close] / math.sqrt(2.0)
         errors = errors[~np.isnan(errors[..., 0])]
         if len(errors) >= NOISY:
             found = 1.48 * np.median(np.abs(errors), axis=0)
-            stated = self._settings.position_noise, self._settings.angle_noise
+            stated = self.settings.position_noise, self.settings.angle_noise
             self.noise = np.maximum(stated, [0.5 * (found[0] + found[1]), found[2]])
             self.noise = np.maximum(self.noise, [1e-6, 1e-6])
 
-    def _residuals(self, values: FloatArray, samples: list[Sample]) -> FloatArray:
+    def _residuals(self, samples: list[Sample]) -> FloatArray:
         """Return errors (k, n, 3) of samples in the objects' frames."""
-        error = relative(self._expected(values, samples), np.array([sample.poses for sample in samples]))
-        error[..., 2] = wrap_angle(error[..., 2])
-        return error
+        times, poses, places = _arrays(samples)
+        plates = self._plates(self.values, *self._moments(times - self.values[3]))
+        return self._errors(plates, poses, places)
 
-    def _jacobian(self, samples: list[Sample], values: FloatArray) -> FloatArray:
-        """Return derivatives (k, n, 3, p) of the errors by the values; by those of B_i, which is small, minus 1."""
-        made = np.zeros((len(samples), self._count, 3, len(values)))
-        origin = [Sample(s.time, np.zeros_like(s.poses), s.places) for s in samples]
-        there = self._expected(values, origin)
-        for p in range(COMMON):
-            moved = values.copy()
-            moved[p] += STEPS[p]
-            step = relative(there, self._expected(moved, origin))
-            step[..., 2] = wrap_angle(step[..., 2])
-            made[..., p] = -step / STEPS[p]
+    def _errors(self, plates: FloatArray, poses: FloatArray, places: FloatArray) -> FloatArray:
+        expected = compose(plates[:, None], compose(places, self.values[COMMON:].reshape(-1, 3)))
+        errors = relative(expected, poses)
+        errors[..., 2] = wrap_angle(errors[..., 2])
+        return errors
+
+    def _linear(self, samples: list[Sample]) -> tuple[FloatArray, FloatArray]:
+        """Return errors (k, n, 3) and their derivatives (k, n, 3, p); by those of B_i, which is small, minus 1."""
+        times, poses, places = _arrays(samples)
+        moments = self._moments(times - self.values[3])
+        plates = self._plates(self.values, *moments)
+        moved = np.zeros((len(samples), 3, COMMON))  # body motions of the plate by each value
+        away = plates[:, :2] - compose(self._history[0, 1:], self.values[:3])[:2]
+        for p in (0, 1):
+            ahead = rotate(float(self._history[0, 3]), np.eye(3)[p, :2])
+            moved[:, :2, p] = rotate(-plates[:, 2], np.broadcast_to(ahead, away.shape))
+        moved[:, :2, 2] = rotate(-plates[:, 2], np.stack([-away[:, 1], away[:, 0]], axis=-1))
+        moved[:, 2, 2] = 1.0
+        for p in range(3, COMMON):
+            values = self.values.copy()
+            values[p] += STEPS[p]
+            at = self._moments(times - values[3]) if p == 3 else moments
+            moved[:, :, p] = log(relative(plates, self._plates(values, *at))) / STEPS[p]
+        there = compose(places, self.values[COMMON:].reshape(-1, 3))
+        jacobian = np.zeros((*there.shape, len(self.values)))
+        arm = np.stack([-there[..., 1], there[..., 0]], axis=-1)[..., None] * moved[:, None, 2:, :]
+        motion = moved[:, None, :2, :] + arm
+        cos, sin = np.cos(there[..., 2])[..., None], np.sin(there[..., 2])[..., None]
+        jacobian[:, :, 0, :COMMON] = -(cos * motion[:, :, 0] + sin * motion[:, :, 1])
+        jacobian[:, :, 1, :COMMON] = sin * motion[:, :, 0] - cos * motion[:, :, 1]
+        jacobian[:, :, 2, :COMMON] = -moved[:, None, 2, :]
         for i in range(self._count):
-            made[:, i, :, COMMON + 3 * i : COMMON + 3 * i + 3] = -np.eye(3)
-        return made
+            jacobian[:, i, :, COMMON + 3 * i : COMMON + 3 * i + 3] = -np.eye(3)
+        return self._errors(plates, poses, places), jacobian
 
-    def _expected(self, values: FloatArray, samples: list[Sample]) -> FloatArray:
-        plates = self._plates(values, np.array([sample.time for sample in samples]), True)
-        places = compose(np.array([sample.places for sample in samples]), values[COMMON:].reshape(-1, 3))
-        return compose(plates[:, None], places)
-
-    def _plates(self, values: FloatArray, times: FloatArray, late: bool) -> FloatArray:
-        """Return where the plate was (k, 3) at times, which grow; `late`: tau before them."""
+    def _moments(self, times: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return the knot (k,) before each time, and the motion (k, 3) since it, as told."""
         times_moved, history = self._history[: self._count_moved, 0], self._history[: self._count_moved, 1:]
         last = len(history) - 1
-        at = np.clip(times - (values[3] if late else 0.0), times_moved[0], times_moved[-1])
+        at = np.clip(times, times_moved[0], times_moved[-1])
         k = np.clip(np.searchsorted(times_moved, at, side="right") - 1, 0, max(last - 1, 0))
         after = np.minimum(k + 1, last)
         span = times_moved[after] - times_moved[k]
         share = (at - times_moved[k]) / np.where(span > 0.0, span, 1.0)
         poses = compose(history[k], exp(log(relative(history[k], history[after])) * share[:, None]))
         knot = k // KNOT
-        begin = compose(history[0], values[:3])
+        return knot, log(relative(history[knot * KNOT], poses))
+
+    def _plates(self, values: FloatArray, knot: IntArray, rest: FloatArray) -> FloatArray:
+        """Return where the plate was (k, 3) so far behind knots."""
+        begin = compose(self._history[0, 1:], values[:3])
         chain = chained(begin, exp(_scaled(np.array(self._knots).reshape(-1, 3), values)))
-        rest = log(relative(history[knot * KNOT], poses))
         return compose(chain[knot], exp(_scaled(rest, values)))
+
+
+def _arrays(samples: list[Sample]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return times (k,), poses (k, n, 3) and places (k, n, 3) of samples."""
+    times = np.array([sample.time for sample in samples])
+    return times, np.array([s.poses for s in samples]), np.array([s.places for s in samples])
 
 
 def _scaled(twists: FloatArray, values: FloatArray) -> FloatArray:

@@ -27,12 +27,13 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Obstacle
 from pushplan.sim.control.closing import ClosingPush, Contacts, Spread, closing_push, contacts_at
+from pushplan.sim.control.departures import Slide, find_slide, off_place
 from pushplan.sim.control.estimator import HOLD, Estimator, Sample
 from pushplan.sim.control.following import Following
 from pushplan.sim.control.jobs import PushJob
 from pushplan.sim.control.replanner import CAUTION, Replanner
 from pushplan.sim.control.sensing import Sightings
-from pushplan.sim.control.settings import SIGMAS, ControlSettings
+from pushplan.sim.control.settings import SIGMAS, ControlSettings, words
 from pushplan.sim.control.stall import StallWatch
 from pushplan.sim.follower import Steering
 from pushplan.sim.world import World
@@ -48,11 +49,8 @@ FREE = 3
 """Plans on the way that are made whatever they cost; later ones only up to twice the first plan, and 1 m."""
 WORTH = 0.5
 """Way (m) that it is worth to come nearer by no more than that."""
-SLOW, QUICK, UNSURE = 4.0, 5.0, 3.0
-"""Standard deviations of the mean of many measurements, of two, and of what is expected, by which an object has to be
-off."""
-SETTLE, UNSETTLED = 0.02, (1.5e-3, math.radians(0.4))
-"""Way after which contacts that were open at first are closed, m, and by what they may have been (m, rad)."""
+SETTLE = 0.02
+"""Way after which contacts that were open at first are closed, m."""
 REFIT = 0.25
 """Time between two fits, s."""
 ROUND = (2.0, 1.0)
@@ -133,6 +131,7 @@ class PushLoop:
         self._recent: deque[Sample] = deque(maxlen=max(2, 3 * settings.looks // 4))
         self.places = scenario.chain.places
         self._open: Contacts | None = None
+        self._slide: Slide | None = None
         self._since, self._closings, self._settled = now, 0, False
         self._path: PushPath = plan.path
         self._touching, self._off = job.settle > 0.0, (0.0, 0.0)
@@ -177,6 +176,8 @@ class PushLoop:
             self._fitted = self._now
             self.estimator.fit(self._now)
             self.plate = self.estimator.plate(self._now)
+            if self._settled:
+                self._slide = find_slide(self.estimator, self._replanner.chain, self._since)
 
     def notice(self, obstacles: tuple[Obstacle, ...]) -> None:
         """Take over what stands in the way now.
@@ -235,41 +236,22 @@ class PushLoop:
 
     def _watch(self, unseen: float) -> None:
         """Stop when an object has left its place, or nothing is seen any more."""
-        kind, what = "unseen", f"no measurement has come for {unseen:.2f} s"
+        kind, what, since = "unseen", f"no measurement has come for {unseen:.2f} s", self._now - 2.0 * HOLD
+        slide = self._slide
         if unseen <= self.settings.patience and self.phase is Phase.PUSHING:
-            kind, what = "deviation", self._departure()
+            recent = [sample for sample in self._recent if sample.time >= self._since]
+            kind, what = "deviation", off_place(self.estimator, recent, self.load.names, self._settled)
+            if not what and slide is not None:
+                far = f"{1e3 * abs(slide.size):.1f} mm along what pushes it"
+                what, since = f"{self.load.names[slide.contact]} has slid by {far}", min(since, slide.since)
         if what and (kind == "deviation" or unseen > self.settings.patience):
             self._tell(kind, what)
             self.wary |= kind == "deviation"
-            self.estimator.forget(self._now - 2.0 * HOLD, self._now)
+            self.estimator.forget(since, self._now)
+            if slide is not None:
+                self.estimator.fit(self._now)  # what it took for constants is none
+            self._slide = None
             self._following.drive.stop()
-
-    def _departure(self) -> str:
-        """Return which object has left its place and by how much; empty if none has.
-
-        Three quarters of the measurements of a look, or half of them, tell of a slow departure, two of a quick one:
-        the mean of what they are off what was expected from all that was learned before.
-        """
-        recent = [sample for sample in self._recent if sample.time >= self._since]
-        if len(recent) < 2:
-            return ""
-        names, settings, noise = self.scenario.chain.objects, self.settings, self.estimator.noise
-        slack, gaps = np.array([settings.position_slack, settings.angle_slack]), UNSURE * np.array(UNSETTLED)
-        off, most_seen = self.estimator.residuals(recent), self._recent.maxlen or 2
-        for i, obj in enumerate(names):
-            own = off[~np.isnan(off[:, i, 0]), i]
-            for last, sigmas in ((most_seen, SLOW), (settings.looks // 2, SLOW), (2, QUICK)):
-                if len(own) < last:
-                    continue
-                mean = own[-last:].mean(axis=0)
-                apart = np.array([np.hypot(mean[0], mean[1]), abs(mean[2])])
-                most = np.maximum(slack, sigmas / math.sqrt(last) * noise)
-                if (apart > most).any():
-                    spread = UNSURE * self.estimator.spread(recent[-1])[i]
-                    most = most + (spread if self._settled else np.hypot(spread, gaps))
-                if (apart > most).any():
-                    return f"{obj.name} is {words(*apart)} away from its pose in the plan"
-        return ""
 
     def _look(self) -> None:
         """Once there are enough measurements at rest, decide."""
@@ -415,14 +397,9 @@ class PushLoop:
 
     def _take_for_closed(self, measured: FloatArray) -> None:
         """Take the objects for being in contact at their new places; what they still seem off is the sensor's."""
-        places = self._replanner.chain.places
-        self.estimator.take_slides(places, self._normals)
-        if self._job.settle > 0.0:  # at rest and closed: with what comes next, they tell the delay
-            self._settled = True
-            for one in self._recent:
-                self.estimator.add(Sample(one.time, one.poses, places))
-        (rest,) = self.estimator.residuals([Sample(self._now, measured, places)])
-        self.estimator.absorb(rest)
+        self._settled |= self._job.settle > 0.0
+        resting = Sample(self._now, measured, self._replanner.chain.places)
+        self.estimator.take_for_closed(resting, self._recent, self._normals)
 
     def _touch(self, measured: FloatArray) -> None:
         """Take the first object that the plate pushes, measured like all (n, 3) at rest after a push, for flush.
@@ -489,8 +466,3 @@ class PushLoop:
 def _far(path: PushPath) -> float:
     """Return the cost (m) from which on a plan in place of a path goes a long way round."""
     return ROUND[0] * path.cost + ROUND[1]
-
-
-def words(distance: float, angle: float) -> str:
-    """Return a distance (m) and an angle (rad) for people."""
-    return f"{1e3 * distance:.1f} mm and {np.degrees(angle):.2f} deg"

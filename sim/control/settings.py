@@ -90,3 +90,8 @@ class ControlSettings:
                     f"{field.name} of the control settings is {value}; it must be {'whole, ' * whole}{allowed} and "
                     f"below {most:g}"
                 )
+
+
+def words(distance: float, angle: float) -> str:
+    """Return a distance (m) and an angle (rad) for people."""
+    return f"{1e3 * distance:.1f} mm and {math.degrees(angle):.2f} deg"

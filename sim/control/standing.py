@@ -12,9 +12,9 @@ from pushplan.geometry.se2 import pose_error, wrap_angle
 from pushplan.plans.goals import errors_at_goal, tolerance_of
 from pushplan.plans.segment import Poses
 from pushplan.scenario.model import Scenario
-from pushplan.sim.control.pushing import SLOW, words
+from pushplan.sim.control.departures import SLOW
 from pushplan.sim.control.sensing import Sightings
-from pushplan.sim.control.settings import ControlSettings
+from pushplan.sim.control.settings import ControlSettings, words
 from pushplan.util.arrays import FloatArray
 
 PATIENT = 4.0

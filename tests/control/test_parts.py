@@ -19,6 +19,7 @@ from pushplan.plans.settings import Observer
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.parts import Goal
 from pushplan.sim.control.closing import GAP, ClosingPush, Spread, closing_push, contacts_at
+from pushplan.sim.control.departures import find_slide
 from pushplan.sim.control.estimator import Estimator, Sample
 from pushplan.sim.control.replanner import Aim
 from pushplan.sim.control.sensing import Measurements, Sensor, Sightings
@@ -133,11 +134,10 @@ def test_what_is_wrong_is_found_and_measurements_to_come_are_expected(what: str)
         believed, true = compose(believed, exp(twist * period)), compose(true, exp(done * period))
         if k == 1300:
             assert estimator.asked(estimator.scaled(twist)) == pytest.approx(twist)
-    seen = compose(compose(poses[-1], places), bias)
-    late = relative(seen, compose(compose(compose(poses[-1], exp(-tau * twist)), places), bias))
-    off = estimator.residuals([Sample(1499 * period, compose(seen, late), places)])[0]
-    spread = estimator.spread(Sample(1499 * period, seen, places))
-    assert (np.hypot(off[:, 0], off[:, 1]) < 4.0 * spread[:, 0] + 1e-3).all()
+    late = compose(compose(compose(poses[1490], exp(-tau * twist)), places), bias)
+    sample = Sample(1490 * period, late, places)
+    off, spread = estimator.residuals([sample])[0], estimator.spread(sample)
+    assert (np.hypot(off[:, 0], off[:, 1]) < 4.0 * spread[:, 0]).all()
     assert (spread < [4e-3, 5e-3]).all()
     assert estimator.values[3] == pytest.approx(tau, abs=8e-3)
     np.testing.assert_allclose(estimator.values[[4, 6]], scales[[0, 2]], atol=4e-3)
@@ -146,6 +146,42 @@ def test_what_is_wrong_is_found_and_measurements_to_come_are_expected(what: str)
     words = estimator.words()
     assert ("odometry" in words) == (what == "all"), words
     assert ("delay" in words.split(";")[0]) <= (tau != 0.0), words
+
+
+SLIDES = {
+    "nothing": (None, 0.0, 0.0, 0.4),
+    "drift aside": (None, 0.0, 0.01, 0.4),
+    "slide from the start on, on a straight": (None, 0.01, 0.0, 0.0),
+    "slide of all": (0, 0.01, 0.0, 0.4),
+    "slide of all with drift aside": (0, 0.01, -0.01, 0.4),
+    "slide of one": (1, -0.01, 0.0, 0.4),
+    "step of one": (1, 3e-3, 0.0, 0.94),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", SLIDES)
+def test_slides_are_told_from_constant_errors(crates: pushplan.Scenario, what: str) -> None:
+    """Over 2 m, on a straight at first and, where there is anything before that to tell it from, on an arc."""
+    contact, rate, drift, begin = SLIDES[what]
+    chain, random, period, way = crates.chain, np.random.default_rng(5), 1.0 / 30.0, 0.0
+    estimator, believed, true = Estimator(ControlSettings(), 2), np.zeros(3), np.zeros(3)
+    for k in range(300):
+        speed, slides = 0.2 * min(1.0, 0.05 * max(0, k - 15)), np.zeros(2)
+        twist = np.array([speed, 0.0, 0.3 * speed if begin and k > 100 else 0.0])
+        way += speed * period * (k >= 300 * begin)
+        slides[contact or 0] = rate * (way if begin < 0.9 else k >= 300 * begin)
+        estimator.moved(k * period, believed)
+        seen = compose(true, slid(chain, slides).places) + random.normal(size=(2, 3)) * [1e-3, 1e-3, 5e-3]
+        estimator.add(Sample(k * period, seen, chain.places))
+        if k % 8 == 0:
+            estimator.fit(k * period)
+        done = twist + np.array([0.0, drift * speed, 0.0])
+        believed, true = compose(believed, exp(twist * period)), compose(true, exp(done * period))
+    found = find_slide(estimator, chain, 0.0)
+    assert (None if found is None else found.contact) == contact
+    if found is not None:
+        assert found.size == pytest.approx(slides[found.contact], abs=3e-3)
+        assert found.since == pytest.approx(begin * 10.0, abs=1.5)
 
 
 def test_a_sensor_has_its_rate_delay_and_noise() -> None:

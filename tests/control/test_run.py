@@ -109,7 +109,13 @@ def test_a_loop_that_is_killed_leaves_what_has_happened(
         cut.feedback.measured.t, run.simulated.measured.t[: len(cut.feedback.measured.t)]
     )
     assert cut.feedback.measured.t[-1] > 1.9
-    assert [event.kind for event in cut.feedback.events] == ["plan"]
+    assert back.feedback is not None
+    stopped = cut.feedback.events
+    assert [event.kind for event in stopped[:2]] == [
+        "plan",
+        "deviation",
+    ]  # contacts are less rough than believed
+    assert stopped == back.feedback.events[: len(stopped)]
 
 
 def test_the_same_measurements_lead_to_the_same_twists_events_and_plans(back: RecordedRun) -> None:

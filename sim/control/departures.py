@@ -1,0 +1,155 @@
+"""Whether objects have left their places on the plate, as measurements have it.
+
+**Away** is an object where the mean of a few measurements is off what was expected before, from all that was learned.
+
+**Slides** along contacts are found by likelihood ratios against constant errors of sensors and wheels: a constant
+explains what has been so from the beginning, not what begins later. Steps and ramps along each contact, of the object
+that is pushed through it alone or with all that it carries, are tried from several moments on. One is accepted where
+
+    2 (log L1 - log L0) > ln N + 10,
+
+the constants being fitted once more in both cases, and where it is far enough to matter.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.contacts import carried_objects
+from pushplan.sim.control.estimator import Estimator, Linear, Sample
+from pushplan.sim.control.settings import words
+from pushplan.util.arrays import BoolArray, FloatArray
+
+SLOW, QUICK, UNSURE = 4.0, 5.0, 3.0
+"""Standard deviations of the mean of many measurements, of two, and of what is expected, by which an object has to be
+off."""
+UNSETTLED = 1.5e-3, math.radians(0.4)
+"""By what contacts that were open at first may have been (m, rad)."""
+LEAST = 0.7
+"""Share of the slack that a slide has to have, whose size is known better than that."""
+FEWEST = 16
+"""Samples that it takes."""
+LATEST = 5
+"""Samples that have to be behind the beginning of a slide."""
+RAMPS = np.linspace(0.1, 0.9, 9)
+"""Shares of the samples after which ramps are tried."""
+STEPS = (6, 9, 13, 18, 24, 30)
+"""Samples before the last one at which steps are tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class Slide:
+    """A slide.
+
+    Attributes:
+        contact: Number of the contact.
+        size: How far, m; to the left is positive.
+        since: When it began, s.
+        gain: Twice by how much the logarithm of the likelihood grows.
+    """
+
+    contact: int
+    size: float
+    since: float
+    gain: float
+
+
+def off_place(estimator: Estimator, recent: list[Sample], names: Sequence[str], settled: bool) -> str:
+    """Return which object has left its place and by how much; empty if none has.
+
+    Three quarters of the measurements of a look, or half of them, tell of a slow departure, two of a quick one:
+    the mean of what they are off what was expected from all that was learned before.
+
+    Args:
+        estimator: Of what is expected.
+        recent: The last measurements, up to three quarters of those of a look.
+        names: Of the objects.
+        settled: Whether contacts that were open at first have closed.
+    """
+    if len(recent) < 2:
+        return ""
+    settings, gaps = estimator.settings, UNSURE * np.array(UNSETTLED)
+    slack, off = np.array([settings.position_slack, settings.angle_slack]), estimator.residuals(recent)
+    for i, name in enumerate(names):
+        own = off[~np.isnan(off[:, i, 0]), i]
+        many = max(2, 3 * settings.looks // 4)
+        for last, sigmas in ((many, SLOW), (settings.looks // 2, SLOW), (2, QUICK)):
+            if len(own) < last:
+                continue
+            mean = own[-last:].mean(axis=0)
+            apart = np.array([np.hypot(mean[0], mean[1]), abs(mean[2])])
+            most = np.maximum(slack, sigmas / math.sqrt(last) * estimator.noise)
+            if (apart > most).any():
+                spread = UNSURE * estimator.spread(recent[-1])[i]
+                most = most + (spread if settled else np.hypot(spread, gaps))
+            if (apart > most).any():
+                return f"{name} is {words(*apart)} away from its pose in the plan"
+    return ""
+
+
+def find_slide(estimator: Estimator, chain: Chain, after: float) -> Slide | None:
+    """Return the most likely slide; None where constants explain what was measured.
+
+    Args:
+        estimator: Of the constants.
+        chain: As its objects stand in the samples to come.
+        after: It began after that time, s.
+    """
+    if estimator.count < FEWEST:
+        return None
+    linear = estimator.linear()
+    shapes, begins = _shapes(estimator.ways(linear.samples))
+    late = [linear.samples[begin].time > after for begin in begins]
+    shapes, begins = shapes[:, late], [begin for begin, one in zip(begins, late, strict=True) if one]
+    if not begins:
+        return None
+    moves, contacts = _moves(linear, chain)
+    # Columns (m, 3, q) of every move with every shape; rows of one sample after the other, as in `linear`.
+    rows = np.nonzero(linear.seen)[0]
+    columns = np.einsum("mir,ms->mirs", moves, shapes[rows]).reshape(len(rows), 3, -1)
+    weighted = linear.weights[:, None, None] * columns
+    own = (weighted * columns).sum(axis=(0, 1))
+    shared = np.einsum("miq,mip->qp", weighted, linear.jacobian)
+    slope = np.einsum("miq,mi->q", weighted, linear.errors)
+    solved = np.linalg.solve(linear.hessian, np.column_stack([linear.gradient, shared.T]))
+    left = own - (shared.T * solved[:, 1:]).sum(axis=0)
+    slope = slope - shared @ solved[:, 0]
+    gain = np.where(left > 1e-6 * own + 1e-12, slope**2 / np.maximum(left, 1e-12), 0.0)
+    size = slope / np.maximum(left, 1e-12) * np.tile(shapes[-1], moves.shape[-1])
+    gain[np.abs(size) < LEAST * estimator.settings.position_slack] = 0.0
+    best = int(np.argmax(gain))
+    if gain[best] <= np.log(3.0 * len(rows)) + 10.0:
+        return None
+    move, shape = divmod(best, len(begins))
+    since = linear.samples[begins[shape]].time
+    return Slide(contacts[move], float(size[best]), since, float(gain[best]))
+
+
+def _shapes(ways: FloatArray) -> tuple[FloatArray, list[int]]:
+    """Return how slides go on (k, s), ramps with the way in m and steps by 1, and the samples at which they begin."""
+    count = len(ways)
+    ramps = sorted({int(share * count) for share in RAMPS} - set(range(count - LATEST, count)))
+    steps = [count - back for back in STEPS if back <= count - LATEST]
+    rising = [np.maximum(ways - ways[begin], 0.0) for begin in ramps]
+    jumping = [(np.arange(count) >= begin).astype(np.float64) for begin in steps]
+    return np.column_stack([*rising, *jumping]), [*ramps, *steps]
+
+
+def _moves(linear: Linear, chain: Chain) -> tuple[FloatArray, list[int]]:
+    """Return what 1 m along each contact makes of the errors (m, 3, r), and the contact of each of the r moves."""
+    carried, alone = carried_objects(chain), np.eye(len(chain.objects), dtype=np.bool_)
+    which: list[tuple[int, BoolArray]] = [(k, row) for k, row in enumerate(carried)]
+    which += [(k, alone[k]) for k in range(len(alone)) if not np.array_equal(alone[k], carried[k])]
+    rows, objects = np.nonzero(linear.seen)
+    headings = np.array([sample.places[:, 2] for sample in linear.samples])[rows, objects]
+    moves = np.zeros((len(rows), 3, len(which)))
+    for r, (k, moved) in enumerate(which):
+        tangent = chain.contacts[k].tangent
+        along = np.arctan2(tangent[1], tangent[0]) - headings
+        moves[:, 0, r], moves[:, 1, r] = moved[objects] * np.cos(along), moved[objects] * np.sin(along)
+    return moves / linear.sigma[:, None], [k for k, _ in which]
