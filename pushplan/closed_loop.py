@@ -80,7 +80,9 @@ class ClosedLoopRun:
     @property
     def goal_errors(self) -> tuple[float, float]:
         """How far (m) and by what angle (rad) the goal's object ends off; the worst where there are several."""
-        return worst_at_goal(with_places(self.scenario, self.plan), self.simulated.object_poses[-1])
+        plans = [self.plan, *(one.result for one in self.replans if one.result is not None and one.solved)]
+        last = next((plan for plan in reversed(plans) if plan.scenario.row is not None), self.plan)
+        return worst_at_goal(with_places(self.scenario, last), self.simulated.object_poses[-1])
 
     @property
     def execution(self) -> Execution:

@@ -393,6 +393,8 @@ class Controller:
             return
         self._before += len(self._planned.segments)
         self._planned, self._at, self._lost = result, 0, ""
+        self.scenario = with_places(self.scenario, result)
+        self._delivered.aim_at(self.scenario)
         self._tell("replan", f"{result.cost:.3f} m in {result.duration:.1f} s: {why}")
         legs = [] if result.segments[0].kind == RETREAT else self._legs_to_next()
         if legs:

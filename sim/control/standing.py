@@ -123,6 +123,10 @@ class Deliveries:
         """Of those that are there."""
         return frozenset(self._there)
 
+    def aim_at(self, scenario: Scenario) -> None:
+        """Go by other goals from now on: a plan for the rest of a row may give its objects other places."""
+        self._scenario = scenario
+
     def take(self, names: Iterable[str]) -> None:
         """Take objects for delivered, where they are seen next."""
         self._there |= {name: np.full(3, np.nan) for name in names}

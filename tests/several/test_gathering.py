@@ -5,6 +5,7 @@ import runpy
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,11 @@ import yaml
 from conftest import there
 
 import pushplan
+from pushplan.closed_loop import ClosedLoopRun
 from pushplan.errors import ScenarioError
 from pushplan.geometry import se2
 from pushplan.planners.validator import Validator
+from pushplan.plans.events import Replan
 from pushplan.plans.goals import errors_at_goal
 from pushplan.plans.plan import Plan
 from pushplan.plans.row_load import row_load
@@ -26,6 +29,7 @@ from pushplan.scenario.model import Scenario
 from pushplan.sim import closing
 from pushplan.sim.control.jobs import straight_onto
 from pushplan.sim.control.rest import RestPlanner
+from pushplan.sim.control.simulated_push import SENSOR
 from pushplan.sim.slip.simulator import simulate
 from pushplan.sim.world import World
 
@@ -384,6 +388,13 @@ def test_what_was_lost_on_the_way_is_brought_to_what_stands_in_the_row() -> None
     assert set(there(result.scenario.row).placed) == stands
     assert {name for kind, names in kinds(result) if kind == "push" for name in names} == {lost}
     assert (errors_at_goal(plan.scenario, np.array([*result.segments[-1].after.values()])) < 0.012).all()
+    elsewhere = {name: pose + np.array([0.05, 0.0, 0.0]) for name, pose in result.segments[-1].after.items()}
+    moved = replace(result, scenario=result.scenario.with_row_at(elsewhere))
+    ended: Any = SimpleNamespace(object_poses=np.array([[*elsewhere.values()]]))
+    made = plan.scenario, plan, ended, (), (Replan(1.0, moved, "", 0.1),), "arrived", "", None, SENSOR, 1, ()
+    assert ClosedLoopRun(*made).goal_errors == pytest.approx(
+        (0.0, 0.0), abs=1e-12
+    )  # of the last plan's places
 
 
 @pytest.mark.parametrize(
