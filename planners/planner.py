@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,9 +14,6 @@ from pushplan.core.problem import reach as costs_of_words
 from pushplan.errors import PlanningError, TimingError
 from pushplan.geometry.se2 import pose_error
 from pushplan.planners.controls import MERIDIANS
-from pushplan.planners.multi.gathering import GatheringSearch
-from pushplan.planners.multi.multi_push import MultiPushSearch
-from pushplan.planners.multi.rearrangement import RearrangementSearch
 from pushplan.planners.outcome import Outcome, Segments
 from pushplan.planners.problem import Posing, open_scene
 from pushplan.planners.push_search import PushSearch
@@ -40,6 +37,13 @@ from pushplan.util.arrays import FloatArray, numbers
 from pushplan.util.collection import no_collection
 from pushplan.util.names import DEFAULT_PLANNER, RANKED_BY
 from pushplan.util.stopwatch import Stopwatch
+
+if (
+    TYPE_CHECKING
+):  # else where they are needed: a single push does without them, and their modules take a while
+    from pushplan.planners.multi.gathering import GatheringSearch
+    from pushplan.planners.multi.multi_push import MultiPushSearch
+    from pushplan.planners.multi.rearrangement import RearrangementSearch
 
 
 def plan(scenario: Scenario, *, watch: Stopwatch | None = None, **options: Unpack[PlanOptions]) -> Plan:
@@ -116,9 +120,15 @@ class Planner:
                 Load.of(self.scenario), self.scenario, self.settings, Posing(meridians=meridians)
             )
         if self.scenario.kind == "multi-push":
+            from pushplan.planners.multi.multi_push import MultiPushSearch
+
             return MultiPushSearch.of(self.scenario, self.settings)
         if self.scenario.row is not None:
+            from pushplan.planners.multi.gathering import GatheringSearch
+
             return GatheringSearch(self.scenario, self.settings)
+        from pushplan.planners.multi.rearrangement import RearrangementSearch
+
         return RearrangementSearch.of(self.scenario, self.settings)
 
     def plan(
@@ -296,10 +306,11 @@ class Planner:
                 known = None if previous is None else search.rest(previous, scenario)
                 search = search if scenario is self.scenario else search.of(scenario)
                 outcome = search.search(scenario, settings, began, known, explain)
-            elif isinstance(search, MultiPushSearch):
-                outcome = search.asked(scenario).search(settings, began)
             else:
-                outcome = search.search(settings, began)
+                from pushplan.planners.multi.multi_push import MultiPushSearch
+
+                posed = search.asked(scenario) if isinstance(search, MultiPushSearch) else search
+                outcome = posed.search(settings, began)
         seconds = time.perf_counter() - began
         with no_collection():
             return self._finished(scenario, settings, outcome, validator, watch, seconds, timed, explain)
@@ -373,6 +384,9 @@ class Planner:
         search = self._search
         if isinstance(search, PushSearch):
             return search.stable.name
+        from pushplan.planners.multi.gathering import GatheringSearch
+        from pushplan.planners.multi.multi_push import MultiPushSearch
+
         if isinstance(search, GatheringSearch):
             return str(self.settings.set_name)
         modes = search.modes if isinstance(search, MultiPushSearch) else search.pieces[0].search.modes

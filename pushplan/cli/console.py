@@ -18,14 +18,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import degrees
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from rich.console import Console as RichConsole
-from rich.status import Status
 from rich.table import Table
 from rich.text import Text
 
 from pushplan.util.printable import printable
+
+if TYPE_CHECKING:
+    from rich.status import Status
 
 DELAY = 1.0
 """Seconds before it is said that work goes on."""
@@ -41,8 +43,8 @@ class Progress:
         self._what, self._news, self._began = what, "", time.monotonic()
         self._over = threading.Event()
         self._lock = threading.Lock()
-        live = _is_terminal(sys.stderr)
-        self._status = Status("", console=_rich(sys.stderr)) if live else None
+        self._live = _is_terminal(sys.stderr)
+        self._status: Status | None = None
         self._thread = threading.Thread(target=self._watch, name="progress", daemon=True)
 
     def tell(self, news: str) -> None:
@@ -77,14 +79,21 @@ class Progress:
             line = printable("  ".join(part for part in (f"{self._what} ...", spent, self._news) if part))
             with self._lock:
                 try:
-                    if self._status is None:
-                        _write(sys.stderr, line)
+                    if self._live:
+                        self._show(line)
                     else:
-                        self._status.update(Text(line))
-                        self._status.start()
+                        _write(sys.stderr, line)
                 except (OSError, ValueError):  # nobody reads any more; the work itself goes on
                     return
-            wait = PERIOD if self._status is None else 0.2
+            wait = 0.2 if self._live else PERIOD
+
+    def _show(self, line: str) -> None:
+        """Let the one line on the terminal say something; most work is done before there is one to load."""
+        from rich.status import Status
+
+        self._status = self._status or Status("", console=_rich(sys.stderr))
+        self._status.update(Text(line))
+        self._status.start()
 
 
 @dataclass
