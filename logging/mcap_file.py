@@ -31,6 +31,8 @@ from pushplan.util.files import Output
 
 MAGIC = b"\x89MCAP0\r\n"
 
+NO_LOG = "not an MCAP file: this reads logs; `pushplan plan` and `check` read scenarios"
+
 RECORD_LIMIT = 64 << 20
 """Largest record, and largest chunk once inflated, bytes; the writer's own chunks stay near 1 MiB."""
 
@@ -212,7 +214,7 @@ class McapFile:
     def _walk(self, stream: BinaryIO) -> Iterator[Item]:
         """Yield the items of the file up to its end; raise DamageError where it is damaged."""
         if stream.read(len(MAGIC)) != MAGIC:
-            raise DamageError("not an MCAP file", 0)
+            raise DamageError(NO_LOG, 0)
         checksum: int | None = None  # of the summary, once the data have ended
         opcode = 0
         while opcode != Opcode.FOOTER:
@@ -345,7 +347,7 @@ def metadata_of(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
     with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb", buffering=0) as stream:
         size, room = os.fstat(stream.fileno()).st_size, 4 * TEXT_LIMIT
         if stream.read(len(MAGIC)) != MAGIC:
-            raise DamageError("not an MCAP file", 0)
+            raise DamageError(NO_LOG, 0)
         for _ in range(_FREE_RECORDS + size // _BYTES_PER_OUTER_RECORD):
             at, prefix = stream.tell(), stream.read(_PREFIX.size)
             opcode, length = _PREFIX.unpack(prefix) if len(prefix) == _PREFIX.size else (Opcode.DATA_END, 0)

@@ -199,7 +199,12 @@ class Trials:
     @property
     def held(self) -> float:
         """Share of the worlds in which every contact holds to the end."""
-        return float(np.mean([loss is None for loss in self.losses] & ~self.jammed))
+        return float(np.mean(~self.lost & ~self.jammed))
+
+    @property
+    def lost(self) -> BoolArray:
+        """(k,) whether a contact moved or opened."""
+        return np.array([loss is not None for loss in self.losses])
 
     @property
     def first_failures(self) -> dict[str, int]:

@@ -64,7 +64,7 @@ def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captur
     (["pln", "two-crates"], "Did you mean 'plan'?"),
     (["plan", "two-crates", "--planner", "autoo"], "did you mean 'auto'?"),
     (["plan", "two-crates", "more"], "unexpected extra argument (more)"),
-    (["plan", "two-crates", "--plot", "p.bmp"], "a picture ends in .png, .svg, .pdf, not in .bmp"),
+    (["plan", "two-crates", "--plot", "p.bmp"], "this one ends in .bmp; allowed for a picture: .png, .svg, .pdf"),
     (["plan", "two-crates", "-o", "/no/such/folder/r.mcap"], "there is no folder /no/such/folder"),
     (["plan", "two-crates", "--html", "x", "-o", "./x"], "this file is read or written already"),
     (["plan", "no-such.yaml"], "no-such.yaml: cannot read the file: No such file"),
@@ -178,7 +178,7 @@ def test_a_new_scenario_loads_passes_its_check_and_plans(capsys: Captured) -> No
     assert "wrote mine.yaml" in capsys.readouterr().out
     assert load_scenario("mine.yaml").name == "mine"
     assert main(["check", "mine.yaml"]) == 0
-    assert main(["plan", "mine.yaml", "--first"]) == 0
+    assert main(["plan", "mine.yaml", "--first", "--time-limit", "60"]) == 0
 
 
 def test_a_file_is_never_overwritten(capsys: Captured) -> None:

@@ -196,7 +196,7 @@ def _too_wide(
         return
     across = min(area.xmax - area.xmin, area.ymax - area.ymin)
     if abs(turn) > SAME_ANGLE and 2.0 * radius > across:
-        what = f"makes a circle that does not fit into the workspace, {across:.3g} m across"
+        what = f"makes a circle of {2.0 * radius:.3g} m, wider than the workspace ({across:.3g} m)"
     elif math.isfinite(max(radii)) and not _a_word_fits(scenario, segments):
         what = (
             "leads out of the workspace in every way of a turn, a straight push or another turn, and a turn"

@@ -40,6 +40,9 @@ DISTURBANCE = p.Named(
     needed=("time", "object"),
 )
 
+FARTHEST = 1.0
+"""By how much an object can be displaced, m."""
+
 
 @p.command
 @p.scenario_argument
@@ -128,6 +131,9 @@ def simulate(
             done, incomplete = error.run, error
     page = write_page(done.recorded, html, None if no_page else output, console)
     _tell(done, page, incomplete, console)
+    over = float(done.simulated.t[-1])
+    for late in (one.time for one in displaced if one.time > over):
+        console.note(f"note: nothing was displaced at {late:g} s, as the run ended at {over:.2f} s")
     if incomplete is not None:
         console.note(f"error: {incomplete}")
         return DEFECT
@@ -141,10 +147,16 @@ def _disturbances(scenario: Scenario, words: tuple[dict[str, Any], ...]) -> list
     """Return disturbances with the indices of their objects.
 
     Raises:
+        UsageError: When one is too far to be meant.
         ChainError: When there is no such object.
     """
     from pushplan.sim.control.simulated_push import Disturbance
 
+    for one in words:
+        for name in ("x", "y"):
+            if abs(one.get(name, 0.0)) > FARTHEST:
+                told = f"{name} is {one[name]:g} m: mm? a plain number is m; allowed: up to {FARTHEST:g} m"
+                raise p.UsageError(f"--disturb: {told}")
     return [
         Disturbance(
             one["time"],

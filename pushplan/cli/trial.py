@@ -187,9 +187,13 @@ def _rows(trials: Trials) -> list[tuple[str, str]]:
         ("at most", _off(position[2], angle[2])),
     ]
     if trials.jammed.any():
-        kept = length_text(scenario.clearance)
-        why = f"the push stopped where something met an obstacle or a wall; a larger clearance than {kept} helps"
-        found.append(("jammed", f"{trials.jammed.sum()}: {why}"))
+        count, slipped = int(trials.jammed.sum()), int((trials.jammed & trials.lost).sum())
+        why = f"{count}: the push stopped where something met an obstacle or a wall"
+        if slipped:
+            why += f", in {slipped} of them after a contact had moved"
+        if slipped < count:
+            why += f"; a larger clearance than {length_text(scenario.clearance)} helps"
+        found.append(("jammed", why))
     return [*found, ("log", str(trials.log))] if trials.log is not None else found
 
 
@@ -206,9 +210,7 @@ def _stated(trials: Trials) -> str:
 
     if not trials.scenario.has_intervals:
         return TrialUncertainty().words
-    default = TrialUncertainty()
-    aside = f"objects aside ±{1e3 * default.position:.3g} mm and turned ±{degrees(default.angle):.2g} deg"
-    return f"the scenario's intervals, {aside}"
+    return f"the scenario's intervals, {TrialUncertainty(0.0, 0.0, 0.0, 0.0).words}"
 
 
 def _off(position: float, angle: float) -> str:

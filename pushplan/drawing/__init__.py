@@ -27,6 +27,6 @@ def check_picture_path(path: str | Path) -> Path:
     """
     path = Path(path)
     if path.suffix.lower() not in PICTURE_SUFFIXES:
-        suffix = path.suffix or "no suffix"
-        raise PlotError(f"{path}: a picture ends in {', '.join(PICTURE_SUFFIXES)}, not in {suffix}")
+        ends = f"this one ends in {path.suffix}" if path.suffix else "this name has no ending"
+        raise PlotError(f"{path}: {ends}; allowed for a picture: {', '.join(PICTURE_SUFFIXES)}")
     return path

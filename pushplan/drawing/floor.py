@@ -274,7 +274,7 @@ def draw_path_name(axes: Axes, scene: Scene) -> None:
     line_to: Any = {"arrowstyle": "-", "color": FAINT, "linewidth": 0.6}
     place, beside = ((float(x), float(y)) for x, y in (line.points[k], spot))
     axes.annotate(
-        "path, coloured\nby its margin",
+        "path" if np.isnan(scene.margins).all() else "path, coloured\nby its margin",
         place,
         beside,
         ha="center",
@@ -332,7 +332,8 @@ def scene_keys(scene: Scene) -> list[Artist]:
     objects: tuple[Body, ...] = scene.objects
     if len(objects) <= NAMED:
         keys += [Patch(facecolor=one.colour, edgecolor=INK, label=cut(one.name, 20)) for one in objects]
-    keys.append(Patch(facecolor="none", label="goal", **_GOAL))
+    if scene.goals:
+        keys.append(Patch(facecolor="none", label="goal", **_GOAL))
     known = {one.unknown for one in scene.obstacles}
     named = {palette.OBSTACLE: "obstacle", palette.BLOCKING: "in the way"}
     for colour in sorted({one.colour for one in scene.obstacles if not one.unknown}):

@@ -1,4 +1,4 @@
-"""The picture of trials: where the objects end, and where on the way contacts failed first."""
+"""The picture of trials: where the objects end, and where on the way contacts were the first to move."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
@@ -13,7 +14,15 @@ from matplotlib.patches import Circle
 
 from pushplan.drawing import palette
 from pushplan.drawing.figure import axes_at, draw_footer, equal_ticks, figure_for, letters_across
-from pushplan.drawing.floor import draw_bodies, draw_goals, draw_room, draw_swept, set_view, view_of
+from pushplan.drawing.floor import (
+    draw_bodies,
+    draw_goals,
+    draw_room,
+    draw_swept,
+    scene_keys,
+    set_view,
+    view_of,
+)
 from pushplan.drawing.palette import ARRIVED, FAINT, INK, MISSED
 from pushplan.drawing.scene import Scene
 from pushplan.geometry.se2 import compose, transform_points
@@ -50,7 +59,7 @@ def plot_trials(trials: Trials, path: str | Path) -> None:
     view = view_of(scene.window)
     width = float(_HEIGHT * view.size[0] / view.size[1])
     with figure_for(path, _LEFT + width + _GAP + _HEIGHT + _RIGHT, _HEIGHT) as figure:
-        bottom = draw_footer(figure, _LEFT, _keys(trials)) + _AXIS
+        bottom = draw_footer(figure, _LEFT, _keys(trials, scene)) + _AXIS
         figure.set_size_inches(figure.get_figwidth(), bottom + _HEIGHT + _TOP)
         floor = axes_at(figure, _LEFT, bottom, width, _HEIGHT)
         set_view(floor, view)
@@ -131,18 +140,22 @@ def _draw_close(axes: Axes, trials: Trials) -> None:
     equal_ticks(axes, 2.0 * far)
 
 
-def _keys(trials: Trials) -> list[Line2D]:
-    ends = [
-        Line2D([], [], color=ARRIVED, label="arrived"),
-        Line2D([], [], color=MISSED, label="missed the tolerance"),
-        Line2D([], [], color=INK, linewidth=0.9, label="tolerance"),
+def _keys(trials: Trials, scene: Scene) -> list[Artist]:
+    """Return the entries of the key: how samples ended, and what stands on the floor."""
+    ended = ((True, ARRIVED, "arrived"), (False, MISSED, "missed the tolerance"))
+    ends: list[Artist] = [
+        Line2D([], [], color=colour, label=told)
+        for one, colour, told in ended
+        if (trials.arrived == one).any()
     ]
+    ends.append(Line2D([], [], color=INK, linewidth=0.9, label="tolerance"))
     names = list(trials.scenario.poses)
     failing = {loss.object: loss.contact for loss in trials.losses if loss is not None}
     colours = palette.contact_colours(len(names))
     mark: Any = {"marker": "x", "linestyle": "none"}
-    return ends + [
-        Line2D([], [], color=colour, label=f"{failing[name]} failed first", **mark)
+    failed = [
+        Line2D([], [], color=colour, label=f"{failing[name]} moved first", **mark)
         for name, colour in zip(names, colours, strict=False)
         if name in failing
     ]
+    return [*ends, *failed, *scene_keys(scene)]

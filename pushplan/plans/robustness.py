@@ -15,6 +15,10 @@ MOST_ANGLE = pi / 2
 """Angle up to which turned objects are looked at, rad."""
 
 
+SHARES = "contact_friction", "floor_friction", "mass", "load"
+"""Of what may be off, those that are shares."""
+
+
 @dataclass(frozen=True)
 class TrialUncertainty:
     """By how much sampled worlds differ; every number is drawn evenly from its interval, each on its own.
@@ -48,13 +52,12 @@ class TrialUncertainty:
 
     @property
     def words(self) -> str:
-        """The intervals for people."""
-        return (
-            f"contact friction ±{100 * self.contact_friction:.3g} %, "
-            f"floor friction ±{100 * self.floor_friction:.3g} %, "
-            f"mass ±{100 * self.mass:.3g} %, load ±{100 * self.load:.3g} %, "
-            f"objects aside ±{1e3 * self.position:.3g} mm and turned ±{degrees(self.angle):.2g} deg"
-        )
+        """The intervals for people, of what may be off."""
+        shares = {name.replace("_", " "): getattr(self, name) for name in SHARES}
+        told = [f"{name} ±{100 * share:.3g} %" for name, share in shares.items() if share]
+        told += [f"objects aside ±{1e3 * self.position:.3g} mm"] if self.position else []
+        told += [f"objects turned ±{degrees(self.angle):.2g} deg"] if self.angle else []
+        return ", ".join(told) or "nothing is off"
 
 
 BOX = TrialUncertainty(contact_friction=0.2, floor_friction=0.2, load=0.1, position=3e-3, angle=radians(2.0))

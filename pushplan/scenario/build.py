@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any, cast
 
 import numpy as np
 import shapely
 
 from pushplan.geometry import se2
+from pushplan.geometry.polygon import overlap_depth
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.faces import ways_through
 from pushplan.scenario.chain import build_bodies, widened
@@ -254,10 +255,22 @@ def _check_apart(scenario: Scenario, source: Source) -> None:
     for one, other in combinations(names, 2):
         gap = float(standing[one].distance(standing[other]))
         if gap < kept:
-            what = f"'{other}' is {millimetres(gap)} from '{one}'; allowed: at least {millimetres(kept)}"
+            depth = _depth(scenario, one, other)
+            where = (
+                f"overlaps '{one}' by {millimetres(depth)}"
+                if depth
+                else f"is {millimetres(gap)} from '{one}'"
+            )
+            what = f"'{other}' {where}; allowed: at least {millimetres(kept)} apart"
             source.error(("objects", names.index(other), "pose"), what)
     for name, what in overlapping_goals({name: scenario.alone(name) for name in scenario.goals}).items():
         source.error(("goals", name), what)
+
+
+def _depth(scenario: Scenario, one: str, other: str) -> float:
+    """Return how far one object reaches into another, m; 0 where they are apart."""
+    there = (_outlines(scenario.bodies[name].chain, scenario.bodies[name].start) for name in (one, other))
+    return max(overlap_depth(a, b) for a, b in product(*there))
 
 
 def overlapping_goals(scenarios: Mapping[str, Scenario]) -> dict[str, str]:
@@ -289,5 +302,8 @@ def _ends(scenario: Scenario) -> list[shapely.MultiPolygon]:
 
 def _area(chain: Chain, pose: FloatArray) -> shapely.MultiPolygon:
     """Return what the objects cover with the chain frame at a pose (3,)."""
-    outlines = (se2.transform_points(pose, obj.outline_chain) for obj in chain.objects)
-    return shapely.MultiPolygon([shapely.Polygon(outline) for outline in outlines])
+    return shapely.MultiPolygon([shapely.Polygon(outline) for outline in _outlines(chain, pose)])
+
+
+def _outlines(chain: Chain, pose: FloatArray) -> list[FloatArray]:
+    return [se2.transform_points(pose, obj.outline_chain) for obj in chain.objects]

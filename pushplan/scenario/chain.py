@@ -15,6 +15,7 @@ from pushplan.geometry.polygon import SHORTEST_CONTACT, TOUCH, area_moments, fin
 from pushplan.mechanics.chain import Chain, Drive, Limits, PushedObject, Pusher
 from pushplan.mechanics.intervals import IntervalChain, fractions_within
 from pushplan.mechanics.support import (
+    FRACTION_TOLERANCE,
     FeetSupport,
     PressureMapSupport,
     Support,
@@ -64,6 +65,7 @@ def build_bodies(stated: RoomFile, read: ReadFile, source: Source) -> Bodies | N
     """Return the chain of a scenario file, or report what is wrong with it and return None."""
     file = widened(stated)
     _check_names(file, source)
+    _check_fractions(stated, source)
     parts = [
         Part(obj.name, outline_of(obj.shape), obj.offset, None if obj.pose is None else np.array(obj.pose))
         for obj in file.objects
@@ -233,6 +235,21 @@ def _support(
         about_center = "center_of_mass" in str(error) and center is not None
         source.error(("objects", index, "center_of_mass" if about_center else "support"), str(error))
         return None
+
+
+def _check_fractions(stated: RoomFile, source: Source) -> None:
+    """Report load fractions that do not sum to 1; within the intervals that `uncertainty` makes of them, some may."""
+    for i, obj in enumerate(stated.objects):
+        loads = (
+            [load for foot in obj.support.feet for load in foot[2:]]
+            if isinstance(obj.support, schema.Feet)
+            else []
+        )
+        numbers = [load for load in loads if isinstance(load, float)]
+        if numbers and len(numbers) == len(loads) and abs(sum(numbers) - 1.0) > FRACTION_TOLERANCE:
+            source.error(
+                ("objects", i, "support"), f"load fractions sum to {sum(numbers):.9g}; they must sum to 1"
+            )
 
 
 def _placed_support(

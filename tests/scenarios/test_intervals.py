@@ -1,5 +1,6 @@
 """Numbers that a scenario states as intervals or as uncertain: every answer holds for all values in them."""
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -91,6 +92,16 @@ def test_a_motion_keeps_its_margin_with_inertia_for_random_members() -> None:
     for _ in range(30):
         margins = dynamic_margins(member(scenario().chain, rng), twists[moving], rates[moving])
         assert margins.min() > 0.5 * found.margin
+
+
+def test_loads_of_feet_sum_to_1_whatever_makes_intervals_of_them() -> None:
+    feet = "support: {feet: [[-0.04, -0.03, 40 %], [0.04, -0.03, 35 %], [0.0, 0.03, 35 %]]}"
+    text = re.sub(r"support: .*\n.*\n", f"{feet}\n", TEXT) + "uncertainty: {load: 20 %}\n"
+    with pytest.raises(
+        ScenarioError, match=r"objects\[1\].support: load fractions sum to 1.1; they must sum to 1"
+    ):
+        scenario_from_text(text)
+    assert scenario_from_text(text.replace("40 %", "30 %")).has_intervals
 
 
 @pytest.mark.parametrize(("old", "new", "where", "what"), [

@@ -49,7 +49,7 @@ def file(tmp_path: Path) -> Path:
     ("  red: {", "  reed: {", "14:3: goals.reed: no object is called 'reed'; did you mean 'red'?"),
     ("mass: 4.0", "mass: -4.0", "5:51: objects[0].mass: is -4;"),
     ("[1.2, 1.0, 90 deg]\n", "[9.0, 1.0, 0]\n", "15:9: goals.blue: at the goal, 'blue' leaves the workspace"),
-    ("pose: [3.0, 3.0, 0.0]", "pose: [1.2, 1.1, 0.0]", "objects[2].pose: 'bin' is 0 mm from 'red';"),
+    ("pose: [3.0, 3.0, 0.0]", "pose: [1.2, 1.1, 0.0]", "objects[2].pose: 'bin' overlaps 'red' by 75 mm;"),
     (", pose: [3.0, 3.0, 0.0]", "", "objects[2].pose: is missing; needed: [x, y, theta] in the world"),
     ("name: bin", "name: red", "7:12: objects[2].name: 'red' is also objects[0]; give it another"),
     ("  start: [2.4, 1.6, 0.0]\n", "", "robot.start: is missing"),
