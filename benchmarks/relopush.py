@@ -1,13 +1,13 @@
 """Problems of ReloPush (fluentrobotics/ReloPush, BSD-3-Clause): each block alone, and whole instances.
 
     python benchmarks/relopush.py FOLDER [--instances 100] [--better 10] [--whole 100] [--seconds 10]
-        [--files 2o1r 4o 6o2 boss12 boss13] [--walls strict] [--scenarios DIR]
+        [--files 2o1r 3o_2 4o 5o 6o2 8o boss12 boss13] [--walls strict] [--scenarios DIR]
 
-FOLDER holds its `testdata` as 2o1r.json, 4o.json and 6o2.json: lists of instances with poses [x, y, theta] of blocks
-and goals, which block goes where, and the pose of the car's axle as the text `x,y,theta`. The blocks are cubes of
-0.15 m that may end in any of four orientations. The car has a footprint of 0.42 x 0.285 m, its rear axle 0.30 m
-behind its front plate, and a least turning radius of 1.008 m. Masses and frictions are not stated there; those here
-are common ones. The walls are 0.5 m outside of the room of 4.0 x 5.4 m, or around it with `--walls strict`.
+FOLDER is its `testdata`: data_2o1r.txt and so on, an instance a line with poses of blocks and goals, which block goes
+where, and the pose of the axle. The blocks are cubes of 0.15 m that may end in any of four orientations. The car
+has a footprint of 0.42 x 0.285 m, its rear axle 0.30 m behind its front plate, and a least turning radius of 1.008 m.
+Masses and frictions are not stated there; those here are common ones. The walls are 0.5 m outside of the room of
+4.0 x 5.4 m, or around it with `--walls strict`.
 
 boss12 and boss13 are made of boss12_nominal.json, the layout of ReloPush-BOSS's twelve blocks: its instances have
 blocks, goals and robot up to 0.05 m and 0.1 rad off, and so have these, drawn with the number of the instance as
@@ -28,7 +28,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
@@ -61,7 +61,7 @@ WALLS = {"loose": 0.5, "strict": 0.0}
 """How far outside of the room the walls are, m: the planner of ReloPush lets its robot leave the room."""
 
 FIRST_LIMIT = 4.0
-FILES = ("2o1r", "4o", "6o2")
+FILES = ("2o1r", "3o_2", "4o", "5o", "6o2", "8o")
 LAYOUTS = {"boss12": 0, "boss13": 1}
 """What is made of a nominal layout, and how many blocks more than there it has."""
 
@@ -101,20 +101,19 @@ class Instance:
 
 
 def read_instances(path: Path) -> tuple[Instance, ...]:
-    """Return the instances of a file."""
+    """Return the instances of a file: a line each, `mo:NAME,X,Y,THETA,SIDES;...!robot:...!goal:...!assign:...`."""
 
-    def poses(stated: Mapping[str, list[float]]) -> dict[str, FloatArray]:
-        return {name: np.array(pose, dtype=float) for name, pose in stated.items()}
+    def poses(stated: str) -> dict[str, FloatArray]:
+        rows = [one.split(",") for one in stated.split(";")]
+        return {name: np.array(pose[:3], dtype=float) for name, *pose in rows}
 
-    return tuple(
-        Instance(
-            poses(one["blocks"]),
-            poses(one["goals"]),
-            one["assignment"],
-            np.array([float(number) for number in one["robot"].split(",")]),
-        )
-        for one in json.loads(path.read_text("utf-8"))
-    )
+    def instance(line: str) -> Instance:
+        parts = dict(part.split(":") for part in line.split("!"))
+        assignment = dict(pair.split(",") for pair in parts["assign"].split(";"))
+        robot = np.array(parts["robot"].split(","), dtype=float)
+        return Instance(poses(parts["mo"]), poses(parts["goal"]), assignment, robot)
+
+    return tuple(instance(line) for line in path.read_text("utf-8").splitlines() if line)
 
 
 def drawn_instances(path: Path, count: int, more: int) -> tuple[Instance, ...]:
@@ -257,7 +256,7 @@ def main() -> None:
 def _instances(folder: Path, name: str, count: int) -> tuple[Instance, ...]:
     if name in LAYOUTS:
         return drawn_instances(folder / "boss12_nominal.json", count, LAYOUTS[name])
-    return read_instances(folder / f"{name}.json")[:count]
+    return read_instances(folder / f"data_{name}.txt")[:count]
 
 
 def _prepared(walls: str, pushes: dict[str, float]) -> MultiPushSearch:
