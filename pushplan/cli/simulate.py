@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from pushplan.cli import parameters as p
-from pushplan.cli.console import Console
+from pushplan.cli.console import Console, angle_text, length_text
 from pushplan.cli.main import DEFECT, DONE, MISMATCH, NO_PLAN, error_document
 from pushplan.cli.page import no_page_option, write_page
 from pushplan.cli.trial import UNCERTAINTY
@@ -224,7 +223,7 @@ def _tell(
     if not done.scenario.bodies and done.scenario.goal.of is not None:
         of = done.scenario.goal.of
     rows = [(f"{event.time:.2f} s", f"{event.kind}: {event.text}") for event in done.events]
-    rows.append(("goal error", f"{1e3 * position:.3g} mm, {degrees(angle):.3g} deg ({of})"))
+    rows.append(("goal error", f"{length_text(position)}, {angle_text(angle)} ({of})"))
     rows += [(name, str(file)) for name, file in (("log", done.log), ("page", page)) if file is not None]
     console.table(rows)
     console.emit(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -145,7 +144,7 @@ def trial(
 
         write_trial(trials, trials.worst, worst)
         position, angle = trials.goal_errors[trials.worst]
-        off = f"sample {trials.worst}, {1e3 * position:.3g} mm and {degrees(angle):.3g} deg off"
+        off = f"sample {trials.worst}, {length_text(position)} and {angle_text(angle)} off"
         console.say(f"{worst}: the worst, {off}")
     document = _document(trials, worst) | {"page": page}
     if incomplete is not None:
