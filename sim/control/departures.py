@@ -109,13 +109,13 @@ def find_slide(estimator: Estimator, chain: Chain, after: float) -> Slide | None
     if not begins:
         return None
     moves, contacts = _moves(linear, chain)
-    # Columns (m, 3, q) of every move with every shape; rows of one sample after the other, as in `linear`.
-    rows = np.nonzero(linear.seen)[0]
-    columns = np.einsum("mir,ms->mirs", moves, shapes[rows]).reshape(len(rows), 3, -1)
-    weighted = linear.weights[:, None, None] * columns
-    own = (weighted * columns).sum(axis=(0, 1))
-    shared = np.einsum("miq,mip->qp", weighted, linear.jacobian)
-    slope = np.einsum("miq,mi->q", weighted, linear.errors)
+    # Sums over the m measurements, for every move (r) with every shape (s).
+    along = shapes[np.nonzero(linear.seen)[0]]
+    weighted = linear.weights[:, None, None] * moves
+    own = ((along**2).T @ (weighted * moves).sum(axis=1)).T.ravel()
+    slope = (along.T @ (weighted * linear.errors[..., None]).sum(axis=1)).T.ravel()
+    by_values = np.matmul(weighted.transpose(0, 2, 1), linear.jacobian)
+    shared = np.tensordot(along, by_values, axes=(0, 0)).transpose(1, 0, 2).reshape(len(own), -1)
     solved = np.linalg.solve(linear.hessian, np.column_stack([linear.gradient, shared.T]))
     left = own - (shared.T * solved[:, 1:]).sum(axis=0)
     slope = slope - shared @ solved[:, 0]
@@ -123,7 +123,7 @@ def find_slide(estimator: Estimator, chain: Chain, after: float) -> Slide | None
     size = slope / np.maximum(left, 1e-12) * np.tile(shapes[-1], moves.shape[-1])
     gain[np.abs(size) < LEAST * estimator.settings.position_slack] = 0.0
     best = int(np.argmax(gain))
-    if gain[best] <= np.log(3.0 * len(rows)) + 10.0:
+    if gain[best] <= np.log(3.0 * len(along)) + 10.0:
         return None
     move, shape = divmod(best, len(begins))
     since = linear.samples[begins[shape]].time
