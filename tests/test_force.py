@@ -135,12 +135,20 @@ def test_no_plan_takes_too_much_force(force: Any, breakaway: float, reason: str)
 
 
 @pytest.mark.parametrize(
-    ("force", "loads"),
-    [(6.0, {"a", "ab", "abc"}), (4.0, {"a", "ab", "c"}), (2.5, {"a", "b", "c"}), (1.5, set())],
+    ("force", "gather", "loads"),
+    [
+        (6.0, "always", {"a", "ab", "abc"}),
+        (4.0, "auto", {"a", "ab", "c"}),
+        (2.5, "auto", {"a", "b", "c"}),
+        (1.5, "auto", set()),
+    ],
 )
-def test_a_row_too_heavy_together_is_pushed_in_groups_or_one_by_one(force: float, loads: set[str]) -> None:
+def test_a_row_too_heavy_together_is_pushed_in_groups_or_one_by_one(
+    force: float, gather: str, loads: set[str]
+) -> None:
     row = runpy.run_path(str(Path(__file__).parent / "several" / "test_gathering.py"))["DOCUMENT"]
-    scenario = scenario_from_document({**row, "robot": {**row["robot"], "limits": {"force": force}}})
+    robot = {**row["robot"], "limits": {"force": force}}
+    scenario = scenario_from_document({**row, "gather": gather, "robot": robot})
     if not loads:
         with pytest.raises(PushplanError, match=r"pushing 'a' takes at least 1\.912 N.*force is 1\.5 N"):
             pushplan.plan(scenario, seed=1)
