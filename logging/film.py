@@ -18,6 +18,7 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from pushplan.drawing import palette
+from pushplan.drawing.figure import margin_ticks
 from pushplan.drawing.floor import (
     draw_goals,
     draw_lines,
@@ -226,12 +227,10 @@ class Film(Still):
             axes.axhline(kept, color=INK, linewidth=0.7, linestyle=(0, (3, 2)))
         for event in self.scene.marks:
             axes.axvline(event.time, color=palette.EVENTS[event.kind], linewidth=1.0)
-        axes.set_yticks(palette.MARGIN_TICKS, [f"{tick:g}" for tick in palette.MARGIN_TICKS])
         axes.set_xlim(0.0, float(execution.t[-1]) or 1.0)
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(colors=FAINT)
-        for tick, label in zip(palette.MARGIN_TICKS, axes.get_yticklabels(), strict=True):
-            label.set_color(palette.margin_colour(tick) or INK)
+        margin_ticks(axes)
         named = worst_contacts(execution)
         for place, k in enumerate(named):
             name = cut(self._names[k], 90 // len(named))

@@ -9,7 +9,7 @@ import numpy as np
 from pushplan.plans.run import Execution
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario
-from pushplan.util.arrays import FloatArray, IntArray, distinct
+from pushplan.util.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
@@ -86,7 +86,7 @@ def viewed(execution: Execution) -> IntArray:
     begun = np.flatnonzero(np.diff(execution.segment, prepend=-1))
     margins = np.where(np.isnan(execution.margins), np.inf, execution.margins)
     smallest = np.argmin(margins, axis=0) if margins.size else []
-    return distinct([*first, *begun, *smallest, len(execution.t) - 1]).astype(np.int64)
+    return np.unique([*first, *begun, *smallest, len(execution.t) - 1]).astype(np.int64)
 
 
 def worst_contacts(execution: Execution, most: int = 6) -> list[int]:

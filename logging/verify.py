@@ -270,8 +270,10 @@ def _compare_words(run: RecordedRun) -> Iterator[Check]:
     for key, value in metadata.result_words(run).items():
         quantity, found = f"{metadata.RESULT} {key}", said.get(key)
         a, b = _number(found), _number(value)
-        if found == value or (a is not None and b is not None):
-            yield Check(quantity, 0.0 if found == value else abs(a - b))  # type: ignore[operator]
+        if found == value:
+            yield Check(quantity, 0.0)
+        elif a is not None and b is not None:
+            yield Check(quantity, abs(a - b))
         else:
             yield Check(quantity, math.inf, what=f"{found!r} instead of {value!r}")
 

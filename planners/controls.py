@@ -16,7 +16,7 @@ from pushplan.sets.force_limited_set import ForceLimitedSet
 from pushplan.sets.known_load_sets import HELP, contact_words, emptiness, weakest_contact
 from pushplan.sets.meridians import margin_peaks
 from pushplan.sets.stable_set import StableSet
-from pushplan.util.arrays import FloatArray, distinct
+from pushplan.util.arrays import FloatArray
 from pushplan.util.names import AUTO
 
 MARGIN_FLOOR = 1e-6
@@ -164,7 +164,7 @@ def _drive_turns(stable: StableSet, drive: Drive) -> FloatArray:
     limit = math.inf if drive.min_radius == 0.0 else 1.0 / drive.min_radius
     angles = np.linspace(-0.5, 0.5, 1026)[1:-1] * np.pi
     turns = np.tan(angles) / stable.chain.characteristic_length
-    return distinct(np.clip(turns, -limit, limit), [0.0])
+    return np.unique(np.append(np.clip(turns, -limit, limit), 0.0))
 
 
 def _stable_at(stable: StableSet, axle: FloatArray, turns: FloatArray, margin: float) -> np.ndarray:

@@ -38,9 +38,8 @@ from pushplan.util.collection import no_collection
 from pushplan.util.names import DEFAULT_PLANNER, RANKED_BY
 from pushplan.util.stopwatch import Stopwatch
 
-if (
-    TYPE_CHECKING
-):  # else where they are needed: a single push does without them, and their modules take a while
+# Loaded where they are needed: a single push does without them, and their modules take a while.
+if TYPE_CHECKING:
     from pushplan.planners.multi.gathering import GatheringSearch
     from pushplan.planners.multi.multi_push import MultiPushSearch
     from pushplan.planners.multi.rearrangement import RearrangementSearch

@@ -28,7 +28,7 @@ from pushplan.planners.timing.arc_limits import Bounds, arc_limits, contact_limi
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.scenario.model import CircleObstacle, Scenario
 from pushplan.sets.stable_set import StableSet
-from pushplan.util.arrays import BoolArray, FloatArray, distinct
+from pushplan.util.arrays import BoolArray, FloatArray
 
 GRIDS = {"margin": 129, "time": 33}
 """Longitudes and latitudes of the table; fewer where an entry takes longer."""
@@ -247,7 +247,7 @@ def rejoin(
         start: (3,) pose of the chain frame in the world.
         goal: Likewise.
     """
-    s = distinct(np.linspace(0.0, path.cost, 24), np.cumsum(path.lengths))
+    s = np.unique(np.append(np.linspace(0.0, path.cost, 24), np.cumsum(path.lengths)))
     onto = compose(goal, relative(path.end, path.poses_at(s)))
     words = reach(scene, families, start[None], onto, clearance)[0]
     between = scene_between(scene, clearance, start, goal)

@@ -15,13 +15,14 @@ from pushplan.logging.recording import Recording, Where
 from pushplan.logging.verify import Check
 from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan
+from pushplan.plans.robustness import TrialUncertainty
 from pushplan.plans.run import TrialEnd
 from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.run import fields_of
 from pushplan.scenario.model import Scenario
 from pushplan.sim.report import ContactLoss, with_margins
 from pushplan.sim.slip.simulator import slip
-from pushplan.sim.trials import Simulator, Trials, TrialUncertainty, execute_trials, sampled_world
+from pushplan.sim.trials import Simulator, Trials, execute_trials, sampled_world
 from pushplan.util.names import SIMULATORS
 from pushplan.util.naming import function_named, simulator_names
 

@@ -19,7 +19,7 @@ from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.support import FeetSupport
 from pushplan.plans.goals import goal_columns, goal_units
 from pushplan.plans.plan import Plan
-from pushplan.plans.robustness import TrialUncertainty as TrialUncertainty
+from pushplan.plans.robustness import TrialUncertainty
 from pushplan.plans.run import TrialEnd
 from pushplan.scenario.model import Scenario
 from pushplan.sim.report import ContactLoss, ContactReport, with_margins

@@ -31,13 +31,13 @@ from pushplan.logging.tables import write_csv
 from pushplan.planners.validator import Validator
 from pushplan.plans.goals import worst_at_goal
 from pushplan.plans.plan import Plan
+from pushplan.plans.robustness import TrialUncertainty
 from pushplan.plans.run import Execution
 from pushplan.plans.segment import Segment
 from pushplan.scenario.file import example_text
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance
-from pushplan.sim.trials import TrialUncertainty
 from pushplan.trial import write_trial
 from pushplan.util.arrays import FloatArray
 from pushplan.verification import verify_log
@@ -73,8 +73,10 @@ def made(kind: str) -> Made:
         whole = made(kind.split(" ")[0])
         index = 1 if len(whole.execution.names) > 1 else 0
         disturbance = Disturbance(0.5 * float(whole.execution.t[-1]), index, 0.0, 0.005, 0.0)
-        how = {"plan": whole.plan, "settings": SETTINGS, "log": Path(GROWN.name) / f"{kind}.mcap"}
-        loop = run_closed_loop(whole.scenario, disturbances=[disturbance], **how)  # type: ignore[arg-type]
+        log = Path(GROWN.name) / f"{kind}.mcap"
+        loop = run_closed_loop(
+            whole.scenario, disturbances=[disturbance], plan=whole.plan, settings=SETTINGS, log=log
+        )
         assert loop.outcome == "arrived", loop.reason
         return Made(whole.scenario, loop.plan, loop.execution, loop)
     text = TEXTS.get(kind)

@@ -22,6 +22,7 @@ from pushplan.drawing.sets import plot_stable_sets
 from pushplan.errors import PushplanError
 from pushplan.planners.planner import Planner
 from pushplan.plans.plan import Plan
+from pushplan.plans.robustness import TrialUncertainty
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
@@ -31,7 +32,6 @@ from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance
 from pushplan.sim.follower import Follower
 from pushplan.sim.slip.simulator import SlipSimulator
-from pushplan.sim.trials import TrialUncertainty
 from pushplan.sim.world import World
 
 nan, inf = math.nan, math.inf

@@ -24,8 +24,8 @@ from pushplan.errors import PushplanError
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
 from pushplan.plans.plan import Plan
+from pushplan.plans.robustness import TrialUncertainty
 from pushplan.plans.settings import Observer
-from pushplan.sim.trials import TrialUncertainty
 from pushplan.verification import verify_run
 
 Tell = Callable[[float], None]

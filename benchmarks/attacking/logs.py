@@ -22,10 +22,10 @@ import pushplan.logging.schemas as schemas
 from pushplan.closed_loop import run_closed_loop
 from pushplan.errors import RunLogError
 from pushplan.logging.reader import load_run
+from pushplan.plans.robustness import TrialUncertainty
 from pushplan.scenario.file import example_text, scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.simulated_push import Disturbance
-from pushplan.sim.trials import TrialUncertainty
 from pushplan.trial import write_trial
 
 SLIPPERY = TrialUncertainty(contact_friction=0.6, load=0.3, position=2e-3)

@@ -18,7 +18,7 @@ from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
-from pushplan.util.arrays import FloatArray, distinct
+from pushplan.util.arrays import FloatArray
 
 SECTORS = 64
 """Sectors that the directions of v are put together to, at most."""
@@ -135,7 +135,7 @@ def _together(sectors: FloatArray) -> FloatArray:
     if len(sectors) <= SECTORS:
         return sectors
     low, high = sectors[:, 2] - sectors[:, 3], sectors[:, 2] + sectors[:, 3]
-    firsts = distinct(np.linspace(0, len(sectors), SECTORS, endpoint=False).astype(int))
+    firsts = np.unique(np.linspace(0, len(sectors), SECTORS, endpoint=False).astype(int))
     lows, highs = np.minimum.reduceat(low, firsts), np.maximum.reduceat(high, firsts)
     radii = np.minimum.reduceat(sectors[:, 0], firsts), np.maximum.reduceat(sectors[:, 1], firsts)
     return np.column_stack([*radii, 0.5 * (lows + highs), 0.5 * (highs - lows)])

@@ -18,7 +18,7 @@ from pushplan.scenario.model import Scenario
 from pushplan.sets.force_limited_set import ForceLimitedSet
 from pushplan.sets.known_load_sets import EcofSet
 from pushplan.sets.stable_set import StableSet
-from pushplan.util.arrays import FloatArray, columns_of, distinct
+from pushplan.util.arrays import FloatArray, columns_of
 
 COARSE = 0.02
 """Travel of the body's farthest point (m) between the first poses that are looked at."""
@@ -160,7 +160,7 @@ def unstable_times(
     """
     stable = stable.inside if isinstance(stable, ForceLimitedSet) else stable
     breaks = trajectory.breaks
-    times = distinct(trajectory.t, breaks, 0.5 * (breaks[:-1] + breaks[1:]))
+    times = np.unique(np.concatenate([trajectory.t, breaks, 0.5 * (breaks[:-1] + breaks[1:])]))
     twists = trajectory.twists_at(times)
     moving = np.abs(columns_of(twists)).max(axis=0) > RESTING
     times, twists = times[moving], twists[moving]

@@ -39,7 +39,7 @@ DISTURBANCE = p.Named(
     needed=("time", "object"),
 )
 
-FARTHEST = 1.0
+MOST_DISPLACED = 1.0
 """By how much an object can be displaced, m."""
 
 
@@ -153,8 +153,10 @@ def _disturbances(scenario: Scenario, words: tuple[dict[str, Any], ...]) -> list
 
     for one in words:
         for name in ("x", "y"):
-            if abs(one.get(name, 0.0)) > FARTHEST:
-                told = f"{name} is {one[name]:g} m: mm? a plain number is m; allowed: up to {FARTHEST:g} m"
+            if abs(one.get(name, 0.0)) > MOST_DISPLACED:
+                told = (
+                    f"{name} is {one[name]:g} m: mm? a plain number is m; allowed: up to {MOST_DISPLACED:g} m"
+                )
                 raise p.UsageError(f"--disturb: {told}")
     return [
         Disturbance(

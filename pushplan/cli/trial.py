@@ -18,8 +18,9 @@ from pushplan.util.names import SIMULATORS
 
 if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
+    from pushplan.plans.robustness import TrialUncertainty
     from pushplan.scenario.model import Scenario
-    from pushplan.sim.trials import Trials, TrialUncertainty
+    from pushplan.sim.trials import Trials
 
 _UNITS = {
     **dict.fromkeys(("contact_friction", "floor_friction", "mass", "load"), units.FRACTION),
@@ -29,7 +30,7 @@ _UNITS = {
 
 
 def _uncertainty(found: dict[str, Any]) -> TrialUncertainty:
-    from pushplan.sim.trials import TrialUncertainty
+    from pushplan.plans.robustness import TrialUncertainty
 
     return TrialUncertainty(**{**dict.fromkeys(_UNITS, 0.0), **found})
 
@@ -205,7 +206,7 @@ def _percentiles(trials: Trials) -> list[list[float]]:
 
 
 def _stated(trials: Trials) -> str:
-    from pushplan.sim.trials import TrialUncertainty
+    from pushplan.plans.robustness import TrialUncertainty
 
     if not trials.scenario.has_intervals:
         return TrialUncertainty().words

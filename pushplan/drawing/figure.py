@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 
-from pushplan.drawing import check_picture_path
+from pushplan.drawing import check_picture_path, palette
 from pushplan.drawing.palette import FAINT, INK
 from pushplan.util.arrays import FloatArray
 from pushplan.util.files import write_whole
@@ -100,6 +100,13 @@ def equal_ticks(axes: Axes, extent: float) -> None:
     ticks = MaxNLocator(count, steps=[1, 2, 5, 10]).tick_values(0.0, extent)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MultipleLocator(float(ticks[1] - ticks[0])))
+
+
+def margin_ticks(axes: Axes) -> None:
+    """Name margins on the vertical axis, each in its colour on the fixed scale."""
+    axes.set_yticks(palette.MARGIN_TICKS, [f"{tick:g}" for tick in palette.MARGIN_TICKS])
+    for tick, label in zip(palette.MARGIN_TICKS, axes.get_yticklabels(), strict=True):
+        label.set_color(palette.margin_colour(tick) or INK)
 
 
 def letters_across(axes: Axes, points: float) -> int:

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from pushplan.drawing import PANELS, PlotError, palette
-from pushplan.drawing.figure import axes_at, draw_footer, figure_for, letters_across
+from pushplan.drawing.figure import axes_at, draw_footer, figure_for, letters_across, margin_ticks
 from pushplan.drawing.floor import (
     draw_bodies,
     draw_by_margin,
@@ -262,13 +262,10 @@ def draw_margins(axes: Axes, scene: Scene, kept: float | None = None) -> None:
         draw_by_margin(axes, points, scene.margins[begin:end], under=FAINT, under_width=0.6, broken=True)
     top = float(scene.margins[known].max(initial=palette.MARGINS[-1][0]))
     low = float(scene.margins[known].min(initial=0.0))
-    ticks = palette.MARGIN_TICKS
     axes.set(
         xlim=(0.0, max(float(scene.t[-1]), 1e-3)), ylim=(min(0.0, 1.1 * low), 1.08 * top), xlabel="time [s]"
     )
-    axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
-    for tick, label in zip(ticks, axes.get_yticklabels(), strict=True):
-        label.set_color(palette.margin_colour(tick) or INK)
+    margin_ticks(axes)
     if top > _CROWDED:
         zero, least = axes.get_yticklabels()[:2]
         zero.set_verticalalignment("top")

@@ -10,7 +10,7 @@ import shapely
 
 from pushplan.errors import PushplanError
 from pushplan.sets.boundary_following import RefinedMeridians
-from pushplan.util.arrays import FloatArray, IntArray, distinct, numbers
+from pushplan.util.arrays import FloatArray, IntArray, numbers
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -44,7 +44,7 @@ def smallest_sines(rows: FloatArray, owner: IntArray, twists: FloatArray, length
     scaled = twists * [1.0, 1.0, length]
     scaled = scaled / np.abs(scaled).max(axis=1, keepdims=True)  # the square of a slow twist may be 0
     values = (scaled / np.linalg.norm(scaled, axis=1, keepdims=True)) @ rows.T
-    return np.asarray(np.minimum.reduceat(values, np.searchsorted(owner, distinct(owner)), axis=1))
+    return np.asarray(np.minimum.reduceat(values, np.searchsorted(owner, np.unique(owner)), axis=1))
 
 
 def cor_polygon(rows: FloatArray, length: float, sense: int, window: Window | None) -> BaseGeometry:

@@ -14,7 +14,7 @@ from pushplan.mechanics.sphere import Meridians, twists_at
 from pushplan.sets.boundary_following import SMALLEST_GAP, RefinedMeridians
 from pushplan.sets.cor import Window, cor_polygon, unit_rows, velocity_rows
 from pushplan.sets.stable_set import StableSet
-from pushplan.util.arrays import FloatArray, distinct
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -212,5 +212,5 @@ class TranslationSet(StableSet):
         if cone is not None:
             right, left = np.arctan2(cone[:, 1], cone[:, 0])
             longitude = np.append(longitude, [right - SMALLEST_GAP, right, left, left + SMALLEST_GAP])
-        longitude = distinct(np.clip(longitude, -np.pi, np.pi))
+        longitude = np.unique(np.clip(longitude, -np.pi, np.pi))
         return RefinedMeridians(longitude, self._find_meridians(longitude, minimum))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,14 +15,6 @@ IntArray = NDArray[np.int64]
 ComplexArray = NDArray[np.complex128]
 RandomState = NDArray[np.uint64]
 """(1,) state of a compiled random generator."""
-
-
-def distinct(*parts: ArrayLike) -> NDArray[Any]:
-    """Return the distinct numbers of some arrays, sorted: as `np.unique`, which loads numpy.ma for it (14 ms)."""
-    found = np.sort(np.concatenate([np.ravel(part) for part in parts]), axis=None)
-    changed: BoolArray = np.diff(found, prepend=np.nan) != 0.0
-    kept: NDArray[Any] = found[changed]
-    return kept
 
 
 def numbers(values: ArrayLike, name: str) -> FloatArray:

@@ -29,8 +29,6 @@ HOLD = 0.4
 """Age that a sample has to have before it is learned from, s: what happens is noticed before it can be explained."""
 FREEDOM = 4.0
 """Degrees of freedom of Student's t."""
-ROUNDS = 1
-"""Gauss-Newton steps a fit, which begins from the last one."""
 MODEL = (3e-4, 1e-3)
 """What the model errs by whatever is known, m and rad."""
 STEPS = np.array([1e-5, 1e-5, 1e-5, 1e-4, 1e-5, 1e-5, 1e-5])
@@ -206,7 +204,9 @@ class Estimator:
 
     def residuals(self, samples: list[Sample]) -> FloatArray:
         """Return what measurements are off (k, n, 3) of what is expected with closed contacts, in their frames."""
-        return self._residuals(samples)
+        times, poses, places = _arrays(samples)
+        plates = self._plates(self.values, *self._moments(times - self.values[3]))
+        return self._errors(plates, poses, places)
 
     def spread(self, sample: Sample) -> FloatArray:
         """Return the standard deviations (n, 2) of what is expected of the objects then, m and rad."""
@@ -221,8 +221,9 @@ class Estimator:
         if len(samples) < 8:
             return
         self._look_at_noise(samples)
-        for _ in range(ROUNDS):
-            self.values, self.covariance = self.solved(self.linear(samples))
+        linear = self.linear(samples)  # one Gauss-Newton step on from the last fit
+        self.covariance = np.asarray(np.linalg.inv(linear.hessian), dtype=np.float64)
+        self.values = self.values - self.covariance @ linear.gradient
 
     def linear(self, samples: list[Sample] | None = None) -> Linear:
         """Return what samples, or all that are kept, tell near the values."""
@@ -237,11 +238,6 @@ class Estimator:
         hessian = weighted @ jacobian.reshape(-1, len(self.values)) + self._precision
         gradient = weighted @ errors.reshape(-1) + self._precision @ (self.values - self._center)
         return Linear(samples, sigma, seen, errors, jacobian, weights, gradient, hessian)
-
-    def solved(self, linear: Linear) -> tuple[FloatArray, FloatArray]:
-        """Return the most likely values and their covariance."""
-        covariance = np.asarray(np.linalg.inv(linear.hessian), dtype=np.float64)
-        return self.values - covariance @ linear.gradient, covariance
 
     def ways(self, samples: list[Sample]) -> FloatArray:
         """Return how far the plate had driven (k,) when samples were taken, m."""
@@ -288,19 +284,13 @@ class Estimator:
         """Estimate the noise from what differs from one measurement to the next."""
         recent = samples[-4 * NOISY :]
         close = np.diff([sample.time for sample in recent]) < 0.15
-        errors = np.diff(self._residuals(recent), axis=0)[close] / math.sqrt(2.0)
+        errors = np.diff(self.residuals(recent), axis=0)[close] / math.sqrt(2.0)
         errors = errors[~np.isnan(errors[..., 0])]
         if len(errors) >= NOISY:
             found = 1.48 * np.median(np.abs(errors), axis=0)
             stated = self.settings.position_noise, self.settings.angle_noise
             self.noise = np.maximum(stated, [0.5 * (found[0] + found[1]), found[2]])
             self.noise = np.maximum(self.noise, [1e-6, 1e-6])
-
-    def _residuals(self, samples: list[Sample]) -> FloatArray:
-        """Return errors (k, n, 3) of samples in the objects' frames."""
-        times, poses, places = _arrays(samples)
-        plates = self._plates(self.values, *self._moments(times - self.values[3]))
-        return self._errors(plates, poses, places)
 
     def _errors(self, plates: FloatArray, poses: FloatArray, places: FloatArray) -> FloatArray:
         expected = compose(plates[:, None], compose(places, self.values[COMMON:].reshape(-1, 3)))

@@ -30,7 +30,7 @@ from pushplan.sim.report import (
 )
 from pushplan.sim.slip.packing import Pair, Piece, cut, pack_bodies, pack_world
 from pushplan.sim.world import World
-from pushplan.util.arrays import FloatArray, distinct, frozen, numbers
+from pushplan.util.arrays import FloatArray, frozen, numbers
 from pushplan.util.names import APPROACH, CLOSE
 
 SETTLED = 0.9
@@ -299,7 +299,7 @@ def step_times(trajectory: Trajectory, reach: float, step: float) -> FloatArray:
     arc_ends = trajectory.breaks[
         np.append(np.flatnonzero(np.diff(trajectory.arc)) + 1, len(trajectory.breaks) - 1)
     ]
-    fine = distinct(trajectory.t, trajectory.breaks)
+    fine = np.union1d(trajectory.t, trajectory.breaks)
     twists = trajectory.twists_at(fine)
     rate = np.hypot(twists[:, 0], twists[:, 1]) + reach * np.abs(twists[:, 2])
     peak = np.maximum(rate[:-1], rate[1:])

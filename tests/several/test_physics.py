@@ -12,10 +12,11 @@ from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan
+from pushplan.plans.robustness import TrialUncertainty
 from pushplan.sim.control.simulated_push import OpenLoop, simulate_push
 from pushplan.sim.follower import Follower, FollowerState
 from pushplan.sim.slip.simulator import simulate
-from pushplan.sim.trials import TrialUncertainty, execute_trials
+from pushplan.sim.trials import execute_trials
 from pushplan.sim.world import World
 
 OFF = np.array([0.0, 2e-3, math.radians(0.5)])
