@@ -185,7 +185,7 @@ def check_trials(run: RecordedRun) -> list[Check]:
     for name in ("objects", "errors"):
         first, second = (np.array([getattr(end, name) for end in ends]) for ends in (run.trials, again))
         checks.append(Check(f"trials: {name}", float(np.abs(first - second).max())))
-    for name in ("arrived", "jammed", "contact", "mode", "time"):
+    for name in ("arrived", "jammed", "contact", "mode", "time", "object", "point"):
         values = [[str(getattr(end, name)) for end in ends] for ends in (run.trials, again)]
         apart = sum(one != other for one, other in zip(*values, strict=True))
         checks.append(

@@ -13,7 +13,7 @@ from pushplan.sim.control.again import CONTROL, check_closed_loop
 from pushplan.sim.kinematic import execute
 from pushplan.trial import TRIAL, check_trials, executed_again
 
-OTHERS = "how the plan ended in Monte Carlo samples, which a simulator of others executed, beyond its digest"
+OTHERS = "how the Monte Carlo samples ended (in a simulator that is not pushplan's)"
 
 
 def verify_log(path: Path | str) -> VerifyReport:

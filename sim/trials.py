@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cached_property
 from numbers import Integral
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -157,11 +158,7 @@ class Trials:
         uncertainty: What the worlds were drawn from; None for the scenario's own intervals.
         seed: Of the random numbers; sample i depends on it and on i only.
         simulator: What executed it.
-        errors: (k, n, 2) how far (m) and by what angle (rad) every object ends away from its pose at the goal.
-        object_poses: (k, n, 3) where they end, in the world.
-        arrived: (k,) whether the goal's object, or every object, ends within the goal's tolerances.
-        losses: The first contact that moved in each sample, or None.
-        jammed: (k,) whether nothing could give way, or the robot had not the force, so that the push ended early.
+        ends: How each sample ended.
         log: The log that was written meanwhile; None where there is none, or it could not be written.
     """
 
@@ -169,11 +166,7 @@ class Trials:
     uncertainty: TrialUncertainty | None
     seed: int
     simulator: Simulator
-    errors: FloatArray
-    object_poses: FloatArray
-    arrived: BoolArray
-    losses: tuple[ContactLoss | None, ...]
-    jammed: BoolArray
+    ends: tuple[TrialEnd, ...]
     log: Path | None = None
 
     @property
@@ -184,7 +177,27 @@ class Trials:
     @property
     def samples(self) -> int:
         """Number of worlds."""
-        return len(self.arrived)
+        return len(self.ends)
+
+    @cached_property
+    def errors(self) -> FloatArray:
+        """(k, n, 2) how far (m) and by what angle (rad) every object ends away from its pose at the goal."""
+        return np.array([end.errors for end in self.ends])
+
+    @cached_property
+    def object_poses(self) -> FloatArray:
+        """(k, n, 3) where they end, in the world."""
+        return np.array([end.objects for end in self.ends])
+
+    @cached_property
+    def arrived(self) -> BoolArray:
+        """(k,) whether the goal's object, or every object, ends within the goal's tolerances."""
+        return np.array([end.arrived for end in self.ends])
+
+    @cached_property
+    def jammed(self) -> BoolArray:
+        """(k,) whether nothing could give way, or the robot had not the force, so that the push ended early."""
+        return np.array([end.jammed for end in self.ends])
 
     @property
     def success(self) -> float:
@@ -204,16 +217,12 @@ class Trials:
     @property
     def lost(self) -> BoolArray:
         """(k,) whether a contact moved or opened."""
-        return np.array([loss is not None for loss in self.losses])
+        return np.array([bool(end.contact) for end in self.ends])
 
     @property
     def first_failures(self) -> dict[str, int]:
         """How often each contact, by name, was the first to move; those that never were are left out."""
-        found: dict[str, int] = {}
-        for loss in self.losses:
-            if loss is not None:
-                found[loss.contact] = found.get(loss.contact, 0) + 1
-        return dict(sorted(found.items(), key=lambda item: -item[1]))
+        return dict(Counter(end.contact for end in self.ends if end.contact).most_common())
 
     @property
     def goal_errors(self) -> FloatArray:
@@ -271,24 +280,12 @@ def execute_trials(
         return report, report.arrived(plan.scenario)
 
     ends: list[TrialEnd] = []
-    losses: list[Any] = []
     with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
         for report, arrived in pool.map(one, range(samples)):
             ends.append(_end(len(ends), plan.scenario, report, arrived))
-            losses.append(report.loss)
             if progress is not None:
                 progress(ends[-1])
-    return Trials(
-        plan=plan,
-        uncertainty=uncertainty,
-        seed=seed,
-        simulator=simulator,
-        errors=np.array([end.errors for end in ends]),
-        object_poses=np.array([end.objects for end in ends]),
-        arrived=np.array([end.arrived for end in ends]),
-        losses=tuple(losses),
-        jammed=np.array([end.jammed for end in ends]),
-    )
+    return Trials(plan, uncertainty, seed, simulator, tuple(ends))
 
 
 def _end(sample: int, scenario: Scenario, report: ContactReport, arrived: bool) -> TrialEnd:
@@ -302,4 +299,6 @@ def _end(sample: int, scenario: Scenario, report: ContactReport, arrived: bool) 
         contact="" if loss is None else loss.contact,
         mode=loss.mode.name.lower() if isinstance(loss, ContactLoss) else "",
         time=np.nan if loss is None else loss.time,
+        object="" if loss is None else loss.object,
+        point=loss.point if isinstance(loss, ContactLoss) else (np.nan, np.nan),
     )

@@ -2,6 +2,7 @@
 
 import json
 import runpy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -190,6 +191,9 @@ def test_output_log_and_page_tell_the_force(tmp_path: Path, capsys: pytest.Captu
     assert words in capsys.readouterr().out
     assert words in log.with_suffix(".html").read_text()
     assert words in run.lines[-1].text
+    execution = there(run.execution)
+    slipped = replace(execution, wrenches=np.tile([3.0, 4.0, 0.0], (len(execution.t), 1)))
+    assert slipped.force_words(8.0) == "pushed with up to 5 N of 8 N"  # what a start takes is not in it
     assert main(["replay", str(log), "--verify", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["force_limit"] == 10.0

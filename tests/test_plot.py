@@ -26,10 +26,10 @@ from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.dynamics import SpeedWindow, admissible_speeds
 from pushplan.plans.plan import Diagnosis, Nearest, Plan
+from pushplan.plans.run import TrialEnd
 from pushplan.scenario.file import load_scenario, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Workspace
 from pushplan.sets.named import stable_set
-from pushplan.util.arrays import FloatArray
 
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
 KINDS = ("push", "multi-push", "rearrangement")
@@ -233,28 +233,21 @@ def test_a_picture_without_a_plan_shows_tree_and_nearest_path_and_has_the_reason
 def test_trials_say_how_many_arrive_and_count_what_is_outside(
     plans: dict[str, Plan], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    figures, trials = _kept_figures(monkeypatch), _Trials(plans["push"])
-    plot_trials(trials, tmp_path / "t.png")  # type: ignore[arg-type]  # a stand-in has what is drawn
+    """Of four samples, of which the last ends 5 mm off."""
+    figures, scenario = _kept_figures(monkeypatch), plans["push"].scenario
+    places = se2.compose(scenario.goal.pose_chain, scenario.chain.places)
+    off, errors, nan = np.array([0.0, 0.005, 0.0]), np.zeros((len(places), 2)), float("nan")
+    ends = [
+        TrialEnd(k, k < 3, False, errors, places + (k == 3) * off, "", "", nan, "", (nan, nan))
+        for k in range(4)
+    ]
+    plot_trials(plans["push"], ends, tmp_path / "t.png")
     floor, close = figures[0].axes
     assert "3 of 4 arrive" in floor.get_title(loc="left")
     assert "1 of 4 outside" in close.get_title(loc="left")
     missed = next(line for line in close.lines if line.get_color() == palette.MISSED)
     np.testing.assert_allclose(np.asarray(missed.get_xydata()), [[0.0, 5.0]], atol=1e-9)
     _assert_nothing_covered(figures[0])
-
-
-class _Trials:
-    """Four trials, of which the last ends 5 mm off."""
-
-    samples, interval, losses = 4, (0.3, 0.95), (None,) * 4
-    arrived = np.array([True, True, True, False])
-
-    def __init__(self, plan: Plan) -> None:
-        self.plan, self.scenario = plan, plan.scenario
-        scenario = plan.scenario
-        places = se2.compose(scenario.goal.pose_chain, scenario.chain.places)
-        self.object_poses: FloatArray = np.tile(places, (4, 1, 1))
-        self.object_poses[3, :, 1] += 0.005
 
 
 def test_the_limits_of_speeds_that_are_named_are_those_that_bound(

@@ -62,19 +62,16 @@ class Number(click.ParamType[Any]):
         """Return the number."""
         if not isinstance(value, str) or value in self.words:
             return value
-        try:
+        wrong = f"is no {self.name}"
+        with contextlib.suppress(ValueError):
             number = number_from(value, self.units)
-            within = self.low < number if self.above else self.low <= number
-            if (
-                isfinite(number)
-                and within
-                and number <= self.high
-                and (not self.whole or number.is_integer())
-            ):
+            within = (self.low < number if self.above else self.low <= number) and number <= self.high
+            whole = not self.whole or number.is_integer()
+            if isfinite(number) and within and whole:
                 return int(number) if self.whole else number
-        except ValueError:
-            pass
-        self.fail(f"{value!r} is no {self.name}; allowed: {self.allowed}", param, ctx)
+            if isfinite(number):
+                wrong = "is out of range" if whole else "is no whole number"
+        self.fail(f"{value!r} {wrong}; allowed: {self.allowed}", param, ctx)
 
     @property
     def allowed(self) -> str:
@@ -249,7 +246,7 @@ _TIME = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 PLANNER, STABLE_SET, SCENARIO, PATH = OpenName(_planners), OpenName(_sets), Scenario(), AnyPath()
 SIMULATOR, EXPORT = OpenName(_simulators), Export()
 SECONDS = Number("time limit", 0.0, units=_TIME, above=True)
-COUNT = Number("number", 1, whole=True)
+COUNT = Number("count", 1, whole=True)
 RATE = Number("rate", 0.0, 1000.0, above=True)
 SHARE = Number("share", 0.0, units={"%": 0.01})
 MARGIN = Number("margin", 0.0, 0.99, words=(AUTO,))

@@ -213,8 +213,8 @@ def _verified(run: RecordedRun, console: Console) -> VerifyReport:
         console.say(("the log differs from what its scenario and its plan lead to:", "red"))
         for check in report.mismatches:
             console.say(f"  {check.text}")
-    for part in report.not_compared:
-        console.say((f"not compared: {part}", "dim"))
+    parts = "; ".join(report.not_compared)
+    console.say((f"not compared, as scenario and plan do not decide it: {parts}", "dim"))
     return report
 
 
@@ -277,6 +277,13 @@ def _export(
 def _draw(run: RecordedRun, path: Path, panels: tuple[str, ...] | None, console: Console) -> None:
     if run.plan is None:
         raise RunLogError(str(run.path), "the log ends before a plan, so there is nothing to draw")
+    if run.trials and run.execution is None:  # the log of one sample has its execution
+        from pushplan.cli.trial import draw_trials
+
+        if panels is not None:
+            raise p.UsageError("--panels names parts of a plan's picture; this log has trials")
+        draw_trials(run.plan, run.trials, path, console)
+        return
     from pushplan.cli.plan import draw
 
     draw(run, run.plan, path, panels, console)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,9 @@ from pushplan.util.names import SIMULATORS
 
 if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
+    from pushplan.plans.plan import Plan
     from pushplan.plans.robustness import TrialUncertainty
+    from pushplan.plans.run import TrialEnd
     from pushplan.scenario.model import Scenario
     from pushplan.sim.trials import Trials
 
@@ -136,10 +139,7 @@ def trial(
     page = write_page(planned, None, None if no_page else output, console)
     console.table([*_rows(trials), *([] if page is None else [("page", str(page))])])
     if plot is not None:
-        with console.working(f"drawing {plot}"):
-            from pushplan.drawing.trials import plot_trials
-
-            plot_trials(trials, plot)
+        draw_trials(trials.plan, trials.ends, plot, console)
     if worst is not None:
         from pushplan.trial import write_trial
 
@@ -156,6 +156,16 @@ def trial(
 
 
 command = trial
+
+
+def draw_trials(plan: Plan, ends: Sequence[TrialEnd], path: Path, console: Console) -> None:
+    """Draw trials into a file, over what the plan sweeps where nothing slips."""
+    with console.working(f"drawing {path}"):
+        from pushplan.drawing.trials import plot_trials
+        from pushplan.sim.kinematic import execute
+
+        rigid = execute(plan.scenario, plan.segments, plan.stable_set)
+        plot_trials(replace(plan, execution=rigid), ends, path)
 
 
 def _read(source: str, console: Console) -> Scenario | RecordedRun:
@@ -234,14 +244,14 @@ def _document(trials: Trials, worst: Path | None) -> dict[str, object]:
         "first_failures": trials.first_failures,
         "failures": [
             {
-                "sample": i,
-                "contact": loss.contact,
-                "mode": loss.mode.name.lower(),
-                "time": loss.time,
-                "point": loss.point,
+                "sample": end.sample,
+                "contact": end.contact,
+                "mode": end.mode,
+                "time": end.time,
+                "point": end.point,
             }
-            for i, loss in enumerate(trials.losses)
-            if loss is not None
+            for end in trials.ends
+            if end.contact
         ],
         "goal_error": {
             name: {"median": values[0], "p90": values[1], "max": values[2]}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,11 +28,13 @@ from pushplan.drawing.palette import ARRIVED, FAINT, INK, MISSED
 from pushplan.drawing.scene import Scene
 from pushplan.geometry.se2 import compose, transform_points
 from pushplan.util.printable import cut
+from pushplan.util.wilson import wilson
 
 if TYPE_CHECKING:
+    from pushplan.plans.plan import Plan
+    from pushplan.plans.run import TrialEnd
     from pushplan.scenario.model import Scenario
     from pushplan.scenario.parts import Goal
-    from pushplan.sim.trials import Trials
     from pushplan.util.arrays import FloatArray
 
 # The layout, in inches.
@@ -45,21 +48,22 @@ _MOST = 400
 """Samples that are drawn."""
 
 
-def plot_trials(trials: Trials, path: str | Path) -> None:
+def plot_trials(plan: Plan, ends: Sequence[TrialEnd], path: str | Path) -> None:
     """Draw trials: the floor with what the plan sweeps, and a closer look at where the objects end.
 
     Args:
-        trials: What was tried.
+        plan: What was tried.
+        ends: How it ended in each sample.
         path: File to write; its suffix says whether PNG, SVG or PDF.
 
     Raises:
         PlotError: On a suffix that is none of these.
     """
-    scene = Scene.of(trials.scenario, trials.plan)
+    scene, scenario = Scene.of(plan.scenario, plan), plan.scenario
     view = view_of(scene.window)
     width = float(_HEIGHT * view.size[0] / view.size[1])
     with figure_for(path, _LEFT + width + _GAP + _HEIGHT + _RIGHT, _HEIGHT) as figure:
-        bottom = draw_footer(figure, _LEFT, _keys(trials, scene)) + _AXIS
+        bottom = draw_footer(figure, _LEFT, _keys(scenario, ends, scene)) + _AXIS
         figure.set_size_inches(figure.get_figwidth(), bottom + _HEIGHT + _TOP)
         floor = axes_at(figure, _LEFT, bottom, width, _HEIGHT)
         set_view(floor, view)
@@ -67,40 +71,41 @@ def plot_trials(trials: Trials, path: str | Path) -> None:
         draw_swept(floor, scene)
         draw_goals(floor, scene)
         draw_bodies(floor, scene, scene.start)
-        _draw_ends(floor, trials)
-        _draw_failures(floor, trials)
-        low, high = trials.interval
-        count = f"{int(trials.arrived.sum())} of {trials.samples} arrive"
+        _draw_ends(floor, scenario, ends)
+        _draw_failures(floor, scenario, ends)
+        arrived = sum(end.arrived for end in ends)
+        low, high = wilson(arrived, len(ends))
+        count = f"{arrived} of {len(ends)} arrive"
         told = f"{count} ({100 * low:.0f} to {100 * high:.0f} % at 95 %)"
         floor.set_title(
-            cut(trials.scenario.name, max(8, letters_across(floor, 10.0) - len(told) - 2)) + ": " + told,
+            cut(scenario.name, max(8, letters_across(floor, 10.0) - len(told) - 2)) + ": " + told,
             loc="left",
         )
-        _draw_close(axes_at(figure, _LEFT + width + _GAP, bottom, _HEIGHT, _HEIGHT), trials)
+        _draw_close(axes_at(figure, _LEFT + width + _GAP, bottom, _HEIGHT, _HEIGHT), scenario, ends)
 
 
-def _draw_ends(axes: Axes, trials: Trials) -> None:
+def _draw_ends(axes: Axes, scenario: Scenario, ends: Sequence[TrialEnd]) -> None:
     """Outline the objects where they end, one colour for samples that arrive and one for the others."""
-    objects = [obj for task in trials.scenario.tasks for obj in task.chain.objects]
+    objects = [obj for task in scenario.tasks for obj in task.chain.objects]
     for arrived, colour in ((False, MISSED), (True, ARRIVED)):
-        shown = trials.object_poses[trials.arrived == arrived][:_MOST]
+        shown = [end for end in ends if end.arrived == arrived][:_MOST]
         outlines = [
             transform_points(pose, obj.outline)
-            for poses in shown
-            for obj, pose in zip(objects, poses, strict=True)
+            for end in shown
+            for obj, pose in zip(objects, end.objects, strict=True)
         ]
         look: Any = {"facecolors": "none", "edgecolors": colour, "linewidths": 0.5, "zorder": 9.5}
         axes.add_collection(PolyCollection(outlines, alpha=0.5 if len(shown) < 20 else 0.15, **look))
 
 
-def _draw_failures(axes: Axes, trials: Trials) -> None:
+def _draw_failures(axes: Axes, scenario: Scenario, ends: Sequence[TrialEnd]) -> None:
     """Mark where contacts were the first to move."""
-    names = list(trials.scenario.poses)
+    names = list(scenario.poses)
     colours = palette.contact_colours(len(names))
-    for loss in trials.losses:
-        if loss is not None:
-            colour = colours[names.index(loss.object)]
-            axes.plot(*loss.point, marker="x", color=colour, markersize=5.0, zorder=10.0)
+    for end in ends:
+        if end.contact:
+            colour = colours[names.index(end.object)]
+            axes.plot(*end.point, marker="x", color=colour, markersize=5.0, zorder=10.0)
 
 
 def _shown(scenario: Scenario) -> tuple[int, Goal, FloatArray]:
@@ -114,13 +119,14 @@ def _shown(scenario: Scenario) -> tuple[int, Goal, FloatArray]:
     return before + i, goal, compose(goal.pose_chain, task.chain.places[i])
 
 
-def _draw_close(axes: Axes, trials: Trials) -> None:
+def _draw_close(axes: Axes, scenario: Scenario, ends: Sequence[TrialEnd]) -> None:
     """Draw the goal's tolerance, and where one of its objects ends as points around its place."""
-    k, goal, place = _shown(trials.scenario)
-    off = 1e3 * (trials.object_poses[:, k, :2] - place[:2])
+    k, goal, place = _shown(scenario)
+    off = 1e3 * (np.array([end.objects[k, :2] for end in ends]) - place[:2])
+    arrived = np.array([end.arrived for end in ends])
     tolerance = 1e3 * goal.position_tolerance
-    for arrived, colour in ((False, MISSED), (True, ARRIVED)):
-        x, y = off[trials.arrived == arrived].T
+    for good, colour in ((False, MISSED), (True, ARRIVED)):
+        x, y = off[arrived == good].T
         style: Any = {"markersize": 4.0, "alpha": 0.6, "markeredgewidth": 0.0, "zorder": 3.0}
         axes.plot(x, y, ".", color=colour, **style)
     axes.add_patch(Circle((0.0, 0.0), tolerance, fill=False, edgecolor=INK, linewidth=0.9, zorder=4.0))
@@ -130,27 +136,25 @@ def _draw_close(axes: Axes, trials: Trials) -> None:
     far = 1.15 * float(np.clip(most, tolerance, _WINDOW * tolerance))
     outside = int((np.hypot(*off.T) > tolerance).sum())
     beyond = int((np.abs(off).max(axis=1) > far).sum())
-    told = f"{outside} of {trials.samples} outside the tolerance" + (
-        f", {beyond} not shown" if beyond else ""
-    )
+    told = f"{outside} of {len(ends)} outside the tolerance" + (f", {beyond} not shown" if beyond else "")
     axes.set(xlim=(-far, far), ylim=(-far, far), xlabel="x off the goal [mm]", ylabel="y off the goal [mm]")
-    name = cut(list(trials.scenario.poses)[k], max(8, letters_across(axes, 10.0) - len(told) - 2))
+    name = cut(list(scenario.poses)[k], max(8, letters_across(axes, 10.0) - len(told) - 2))
     axes.set_title(f"{name}: {told}", loc="left")
     axes.set_aspect("equal")
     equal_ticks(axes, 2.0 * far)
 
 
-def _keys(trials: Trials, scene: Scene) -> list[Artist]:
+def _keys(scenario: Scenario, ends: Sequence[TrialEnd], scene: Scene) -> list[Artist]:
     """Return the entries of the key: how samples ended, and what stands on the floor."""
     ended = ((True, ARRIVED, "arrived"), (False, MISSED, "missed the tolerance"))
-    ends: list[Artist] = [
+    keys: list[Artist] = [
         Line2D([], [], color=colour, label=told)
         for one, colour, told in ended
-        if (trials.arrived == one).any()
+        if any(end.arrived == one for end in ends)
     ]
-    ends.append(Line2D([], [], color=INK, linewidth=0.9, label="tolerance"))
-    names = list(trials.scenario.poses)
-    failing = {loss.object: loss.contact for loss in trials.losses if loss is not None}
+    keys.append(Line2D([], [], color=INK, linewidth=0.9, label="tolerance"))
+    names = list(scenario.poses)
+    failing = {end.object: end.contact for end in ends if end.contact}
     colours = palette.contact_colours(len(names))
     mark: Any = {"marker": "x", "linestyle": "none"}
     failed = [
@@ -158,4 +162,4 @@ def _keys(trials: Trials, scene: Scene) -> list[Artist]:
         for name, colour in zip(names, colours, strict=False)
         if name in failing
     ]
-    return [*ends, *failed, *scene_keys(scene)]
+    return [*keys, *failed, *scene_keys(scene)]

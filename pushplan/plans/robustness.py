@@ -45,7 +45,8 @@ class TrialUncertainty:
         for field in fields(self):
             value = getattr(self, field.name)
             if not 0.0 <= value < 1.0:
-                unit = {"position": " m: 5 mm is 5mm", "angle": " rad: a degree is 1deg"}.get(field.name, "")
+                units = {"position": " m: 5 mm is 5mm", "angle": " rad: a degree is 1deg"}
+                unit = units.get(field.name, "; it is a share: 20 % is 0.2, or 20% in a command")
                 raise PushplanError(
                     f"{field.name} of the trials' uncertainty is {value}; it must be from 0 to below 1{unit}"
                 )

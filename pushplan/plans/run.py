@@ -101,7 +101,7 @@ class Execution:
     def max_force(self, segment: int | None = None) -> float | None:
         """Return the largest force `|F_xy|` of the plate, N, in a segment or in all; None where it is not known.
 
-        That is of `needed_forces`, and of `wrenches` where contacts may slip.
+        That is of `needed_forces`, and of `wrenches` where contacts may slip: without breaking away.
         """
         forces = self.needed_forces
         if self.wrenches is not None:
@@ -113,11 +113,11 @@ class Execution:
         return float(known.max()) if known.size else None
 
     def force_words(self, limit: float) -> str:
-        """Return with what force the plate pushes, and how much it has, N; empty where that is not known."""
-        needed = self.max_force()
-        if needed is None:
+        """Return what force the plate needs, or has pushed with where contacts may slip; empty where not known."""
+        most, what = self.max_force(), "needs" if self.wrenches is None else "pushed with"
+        if most is None:
             return ""
-        return f"needs up to {needed:.3g} N" + ("" if math.isinf(limit) else f" of {limit:.3g} N")
+        return f"{what} up to {most:.3g} N" + ("" if math.isinf(limit) else f" of {limit:.3g} N")
 
     def until(self, count: int) -> Execution:
         """Return the first samples, as of an execution that has not come to its end."""
@@ -162,6 +162,8 @@ class TrialEnd:
         contact: What the first contact that moved is called; empty where all held.
         mode: What it did, a name of `sim.report.Mode` in lower case.
         time: When, s; NaN where all held.
+        object: Name of the object that it pushes; empty where all held.
+        point: Middle of its segment then, in the world, m; NaN where all held.
     """
 
     sample: int
@@ -172,6 +174,8 @@ class TrialEnd:
     contact: str
     mode: str
     time: float
+    object: str
+    point: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
