@@ -144,10 +144,10 @@ def _plan(run: Run | RecordedRun, scene: Scene) -> dict[str, Any]:
         "loads": [],
     }
     if plan is None:
-        return {"facts": [], **shown}
+        return {"facts": [], "notes": [], **shown}
     loads = [s.load if s.pushes else None for s in segments_of(plan, run.feedback)]
     shown["loads"] = [None if load is None else _contacts(scenario, load) for load in loads]
-    facts = [f"{plan.planner}, set {plan.stable_set}, seed {plan.seed}"]
+    facts = [f"planner {plan.planner}", f"stable set {plan.stable_set}", f"seed {plan.seed}"]
     if not plan.segments:
         facts.append("no plan")
     elif plan.path is not None:
@@ -159,7 +159,8 @@ def _plan(run: Run | RecordedRun, scene: Scene) -> dict[str, Any]:
     if run.execution is not None:
         facts.append(run.execution.force_words(scenario.pusher.limits.force))
     facts = [fact for fact in facts if fact]
-    return {"facts": facts, **shown}
+    notes = [note for note in (plan.robustness_words if plan.solved else "", *plan.notes) if note]
+    return {"facts": facts, "notes": notes, **shown}
 
 
 def _way(line: Line, leads: bool) -> dict[str, Any]:

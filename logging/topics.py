@@ -327,12 +327,12 @@ def plan_sentence(plan: Plan) -> str:
     if not plan.segments:
         return f"{who}: no plan: {'; '.join(plan.why_not)}"
     took = "" if plan.duration is None else f", {plan.duration:.2f} s"
-    lowered = f"; {plan.lowered}" if plan.lowered else ""
+    notes = "".join(f"; {note}" for note in plan.notes)
     if plan.path is None:
         count, travel = len(plan.pushes), sum(segment.path.cost for segment in plan.segments)
         driven = f"{plan.pushed_distance:.4f} m pushed of {travel:.4f} m driven"
-        return f"{who}: {count} push{'es' if count > 1 else ''}, {driven}{took}{lowered}"
-    return f"{who}: a path of {len(plan.path.lengths)} arcs, cost {plan.path.cost:.4f} m{took}{lowered}"
+        return f"{who}: {count} push{'es' if count > 1 else ''}, {driven}{took}{notes}"
+    return f"{who}: a path of {len(plan.path.lengths)} arcs, cost {plan.path.cost:.4f} m{took}{notes}"
 
 
 def execution_sentence(scenario: Scenario, execution: Execution) -> str:

@@ -10,10 +10,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pushplan.core.collision import Scene
+from pushplan.planners.controls import MARGIN_SHARE, MOST_MARGIN
 from pushplan.plans.plan import Diagnosis, Improvement, Nearest
 from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer
+from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
+from pushplan.util.names import AUTO
 
 Segments = tuple[Segment, ...]
 
@@ -34,6 +37,8 @@ class Outcome:
         tree: See `Plan`.
         explain: Returns the reason, the diagnosis and the nearest plan where none was found; called at most once.
         scene: Of the first push, where it is there already.
+        usual_margin: What `stability.margin: auto` asks for where the load allows it.
+        remarks: See `Plan`.
     """
 
     candidates: tuple[Segments, ...]
@@ -46,12 +51,24 @@ class Outcome:
     tree: FloatArray = field(default_factory=lambda: np.zeros((0, 2, 3)))
     explain: Callable[[], tuple[str, tuple[Diagnosis, ...], Nearest | None]] | None = None
     scene: Scene | None = None
+    usual_margin: float = MOST_MARGIN
+    remarks: tuple[str, ...] = ()
 
     @classmethod
     def without_plan(cls, proof: Diagnosis, margin: float) -> Outcome:
         """Return that of a search that need not begin, with the lowest margin that it would have planned with."""
         told = proof.text, (proof,), None
         return cls((), margin, margin, 0, (), lambda segments: math.inf, explain=lambda: told)
+
+    def remarks_on(self, scenario: Scenario, segments: Segments) -> tuple[str, ...]:
+        """Return the remarks on a plan, and which load allows no usual margin where `auto` chose it."""
+        asked, pushes = self.margin_asked, [one for one in segments if one.load is not None and one.pushes]
+        if scenario.stability.margin != AUTO or asked >= self.usual_margin or not pushes:
+            return self.remarks
+        load = min(pushes, key=lambda push: push.margin).load
+        names = ", ".join(f"'{name}'" for name in load.names) if load is not None else ""
+        most = f"no push of {names} has more than {asked / MARGIN_SHARE:.2g}"
+        return (f"margin {asked:.2g} instead of {self.usual_margin:.2g}: {most}", *self.remarks)
 
 
 class Improvements:

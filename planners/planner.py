@@ -374,6 +374,7 @@ class Planner:
             nearest=nearest,
             execution=execution if found else None,
             robustness=(lambda: least_robustness(found)) if found and timed else None,
+            remarks=outcome.remarks_on(scenario, found),
         )
 
     def _set_name(self, segments: Segments) -> str:

@@ -162,6 +162,8 @@ def test_a_row_too_heavy_together_is_pushed_in_groups_or_one_by_one(
         if segment.pushes
     ]
     assert {names for _, names in needed} == loads
+    alone = "not gathered: no two of the objects can be pushed together (pushing 'a' and 'b' takes at least 3.825 N"
+    assert any(note.startswith(alone) for note in plan.notes) == (force == 2.5)
     for most, names in needed:  # every object slides at 1.471 N
         assert most == pytest.approx(1.3 * 1.471 * len(names), rel=1e-3)
 

@@ -122,6 +122,9 @@ def test_the_margin_is_lowered_in_halvings_until_there_is_a_path() -> None:
     assert result.margin_asked is not None
     assert result.margin is not None
     assert result.margin_asked == pytest.approx(automatic_margin(u_turn().stable_set(), Drive()))
+    asked = result.margin_asked
+    most = f"no push of 'near', 'far' has more than {2.0 * asked:.2g}"
+    assert result.notes == [f"margin {asked:.2g} instead of 0.05: {most}", result.lowered]
     halvings = np.log2(result.margin_asked / result.margin)
     assert halvings == pytest.approx(round(float(halvings)), abs=1e-9)
     assert 1 <= halvings <= HALVINGS
@@ -135,7 +138,7 @@ def test_a_stated_margin_is_never_lowered() -> None:
     asked = there(turned().margin_asked)
     result = turned(asked)
     assert not result.solved
-    assert (result.margin_asked, result.margin, result.lowered) == (asked, asked, "")
+    assert (result.margin_asked, result.margin, result.notes) == (asked, asked, [])
     kept = turned(turned().margin)
     assert kept.solved, kept.reason
     assert kept.lowered == ""
@@ -238,7 +241,7 @@ def test_what_is_stated_is_the_box_of_the_joint_robustness() -> None:
     )
     assert found.robustness is not None
     assert 1.0 <= (found.robustness.joint or 0.0) < 2.0
-    assert found.robustness_words.endswith(" x what is stated")
+    assert found.robustness_words.endswith(" times what is stated")
 
 
 def test_a_box_pushed_straight_ahead_bears_no_friction_but_half_its_width(make_chain: ChainMaker) -> None:

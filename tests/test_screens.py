@@ -123,7 +123,9 @@ def test_a_page_is_tidy_on_every_screen(kind: str, browser: Any, tmp_path: Path)
             for canvas in ("world", "plot"):
                 assert overlapping([one for one in written if one["canvas"] == canvas]) == []
             keep(browser, f"page {kind} {width} {'dark' if dark else 'light'} {share:.0%}")
-        assert_tidy(browser, "h1, #facts, #why, #event, canvas, #legend > *, footer > *", width)
+        browser.evaluate("document.getElementById('notes').open = true")
+        keep(browser, f"page {kind} {width} {'dark' if dark else 'light'} notes")
+        assert_tidy(browser, "h1, #facts, #notes, #why, #event, canvas, #legend > *, footer > *", width)
         assert browser.evaluate("document.documentElement.scrollHeight") <= 1300
 
 

@@ -21,13 +21,14 @@ import numpy as np
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.infeasible.reaching import beyond_reach
-from pushplan.planners.multi.hands import Floor, Hand, Hands
+from pushplan.planners.multi.hands import MARGIN, Floor, Hand, Hands
 from pushplan.planners.multi.multi_push import plan_cost
 from pushplan.planners.multi.row_steps import Chance, Situation, Steps
 from pushplan.planners.outcome import Improvements, Outcome, Segments
 from pushplan.plans.plan import Diagnosis, Nearest
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.model import Scenario
+from pushplan.util.names import AUTO
 
 WIDTHS = (1, 4, 16, 64, 256, 1024)
 """Situations that are kept for each number of objects taken, in one pass after the other."""
@@ -96,6 +97,8 @@ class GatheringSearch:
             tuple(improvements.found),
             lambda segments: plan_cost(scenario, segments),
             explain=lambda: _explanation(beams, limit),
+            usual_margin=MARGIN,
+            remarks=_not_gathered(best, beams),
         )
 
     def _proof(self) -> Diagnosis | None:
@@ -290,6 +293,18 @@ def _with_one_moved_first(tried: Sequence[_Beams]) -> tuple[Segments, _Beams]:
 def _same(one: Situation) -> tuple[object, ...]:
     """Return what makes two situations the same, whatever came before."""
     return one.left, one.members, tuple(np.round(one.plate, 6)), frozenset(one.delivered), one.place
+
+
+def _not_gathered(segments: Segments, beams: _Beams) -> tuple[str, ...]:
+    """Return why a plan of a row that may be gathered brings one by one; nothing where it does not."""
+    row, hands = beams.steps.row, beams.steps.hands
+    together = any(one.load is not None and len(one.load.names) > 1 for one in segments)
+    if row.gather != AUTO or not segments or together or len(row.left) < 2:
+        return ()
+    what, why = "of the plans that were found, one by one costs least", [*hands.unsure]
+    if not hands.holds_several:
+        what, why = "no two of the objects can be pushed together", [*why, *hands.why.values()]
+    return (f"not gathered: {what}" + (f" ({why[0]})" if why else ""),)
 
 
 def _explanation(beams: _Beams, limit: float) -> tuple[str, tuple[Diagnosis, ...], Nearest | None]:

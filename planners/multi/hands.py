@@ -198,6 +198,11 @@ class Hands:
             self._hands[kind] = self._made(members, kind)
         return self._hands[kind]
 
+    @property
+    def holds_several(self) -> bool:
+        """Whether some of what was looked at is a hand of several objects."""
+        return any(hand is not None for kind, hand in self._hands.items() if len(kind) > 1)
+
     def surely_closes(self, members: tuple[Member, ...]) -> bool:
         """Tell whether the last of some members becomes flush with the others, though it may stand off.
 

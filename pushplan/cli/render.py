@@ -71,7 +71,9 @@ def plan_rows(document: Mapping[str, Any], remarks: Mapping[str, str]) -> Rows:
     lost = document["contact_lost"]
     if lost is not None:
         found.append(("stopped", f"at {lost['time']:.2f} s: contact {lost['contact']} does not hold"))
-    found += [(name, remarks[name]) for name in ("robustness", "note") if remarks.get(name)]
+    lines = remarks.get("robustness", "").splitlines()
+    found += zip(["robustness", *[""] * len(lines)], lines, strict=False)
+    found += [("note", note) for note in document["notes"]]
     return found + [(name, str(document[name])) for name in ("log", "page") if document.get(name)]
 
 
@@ -139,7 +141,7 @@ def plan_document(plan: Plan, log: Path | None) -> Document:
 
 def remarks_on(plan: Plan, execution: Execution | None) -> dict[str, str]:
     """Return what people are told beside the numbers of a plan: where margins are smallest, what it tolerates."""
-    remarks = {"note": plan.lowered, "force": plan.force_words}
+    remarks = {"force": plan.force_words}
     if plan.robustness:
         remarks["robustness"] = plan.robustness_words
     if execution is not None:

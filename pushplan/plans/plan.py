@@ -117,6 +117,8 @@ class Plan:
         nearest: Where there is no plan; None where not even that is known.
         execution: What the kinematic simulator makes of the plan; None when there is none.
         robustness: How far single numbers may be off; None when not solved or not timed.
+        remarks: What a user wants to know beside the numbers, in sentences: that a load allows no usual margin, why a
+            row was not gathered.
     """
 
     scenario: Scenario
@@ -139,10 +141,11 @@ class Plan:
     nearest: Nearest | None = None
     execution: Execution | None = None
     robustness: LazyField[Robustness | None] = LazyField(None)
+    remarks: tuple[str, ...] = ()
 
     @property
     def robustness_words(self) -> str:
-        """How far single numbers may be off, for people; empty when not solved or not timed."""
+        """How far single numbers may be off, for people, in lines; empty when not solved or not timed."""
         robustness = self.robustness
         return "" if robustness is None else robustness.sentence(self.scenario.states_intervals)
 
@@ -243,6 +246,11 @@ class Plan:
         return f"margin {self.margin:.2g} instead of {self.margin_asked:.2g}: no path was found with more"
 
     @property
+    def notes(self) -> list[str]:
+        """The remarks, and that the margin was lowered, in sentences."""
+        return [*self.remarks, *([self.lowered] if self.lowered else [])]
+
+    @property
     def blocking(self) -> frozenset[int]:
         """Indices of the scenario's obstacles that are in the way, as far as that is known."""
         return frozenset(k for found in self.diagnosis for k in found.blocking)
@@ -310,6 +318,7 @@ class Plan:
             "arcs": _arcs(self.path) if self.path is not None else [],
             "goal_error": None if position is None else {"position": position, "angle": angle},
             "robustness": None if robustness is None else vars(robustness),
+            "notes": self.notes,
             "contact_lost": None if loss is None else vars(loss),
             "segments": [self._segment_dict(k) for k in range(len(self.segments))],
         }

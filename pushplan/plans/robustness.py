@@ -122,7 +122,7 @@ class Robustness:
         return self.contact_friction is not None
 
     def sentence(self, beyond: bool = False) -> str:
-        """Return the numbers for people; bounds are rounded towards what holds.
+        """Return the numbers for people, in lines; bounds are rounded towards what holds.
 
         Args:
             beyond: Whether intervals were stated: the contact friction is the lowest one then, which holds already,
@@ -141,17 +141,17 @@ class Robustness:
                 "tolerates nothing: once inertia counts, a contact does not hold even with the stated numbers"
             )
         than, off = ("the lowest stated", "off its middle") if beyond else ("stated", "off")
-        at_once = ""
+        turned = f"{_at_least(self.angle, MOST_ANGLE)}{_down(degrees(self.angle))} deg"
+        lines = [
+            f"tolerates, each alone, {_share(1.0 - self.contact_friction)} lower contact friction than {than},",
+            f"an object's floor friction {off} by {_share(self.floor_friction)}, its load by {_share(self.load)},",
+            f"an object aside by {_down(1e3 * self.position)} mm or turned by {turned}",
+        ]
         if self.joint is not None:
             box = "what is stated" if beyond else BOX_WORDS
-            at_once = f"; all at once up to {_down(self.joint)} x {box}"
-        return (
-            f"tolerates {_share(1.0 - self.contact_friction)} lower contact friction than {than}, "
-            f"floor friction of an object {off} by {_share(self.floor_friction)}, load by {_share(self.load)}, "
-            f"an object off by {_down(1e3 * self.position)} mm or {_at_least(self.angle, MOST_ANGLE)}"
-            f"{_down(degrees(self.angle))} deg, each alone"
-            f"{at_once}"
-        )
+            lines[-1] += ";"
+            lines.append(f"all at once, up to {_down(self.joint)} times {box}")
+        return "\n".join(lines)
 
 
 USED_UP = Robustness(contact_friction=1.0, floor_friction=0.0, load=0.0, position=0.0, angle=0.0, joint=0.0)

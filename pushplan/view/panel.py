@@ -71,8 +71,7 @@ def _plan(answer: Answer, milliseconds: float) -> str:
         rows.append(("drive", f"{plan.duration:.1f} s"))
     if plan.robustness is not None:
         rows.append(("robustness", plan.robustness_words))
-    if plan.lowered:
-        rows.append(("note", plan.lowered))
+    rows += [("note", note) for note in plan.notes]
     rows.append(("answered in", f"{milliseconds:.0f} ms ({_STAGES[answer.stage]})"))
     return "".join(f"<div><b>{name}</b>: {escape(text)}</div>" for name, text in rows)
 

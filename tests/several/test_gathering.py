@@ -195,6 +195,10 @@ def test_where_one_by_one_costs_least_that_is_what_is_planned() -> None:
     assert max(len(names) for _, names in kinds(never)) == 1
     assert list(kinds(auto)) == list(kinds(never))
     assert auto.cost == pytest.approx(there(never.cost), abs=1e-9)
+    assert [note for note in auto.notes if "gathered" in note] == [
+        "not gathered: of the plans that were found, one by one costs least"
+    ]
+    assert not [note for note in never.notes if "gathered" in note]
 
 
 def test_a_stated_order_is_kept() -> None:
