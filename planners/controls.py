@@ -16,7 +16,7 @@ from pushplan.sets.force_limited_set import ForceLimitedSet
 from pushplan.sets.known_load_sets import HELP, contact_words, emptiness, weakest_contact
 from pushplan.sets.meridians import margin_peaks
 from pushplan.sets.stable_set import StableSet
-from pushplan.util.arrays import FloatArray
+from pushplan.util.arrays import FloatArray, IntArray
 from pushplan.util.names import AUTO
 
 MARGIN_FLOOR = 1e-6
@@ -154,9 +154,8 @@ def _stable_turns(stable: StableSet, drive: Drive, margin: float) -> FloatArray:
     inside = _stable_at(stable, drive.axle, turns, margin)
     steps = np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8))
     firsts, lasts = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1) - 1
-    low = [_bisect(stable, drive.axle, turns, int(i), int(i) - 1, margin) for i in firsts]
-    high = [_bisect(stable, drive.axle, turns, int(i), int(i) + 1, margin) for i in lasts]
-    return np.column_stack([low, high]) if low else np.zeros((0, 2))
+    inner = np.stack([firsts, lasts], axis=1)
+    return _edges(stable, drive.axle, turns, inner, inner + np.array([-1, 1]), margin)
 
 
 def _drive_turns(stable: StableSet, drive: Drive) -> FloatArray:
@@ -171,21 +170,17 @@ def _stable_at(stable: StableSet, axle: FloatArray, turns: FloatArray, margin: f
     return np.asarray(stable.margin(_drive_twists(axle, turns)) > margin)
 
 
-def _bisect(
-    stable: StableSet, axle: FloatArray, turns: FloatArray, inside: int, outside: int, margin: float
-) -> float:
-    """Turn per metre at the edge of the set between two scanned ones, on the stable side."""
-    good = float(turns[inside])
-    if not 0 <= outside < len(turns):
-        return good
-    bad = float(turns[outside])
-    for _ in range(60):
+def _edges(
+    stable: StableSet, axle: FloatArray, turns: FloatArray, inside: IntArray, outside: IntArray, margin: float
+) -> FloatArray:
+    """Turns per metre (k, 2) at edges of the set between two scanned ones, on the stable side."""
+    good, bad = turns[inside], turns[np.where((outside < 0) | (outside == len(turns)), inside, outside)]
+    while True:
         middle = 0.5 * (good + bad)
-        if _stable_at(stable, axle, np.array([middle]), margin)[0]:
-            good = middle
-        else:
-            bad = middle
-    return good
+        if not ((middle != good) & (middle != bad)).any():
+            return np.asarray(good)
+        holds = _stable_at(stable, axle, middle.ravel(), margin).reshape(middle.shape)
+        good, bad = np.where(holds, middle, good), np.where(holds, bad, middle)
 
 
 MOST_MARGIN = 0.05

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.core.collision import SLACK, Scene, separation
+from pushplan.core.collision import SLACK, Scene, Shapes, separation
 from pushplan.core.problem import (
     MARGIN,
     PASSING,
@@ -23,7 +23,7 @@ from pushplan.core.problem import (
 from pushplan.geometry.se2 import compose, relative
 from pushplan.mechanics.sphere import angles_of, twists_at
 from pushplan.planners.controls import MARGIN_FLOOR, MERIDIANS, control_segments, steering_families
-from pushplan.planners.scene import build_scene
+from pushplan.planners.scene import build_scene, convex_pieces, standing_shapes
 from pushplan.planners.timing.arc_limits import Bounds, arc_limits, contact_limits_of, motion_bounds
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.scenario.model import CircleObstacle, Scenario
@@ -179,11 +179,23 @@ def open_scene(scenario: Scenario, until: float = math.inf) -> Scene:
     Raises:
         OutOfTimeError: When it is not there at `until`, by `time.perf_counter`.
     """
+    polygons, discs = obstacles_of(scenario)
+    return build_scene(
+        scenario.chain, polygons, discs, walls_of(scenario), scenario.clearance + SLACK, until=until
+    )
+
+
+def obstacles_of(scenario: Scenario) -> tuple[list[FloatArray], FloatArray]:
+    """Return the outlines (k, 2) of polygonal obstacles, and x, y and radius (c, 3) of round ones, m."""
     circles = [(*o.center, o.radius) for o in scenario.obstacles if isinstance(o, CircleObstacle)]
     polygons = [o.outline for o in scenario.obstacles if not isinstance(o, CircleObstacle)]
-    return build_scene(
-        scenario.chain, polygons, circles, walls_of(scenario), scenario.clearance + SLACK, until=until
-    )
+    return polygons, np.array(circles, dtype=np.float64).reshape(-1, 3)
+
+
+def standing_in(scenario: Scenario) -> tuple[Shapes, FloatArray, FloatArray, FloatArray]:
+    """Return what stands in a scenario, as `Scene.with_obstacles` takes it."""
+    polygons, discs = obstacles_of(scenario)
+    return *standing_shapes(list(convex_pieces(polygons)), discs), np.array(walls_of(scenario))
 
 
 def scene_between(scene: Scene, clearance: float, start: FloatArray, goal: FloatArray) -> Scene:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -13,7 +14,7 @@ import shapely
 from pushplan.core.collision import Scene, Shapes, join_triangles, obstacle_tree
 from pushplan.errors import OutOfTimeError
 from pushplan.mechanics.chain import Chain
-from pushplan.util.arrays import BoolArray, FloatArray, IntArray
+from pushplan.util.arrays import BoolArray, FloatArray, IntArray, frozen
 
 STRAIGHT = 1e-12
 """A corner that stands out, or in, by less (m) is none."""
@@ -97,10 +98,16 @@ def flatten(polygons: Sequence[FloatArray]) -> Shapes:
 
 
 def bounding_circle(points: FloatArray) -> FloatArray:
-    """Return centre and radius (3,) of the smallest circle around points (k, 2)."""
+    """Return centre and radius (3,) of the smallest circle around points (k, 2); read-only."""
+    return _circle_around(np.asarray(points, dtype=np.float64).tobytes())
+
+
+@lru_cache(maxsize=1024)
+def _circle_around(corners: bytes) -> FloatArray:
+    points = np.frombuffer(corners).reshape(-1, 2)  # kept: the same bodies are asked for again and again
     circle = shapely.minimum_bounding_circle(shapely.MultiPoint(points))
     center = shapely.get_coordinates(circle.centroid)[0]
-    return np.append(center, np.linalg.norm(points - center, axis=1).max())
+    return frozen(np.append(center, np.linalg.norm(points - center, axis=1).max()), (3,), "circle")
 
 
 def _boxes(corners: FloatArray, starts: IntArray) -> FloatArray:
@@ -111,7 +118,7 @@ def _boxes(corners: FloatArray, starts: IntArray) -> FloatArray:
 def build_scene(
     chain: Chain,
     polygons: Iterable[FloatArray],
-    circles: Iterable[tuple[float, float, float]],
+    circles: FloatArray,
     walls: tuple[float, float, float, float],
     clearance: float,
     kept: float | None = None,
@@ -122,7 +129,7 @@ def build_scene(
     Args:
         chain: What moves, pusher and robot included.
         polygons: Outlines (k, 2) of polygonal obstacles, world frame.
-        circles: (x, y, radius) of round obstacles, world frame.
+        circles: (c, 3) x, y and radius of round obstacles, world frame.
         walls: Workspace (xmin, ymin, xmax, ymax); infinite where there is none.
         clearance: Distance from everything at the poses that are looked at, m, > 0.
         kept: Distance that is proven between them, m, smaller; None stands for half of the clearance.
@@ -133,8 +140,7 @@ def build_scene(
     """
     body = list(convex_pieces([moving.outline for moving in chain.bodies]))
     standing = list(convex_pieces(list(polygons), until))
-    discs = np.array(list(circles), dtype=np.float64).reshape(-1, 3)
-    return scene_of(body, standing, discs, np.array(walls, dtype=np.float64), clearance, kept)
+    return scene_of(body, standing, circles, np.array(walls, dtype=np.float64), clearance, kept)
 
 
 def scene_of(
@@ -146,6 +152,15 @@ def scene_of(
     kept: float | None = None,
 ) -> Scene:
     """Return the scene of convex pieces, its obstacles in the order of their tree."""
+    kept = 0.5 * clearance if kept is None else kept
+    bound = bounding_circle(np.concatenate(body))
+    return Scene(flatten(body), bound, *standing_shapes(polygons, circles), walls, clearance, kept)
+
+
+def standing_shapes(
+    polygons: Sequence[FloatArray], circles: FloatArray
+) -> tuple[Shapes, FloatArray, FloatArray]:
+    """Return convex obstacles in the order of their tree, round ones likewise, and the tree; see `Scene`."""
     radius = circles[:, 2:]
     boxes = np.hstack([circles[:, :2] - radius, circles[:, :2] + radius])
     if polygons:
@@ -154,13 +169,4 @@ def scene_of(
     tree, order = obstacle_tree(boxes, len(polygons))
     standing = [polygons[i] for i in order[order < len(polygons)]]
     discs = circles[order[order >= len(polygons)] - len(polygons)]
-    return Scene(
-        flatten(body),
-        bounding_circle(np.concatenate(body)),
-        flatten(standing),
-        discs,
-        tree,
-        walls,
-        clearance,
-        0.5 * clearance if kept is None else kept,
-    )
+    return flatten(standing), discs, tree

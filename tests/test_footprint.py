@@ -87,7 +87,7 @@ def test_the_sweep_and_the_checker_agree_with_shapely_about_the_robot(scenario: 
         at = se2.transform_points(poses[rng.integers(700)], rng.uniform([-0.6, -0.4], [0.2, 0.4]))
         triangle = at + rng.uniform(0.01, 0.06, (3, 1)) * np.array([[1.0, 0.0], [-0.5, 0.9], [-0.5, -0.9]])
         gap = gap_along(body, poses, shapely.Polygon(triangle))
-        scene = build_scene(scenario.chain, [triangle], [], NOWHERE, scenario.clearance)
+        scene = build_scene(scenario.chain, [triangle], np.zeros((0, 3)), NOWHERE, scenario.clearance)
         free = bool(sweep_is_free(scene, 0.0, 0.0, 0.0, twist[0], twist[1], twist[2], length))
         one = replace(scenario, obstacles=(PolygonObstacle(triangle),))
         hit = find_collision(one, poses)

@@ -20,18 +20,19 @@ from pushplan.core.transit import find_transit, shortened
 from pushplan.errors import ChainError, EmptyStableSetError, TippingError
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import Place, Through, ways_through
+from pushplan.mechanics.support import UniformSupport
 from pushplan.planners.controls import margins_to_try
 from pushplan.planners.multi.contact_modes import ContactMode
 from pushplan.planners.multi.multi_push import AHEAD
 from pushplan.planners.multi.room import NO_WALLS, packed_mode, reaches, wheels_of
-from pushplan.planners.problem import Posing, sampling_box, walls_of
-from pushplan.planners.scene import bounding_circle, convex_pieces, flatten, scene_of
+from pushplan.planners.problem import Posing, obstacles_of, sampling_box, walls_of
+from pushplan.planners.scene import bounding_circle, convex_pieces, flatten, scene_of, standing_shapes
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
 from pushplan.plans.row_load import Member, row_load
 from pushplan.plans.segment import Poses, Segment
 from pushplan.plans.settings import PlanSettings
-from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.scenario.model import Scenario
 from pushplan.sets.force_limited_set import too_heavy_ahead
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import TRANSIT_CLEARANCE
@@ -151,7 +152,8 @@ class Hands:
         keys: dict[bytes, int] = {}
         for name in scenario.row.of:
             obj = scenario.bodies[name].chain.objects[0]
-            load = obj.support.cells() if obj.support.known else (obj.support.hull,)
+            even = isinstance(obj.support, UniformSupport)  # which its outline and its centre tell all of
+            load = obj.support.cells() if obj.support.known and not even else (obj.support.hull,)
             for way in ways_through(obj.outline, scenario.pushes.faces):
                 key = b"".join(_form(scenario, name, way, load))
                 self.ways[name, way.face] = way
@@ -301,10 +303,8 @@ class Floor:
         axle = None if drive.axle is None else se2.compose(plate, drive.axle)
         middle = bounding_circle(np.concatenate(self._carried))[:2]
         self.wheels = wheels_of(replace(drive, axle=axle), middle)
-        polygons = [o.outline for o in scenario.obstacles if not isinstance(o, CircleObstacle)]
+        polygons, self._discs = obstacles_of(scenario)
         self._fixed = list(convex_pieces(polygons))
-        discs = [(*o.center, o.radius) for o in scenario.obstacles if isinstance(o, CircleObstacle)]
-        self._discs = np.array(discs, dtype=np.float64).reshape(-1, 3)
         self._walls = np.array(walls_of(scenario), dtype=np.float64)
         self._outlines = {
             name: list(convex_pieces([body.chain.objects[0].outline]))
@@ -315,10 +315,14 @@ class Floor:
         low, high = np.array(self.box[:2]), np.array(self.box[2:])
         places = random.uniform(low, high, size=(VIAS, 2))
         self._vias = np.column_stack([places, random.uniform(-np.pi, np.pi, VIAS)])
+        clearance = scenario.clearance
+        self._alone = scene_of(
+            self._carried, self._fixed, self._discs, self._walls, clearance + SLACK, clearance
+        )
         self._scenes: dict[Standing, Scene] = {}
         self._bodied: dict[tuple[Standing, int], Scene] = {}
         self._hands: dict[int, Hand] = {}
-        self._reached: dict[Member, bool] = {}
+        self._reached: dict[int, bool] = {}
         self._berths: dict[str, Scene] = {}
         self._transits: dict[tuple[Standing, bytes, bytes], FloatArray | None] = {}
 
@@ -326,11 +330,8 @@ class Floor:
         """Return the robot alone among objects that rest."""
         key = _key(standing)
         if key not in self._scenes:
-            polygons = [*self._fixed, *self._rest(standing)]
-            clearance = self.scenario.clearance
-            self._scenes[key] = scene_of(
-                self._carried, polygons, self._discs, self._walls, clearance + SLACK, clearance
-            )
+            shapes = standing_shapes([*self._fixed, *self._rest(standing)], self._discs)
+            self._scenes[key] = self._alone.with_obstacles(*shapes, self._walls)
         return self._scenes[key]
 
     def _rest(self, standing: Poses) -> Iterator[FloatArray]:
@@ -389,24 +390,24 @@ class Floor:
         x, y, theta = start
         return sweep_is_free(self.with_hand(hand, standing), x, y, theta, 1.0, 0.0, 0.0, length)
 
-    def approach(
-        self, hand: Hand, at: FloatArray, standing: Poses, member: Member, entry: FloatArray
-    ) -> bool:
+    def approach(self, hand: Hand, at: FloatArray, standing: Poses, name: str, entry: FloatArray) -> bool:
         """Tell whether the robot can come up to a face, at a pose (3,) in its object's frame.
 
         The plate is at a pose `at` (3,) then; the object does not stand among the others.
         """
         if not approaches_are_free(self.robot(standing), hand.packed, at[None], False)[0]:
             return False
-        if member not in self._reached:
-            self._reached[member] = reaches(self._beside(member[0], se2.inverse(entry)), hand.packed)
-        return self._reached[member]
+        if id(hand) not in self._reached:
+            self._hands[id(hand)] = hand
+            self._reached[id(hand)] = reaches(self._beside(name, se2.inverse(entry)), hand.packed)
+        return self._reached[id(hand)]
 
     def _beside(self, name: str, own: FloatArray) -> Scene:
         """Return the robot beside one object, which is at a pose (3,)."""
         berth = max(self.scenario.clearance, TRANSIT_CLEARANCE)
         pieces = [se2.transform_points(own, piece) for piece in self._outlines[name]]
-        return scene_of(self._carried, pieces, np.zeros((0, 3)), NO_WALLS, berth + SLACK, berth)
+        beside = self._alone.with_obstacles(*standing_shapes(pieces, np.zeros((0, 3))), NO_WALLS)
+        return beside.with_distances(berth + SLACK, berth)
 
     def retreats(self, hand: Hand, at: FloatArray, standing: Poses) -> bool:
         """Tell whether the robot can back off from what it has pushed to where the plate is."""

@@ -17,7 +17,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
 from pushplan.planners.controls import MARGIN_FLOOR
 from pushplan.planners.multi.contact_modes import ContactMode
-from pushplan.planners.problem import open_scene, sampling_box
+from pushplan.planners.problem import open_scene, sampling_box, standing_in
 from pushplan.planners.scene import bounding_circle, convex_pieces, flatten, scene_of
 from pushplan.plans.path import TURN_WEIGHT, cost_rate
 from pushplan.scenario.model import Scenario
@@ -108,7 +108,7 @@ class PushRoom:
 
     def with_obstacles(self, scenario: Scenario) -> PushRoom:
         """Return it for a scenario that differs in what stands in the room; ways around the load are kept."""
-        robot, _ = _scenes(scenario)
+        robot = self.robot.with_obstacles(*standing_in(scenario))
         contacts = tuple(
             replace(contact, scene=robot.with_body(contact.scene.body, contact.scene.body_bound))
             for contact in self.contacts

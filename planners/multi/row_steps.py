@@ -307,7 +307,7 @@ class Steps:
         assert hand is not None
         at, pose = self.entries[member], self.starts[name]
         others = self._standing(now.left, now.delivered, name)
-        if not self.floor.approach(hand, at, others, member, self.hands.ways[member].entry):
+        if not self.floor.approach(hand, at, others, name, self.hands.ways[member].entry):
             return None
         before = se2.compose(at, [-self.choice.approach, 0.0, 0.0])
         arcs = self.floor.transit(now.plate, before, others, name, pose)

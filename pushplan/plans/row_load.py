@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -49,8 +50,7 @@ def row_load(scenario: Scenario, members: Sequence[Member]) -> Load:
     assert scenario.row is not None
     bodies = [scenario.bodies[name] for name, _ in members]
     ways = [way_through(body, face) for body, (_, face) in zip(bodies, members, strict=True)]
-    at = se2.compose(bodies[0].chain.places[0], ways[0].entry)
-    first = pushed_from(bodies[0].chain, Place((0,), ways[0].face, 0.0, at, at))
+    first = _taken_alone(bodies[0], members[0][1])
     objects, contacts = [first.objects[0]], [first.contacts[0]]
     links = [Link(members[0][0], None, ways[0].face, 0.0)]
     for k in range(1, len(members)):
@@ -82,6 +82,13 @@ def row_load(scenario: Scenario, members: Sequence[Member]) -> Load:
         stated={**bodies[0].stated, "objects": stated, "contacts": scenario.stated["contacts"]},
     )
     return Load(tuple(links), problem)
+
+
+@lru_cache(maxsize=64)
+def _taken_alone(body: PlacedObject, face: str) -> Chain:
+    """Return an object with the plate at the middle of a face; all loads that begin with it begin so."""
+    at = se2.compose(body.chain.places[0], way_through(body, face).entry)
+    return pushed_from(body.chain, Place((0,), face, 0.0, at, at))
 
 
 def _intervals(bodies: Sequence[PlacedObject], chain: Chain) -> IntervalChain | None:

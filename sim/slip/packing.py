@@ -178,17 +178,20 @@ def _standing(world: World, body: int) -> list[Piece]:
 
 def cut(body: int, outline: FloatArray) -> list[Piece]:
     """Return the convex pieces of an outline, and which of their edges lie on it."""
+    return [Piece(body, *piece) for piece in _pieces(np.asarray(outline, dtype=np.float64).tobytes())]
+
+
+@lru_cache(maxsize=256)
+def _pieces(corners: bytes) -> tuple[tuple[FloatArray, FloatArray], ...]:
+    outline = np.frombuffer(corners).reshape(-1, 2)
     pieces = list(convex_pieces([outline]))
     if len(pieces) == 1:
-        return [Piece(body, pieces[0], np.ones(len(pieces[0])))]
+        return ((pieces[0], np.ones(len(pieces[0]))),)
     ring = shapely.LinearRing(outline)
     shapely.prepare(ring)
-    found = []
-    for corners in pieces:
-        middles = 0.5 * (corners + np.roll(corners, -1, axis=0))
-        away = shapely.distance(shapely.points(middles), ring)
-        found.append(Piece(body, corners, np.where(away < _ON_OUTLINE, 1.0, 0.0)))
-    return found
+    middles = [0.5 * (piece + np.roll(piece, -1, axis=0)) for piece in pieces]
+    away = [shapely.distance(shapely.points(points), ring) for points in middles]
+    return tuple((piece, np.where(d < _ON_OUTLINE, 1.0, 0.0)) for piece, d in zip(pieces, away, strict=True))
 
 
 def _corner_rows(piece: Piece) -> FloatArray:

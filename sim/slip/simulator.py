@@ -155,7 +155,7 @@ class SlipSimulator:
             raise PushplanError(
                 f"more than {self._packed.room} contacts at once: that is more than the simulator has room for"
             )
-        self.jammed = self.jammed or bool(np.isin(trace.end, (core.JAMMED, core.UNSOLVED)).any())
+        self.jammed = self.jammed or bool(((trace.end == core.JAMMED) | (trace.end == core.UNSOLVED)).any())
         self.stalled = bool((trace.end == core.STALLED).any())
         return trace
 

@@ -227,7 +227,7 @@ def test_touches_are_found_exactly_where_the_clearance_is_not_kept(make_chain: C
         rng, trajectory = np.random.default_rng(seed), _motion(seed)
         along = trajectory.poses_at(rng.uniform(0.0, 2.4, 3))
         discs = np.column_stack([along[:, :2] + rng.normal(size=(3, 2)) * 0.35, rng.uniform(0.02, 0.1, 3)])
-        scene = build_scene(chain, [], [tuple(disc) for disc in discs], FREE, CLEARANCE)
+        scene = build_scene(chain, [], np.asarray(discs), FREE, CLEARANCE)
         touches = find_touches(scene, trajectory, chain.reach)
         least = _distances(chain, discs, trajectory, times).min()
         if not 0.9 * CLEARANCE < least < 1.1 * CLEARANCE:
@@ -245,7 +245,9 @@ def test_nudges_move_the_pose_that_touches_by_what_is_missing(make_chain: ChainM
     chain = make_chain.boxes(1)
     twists = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 1.0], [1.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
     path = PushPath(np.zeros(3), twists / cost_rate(twists)[:, None], np.array([0.3, 0.3, 0.3, 0.4]))
-    scene = build_scene(chain, [], [(*path.poses_at([1.1])[0, :2] + [0.05, 0.1475], 0.05)], FREE, CLEARANCE)
+    scene = build_scene(
+        chain, [], np.array([[*path.poses_at([1.1])[0, :2] + [0.05, 0.1475], 0.05]]), FREE, CLEARANCE
+    )
 
     def touches_of(lengths: FloatArray) -> tuple[Trajectory, Touches]:
         trajectory = time_path(PushPath(path.start, path.twists, lengths), Bounds(Limits()))
