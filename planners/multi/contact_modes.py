@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -53,6 +53,10 @@ class ContactMode:
         mode = cls(place, load, stable, margins_to_try(load.problem, stable), robot)
         mode.controls(mode.margins[-1])
         return mode
+
+    def of_twin(self, scenario: Scenario) -> ContactMode:
+        """Return the same of a load that differs in name and place only."""
+        return replace(self, load=self.load.of_twin(scenario))
 
     def margin(self, level: int) -> float:
         """Return the margin of a level, which counts what was tried before."""

@@ -263,14 +263,16 @@ class Graph:
         begin = se2.compose(begin, se2.exp(mode.settling * mode.settle))
         far = 1.5 * float(np.hypot(*(goals - load)[:, :2].T).max())
         found = [se2.compose(goals[:, None], within[[0, 0, 1]] * BESIDE).reshape(-1, 3)]
-        for twist in mode.families.reshape(-1, 3):
-            arc = se2.compose(begin, se2.exp(np.linspace(0.0, far, ALONG)[:, None] * twist))
-            poses = se2.compose(se2.compose(arc, se2.inverse(mode.contact)), inner)
-            away = poses[:, None] - goals
-            distance, angle = np.hypot(away[..., 0], away[..., 1]), np.abs(se2.wrap_angle(away[..., 2]))
-            share = np.maximum(distance / within[0], angle / within[1]).min(axis=1)
-            if share.min() <= 1.0:
-                found.append(poses[share.argmin(), None])
+        twists = mode.families.reshape(-1, 1, 3)
+        arcs = se2.compose(begin, se2.exp(np.linspace(0.0, far, ALONG)[:, None] * twists))
+        poses = se2.compose(se2.compose(arcs, se2.inverse(mode.contact)), inner)
+        away = poses[:, :, None] - goals
+        distance, angle = np.hypot(away[..., 0], away[..., 1]), np.abs(se2.wrap_angle(away[..., 2]))
+        share = np.maximum(distance / within[0], angle / within[1]).min(axis=2)
+        best = share.argmin(axis=1)
+        every = np.arange(len(best))
+        near = share[every, best] <= 1.0
+        found.append(poses[every, best][near])
         ends = se2.compose(np.concatenate(found), se2.inverse(inner))
         prices = np.full(len(ends), DETOUR)
         prices[: len(goals) * len(BESIDE) : len(BESIDE)] = 0.0

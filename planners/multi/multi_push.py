@@ -48,12 +48,17 @@ class MultiPushSearch:
         scenario: Load, room and settings.
         modes: The contacts.
         rooms: What is known already of the room, by level of the margin.
+        twin: The search for a load that differs in name and place only; what can be is shared with it.
     """
 
     def __init__(
-        self, scenario: Scenario, modes: tuple[ContactMode, ...], rooms: dict[int, PushRoom] | None = None
+        self,
+        scenario: Scenario,
+        modes: tuple[ContactMode, ...],
+        rooms: dict[int, PushRoom] | None = None,
+        twin: MultiPushSearch | None = None,
     ) -> None:
-        self.scenario, self.modes = scenario, modes
+        self.scenario, self.modes, self._twin = scenario, modes, twin
         self._rooms = {} if rooms is None else rooms
 
     @classmethod
@@ -64,6 +69,10 @@ class MultiPushSearch:
             EmptyStableSetError: When no contact can push the load.
         """
         return cls(scenario, find_modes(scenario, settings))
+
+    def of_twin(self, scenario: Scenario) -> MultiPushSearch:
+        """Return it for an object that differs in name, place and goals only."""
+        return MultiPushSearch(scenario, tuple(mode.of_twin(scenario) for mode in self.modes), twin=self)
 
     @property
     def levels(self) -> int:
@@ -76,7 +85,9 @@ class MultiPushSearch:
         Raises:
             EmptyStableSetError: When no contact can be driven up to and push straight ahead.
         """
-        if level not in self._rooms:
+        if level not in self._rooms and self._twin is not None:
+            self._rooms[level] = self._twin.room(level).of_twin(self.scenario, self.modes)
+        elif level not in self._rooms:
             room = PushRoom.of(self.scenario, self.modes, level)
             if not room.contacts:
                 heavy = "".join(

@@ -278,7 +278,7 @@ class Order:
     def _on_goal(self, now: Situation, piece: int, goal: int) -> frozenset[int]:
         """Return the pieces that stand on a goal of another."""
         own = self._pieces[piece]
-        area = own.area(own.goals[goal].pose_chain).buffer(own.search.scenario.clearance)
+        area = own.goal_areas[goal].buffer(own.search.scenario.clearance)
         others = (k for k in range(len(self._pieces)) if k != piece)
         return frozenset(k for k in others if self._pieces[k].area(now.poses[k]).intersects(area))
 
@@ -332,7 +332,7 @@ class Order:
         pieces = self._pieces
         kept = pieces[piece].search.scenario.clearance + ROOM
         areas = [other.area(now.poses[k]) for k, other in enumerate(pieces) if k != piece]
-        areas += [pieces[k].area(goal.pose_chain) for k in now.left if k != piece for goal in pieces[k].goals]
+        areas += [area for k in now.left if k != piece for area in pieces[k].goal_areas]
         return shapely.union_all(areas).buffer(kept)
 
     def _scattered(self, pose: FloatArray) -> Iterator[FloatArray]:

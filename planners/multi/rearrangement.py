@@ -52,11 +52,13 @@ class RearrangementSearch:
         wrong = overlapping_goals({name: scenario.alone(name) for name in scenario.goals})
         if wrong:
             raise PlanningError("; ".join(wrong.values()))
-        pieces = tuple(
-            Piece(name, MultiPushSearch.of(scenario.alone(name), settings), body.goals)
-            for name, body in scenario.bodies.items()
-        )
-        return cls(scenario, pieces)
+        pieces, known = [], dict[str, MultiPushSearch]()
+        for name, body in scenario.bodies.items():
+            alone, twin = scenario.alone(name), known.get(body.kind)
+            search = MultiPushSearch.of(alone, settings) if twin is None else twin.of_twin(alone)
+            known.setdefault(body.kind, search)
+            pieces.append(Piece(name, search, body.goals))
+        return cls(scenario, tuple(pieces))
 
     def with_obstacles(self, scenario: Scenario) -> RearrangementSearch:
         """Return it for a scenario that differs in what stands in the room."""

@@ -106,6 +106,12 @@ class PushRoom:
         table = np.array(shortest).reshape(len(ends), len(ends))
         return cls(scenario, wheels, robot, load, tuple(contacts), table)
 
+    def of_twin(self, scenario: Scenario, modes: tuple[ContactMode, ...]) -> PushRoom:
+        """Return the same for a load that differs in name and place only; ways around it are shared."""
+        own = {mode.place: mode for mode in modes}
+        contacts = (replace(contact, mode=own[contact.mode.place]) for contact in self.contacts)
+        return replace(self, scenario=scenario, contacts=tuple(contacts))
+
     def with_obstacles(self, scenario: Scenario) -> PushRoom:
         """Return it for a scenario that differs in what stands in the room; ways around the load are kept."""
         robot = self.robot.with_obstacles(*standing_in(scenario))

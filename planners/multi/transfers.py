@@ -46,6 +46,11 @@ class Piece:
         """Return what it covers, its frame being at a pose (3,)."""
         return shapely.MultiPolygon([shapely.Polygon(outline) for outline in self.outlines(pose)])
 
+    @cached_property
+    def goal_areas(self) -> list[shapely.MultiPolygon]:
+        """What it covers at each of its goals."""
+        return [self.area(goal.pose_chain) for goal in self.goals]
+
 
 @dataclass(frozen=True, eq=False)
 class Situation:
@@ -165,7 +170,6 @@ def _within(pieces: tuple[Piece, ...], now: Situation, piece: int) -> FloatArray
     used = TOLERANCE_USED * np.min([(g.position_tolerance, g.angle_tolerance) for g in own.goals], axis=0)
     size = max(float(np.hypot(*corner)) for corner in own.search.scenario.chain.objects[0].outline)
     room = own.search.scenario.clearance + 2.0 * float(used[0] + used[1] * size)
-    others = [pieces[k].area(goal.pose_chain) for k in now.left - {piece} for goal in pieces[k].goals]
-    taken = shapely.union_all(others).buffer(room)
-    near = any(taken.intersects(own.area(goal.pose_chain)) for goal in own.goals)
-    return np.zeros(2) if near else np.asarray(used)
+    others = [area for k in sorted(now.left - {piece}) for area in pieces[k].goal_areas]
+    away = shapely.distance(np.array(own.goal_areas)[:, None], others)
+    return np.zeros(2) if (away <= room).any() else np.asarray(used)

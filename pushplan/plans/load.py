@@ -96,6 +96,19 @@ class Load:
         problem = replace(scenario, chain=chain, interval=interval, contact_friction=None, pushes=None)
         return cls.of(problem, face, offset)
 
+    def of_twin(self, scenario: Scenario) -> Load:
+        """Return the load of an object that differs from this load's only one in name and place; sets are shared."""
+        name, interval = scenario.chain.objects[0].name, self.problem.interval
+        chain = replace(self.chain, objects=(replace(self.chain.objects[0], name=name),))
+        problem = replace(
+            scenario,
+            chain=chain,
+            interval=None if interval is None else replace(interval, chain=chain),
+            contact_friction=None,
+            pushes=None,
+        )
+        return Load((replace(self.links[0], object=name),), problem, self.sets)
+
     def with_problem(self, problem: Scenario) -> Load:
         """Return the same load with other settings, or another start, goal or room, in its push problem."""
         return Load(self.links, problem, self.sets)

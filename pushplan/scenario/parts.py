@@ -119,6 +119,12 @@ class PlacedObject:
         """(3,) pose of its chain's frame in the world."""
         return se2.compose(self.pose, se2.inverse(self.chain.objects[0].pose_chain))
 
+    @property
+    def kind(self) -> str:
+        """What is the same for objects that differ in name, place and goals only."""
+        own = {key: value for key, value in self.stated["objects"][0].items() if key != "name"}
+        return repr({**self.stated, "objects": own})
+
 
 @dataclass(frozen=True, eq=False)
 class Row:
