@@ -263,7 +263,8 @@ class Validator:
         whole = motion.travel[-1]
         along = motion.at(np.linspace(0.0, whole, int(np.ceil(whole / NEAR)) + 1))
         for body in chain.carried:
-            moved = shapely.polygons(along[:, None, :2] + se2.rotate(along[:, 2:], body.outline))
+            corners = along[:, None, :2] + se2.rotate(along[:, 2:], body.outline)
+            moved = np.asarray(shapely.polygons(corners))
             if shapely.intersects(moved[:, None], touching).any():
                 return f"'{body.name}' overlaps the load in the {segment.kind}"
         return ""

@@ -176,19 +176,18 @@ class Graph:
             )
             for known, back in ((self._can_begin, False), (self._can_end, True))
         )
+        leaves, arrives, fresh = np.arange(new) > self.goals, np.arange(new) > 0, np.arange(new) >= old
+        leaves[0] = True  # nothing is pushed from a goal, nor back to the start
         for k, contact in enumerate(self._room.contacts):
-            fresh = old + np.flatnonzero(can_begin[k, old:])
-            push[k, fresh] = word_costs(contact.packed, every[fresh], every, self._to[fresh], self._on, below)
-            before = np.flatnonzero(self._can_begin[k])
-            push[k, before, old:] = word_costs(
-                contact.packed, every[before], poses, self._to[before], on, below
-            )
-            push[k][:, ~can_end[k]] = np.inf
+            starts, ends = can_begin[k] & leaves, can_end[k] & arrives
+            for rows, columns in ((starts & fresh, ends), (starts & ~fresh, ends & fresh)):
+                u, v = np.flatnonzero(rows), np.flatnonzero(columns)
+                push[k, u[:, None], v] = word_costs(
+                    contact.packed, every[u], every[v], self._to[u], self._on[v], below
+                )
             change[old:, k] = self.changes[k]
             change[old:, k, k] = 0.0  # the push goes on by another word
         push[:, np.arange(new), np.arange(new)] = np.inf
-        push[:, :, 0] = np.inf
-        push[:, 1 : 1 + self.goals] = np.inf
         self.poses, self._push, self._change = every, push, change
         self._can_begin, self._can_end = can_begin, can_end
 
@@ -266,13 +265,13 @@ class Graph:
         twists = mode.families.reshape(-1, 1, 3)
         arcs = se2.compose(begin, se2.exp(np.linspace(0.0, far, ALONG)[:, None] * twists))
         poses = se2.compose(se2.compose(arcs, se2.inverse(mode.contact)), inner)
-        away = poses[:, :, None] - goals
-        distance, angle = np.hypot(away[..., 0], away[..., 1]), np.abs(se2.wrap_angle(away[..., 2]))
-        share = np.maximum(distance / within[0], angle / within[1]).min(axis=2)
-        best = share.argmin(axis=1)
-        every = np.arange(len(best))
-        near = share[every, best] <= 1.0
-        found.append(poses[every, best][near])
+        distance = np.hypot(*np.moveaxis(poses[:, :, None, :2] - goals[:, :2], -1, 0)) / within[0]
+        for along, away in zip(poses, distance, strict=True):
+            k, goal = np.nonzero(away <= 1.0)
+            angle = np.abs(se2.wrap_angle(along[k, 2] - goals[goal, 2])) / within[1]
+            share = np.maximum(away[k, goal], angle)
+            if share.min(initial=np.inf) <= 1.0:
+                found.append(along[k[share.argmin()], None])
         ends = se2.compose(np.concatenate(found), se2.inverse(inner))
         prices = np.full(len(ends), DETOUR)
         prices[: len(goals) * len(BESIDE) : len(BESIDE)] = 0.0

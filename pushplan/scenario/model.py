@@ -277,7 +277,7 @@ class Scenario:
         frictions = [self.contact_friction, *(body.contact_friction for body in self.bodies.values())]
         return self.has_intervals or any(f is not None and bool((f[:, 0] < f[:, 1]).any()) for f in frictions)
 
-    @property
+    @cached_property
     def tasks(self) -> tuple[Task, ...]:
         """What has to be brought where, one for each load that is pushed on its own."""
         if self.bodies:

@@ -134,13 +134,13 @@ def placement_troubles(
         room: What to keep away from.
     """
     obstacles, clearance = room.obstacles, room.clearance
-    tree = shapely.STRtree([_geometry(obstacle) for obstacle in obstacles])
+    boxes = _boxes(obstacles)
     for name, outline in bodies:
         troubles = list(_beyond_walls(outline, room.workspace, clearance))
-        # Some discs that are found are a little farther away.
-        near = tree.query(shapely.Polygon(outline), predicate="dwithin", distance=2.0 * clearance)
+        low, high = outline.min(axis=0) - 2.0 * clearance, outline.max(axis=0) + 2.0 * clearance
+        near = np.flatnonzero(((boxes[:, 0] <= high) & (boxes[:, 1] >= low)).all(axis=1))
         all_near = filter(
-            None, (_too_near(outline, obstacles[i], f"obstacles[{i}]", clearance) for i in np.sort(near))
+            None, (_too_near(outline, obstacles[i], f"obstacles[{i}]", clearance) for i in near.tolist())
         )
         troubles += islice(all_near, MOST_TOLD)
         if any(all_near):
@@ -148,12 +148,15 @@ def placement_troubles(
         yield from (f"at the {what}, '{name}' {trouble}" for trouble in troubles)
 
 
-def _geometry(obstacle: Obstacle) -> shapely.Polygon:
-    """Return an obstacle for the search by distance; discs as the squares around them."""
-    if isinstance(obstacle, CircleObstacle):
-        (x, y), r = obstacle.center, obstacle.radius
-        return shapely.Polygon([(x - r, y - r), (x + r, y - r), (x + r, y + r), (x - r, y + r)])
-    return shapely.Polygon(obstacle.outline)
+def _boxes(obstacles: Sequence[Obstacle]) -> FloatArray:
+    """Return the lower left and the upper right corner (n, 2, 2) of boxes around obstacles, m."""
+    boxes = np.empty((len(obstacles), 2, 2))
+    for box, obstacle in zip(boxes, obstacles, strict=True):
+        if isinstance(obstacle, CircleObstacle):
+            box[:] = obstacle.center - obstacle.radius, obstacle.center + obstacle.radius
+        else:
+            box[:] = obstacle.outline.min(axis=0), obstacle.outline.max(axis=0)
+    return boxes
 
 
 def _beyond_walls(outline: FloatArray, workspace: Workspace | None, clearance: float) -> Iterator[str]:
