@@ -29,11 +29,12 @@ class Intake:
 
     Attributes:
         now: The last time that was one, s; NaN before the first.
+        bad: Times since that were none.
     """
 
     def __init__(self, tell: Callable[[str], None]) -> None:
         self._tell, self._told = tell, dict[str, float]()
-        self.now = math.nan
+        self.now, self.bad = math.nan, 0
 
     def drop(self, cause: str, words: str) -> None:
         """Tell that something is dropped, unless the same cause was told a moment ago."""
@@ -49,8 +50,9 @@ class Intake:
             self.drop(
                 "clock", f"a step at {now:.6g} s{last}; allowed: times that go on, by {LEAP:g} s at most"
             )
+            self.bad += 1
             return False
-        self.now = now
+        self.now, self.bad = now, 0
         return True
 
     def elapsed(self, seconds: float) -> bool:

@@ -205,6 +205,8 @@ def test_a_closed_loop_pushes_what_the_plan_pushes_to_its_goals(kind: str) -> No
     assert one.loop is not None
     assert at_goals(one.scenario, one.execution.objects[-1])
     assert max(one.loop.goal_errors) < 0.018
+    driven = np.hypot(*np.diff(one.loop.simulated.poses[:, :2], axis=0).T).sum()
+    assert driven <= 2.0 * sum(s.path.travel for s in made(kind.split(" ")[0]).plan.segments) + 1.0
     drives = [event for event in one.loop.events if event.kind == "drive"]
     assert len(drives) >= sum(segment.kind == "transit" for segment in one.plan.segments)
     pushed = {k for k, row in enumerate(~np.isnan(one.execution.margins).T) if row.any()}

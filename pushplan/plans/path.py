@@ -51,6 +51,11 @@ class PushPath:
         """Travel of the contact midpoint plus 0.1 m per radian turned, m."""
         return float(self.lengths.sum())
 
+    @property
+    def travel(self) -> float:
+        """Length of the way of the frame's origin, m."""
+        return float(np.hypot(*self.twists[:, :2].T) @ self.lengths)
+
     @cached_property
     def knots(self) -> FloatArray:
         """(k + 1, 3) poses in the world at the ends of the arcs; the angle runs on, it is not wrapped."""

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pushplan.errors import PlanningError
-from pushplan.geometry.se2 import compose, exp, inverse, log, pose_error, relative, twist_of
+from pushplan.geometry.se2 import compose, exp, inverse, log, relative, twist_of
 from pushplan.planners.planner import plan as plan_in
 from pushplan.planners.timing.segments import time_segments
 from pushplan.plans.events import Event, Replan
@@ -35,8 +35,8 @@ from pushplan.sim.control.following import Following
 from pushplan.sim.control.jobs import PushJob, alone, is_last, push_job
 from pushplan.sim.control.pushing import Phase, PushLoop
 from pushplan.sim.control.replanner import Replanner
-from pushplan.sim.control.rest import Leg, RestPlanner, legs_to, standing_obstacles
-from pushplan.sim.control.sensing import MEMORY, Sightings
+from pushplan.sim.control.rest import Leg, RestPlanner, legs_to, standing_obstacles, travel_of
+from pushplan.sim.control.sensing import MEMORY, Odometry, Sightings
 from pushplan.sim.control.settings import ControlSettings, words
 from pushplan.sim.control.standing import Deliveries, Standing
 from pushplan.sim.follower import Steering
@@ -48,8 +48,6 @@ from pushplan.util.names import RETREAT
 
 DEFAULTS = ControlSettings()
 SILENT = Observer()
-JUMP = (0.01, math.radians(0.5))
-"""What (m, rad) the measured pose of the plate may be off from one to the next."""
 RESTS = 12
 """Plans for the rest of several pushes, at most."""
 AGAIN = 2
@@ -110,25 +108,23 @@ class Controller:
         self.replans: list[Replan] = []
         if self._replanner is not None and plan.path is not None:
             self._replanner.rehearse(plan.path)
-        self._intake, self._bad_clock = Intake(partial(self._tell, "dropped")), 0
-        self._sightings, self._estimator = Sightings(), None
+        self._intake = Intake(partial(self._tell, "dropped"))
+        self._sightings = Sightings()
+        self._estimator: Estimator | None = None  # of the last push: what it found of clock and wheels
         self._standing = Standing(scenario.poses, settings, self._sightings)
         self._delivered = Deliveries(scenario, settings, self._standing)
         self._rest_planner = RestPlanner(scenario, plan, self._delivered.tolerance, observer)
-        self._plate = self._odometry = self._told = np.array(scenario.plate_start)
-        self._localised: tuple[FloatArray, FloatArray] | None = None
+        self._plate = self._told = np.array(scenario.plate_start)
+        self._odometry = Odometry(self._plate)
         self._now, self._began, self._since, self._late = 0.0, math.inf, 0.0, False
         self._planned, self._at, self._before, self._rests = plan, 0, 0, 0
-        self._again, self._backing, self._wary = 0, False, False
-        self._lost = ""
+        self._again, self._backing, self._lost = 0, False, ""
+        self._most = settings.most(travel_of(plan.segments))
         self._push: PushLoop | None = None
         self._legs: deque[Leg] = deque()
         self._following: Following | None = None
         cost = plan.cost if plan.path is None else plan.path.cost
         self._tell("plan", f"{cost:.3f} m in {plan.trajectory.duration:.1f} s")
-
-    _estimator: Estimator | None
-    """Of the last push: what it found of clock and wheels."""
 
     @property
     def phase(self) -> Phase:
@@ -149,13 +145,6 @@ class Controller:
     def segment(self) -> int:
         """Index of the segment among those of the plan and of all plans for the rest, see `plans.run.segments_of`."""
         return self._before + min(self._at, len(self._planned.segments) - 1)
-
-    def goal_errors(self, object_poses: FloatArray) -> tuple[float, float]:
-        """Return how far (m) and by what angle (rad) the goal's object is off, or the worst where it names none."""
-        if self._replanner is None:
-            return worst_at_goal(self.scenario, object_poses)
-        distance, angle = self._replanner.aim.errors(object_poses)
-        return float(distance), float(angle)
 
     def step(
         self,
@@ -183,16 +172,18 @@ class Controller:
         """
         intake, sightings = self._intake, self._sightings
         if not intake.clock(now):
-            self._bad_clock += 1
-            if self._bad_clock > self.settings.patience * self.settings.rate and not self.over:
+            if intake.bad > self.settings.patience * self.settings.rate and not self.over:
                 self._give_up("the times of steps cannot be")
             return np.zeros(3)
-        self._now, self._bad_clock = intake.now, 0
+        self._now = intake.now
         if self._began == math.inf:
             self._began = self._since = self._now
             self._begin()
         if plate_pose is not None:
-            self._localise(intake.pose(plate_pose, "pose of the plate"))
+            pose = intake.pose(plate_pose, "pose of the plate")
+            jump = None if pose is None else self._odometry.measured(pose)
+            if jump is not None:
+                self._tell("jump", f"the plate's measured pose jumped by {words(*jump)}")
         self._moved()
         if object_poses is not None:
             self._late |= measured_at is None and sightings.latest() == -math.inf
@@ -210,46 +201,33 @@ class Controller:
             self._decide()
         return self._twist()
 
-    def _localise(self, pose: FloatArray | None) -> None:
-        """Take a measured pose of the plate (3,) for how it has moved; a jump is one of the measurement."""
-        if pose is None:
-            return
-        if self._localised is None:
-            self._odometry = pose
-        else:
-            before, odometry = self._localised
-            told, moved = relative(odometry, self._odometry), relative(before, pose)
-            apart = pose_error(moved, told)
-            if apart[0] > JUMP[0] or apart[1] > JUMP[1]:
-                self._tell("jump", f"the plate's measured pose jumped by {words(*apart)}")
-                moved = told
-            self._odometry = compose(odometry, moved)
-        self._localised = pose, self._odometry
-
     def _moved(self) -> None:
         """Take down how the plate has moved since the last step."""
         if self._push is not None:
             frame = self._push.load.frame_plate
-            self._push.moved(self._now, compose(self._odometry, frame), self._localised is not None)
+            self._push.moved(self._now, compose(self._odometry.pose, frame), self._odometry.localised)
             self._plate = compose(self._push.plate, inverse(frame))
         else:
-            twist = log(relative(self._told, self._odometry))
+            twist = log(relative(self._told, self._odometry.pose))
             if self._estimator is not None:
                 twist = self._estimator.scaled(twist)
             self._plate = compose(self._plate, exp(twist))
-        self._told = self._odometry
+        self._told = self._odometry.pose
 
     def _twist(self) -> FloatArray:
         """Return the twist (3,) of the plate frame to tell the plate."""
         told = STILL
         if self._push is not None:
-            plate = self._push.load.chain.pusher.plate_pose
-            told = twist_of(plate, self._push.twist())
+            told = twist_of(self._push.load.chain.pusher.plate_pose, self._push.twist())
         elif self._following is not None and not self.over and not self._following.drive.over:
             twist = self._following.twist(self._plate)
             told = twist if self._estimator is None else self._estimator.asked(twist)
-        self._odometry = compose(self._odometry, exp(told / self.settings.rate))
+        self._odometry.drive(told, 1.0 / self.settings.rate)
         return np.array(told)
+
+    def _spare(self, k: int) -> float:
+        """Return what travel there is left beyond that of the segments from the k-th on, m."""
+        return self._most - self._odometry.travel - travel_of(self._planned.segments[k:])
 
     def notice(self, obstacles: Iterable[Obstacle]) -> None:
         """Take over what stands in the room now.
@@ -272,7 +250,7 @@ class Controller:
 
     def _decide(self) -> None:
         """Go on with the push, or with what the plate does alone."""
-        if self._replanner is None and self._standing.watch(self._tell_moved):
+        if self._replanner is None and self._standing.watch(self._tell):
             if self._push is not None:
                 self._push.notice(self._around(self._push.load))
             elif self._following is not None:
@@ -289,9 +267,6 @@ class Controller:
             else:
                 self._legs.popleft()
                 self._go_on()
-
-    def _tell_moved(self, name: str, off: str) -> None:
-        self._tell("moved", f"{name} stands {off} away from where it stood, and is not pushed")
 
     def _begin(self) -> None:
         """Begin the segment that comes next: a push, a retreat, or a look from which the plate drives on."""
@@ -330,8 +305,7 @@ class Controller:
     def _rest(self) -> None:
         """Stand still and look where everything is."""
         self._legs.clear()
-        self._backing = False
-        self._following, self._phase, self._since = None, Phase.LOOKING, self._now
+        self._backing, self._following, self._phase, self._since = False, None, Phase.LOOKING, self._now
 
     def _look(self) -> None:
         """Once it is known where everything stands, drive to the next load, plan the rest, or end."""
@@ -341,11 +315,13 @@ class Controller:
         )
         if unseen > 10.0 * self.settings.patience:
             self._give_up(f"no measurement has come for {unseen:.1f} s")
-        if self.over or not standing.look(self._since + self._delay(), self._now):
+        usual = self.settings.late + self.settings.delay_error if self._late else 0.0
+        late = usual + 2.0 * self.settings.delay_error if self._estimator is None else self._estimator.late
+        if self.over or not standing.look(self._since + late, self._now):
             return
         left = self._delivered.left()
         if not left:
-            self._end(Phase.ARRIVED, f"{words(*self.goal_errors(standing.poses))} off the goal")
+            self._end(Phase.ARRIVED, f"{words(*worst_at_goal(self.scenario, standing.poses))} off the goal")
             return
         ahead = {
             name for s in segments[self._at :] if s.pushes and s.load is not None for name in s.load.names
@@ -357,20 +333,15 @@ class Controller:
         if legs:
             self._set_out(legs)
         else:
-            self._plan_rest(why or "there is no way to the next push as it was planned")
-
-    def _delay(self) -> float:
-        """Return by how much measurements may be late, s."""
-        usual = self.settings.late + self.settings.delay_error if self._late else 0.0
-        found = self._estimator
-        late = usual + 2.0 * self.settings.delay_error
-        return late if found is None else max(0.0, found.values[3] + 2.0 * math.sqrt(found.covariance[3, 3]))
+            self._plan_rest(why or "there is no short way to the next push as it was planned")
 
     def _legs_to_next(self) -> list[Leg]:
         """Return the ways to the load of the next push from where everything stands."""
         settings, poses = self.settings, self._standing.by_name
         near = NEAR * settings.position_slack, NEAR * settings.angle_slack
         legs = legs_to(self._planned, self._at, self._plate, poses, self._obstacles, near, self.settings.rate)
+        if legs and travel_of(leg for _, leg in legs) > self._spare(legs[-1][0] + 1):
+            return []
         if legs:
             load = self._planned.segments[legs[-1][0]].load
             where = "" if load is None else f" to {load.names[0]}, at its {load.face}"
@@ -393,6 +364,10 @@ class Controller:
             return
         self._before += len(self._planned.segments)
         self._planned, self._at, self._lost = result, 0, ""
+        if self._spare(0) < 0.0:
+            way = f"{self._odometry.travel:.1f} m of {self._most:.1f} m were driven"
+            self._give_up(f"{why}; {way}, and the rest takes {travel_of(result.segments):.1f} m")
+            return
         self.scenario = with_places(self.scenario, result)
         self._delivered.aim_at(self.scenario)
         self._tell("replan", f"{result.cost:.3f} m in {result.duration:.1f} s: {why}")
@@ -408,22 +383,23 @@ class Controller:
         assert load is not None
         replanner = self._replanner
         if replanner is None:
-            poses, obstacles = self._standing.by_name, self._obstacles
-            job = push_job(self._planned, segment, self._plate, poses, obstacles, self._delivered.tolerance)
+            poses, tolerance = self._standing.by_name, self._delivered.tolerance
+            most = min(self.settings.most(segment.path.travel), self._spare(self._at + 1))
+            job = push_job(self._planned, segment, self._plate, poses, self._obstacles, tolerance, most)
             replanner = Replanner(job.scenario, self.settings, self._observer)
         else:
-            job = PushJob(self.scenario, self.plan, self._standing.columns(load.names))
-        frames = compose(np.stack([self._plate, self._odometry]), load.frame_plate)
+            job = PushJob(self.scenario, self.plan, self._standing.columns(load.names), self._most)
+        plate, odometry = compose(np.stack([self._plate, self._odometry.pose]), load.frame_plate)
         self._push = PushLoop(
-            replace(job, again=self._again < AGAIN, wary=self._wary),
+            replace(job, again=self._again < AGAIN),
             replanner,
             self.settings,
             self._sightings,
             self._tell,
             self.replans.append,
             self._now,
-            frames[0],
-            frames[1],
+            plate,
+            odometry,
             self._estimator,
         )
         if self._late and self._estimator is None:
@@ -433,7 +409,7 @@ class Controller:
     def _end_push(self, push: PushLoop) -> None:
         """Go on after a push that is over: with the next segment, or with a look at what is left."""
         self._push, self._estimator, names = None, push.estimator, push.load.names
-        self._plate, self._wary = compose(push.plate, inverse(push.load.frame_plate)), push.wary
+        self._plate = compose(push.plate, inverse(push.load.frame_plate))
         if self._replanner is not None:
             self._end(push.phase, push.text)
             return
@@ -462,8 +438,7 @@ class Controller:
 
     def _end(self, phase: Phase, text: str) -> None:
         """Stand still from now on."""
-        push = self._push
-        estimator = self._estimator if push is None else push.estimator
+        estimator = self._estimator if self._push is None else self._push.estimator
         found = "" if estimator is None else estimator.words()
         if found:
             self._tell("sensor", found)

@@ -117,6 +117,11 @@ class Estimator:
         """Number of samples that are kept."""
         return len(self._samples)
 
+    @property
+    def late(self) -> float:
+        """By how much measurements may be late, s."""
+        return max(0.0, float(self.values[3] + 2.0 * math.sqrt(self.covariance[3, 3])))
+
     def unstamped(self) -> None:
         """Expect what comes without a time to be late."""
         late = self.settings.late

@@ -29,8 +29,8 @@ class PushJob:
         plan: Of this push alone, to begin with.
         columns: Numbers of the load's objects among all that are measured.
         settle: Length of the straight push that closes the contacts after an approach, m; 0 where they are closed.
+        most: Travel of the plate that it may take, m.
         again: Whether the plate may back off and come up to the load once more.
-        wary: Whether an object has left its place before: no plan is less cautious then because that is shorter.
         straight: Whether it is over after that straight push, wherever it ends: it closes onto an object that rests.
         onto: Name of the object that the load is pushed up to; empty where there is none.
     """
@@ -38,9 +38,9 @@ class PushJob:
     scenario: Scenario
     plan: Plan
     columns: list[int]
+    most: float
     settle: float = 0.0
     again: bool = False
-    wary: bool = False
     straight: bool = False
     onto: str = ""
 
@@ -52,6 +52,7 @@ def push_job(
     poses: Poses,
     obstacles: Sequence[Obstacle],
     tolerance: tuple[float, float],
+    most: float,
 ) -> PushJob:
     """Return a push of a plan of several segments as a job of its own; its goal is where the plan ends it.
 
@@ -62,6 +63,7 @@ def push_job(
         poses: Of all objects, as measured.
         obstacles: What else stands in the room.
         tolerance: Distance (m) and angle (rad) by which an object may be off its goal.
+        most: See `PushJob`.
     """
     scenario, load = plan.scenario, segment.load
     assert load is not None
@@ -77,6 +79,7 @@ def push_job(
         problem,
         alone(plan, replace(segment, load=load.with_problem(problem))),
         [list(scenario.poses).index(name) for name in load.names],
+        most,
         scenario.pushes.settle if length is None else length,
         straight=length is not None,
         onto=segment.onto,

@@ -16,8 +16,7 @@ from enum import Enum
 import numpy as np
 
 from pushplan.errors import ChainError
-from pushplan.geometry.se2 import compose, exp, inverse, log, relative, rotate, transform_points, wrap_angle
-from pushplan.mechanics.chain import PLATE
+from pushplan.geometry.se2 import compose, exp, log, relative, twist_of
 from pushplan.mechanics.perturb import slid
 from pushplan.planners.timing.arc_limits import motion_bounds
 from pushplan.planners.timing.exact_timing import time_path
@@ -26,7 +25,14 @@ from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.plan import Plan
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Obstacle
-from pushplan.sim.control.closing import ClosingPush, Contacts, Spread, closing_push, contacts_at
+from pushplan.sim.control.closing import (
+    ClosingPush,
+    Contacts,
+    Spread,
+    closing_push,
+    contacts_at,
+    shift_at_contact,
+)
 from pushplan.sim.control.departures import Slide, find_slide, off_place
 from pushplan.sim.control.estimator import HOLD, Estimator, Sample
 from pushplan.sim.control.following import Following
@@ -43,19 +49,14 @@ CLOSINGS = 3
 """Pushes in a row that may fail to close contacts."""
 ATTEMPTS = 24
 """Replans in a row that may find nothing."""
-CLEARLY, BARELY, HARDLY = 0.8, 0.95, 0.05
-"""Shares of the tolerances: nothing need be better, arrived for all the noise, hardly more than asked for."""
-FREE = 3
-"""Plans on the way that are made whatever they cost; later ones only up to twice the first plan, and 1 m."""
-WORTH = 0.5
-"""Way (m) that it is worth to come nearer by no more than that."""
+CLEARLY, BARELY = 0.8, 0.95
+"""Shares of the tolerances: nothing need be better, arrived for all the noise."""
+LITTLE = 0.5
+"""Travel (m) that any error is worth that is beyond the tolerances."""
 SETTLE = 0.02
 """Way after which contacts that were open at first are closed, m."""
 REFIT = 0.25
 """Time between two fits, s."""
-ROUND = (2.0, 1.0)
-"""Times the planned way, and m, beyond which a plan goes a long way round: a less cautious one, or coming up to the
-load again, is better."""
 ASIDE = (1e-3, math.radians(0.3))
 """By how much (m, rad) the plate has to have met a load aside so that another approach may do better."""
 FOUND = 3.0
@@ -94,10 +95,9 @@ class PushLoop:
         text: How it ended: what is left, or why it gave up.
         plate: (3,) pose of the contact's frame in the world, as believed.
         places: (n, 3) poses of the objects in that frame, as believed.
-        way: Driven so far, m.
+        way: Travel of the plate so far, m.
         estimator: What sensors and wheels err by.
         met_aside: It is over because the load was met where it takes a long way round from.
-        wary: See `PushJob`.
         stalled: It is over because the load is too heavy.
     """
 
@@ -135,7 +135,7 @@ class PushLoop:
         self._since, self._closings, self._settled = now, 0, False
         self._path: PushPath = plan.path
         self._touching, self._off = job.settle > 0.0, (0.0, 0.0)
-        self.met_aside, self.stalled, self.wary = False, False, job.wary
+        self.met_aside, self.stalled = False, False
         self._stall = StallWatch([obj.name for obj in scenario.chain.objects], settings, job.onto)
         if self._touching:
             self._straight(plan.path.twists[0], job.settle)
@@ -146,6 +146,16 @@ class PushLoop:
     def over(self) -> bool:
         """Whether it arrived or gave up."""
         return self.phase in (Phase.ARRIVED, Phase.GAVE_UP)
+
+    @property
+    def _share(self) -> float:
+        """Share of the tolerances that the error at the goal is."""
+        return float(self._replanner.aim.share(compose(self.plate, self.places)))
+
+    @property
+    def _most(self) -> float:
+        """Travel that a plan may take, m: what is left, and no more than coming nearer to the goal is worth."""
+        return min(self._job.most - self.way, max(LITTLE, self.settings.worth * (self._share - 1.0)))
 
     @property
     def driving(self) -> bool:
@@ -205,7 +215,7 @@ class PushLoop:
         period = 1.0 / self.settings.rate
         twist = self._following.twist(self.plate)
         self.plate = compose(self.plate, exp(twist * period))
-        self.way += float(np.hypot(twist[0], twist[1])) * period
+        self.way += float(np.hypot(*twist_of(self.scenario.pusher.plate_pose, twist)[:2])) * period
         self._stall.driven(self._now, twist * period, self.plate)
         return self.estimator.asked(twist)
 
@@ -246,7 +256,6 @@ class PushLoop:
                 what, since = f"{self.load.names[slide.contact]} has slid by {far}", min(since, slide.since)
         if what and (kind == "deviation" or unseen > self.settings.patience):
             self._tell(kind, what)
-            self.wary |= kind == "deviation"
             self.estimator.forget(since, self._now)
             if slide is not None:
                 self.estimator.fit(self._now)  # what it took for constants is none
@@ -256,10 +265,11 @@ class PushLoop:
     def _look(self) -> None:
         """Once there are enough measurements at rest, decide."""
         estimator = self.estimator
-        late = max(0.0, estimator.values[3] + 2.0 * math.sqrt(estimator.covariance[3, 3]))
         self.plate = estimator.plate(self._now)
         expected = compose(self.plate, self.places)
-        measured = self._sightings.mean(expected, self.settings.looks, self._since + late, self._job.columns)
+        measured = self._sightings.mean(
+            expected, self.settings.looks, self._since + estimator.late, self._job.columns
+        )
         if measured is None:
             return
         if self._touching:
@@ -286,7 +296,7 @@ class PushLoop:
                 contacts = contacts_at(self.scenario.chain, self.places)
         if self._job.straight:
             self._end(Phase.ARRIVED, "closed")
-        elif aim.reached(poses, CLEARLY) or (aim.reached(poses, 1.0) and not nearer):
+        elif aim.share(poses) <= (CLEARLY if nearer else 1.0):
             self._end(Phase.ARRIVED, f"{off} off the goal")
         elif self._replans >= self.settings.replans:
             self._give_up(f"{self.settings.replans} plans were made on the way, and it is not there")
@@ -326,7 +336,7 @@ class PushLoop:
             best = aim.best(slid(self.scenario.chain, slides))
         except ChainError:
             return True
-        return bool(((aim.errors(poses) - best) / aim.tolerance).max() > 1.0 - CLEARLY)
+        return bool(aim.share(poses) - best > 1.0 - CLEARLY)
 
     def _replan(self, contacts: Contacts, measured: FloatArray, off: str) -> None:
         """Go on with a new plan, from objects that are flush and have slid, unless it costs more than it gains."""
@@ -334,62 +344,45 @@ class PushLoop:
         replan = self._best_plan(contacts.slide)
         result = replan.result
         if result is not None and result.path is not None and result.trajectory is not None:
-            if self._is_round(result.path.cost) or self._is_too_far(result.path.cost, off):
+            if self._is_too_far(result.segments[0].path.travel, off):
                 return
             self._tell("replan", f"{result.path.cost:.3f} m in {result.trajectory.duration:.1f} s")
             self._path, self.places = result.path, self._replanner.chain.places
             self._take_for_closed(measured)
             self._drive_on(result)
-        elif self._replanner.aim.reached(compose(self.plate, self.places), BARELY):
+        elif self._share <= BARELY:
             self._end(Phase.ARRIVED, "within the tolerances, and there is no plan to come nearer")
         else:
             self._give_up(f"there is no plan from here: {replan.reason}")
 
     def _best_plan(self, slides: FloatArray) -> Replan:
-        """Return the most cautious plan; while nothing has slipped, the most cautious that is no long way round."""
+        """Return the most cautious plan that takes no more travel than it may, or where all do, the shortest."""
         solved: list[tuple[float, Replan]] = []
+        most = self._most
         for attempt in range(ATTEMPTS):
             replan = self._replanner.replan(self._now, self.plate, self._path, slides, attempt)
             if replan.result is None or replan.result.path is None:
                 self._record(replan)
             else:
-                solved.append((replan.result.path.cost, replan))
-                if self.wary or solved[-1][0] <= _far(self._path):
-                    break
-            if solved and attempt >= len(CAUTION) - 1:
+                solved.append((replan.result.segments[0].path.travel, replan))
+            if solved and (solved[-1][0] <= most or attempt >= len(CAUTION) - 1):
                 break
         if not solved:
             return replan
-        least = min(cost for cost, _ in solved)
-        best = next(replan for cost, replan in solved if cost <= max(least, _far(self._path)))
+        most = max(most, min(travel for travel, _ in solved))
+        best = next(replan for travel, replan in solved if travel <= most)
         self._record(best)
         self._replans += 1
         return best
 
-    def _is_round(self, cost: float) -> bool:
-        """End where the plan from where the load was met, which costs so much (m), goes a long way round."""
-        path = self._job.plan.path
+    def _is_too_far(self, travel: float, off: str) -> bool:
+        """End where a plan takes more travel (m) than it may."""
+        if travel <= self._most:
+            return False
+        why = f"coming nearer takes {travel:.1f} m, and may take {max(self._most, 0.0):.1f} m"
         aside = self._off[0] > ASIDE[0] or self._off[1] > ASIDE[1]
-        if path is None or not (self._job.again and aside and self._replans == 1 and cost > _far(path)):
-            return False
-        self.met_aside = True
-        self._give_up(f"from where it was met it takes {cost:.1f} m instead of {path.cost:.1f} m")
-        return True
-
-    def _is_too_far(self, cost: float, off: str) -> bool:
-        """End where a plan costs more than it gains, m, or too much was driven already."""
-        aim = self._replanner.aim
-        errors = aim.errors(compose(self.plate, self.places))
-        excess = float((errors / aim.tolerance).max()) - 1.0
-        path = self._job.plan.path
-        first = 0.0 if path is None else path.cost
-        if excess < HARDLY and cost > WORTH:
-            why = f"coming nearer takes {cost:.1f} m"
-        elif self.way + cost > 2.0 * first + 1.0 and self._replans > FREE:
-            why = f"{self.way:.1f} m were driven, and it takes another {cost:.1f} m"
-        else:
-            return False
-        if aim.reached(compose(self.plate, self.places)):
+        self.met_aside = self._job.again and aside and self._replans == 1
+        if self._share <= 1.0 and not self.met_aside:
             self._end(Phase.ARRIVED, f"{off} off the goal; {why}")
         else:
             self._give_up(f"{off} remain to the goal; {why}")
@@ -407,22 +400,14 @@ class PushLoop:
         So the contact tells where the plate is across it and how it is turned; along it, what was believed holds.
         Where that is far from what was believed, the object is taken not to be flush.
         """
-        self._touching = False
-        chain = self.scenario.chain
-        k = next(k for k, contact in enumerate(chain.contacts) if contact.pusher == PLATE)
-        contact = chain.contacts[k]
-        carried = relative(self.plate, compose(measured[k], inverse(chain.places[k])))
-        middle = 0.5 * (contact.right + contact.left)
-        there = transform_points(carried, middle[None])[0]
-        turned = float(wrap_angle(carried[2]))
-        slide = float(rotate(-turned, there - middle) @ contact.tangent)
-        shift = np.append(there - rotate(turned, middle + slide * contact.tangent), turned)
-        off = float(np.hypot(shift[0], shift[1])), abs(turned)
+        self._touching, chain = False, self.scenario.chain
+        first, shift = shift_at_contact(chain, self.plate, measured)
+        off = float(np.hypot(shift[0], shift[1])), abs(float(shift[2]))
         most = FOUND * np.array(self.settings.approach_error)
         if off[0] > most[0] or off[1] > most[1]:
             return
         self._off = off
-        self._tell("touch", f"{chain.objects[k].name} tells that the plate is {words(*off)} off")
+        self._tell("touch", f"{chain.objects[first].name} tells that the plate is {words(*off)} off")
         self.plate = self._odometry = compose(self.plate, shift)
         self.estimator = Estimator(self.settings, len(chain.objects), self.estimator)
         self.estimator.moved(self._now, self._odometry)
@@ -437,6 +422,8 @@ class PushLoop:
         if self._closings < CLOSINGS:
             twists = self._replanner.planner(0.0).twists
             push = closing_push(self._closer, self.plate, poses, twists, Spread.of(self.settings))
+        if isinstance(push, ClosingPush) and push.length > self._job.most - self.way:
+            push = f"contacts are open, and {self._job.most:.1f} m, all that the push may take, were driven"
         if isinstance(push, str):
             self._give_up(push)
             return
@@ -461,8 +448,3 @@ class PushLoop:
 
     def _end(self, phase: Phase, text: str) -> None:
         self.phase, self.text = phase, text
-
-
-def _far(path: PushPath) -> float:
-    """Return the cost (m) from which on a plan in place of a path goes a long way round."""
-    return ROUND[0] * path.cost + ROUND[1]

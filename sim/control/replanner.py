@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pushplan.errors import PushplanError
-from pushplan.geometry.se2 import compose, inverse, pose_error, wrap_angle
+from pushplan.geometry.se2 import compose, inverse, pose_error, rotate, wrap_angle
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.perturb import slid, with_contact_friction
@@ -36,6 +36,8 @@ ITERATIONS = 10_000
 SAME = 0.03
 """Share of a contact's length up to which a slide does not make it another chain."""
 _GRID = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
+_TURNS = np.array(sorted(np.linspace(-1.0, 1.0, 161), key=abs))
+"""Shares of the angle's tolerance by which headings at the goal are tried; none is the first."""
 INTERVAL_SETS = ("ecof", "robust")
 """Stable sets that hold for intervals of floor friction."""
 
@@ -72,20 +74,27 @@ class Aim:
         angle = np.abs(wrap_angle(off[..., 2]))
         return np.stack([distance.max(axis=-1), angle.max(axis=-1)], axis=-1)
 
-    def reached(self, object_poses: FloatArray, share: float = 1.0) -> bool:
-        """Tell whether the objects (n, 3) are within a share of the tolerances."""
-        return bool((self.errors(object_poses) <= share * self.tolerance).all())
+    def share(self, object_poses: FloatArray) -> FloatArray:
+        """Return what share (...) of the tolerances the errors are, the larger one: up to 1 the goal is reached."""
+        return np.asarray((self.errors(object_poses) / self.tolerance).max(axis=-1))
 
     def exact(self, chain: Chain) -> FloatArray:
-        """Return the pose (3,) of the chain frame that brings the objects nearest to where they shall be."""
-        ideal = compose(self.wanted, inverse(chain.places[self.objects]))
-        angle = ideal[0, 2] + wrap_angle(ideal[:, 2] - ideal[0, 2]).mean()
-        middle = 0.5 * (ideal[:, :2].min(axis=0) + ideal[:, :2].max(axis=0))
-        return np.append(middle, angle)
+        """Return the pose (3,) of the chain frame that brings the objects nearest to where they shall be.
 
-    def best(self, chain: Chain) -> FloatArray:
-        """Return the smallest errors (2,) that the objects of a chain can have."""
-        return self.errors(compose(self.exact(chain), chain.places))
+        There `share` is least: objects that have slid against one another come nearer to their places if all are
+        turned a little, which their headings bear.
+        """
+        places = chain.places[self.objects]
+        ideal = wrap_angle(self.wanted[:, 2] - places[:, 2] - self.chain_pose[2])
+        headings = self.chain_pose[2] + ideal.mean() + self.tolerance[1] * _TURNS
+        origins = self.wanted[:, :2] - rotate(headings[:, None], places[:, :2])
+        middles = 0.5 * (origins.min(axis=1) + origins.max(axis=1))
+        poses = np.column_stack([middles, headings])
+        return np.asarray(poses[np.argmin(self.share(compose(poses[:, None], chain.places)))])
+
+    def best(self, chain: Chain) -> float:
+        """Return the least share of the tolerances that the errors of a chain's objects can be."""
+        return float(self.share(compose(self.exact(chain), chain.places)))
 
     def candidates(self, chain: Chain) -> FloatArray:
         """Return poses (k, 3) of the chain frame at the goal: the exact one, then some within the tolerances."""

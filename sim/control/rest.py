@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -44,6 +44,11 @@ def standing_obstacles(
     nowhere = PushPath(np.zeros(3), np.zeros((0, 3)), np.zeros(0))
     resting = Segment(TRANSIT, nowhere, poses, poses)
     return (*obstacles, *resting.standing_obstacles(scenario, leave_out))
+
+
+def travel_of(segments: Iterable[Segment]) -> float:
+    """Return the travel of the plate in segments, m."""
+    return sum(segment.path.travel for segment in segments)
 
 
 def carried_by(load: Load, poses: Poses) -> FloatArray:

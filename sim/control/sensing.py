@@ -1,4 +1,4 @@
-"""Measured poses of objects: a simulated sensor with noise, a rate and a delay, and what was seen lately."""
+"""Measured poses: of objects by a simulated sensor, what was seen of them lately, and where the plate is."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ from typing import Self
 import numpy as np
 
 from pushplan.errors import PushplanError
-from pushplan.geometry.se2 import wrap_angle
+from pushplan.geometry.se2 import compose, exp, pose_error, relative, wrap_angle
 from pushplan.plans.events import Measured
 from pushplan.util.arrays import FloatArray
 
+JUMP = (0.01, math.radians(0.5))
+"""What (m, rad) the measured pose of the plate may be off from one to the next."""
 MEMORY = 3.0
 """How long poses of the plate and measurements are kept, s."""
 
@@ -151,3 +153,41 @@ class Sightings:
             return None
         latest = [off[there[:, i], i][-last:].mean(axis=0) for i in range(len(around))]
         return np.asarray(around + latest)
+
+
+class Odometry:
+    """Where the plate is: by what it was told, and by its measured pose where there is one.
+
+    Attributes:
+        pose: (3,) of the plate frame in the world.
+        travel: So far, as it was told, m.
+        localised: Whether its pose is measured.
+    """
+
+    def __init__(self, pose: FloatArray) -> None:
+        """Begin at a pose (3,)."""
+        self.pose, self.travel, self.localised = pose, 0.0, False
+        self._before = pose, pose
+
+    def drive(self, twist: FloatArray, period: float) -> None:
+        """Go on by a body twist (3,) for a time, s."""
+        self.pose = compose(self.pose, exp(twist * period))
+        self.travel += float(np.hypot(twist[0], twist[1])) * period
+
+    def measured(self, pose: FloatArray) -> tuple[float, float] | None:
+        """Take a measured pose (3,) for how the plate has moved; return by what it jumped (m, rad), None if not.
+
+        A jump is one of the measurement: then the plate has moved as it was told to.
+        """
+        jump = None
+        if self.localised:
+            before, odometry = self._before
+            told, moved = relative(odometry, self.pose), relative(before, pose)
+            off = pose_error(moved, told)
+            if off[0] > JUMP[0] or off[1] > JUMP[1]:
+                jump, moved = off, told
+            self.pose = compose(odometry, moved)
+        else:
+            self.pose = pose
+        self._before, self.localised = (pose, self.pose), True
+        return jump

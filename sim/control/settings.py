@@ -36,6 +36,10 @@ class ControlSettings:
         friction: Share by which coefficients of friction may be off; pushes that close contacts are proven for it.
         time_limit: Wall-clock time that the search of a plan may take, s.
         replans: So many plans are made after the first one, at most.
+        detour: Travel of the plate in all, at most: so many times that of the first plan, and m beyond. The same
+            holds of each push against its own plan.
+        worth: Travel (m) that it is worth to come nearer to the goal by as much as its tolerance; less error beyond
+            is worth less, but always half a metre.
         patience: Time without a measurement after which the plate stops, s; after ten times that the controller
             gives up.
         bias: Standard deviation of what is measured of an object beside its noise, always the same, m and rad.
@@ -57,6 +61,8 @@ class ControlSettings:
     friction: float = 0.2
     time_limit: float = 0.06
     replans: int = 30
+    detour: tuple[float, float] = (2.0, 1.0)
+    worth: float = 2.0
     patience: float = 0.5
     bias: tuple[float, float] = (2e-3, math.radians(0.6))
     start_error: tuple[float, float] = (4e-3, math.radians(0.6))
@@ -75,10 +81,14 @@ class ControlSettings:
         """Turn up to which it does, rad."""
         return max(LEAST_TURN, SIGMAS / math.sqrt(self.looks) * self.angle_noise)
 
+    def most(self, travel: float) -> float:
+        """Return what travel is allowed where a plan takes so much, m."""
+        return self.detour[0] * travel + self.detour[1]
+
     def __post_init__(self) -> None:
         for field in fields(self):
             value, least = getattr(self, field.name), _LEAST.get(field.name)
-            if field.name in ("bias", "start_error", "approach_error"):
+            if field.name in ("detour", "bias", "start_error", "approach_error"):
                 object.__setattr__(self, field.name, tuple(frozen(value, (2,), field.name).tolist()))
                 value = min(getattr(self, field.name))
             whole = field.name in ("looks", "replans")

@@ -76,8 +76,8 @@ class Standing:
                 return False
         return True
 
-    def watch(self, moved: Callable[[str, str], None]) -> bool:
-        """Call `moved` with name and deviation of each object that has moved; return whether there is one.
+    def watch(self, tell: Callable[[str, str], None]) -> bool:
+        """Tell of each object that has moved; return whether there is one.
 
         As for the load, several measurements tell of a slow departure, two of a quick one.
         """
@@ -90,7 +90,8 @@ class Standing:
                 mean[2] = np.mean([wrap_angle(one[2]) for one in off[-last:]]) if len(off) >= last else 0.0
                 if self._is_off(mean, last):
                     self.poses[k], self._resting[k] = self._resting[k] + mean, np.nan
-                    moved(name, words(float(np.hypot(*mean[:2])), abs(float(mean[2]))))
+                    far = words(float(np.hypot(*mean[:2])), abs(float(mean[2])))
+                    tell("moved", f"{name} stands {far} away from where it stood, and is not pushed")
                     break
         return not np.array_equal(before, self._resting, equal_nan=True)
 

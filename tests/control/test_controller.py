@@ -53,6 +53,11 @@ def disturbance(name: str, share: float, index: int, way: float, turn: float = 3
     return Disturbance(share * trajectory.duration, index, float(x), float(y), float(np.radians(turn)))
 
 
+def travel(poses: FloatArray) -> float:
+    """Travel of the plate (m) along poses (m, 3)."""
+    return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
+
+
 def off_by_a_fifth(name: str) -> pushplan.World:
     world = pushplan.World.from_scenario(scenario(name))
     return world.with_contact_friction(0.8).with_floor_friction(1.2, scenario(name).chain.objects[0].name)
@@ -80,6 +85,26 @@ def test_a_kicked_object_is_brought_to_the_goal_that_the_plan_alone_misses() -> 
     blind = simulate_push(world, OpenLoop(plan, 50.0), 50.0, disturbances)
     missed = replace(run, simulated=blind).goal_errors
     assert (np.array(missed) > [5e-3, np.radians(1.0)]).any()
+
+
+@pytest.mark.parametrize("detour", [(2.0, 1.0), (1.2, 0.05)])
+@pytest.mark.parametrize(
+    ("name", "share"), [("two-crates", s) for s in (0.3, 0.6, 0.9, 0.97)] + [("hook", 0.9)]
+)
+def test_travel_keeps_to_its_bound_and_what_remains_is_told(
+    name: str, share: float, detour: tuple[float, float]
+) -> None:
+    settings, plan = replace(SELDOM, detour=detour), plan_of(name)
+    run = run_closed_loop(
+        scenario(name),
+        off_by_a_fifth(name),
+        [disturbance(name, share, 1, -1.5)],
+        plan=plan,
+        settings=settings,
+    )
+    planned, driven = (travel(poses) for poses in (there(plan.trajectory).poses, run.simulated.poses))
+    assert driven <= detour[0] * planned + detour[1] + 2e-3
+    assert run.outcome == "arrived" or " remain to the goal; coming nearer takes " in run.reason
 
 
 def test_without_measurements_the_plate_stops_and_the_controller_gives_up() -> None:
