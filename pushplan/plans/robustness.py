@@ -75,9 +75,10 @@ BOX_WORDS = (
 class Robustness:
     """How far numbers of the chain may be off before a contact's margin with inertia is used up on the way.
 
-    But for `joint` each alone, all others nominal; None where the loads on the floor are not known. A plan on which
-    a contact does not hold even with the nominal numbers tolerates nothing: 1 for the contact friction, 0 for the
-    others.
+    But for `joint` each alone, all others nominal; None where the loads on the floor are not known, or where a push
+    may lift a part: any pressure with the load's centre may be the real one then, and no nominal one is off. A plan
+    on which a contact does not hold even with the nominal numbers tolerates nothing: 1 for the contact friction, 0
+    for the others.
 
     Attributes:
         contact_friction: Smallest factor, in [0, 1], of all contact frictions together, the plate's included.

@@ -172,7 +172,7 @@ class Replanner:
     def _careful(self, level: float) -> Scenario:
         settings = self._settings
         scenario = with_chain(self._scenario, self.chain)
-        return cautious(scenario, level * settings.friction, level * settings.position_slack)
+        return cautious(scenario, level * settings.friction, level * settings.room)
 
     def take_obstacles(self, obstacles: tuple[Obstacle, ...]) -> None:
         """Take over what is in the way now; stable sets and controls are kept."""

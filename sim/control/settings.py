@@ -72,6 +72,11 @@ class ControlSettings:
     odometry_error: float = 0.015
 
     @property
+    def room(self) -> float:
+        """Clearance of cautious plans, m: what objects may be off unnoticed, and twice the error of a camera."""
+        return self.position_slack + 2.0 * self.bias[0]
+
+    @property
     def gap(self) -> float:
         """Gap up to which a contact that was looked at counts as closed, m."""
         return max(LEAST_GAP, SIGMAS / math.sqrt(self.looks) * self.position_noise)

@@ -10,7 +10,7 @@ import pushplan
 from pushplan.errors import ChainError
 from pushplan.geometry.se2 import compose, exp, relative
 from pushplan.mechanics.perturb import slid
-from pushplan.planners.clearance import excess
+from pushplan.planners.clearance import excess, find_collision
 from pushplan.planners.multi.room import TOLERANCE_USED
 from pushplan.planners.planner import Planner
 from pushplan.planners.planner import plan as plan_in
@@ -264,6 +264,17 @@ def test_the_rest_of_an_earlier_plan_is_kept_from_a_little_aside(
     assert after.cost < 1.5 * 0.7 * before.cost + 0.3
     np.testing.assert_allclose(after.twists[-1], before.twists[-1], atol=1e-12)
     assert cost_rate(after.twists) == pytest.approx(1.0)
+
+
+def test_a_cautious_plan_leaves_room_for_what_the_camera_may_err_by_against_the_map(
+    crates: pushplan.Scenario,
+) -> None:
+    from pushplan.sim.control.replanner import Replanner
+
+    first = Replanner(crates, ControlSettings(bias=(4e-3, 0.01)), Observer()).first()
+    poses = first.segments[0].contact_trajectory.poses
+    assert find_collision(replace(crates, clearance=1.04e-2), poses) is None
+    assert find_collision(replace(crates, clearance=0.5), poses) is not None
 
 
 def test_trajectories_of_replans_keep_the_limits(crates: pushplan.Scenario) -> None:
