@@ -223,14 +223,12 @@ class Film(Still):
             axes.plot(execution.t, execution.margins[:, k], color=mark, linewidth=1.2)
         axes.axhline(0.0, color=palette.SLIPS, linewidth=0.8)
         kept = None if self.run.plan is None else self.run.plan.margin
-        if kept is not None:
-            axes.axhline(kept, color=INK, linewidth=0.7, linestyle=(0, (3, 2)))
         for event in self.scene.marks:
             axes.axvline(event.time, color=palette.EVENTS[event.kind], linewidth=1.0)
         axes.set_xlim(0.0, float(execution.t[-1]) or 1.0)
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(colors=FAINT)
-        margin_ticks(axes)
+        margin_ticks(axes, kept)
         named = worst_contacts(execution)
         for place, k in enumerate(named):
             name = cut(self._names[k], 90 // len(named))

@@ -43,6 +43,8 @@ def write_html(run: Run | RecordedRun, path: Path | str) -> None:
 def render(run: Run | RecordedRun) -> str:
     """Return the page of `run`."""
     scene = Scene.of(run.scenario, run.plan, run.execution, run.events)
+    kept = None if run.plan is None else run.plan.margin
+    least = float(np.fmin.reduce(scene.margins, initial=np.nan))
     data = {
         **_world(run.scenario, scene),
         **_plan(run, scene),
@@ -51,7 +53,9 @@ def render(run: Run | RecordedRun) -> str:
         "why": _why(run),
         "parts": parts_of(run),
         "events": _events(run),
-        "kept": None if run.plan is None else run.plan.margin,
+        "kept": kept,
+        "margin_ticks": palette.margin_ticks(kept),
+        "margins_title": palette.margins_title(kept, least, bool(scene.marks)).replace("\n", " "),
     }
     text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")  # no </script>
     page = files("pushplan.logging").joinpath("player.html").read_text(encoding="utf-8")
@@ -94,8 +98,8 @@ def _world(scenario: Scenario, scene: Scene) -> dict[str, Any]:
         "resting": _contacts(scenario, Load.of(scenario)) if scenario.kind == "push" else [],
         "reach": reach,
         "longest_arrow": longest_arrow(scenario),
-        "margin_ticks": palette.MARGIN_TICKS,
         "margins": palette.MARGINS,
+        "margin_words": palette.MARGIN_WORDS,
         "marks": [
             {"kind": mark.kind, "place": _plain(mark.place), "colour": palette.EVENTS[mark.kind]}
             for mark in scene.marks

@@ -87,7 +87,7 @@ def assert_tidy(browser: Any, selector: str, width: int) -> None:
     """Assert that no element overlaps another, nothing spills to the side, and the console has no error."""
     found = boxes(browser, selector)
     assert len(found) > 2
-    assert overlapping(found) == []
+    assert overlapping(found) == [], overlapping(found)
     assert [one["text"] for one in found if one["left"] < 0.0 or one["right"] > width + 0.5] == []
     assert browser.evaluate("document.documentElement.scrollWidth") <= width
     assert browser.told(*_ERRORS) == []

@@ -15,6 +15,8 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
+from matplotlib.legend_handler import HandlerBase
+from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from pushplan.drawing import check_picture_path, palette
@@ -63,7 +65,10 @@ _EDGE, _BETWEEN = 0.04, 0.06
 _KEY: Any = {"handlelength": 1.4, "columnspacing": 1.4, "handletextpad": 0.5, "borderaxespad": 0.0}
 _BODY = 12.0
 """Least width of a body over that of its outline."""
+_PIECES = 24  # of the scale of margins in a key
 _TICKS, _TICK = 9, 0.3  # most of them on an axis; inches that each takes
+_CROWDED = 0.14
+"""Of an axis of margins, what lies between two labels that would touch."""
 _LETTER = 0.57
 """Mean width of a letter of the font over its height."""
 
@@ -85,6 +90,34 @@ def figure_for(path: str | Path, width: float, height: float) -> Iterator[Figure
         write_whole(path, picture.getvalue())
 
 
+class MarginScale(Patch):
+    """The entry of a key for the colours of margins."""
+
+    def __init__(self) -> None:
+        super().__init__(label=palette.MARGIN_WORDS)
+
+
+class _ScaleHandler(HandlerBase):
+    def create_artists(
+        self,
+        legend: Legend,
+        orig_handle: Artist,
+        x0: float,
+        y0: float,
+        width: float,
+        height: float,
+        *more: Any,
+    ) -> list[Artist]:
+        del legend, orig_handle
+        shares = np.arange(_PIECES) / _PIECES
+        step, most = width / _PIECES, palette.MARGINS[-1][0]
+        colours = [palette.margin_colour(float(most * share)) for share in shares]
+        return [
+            Rectangle((x0 + width * share, y0), step, height, color=colour, linewidth=0.0, transform=more[-1])
+            for share, colour in zip(shares, colours, strict=True)
+        ]
+
+
 def axes_at(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
     """Return new axes at a place given in inches."""
     total_width, total_height = figure.get_size_inches()
@@ -102,11 +135,18 @@ def equal_ticks(axes: Axes, extent: float) -> None:
         axis.set_major_locator(MultipleLocator(float(ticks[1] - ticks[0])))
 
 
-def margin_ticks(axes: Axes) -> None:
-    """Name margins on the vertical axis, each in its colour on the fixed scale."""
-    axes.set_yticks(palette.MARGIN_TICKS, [f"{tick:g}" for tick in palette.MARGIN_TICKS])
-    for tick, label in zip(palette.MARGIN_TICKS, axes.get_yticklabels(), strict=True):
+def margin_ticks(axes: Axes, kept: float | None) -> None:
+    """Name margins on the vertical axis, each in its colour on the fixed scale, and draw the one kept."""
+    ticks = palette.margin_ticks(kept)
+    axes.set_yticks(ticks, [f"{tick:.2g}" for tick in ticks])
+    labels = axes.get_yticklabels()
+    for tick, label in zip(ticks, labels, strict=True):
         label.set_color(palette.margin_colour(tick) or INK)
+    if ticks[1] < _CROWDED * axes.get_ylim()[1]:
+        labels[0].set_verticalalignment("top")
+        labels[1].set_verticalalignment("bottom")
+    if kept is not None:
+        axes.axhline(kept, color=INK, linewidth=0.7, linestyle=(0, (3, 2)), zorder=1.5)
 
 
 def letters_across(axes: Axes, points: float) -> int:
@@ -154,6 +194,7 @@ def _key(figure: Figure, left: float, entries: Sequence[Artist]) -> Legend:
             loc="lower left",
             bbox_to_anchor=(left, _EDGE),
             bbox_transform=figure.dpi_scale_trans,
+            handler_map={MarginScale: _ScaleHandler()},
             **_KEY,
         )
         if rows == len(entries) or legend.get_window_extent().x1 <= figure.bbox.x1:

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch, PathPatch, Polygon
 from matplotlib.path import Path as Outline
 
 from pushplan.drawing import palette
-from pushplan.drawing.figure import HALO, SMALL, equal_ticks, narrowest, outline_width
+from pushplan.drawing.figure import HALO, SMALL, MarginScale, equal_ticks, narrowest, outline_width
 from pushplan.drawing.palette import ALONE, FAINT, GOAL, INK, NEAREST
 from pushplan.drawing.scene import Body, Layer, Line, Scene, Window, piece_colours
 from pushplan.mechanics.body import BodyKind
@@ -257,7 +257,7 @@ def draw_names(axes: Axes, scene: Scene, poses: FloatArray, letters: int = 16) -
 
 
 def draw_path_name(axes: Axes, scene: Scene) -> None:
-    """Write beside the middle of a single push what its colours mean, on the side that has more room."""
+    """Write beside the middle of a single push that it is the path, on the side that has more room."""
     if not is_single(scene) or len(scene.lines[0].points) < 3:
         return
     line = scene.lines[0]
@@ -274,7 +274,7 @@ def draw_path_name(axes: Axes, scene: Scene) -> None:
     line_to: Any = {"arrowstyle": "-", "color": FAINT, "linewidth": 0.6}
     place, beside = ((float(x), float(y)) for x, y in (line.points[k], spot))
     axes.annotate(
-        "path" if np.isnan(scene.margins).all() else "path, coloured\nby its margin",
+        "path",
         place,
         beside,
         ha="center",
@@ -347,6 +347,8 @@ def _path_keys(scene: Scene) -> Iterator[Artist]:
     if scene.lines:
         if len(scene.t) > 1:
             yield Patch(facecolor=palette.SWEPT, edgecolor=FAINT, label="swept")
+        if not np.isnan(scene.margins).all():
+            yield MarginScale()
         if not is_single(scene):
             yield Line2D([], [], color=ALONE, linewidth=0.9, linestyle=_DASHES, label="robot alone")
             yield Line2D(

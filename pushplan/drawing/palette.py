@@ -75,6 +75,9 @@ MARGINS = ((0.0, SLIPS), (0.05, "#e3a23c"), (0.1, "#4f9d8c"), (0.2, "#1d5f9c"))
 MARGIN_TICKS = (0.0, 0.05, 0.2)
 """Margins to name on the scale."""
 
+MARGIN_WORDS = "path by its margin: red 0, amber 0.05, blue from 0.2"
+"""The scale in a key."""
+
 _CONTACTS = ("#e0600b", "#8e3fb0", "#008b8b", "#c2186b", "#8a6d00", "#4a5fd0", "#5f8f1d", "#a04a35")
 _TURN, _DEPTHS, _STRENGTH = 0.381966, (0.36, 0.5), 0.7
 """Of the golden angle: hues that are as far from each other as can be, however many there are."""
@@ -103,6 +106,30 @@ def margin_colour(margin: float) -> str | None:
         if margin <= high:
             return mixed(first, second, max(0.0, (margin - low) / (high - low)))
     return MARGINS[-1][1]
+
+
+def margin_ticks(kept: float | None) -> list[float]:
+    """Return the margins to name on an axis; the one that a plan keeps stands for the nearest one of the scale."""
+    if not kept:
+        return list(MARGIN_TICKS)
+    nearest = min(MARGIN_TICKS[1:], key=lambda tick: abs(tick - kept))
+    return sorted({*MARGIN_TICKS, kept} - ({nearest} - {kept}))
+
+
+def margins_title(kept: float | None, least: float, corrected: bool) -> str:
+    """Return what margins over time are called, with what the plan keeps, and what an execution comes down to.
+
+    Args:
+        kept: By the plan; None where that is not known.
+        least: Smallest one in the execution; NaN where nothing was pushed.
+        corrected: Whether a closed loop steered.
+    """
+    if kept is None:
+        return "margin"
+    title = f"margin; the plan keeps {kept:.2g}"
+    if not least < 0.999 * kept:
+        return title
+    return f"{title},\n{'corrections go' if corrected else 'this run goes'} down to {least:.2g}"
 
 
 def mixed(first: str, second: str, share: float) -> str:

@@ -49,8 +49,6 @@ _HEIGHT, _SIDE, _MARGIN_HEIGHT = 4.0, 2.2, 1.05
 _SCENARIO_SIDE, _LEAST_WIDTH = 2.6, 4.5
 _STEPS_IN_A_ROW, _MOST_STEPS, _STEP_GAP, _STEP_TITLE = 4, 12, 0.15, 0.26
 """Small pictures of single pushes: how many, and inches between them and for the title of each."""
-_CROWDED = 0.35
-"""Least top of the margins from which on the labels of 0 and 0.05 would touch."""
 _LINE = 0.155
 """Of a line of the letters beside the floor, inches."""
 _TITLE = 10.0
@@ -265,18 +263,13 @@ def draw_margins(axes: Axes, scene: Scene, kept: float | None = None) -> None:
     axes.set(
         xlim=(0.0, max(float(scene.t[-1]), 1e-3)), ylim=(min(0.0, 1.1 * low), 1.08 * top), xlabel="time [s]"
     )
-    margin_ticks(axes)
-    if top > _CROWDED:
-        zero, least = axes.get_yticklabels()[:2]
-        zero.set_verticalalignment("top")
-        least.set_verticalalignment("bottom")
-    if kept is not None:
-        axes.axhline(kept, color=INK, linewidth=0.7, linestyle=(0, (3, 2)), zorder=1.5)
+    margin_ticks(axes, kept)
     for mark in scene.marks:
         axes.axvline(mark.time, color=palette.EVENTS[mark.kind], linewidth=0.8, zorder=1.4)
     axes.axhline(0.0, color=palette.SLIPS, linewidth=0.8, zorder=1.5)
+    least = float(scene.margins[known].min(initial=np.inf))
     axes.set_title(
-        "margin" + ("" if kept is None else f", at least {kept:.2g} kept"), loc="left", fontsize=9.0
+        palette.margins_title(kept, least, bool(scene.marks)), loc="left", fontsize=9.0, linespacing=1.4
     )
     axes.spines[["top", "right"]].set_visible(False)
 

@@ -45,8 +45,11 @@ _ACROSS = 14
 _ROWS = ("slips to the right", "slips to the left", "tips about the right end", "tips about the left end")
 _ROW_STYLES = ("-", "-", "--", "--")
 _TOUCHING = 1e-9
+_DASHED: Any = (0, (4, 2))
 _NAMED = 2
 """Contacts up to which each is named where it is."""
+_LONG = 12.0
+"""Points from which on a contact is long enough to be named."""
 _OVER = 36.0
 """Room that the label of the cones needs over them, points."""
 _LABEL: Any = {"fontsize": SMALL, "bbox": HALO, "zorder": 9.0}
@@ -94,6 +97,20 @@ def draw_set(axes: Axes, chain: Chain, stable: StableSet) -> None:
                 at.x, at.y, name.replace(" ", "\n"), color=TURNS[sense], ha="center", va="center", **_LABEL
             )
     _label_contacts(axes, chain)
+    _label_drive(axes, chain, stable, window)
+
+
+def _label_drive(axes: Axes, chain: Chain, stable: StableSet, window: Window) -> None:
+    """Write beside the line of a wheeled drive what it is, on the side with more room, to the right of the chain."""
+    drive, right = chain.pusher.drive, min(float(body.outline[:, 1].min()) for body in chain.bodies)
+    for line in drive.turning_centres(window[3] - window[1])[1:]:
+        y = 0.5 * (right + window[1])
+        x = float(line[0, 0] + (line[1] - line[0])[0] * (y - line[0, 1]) / (line[1] - line[0])[1])
+        side = "right" if x > 0.5 * (window[0] + window[2]) - 0.2 * (window[2] - window[0]) else "left"
+        place: Any = {"xytext": (-4.0 if side == "right" else 4.0, 0.0), "textcoords": "offset points"}
+        shown = stable.cor_region(-1, window).intersects(shapely.LineString(line))
+        words = "the drive\nturns about\nthis line" + ("" if shown else ",\nstable only\nfarther out")
+        axes.annotate(words, (x, y), ha=side, va="center", color=INK, annotation_clip=True, **place, **_LABEL)
 
 
 def _beyond(region: BaseGeometry, chain: Chain, sense: int, window: Window) -> BaseGeometry:
@@ -111,7 +128,8 @@ def _label_contacts(axes: Axes, chain: Chain) -> None:
     high = max(float(obj.outline_chain[:, 1].max()) for obj in chain.objects)
     line: Any = {"arrowstyle": "-", "color": FAINT, "linewidth": 0.6}
     look: Any = {"textcoords": "offset points", "ha": "center", "arrowprops": line, "annotation_clip": True}
-    contacts = chain.contacts if len(chain.contacts) <= _NAMED else ()
+    long = _points(axes, min(contact.length for contact in chain.contacts)) > _LONG
+    contacts = chain.contacts if len(chain.contacts) <= _NAMED and long else ()
     for k, (contact, colour) in enumerate(zip(contacts, palette.contact_colours(_NAMED), strict=False)):
         end, y = (contact.left, high) if k % 2 else (contact.right, low)
         place: Any = {"xytext": (0.0, 9.0 if k % 2 else -9.0), "va": "bottom" if k % 2 else "top"}
@@ -132,6 +150,7 @@ def _points(axes: Axes, length: float) -> float:
 
 def _draw_with_chain(axes: Axes, chain: Chain, sets: Sequence[StableSet], window: Window) -> None:
     draw_sets(axes, sets, window)
+    draw_drive(axes, chain, sets[0], window)
     style_cor_axes(axes, window)  # before the chain, whose outlines are as wide as the scale allows
     draw_chain(axes, chain)
     draw_contacts(axes, chain)
@@ -142,6 +161,18 @@ def draw_sets(axes: Axes, sets: Sequence[StableSet], window: Window) -> None:
     for rank, stable in enumerate(sets):
         for sense in TURNS:
             draw_region(axes, stable.cor_region(sense, grown(window, 0.05)), sense, rank)
+
+
+def draw_drive(axes: Axes, chain: Chain, stable: StableSet, window: Window) -> None:
+    """Draw the line about whose points a wheeled drive can turn, strong where such a turn is stable."""
+    line: Any = {"color": INK, "linewidth": 0.8, "linestyle": _DASHED, "zorder": 2.0}
+    far = float(np.hypot(window[2] - window[0], window[3] - window[1]))
+    for sense, ends in zip(TURNS, chain.pusher.drive.turning_centres(far), strict=False):
+        axes.plot(*ends.T, **line)
+        own = stable.cor_region(sense, window).intersection(shapely.LineString(ends))
+        for part in shapely.get_parts(own):
+            if isinstance(part, shapely.LineString) and not part.is_empty:
+                axes.plot(*part.xy, color=TURNS[sense], linewidth=2.4, solid_capstyle="butt", zorder=2.1)
 
 
 def draw_region(axes: Axes, region: shapely.Geometry, sense: int, rank: int = 0) -> None:
@@ -226,7 +257,9 @@ def _set_keys(chain: Chain, sets: Sequence[StableSet]) -> list[Artist]:
         )
         for rank, each in enumerate(sets)
     ]
-    return [*turn_keys(), *bodies, *styles]
+    words = chain.pusher.drive.turning_words
+    drive = [Line2D([], [], color=INK, linewidth=0.8, linestyle=_DASHED, label=words)] if words else []
+    return [*turn_keys(), *bodies, *styles, *drive]
 
 
 def plot_admissible_speeds(chain: Chain, speeds: AdmissibleSpeeds, path: str | Path) -> None:

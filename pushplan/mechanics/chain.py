@@ -162,6 +162,27 @@ class Drive:
     axle: FloatArray | None = None
     min_radius: float = 0.0
 
+    def turning_centres(self, far: float) -> FloatArray:
+        """Return what it can turn about: two segments (2, 2, 2) of the axle's line, to `far` (m) from its middle.
+
+        They are in the chain frame, to the left and to the right; of an omnidirectional drive, which can turn about
+        any point, there are none: (0, 2, 2).
+        """
+        if self.axle is None:
+            return np.zeros((0, 2, 2))
+        x, y, heading = self.axle
+        across = np.array([-np.sin(heading), np.cos(heading)])
+        reach = np.array([[self.min_radius, far], [-self.min_radius, -far]])
+        return np.asarray(np.array([x, y]) + reach[..., None] * across)
+
+    @property
+    def turning_words(self) -> str:
+        """What it can turn about, for the key of a picture; empty where that is any point."""
+        if self.axle is None:
+            return ""
+        tightest = f", {self.min_radius:.3g} m from its middle or more" if self.min_radius else ""
+        return f"{self.kind}: turns about its axle's line only{tightest}"
+
 
 @dataclass(frozen=True, eq=False)
 class Pusher:

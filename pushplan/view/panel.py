@@ -99,12 +99,15 @@ def stable_set_html(stable: StableSet | None) -> str:
     chain = stable.chain
     fills = [PLATE] * len(chain.carried) + object_colours([obj.name for obj in chain.objects])
     bodies = "".join(_body(body.outline, fill) for body, fill in zip(chain.bodies, fills, strict=True))
+    drive = chain.pusher.drive
+    lines = "".join(_line(ends) for ends in drive.turning_centres(10.0 * (window[3] - window[1])))
+    words = f"; {drive.turning_words} (dashed)" if drive.turning_words else ""
     return (
         f'<div class="pushplan-set" style="{_STYLE}"><b>stable centres of rotation</b> '
         f'(<span style="color:{TURNS[+1]}">left turns</span>, '
-        f'<span style="color:{TURNS[-1]}">right turns</span>){_cone(stable)}'
+        f'<span style="color:{TURNS[-1]}">right turns</span>){_cone(stable)}{words}'
         f'<svg id="pushplan-set" viewBox="{_view(window)}" style="width:100%;max-height:230px">'
-        f"{regions}{bodies}</svg></div>"
+        f"{regions}{lines}{bodies}</svg></div>"
     )
 
 
@@ -132,6 +135,11 @@ def _region(stable: StableSet, sense: int, window: Window) -> str:
     ]
     data = " ".join(f"M {_points(np.asarray(ring.coords)[:, :2])} Z" for ring in rings)
     return f'<path d="{data}" fill="{TURNS[sense]}" fill-opacity="0.35" fill-rule="evenodd"/>'
+
+
+def _line(ends: FloatArray) -> str:
+    line = 'stroke="currentColor" stroke-width="1" stroke-dasharray="4 2" vector-effect="non-scaling-stroke"'
+    return f'<polyline points="{_points(ends)}" fill="none" {line}/>'
 
 
 def _body(outline: FloatArray, fill: str) -> str:
