@@ -250,17 +250,17 @@ class Collision:
     Attributes:
         pose: (x, y, theta) of the chain frame in the world.
         body: `robot`, `pusher` or the object's name.
-        obstacle: Index of the obstacle, or None for the workspace's walls.
+        obstacle: What is met, or None for the workspace's walls.
         gap: Distance that is left, m; 0 where they touch or overlap.
     """
 
     pose: tuple[float, float, float]
     body: str
-    obstacle: int | None
+    obstacle: Obstacle | None
     gap: float = 0.0
 
     def __str__(self) -> str:
-        other = "a wall of the workspace" if self.obstacle is None else f"obstacles[{self.obstacle}]"
+        other = "a wall of the workspace" if self.obstacle is None else str(self.obstacle)
         x, y, theta = self.pose
         place = f"with the chain frame at ({x:.4f}, {y:.4f}) m, {np.degrees(theta):.2f} deg"
         if self.gap <= 0.0:
@@ -291,7 +291,7 @@ def collision_along(scenario: Scenario, motion: Motion, room: Room | None = None
     pose = motion.at(np.array([at]))[0]
     gap, body, obstacle = room.nearest(pose, required + SPACING)
     x, y, theta = (float(value) for value in pose)
-    return Collision((x, y, theta), body, obstacle, gap)
+    return Collision((x, y, theta), body, None if obstacle is None else scenario.obstacles[obstacle], gap)
 
 
 def _first_too_near(room: Room, motion: Motion, required: float) -> float | None:

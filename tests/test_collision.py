@@ -194,10 +194,10 @@ def test_coming_nearer_than_the_clearance_is_a_collision_that_tells_the_gap(lane
     poses = np.array([[0.6, -0.008, 0.0], [0.7, -0.008, 0.0]])
     assert find_collision(lane, poses) is None
     found = there(find_collision(replace(lane, clearance=0.003), poses))
-    assert (found.body, found.obstacle) == ("box", 1)
+    assert (found.body, found.obstacle) == ("box", lane.obstacles[1])
     assert found.gap == pytest.approx(0.003, abs=SPACING)
     assert "'box' is 2" in str(found)
-    assert "mm from obstacles[1] with the chain frame at (0." in str(found)
+    assert f"mm from {lane.obstacles[1]} with the chain frame at (0." in str(found)
 
 
 def test_few_poses_find_what_many_do(lane: Scenario) -> None:

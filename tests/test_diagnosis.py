@@ -146,7 +146,9 @@ def test_an_end_with_something_just_in_the_way_is_perhaps_boxed_in(
     c, s = np.cos(pose[2]), np.sin(pose[2])
     turned = bar @ np.array([[c, s], [-s, c]]) + pose[:2]
     barred = replace(scenario, obstacles=(PolygonObstacle(turned),))
-    (proven,) = short(barred).diagnosis
+    unsolved = short(barred)
+    (proven,) = unsolved.diagnosis
+    assert f"in the way: {barred.obstacles[0]}" in unsolved.why_not
     assert (proven.cause, proven.proven, [*proven.numbers]) == ("boxed in", True, [f"radius_around_{end}"])
     assert proven.blocking == (0,)
     monkeypatch.setattr(pocket, "LOOKS", ())

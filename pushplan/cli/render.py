@@ -42,6 +42,8 @@ def headline(document: Mapping[str, Any], console: Console) -> None:
 def plan_rows(document: Mapping[str, Any], remarks: Mapping[str, str]) -> Rows:
     """Return label and value of the numbers of a plan's document, with what `remarks_on` says of it."""
     found = [] if document["solved"] else [("reason", document["reason"])]
+    if remarks.get("in the way"):
+        found.append(("in the way", remarks["in the way"]))
     near = document["nearest"]
     if near is not None:
         off = f"ends {near['position']:.3g} m and {degrees(near['angle']):.3g} deg from the goal"
@@ -141,7 +143,7 @@ def plan_document(plan: Plan, log: Path | None) -> Document:
 
 def remarks_on(plan: Plan, execution: Execution | None) -> dict[str, str]:
     """Return what people are told beside the numbers of a plan: where margins are smallest, what it tolerates."""
-    remarks = {"force": plan.force_words}
+    remarks = {"force": plan.force_words, "in the way": plan.in_the_way}
     if plan.robustness:
         remarks["robustness"] = plan.robustness_words
     if execution is not None:

@@ -60,6 +60,9 @@ class Diagnosis:
     blocking: tuple[int, ...] = ()
 
 
+MOST_PLACES = 3
+"""Of obstacles in the way, so many are named."""
+
 CAUSES = {
     "gap": "a passage between start and goal is too narrow for the chain",
     "heading": "no stable push turns the chain, and the goal asks for another heading",
@@ -256,11 +259,19 @@ class Plan:
         return frozenset(k for found in self.diagnosis for k in found.blocking)
 
     @property
+    def in_the_way(self) -> str:
+        """Where the obstacles are that are in the way, for people; empty where that is not known."""
+        places = [str(one) for k, one in enumerate(self.scenario.obstacles) if k in self.blocking]
+        more = [f"{len(places) - MOST_PLACES} more"] if len(places) > MOST_PLACES else []
+        return ", ".join([*places[:MOST_PLACES], *more])
+
+    @property
     def why_not(self) -> list[str]:
         """Why there is no plan, and how near to the goal one comes, in sentences; none where there is one."""
         if self.solved:
             return []
         causes = [found.text for found in self.diagnosis if found.text not in self.reason]
+        causes += [f"in the way: {self.in_the_way}"] if self.in_the_way else []
         if self.nearest is None:
             return [self.reason, *causes]
         position, angle = self.nearest.error

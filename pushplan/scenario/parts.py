@@ -243,6 +243,10 @@ class PolygonObstacle:
     def __post_init__(self) -> None:
         object.__setattr__(self, "outline", frozen(self.outline, (None, 2), "outline of an obstacle"))
 
+    def __str__(self) -> str:
+        """Say where it is."""
+        return _obstacle_at(0.5 * (self.outline.min(axis=0) + self.outline.max(axis=0)))
+
 
 @dataclass(frozen=True, eq=False)
 class CircleObstacle:
@@ -258,6 +262,14 @@ class CircleObstacle:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "center", frozen(self.center, (2,), "centre of an obstacle"))
+
+    def __str__(self) -> str:
+        """Say where it is."""
+        return _obstacle_at(self.center)
+
+
+def _obstacle_at(place: FloatArray) -> str:
+    return f"the obstacle at ({place[0]:.2f}, {place[1]:.2f}) m"
 
 
 Obstacle = PolygonObstacle | CircleObstacle

@@ -139,9 +139,7 @@ def placement_troubles(
         troubles = list(_beyond_walls(outline, room.workspace, clearance))
         low, high = outline.min(axis=0) - 2.0 * clearance, outline.max(axis=0) + 2.0 * clearance
         near = np.flatnonzero(((boxes[:, 0] <= high) & (boxes[:, 1] >= low)).all(axis=1))
-        all_near = filter(
-            None, (_too_near(outline, obstacles[i], f"obstacles[{i}]", clearance) for i in near.tolist())
-        )
+        all_near = filter(None, (_too_near(outline, obstacles[i], clearance) for i in near.tolist()))
         troubles += islice(all_near, MOST_TOLD)
         if any(all_near):
             troubles.append(f"is as near to more obstacles than these {MOST_TOLD}, which are not listed")
@@ -177,7 +175,7 @@ def _beyond_walls(outline: FloatArray, workspace: Workspace | None, clearance: f
             yield _short_of(gap, f"the workspace's wall {wall}", clearance)
 
 
-def _too_near(outline: FloatArray, obstacle: Obstacle, name: str, clearance: float) -> str:
+def _too_near(outline: FloatArray, obstacle: Obstacle, clearance: float) -> str:
     """Return what is wrong between a body and an obstacle, or nothing."""
     body = shapely.Polygon(outline)
     if isinstance(obstacle, CircleObstacle):
@@ -189,8 +187,8 @@ def _too_near(outline: FloatArray, obstacle: Obstacle, name: str, clearance: flo
         gap = float(body.distance(shapely.Polygon(obstacle.outline)))
         gap = gap or 0.0 - overlap_depth(obstacle.outline, outline)
     if gap < 0.0:
-        return f"overlaps {name} by {millimetres(-gap)}"
-    return _short_of(gap, name, clearance) if gap < clearance - ROUNDING else ""
+        return f"overlaps {obstacle} by {millimetres(-gap)}"
+    return _short_of(gap, str(obstacle), clearance) if gap < clearance - ROUNDING else ""
 
 
 def _short_of(gap: float, what: str, clearance: float) -> str:

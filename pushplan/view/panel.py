@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from pushplan.drawing.palette import ALONE as GREY
-from pushplan.drawing.palette import PLATE, SLIPS, TURNS, object_colours
+from pushplan.drawing.palette import MARGIN_WORDS, PLATE, SLIPS, TURNS, object_colours
 from pushplan.plans.segment import Segment
 from pushplan.sets.cor import Window
 from pushplan.sets.cor_window import default_window
@@ -64,7 +64,7 @@ def _plan(answer: Answer, milliseconds: float) -> str:
         rows.append(("pushed", f"{plan.pushed_distance:.3f} m in {count} push{'' if count == 1 else 'es'}"))
         rows += [(f"push {k}", _push(push)) for k, push in enumerate(plan.pushes, start=1)]
     if plan.min_margin is not None:
-        rows.append(("least margin", f"{plan.min_margin:.3f}"))
+        rows.append(("least margin", f"{plan.min_margin:.3f} ({MARGIN_WORDS})"))
     if plan.force_words:
         rows.append(("force", plan.force_words))
     if plan.duration is not None:

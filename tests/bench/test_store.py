@@ -194,7 +194,7 @@ def test_an_execution_is_validated_by_where_the_objects_are() -> None:
     assert (clearance(scenario, result.execution) or 0.0) > 0.0
     middle = result.execution.objects[len(result.execution.t) // 2, 0, :2]
     hit = replace(result, scenario=replace(scenario, obstacles=(CircleObstacle(middle, 0.02),)))
-    assert "obstacles[0]" in validation_error(hit, result.execution)
+    assert str(hit.scenario.obstacles[0]) in validation_error(hit, result.execution)
 
 
 # Random problems: the same text for the same seed, accepted by the loader, and as the parameters say.
