@@ -123,12 +123,23 @@ def _latex(text: str) -> str:
 def write_latex(results: Results, path: Path) -> None:
     """Write the tables by planner and by problem, and comparisons, for a paper, in LaTeX."""
     compared, name = comparisons(results), results.about["name"]
+    how = f"({limits(results)}; {results.about['machine']})"
     tables = [
-        by_planner(results).latex(f"Benchmark {name} by planner", "planners"),
-        by_problem(results).latex(f"Benchmark {name} by problem", "problems"),
+        by_planner(results).latex(f"Benchmark {name} by planner {how}", "planners"),
+        by_problem(results).latex(f"Benchmark {name} by problem {how}", "problems"),
     ]
-    tables += [] if compared is None else [compared.latex(f"Benchmark {name}: comparisons", "comparisons")]
+    tables += (
+        [] if compared is None else [compared.latex(f"Benchmark {name}: comparisons {how}", "comparisons")]
+    )
     write_whole(path, "\n".join(tables).encode())
+
+
+def limits(results: Results) -> str:
+    """Return for how long planners plan at most, in words."""
+    each = results.done.groupby("planner", sort=False).limit.first().to_dict()
+    if len(set(each.values())) == 1:
+        return f"planning at most {next(iter(each.values()))}"
+    return "planning at most: " + ", ".join(f"{planner} {limit}" for planner, limit in each.items())
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -181,9 +192,10 @@ def by_planner(results: Results) -> Table:
         )
     note = (
         "solved: the planner claims a path; valid: the executed path also stands up to the checks of collision, "
-        "margin and goal. Times and costs: medians. In brackets 95 % intervals: Wilson's of shares; of "
-        "medians by bootstrap over seeds, the problems being those of the suite. Runs without a valid path count as "
-        "infinitely late and long; problems that nobody solved are left out of times and costs."
+        "margin and goal. Times and costs: medians over the runs of all problems together (of an even number, the "
+        "mean of the middle two, which may be of different problems). In brackets 95 % intervals: Wilson's of "
+        "shares; of medians by bootstrap over seeds, the problems being those of the suite. Runs without a valid "
+        "path count as infinitely late and long; problems that nobody solved are left out of times and costs."
     )
     return Table([*head, *_arriving(results)], rows, _invalid(results), note + _ranking(results))
 
@@ -315,6 +327,7 @@ def _setup(results: Results) -> Table:
     hosts = sorted({host for host in results.done.host if host})
     rows = [
         ("machine", str(results.about["machine"])),
+        ("limit", limits(results)),
         ("runs done on", ", ".join(hosts) or NOTHING),
         ("versions", ", ".join(f"{name} {version}" for name, version in versions.items())),
         ("seeds", _ranges(sorted(set(results.runs.seed)))),

@@ -29,9 +29,10 @@ class Results:
         about: `name`, `version`, `versions`, `machine`, `started`, `seconds` and `source` of the suite.
         runs: A row for each run in the order of the suite: `key`, `problem`, `planner` (with the stable set when
             there are several), `stable_set`, `seed`, `outcome` (of `STATUSES`, or `MISSING`), `message`, `log`,
-            `host`, `ATTRIBUTES` (NaN where there is nothing), and of valid runs, else infinite: `cost` (m), `first`
-            (seconds to the first path), `excess` (cost by the lowest known of the problem), `valid_duration` (s); and
-            `cost_bound` (m) and `duration_bound` (s), the lower bound of what ranked the plan, NaN for the other.
+            `host`, `limit` of planning in words, `ATTRIBUTES` (NaN where there is nothing), and of valid runs, else
+            infinite: `cost` (m), `first` (seconds to the first path), `excess` (cost by the lowest known of the
+            problem), `valid_duration` (s); and `cost_bound` (m) and `duration_bound` (s), the lower bound of what
+            ranked the plan, NaN for the other.
         progress: A row for each improvement and regular time: `key`, `time`, `cost`.
         time_limit: Largest planning time allowed, s.
     """
@@ -82,7 +83,10 @@ def read_results(path: Path) -> Results:
             own = pd.read_sql(
                 "SELECT * FROM pushplan_runs WHERE number IS NOT NULL ORDER BY number", database
             )
-            measured = pd.read_sql("SELECT id AS runid, * FROM runs", database)
+            measured = pd.read_sql(
+                "SELECT r.id AS runid, p.settings, r.* FROM runs r JOIN plannerConfigs p ON p.id = r.plannerid",
+                database,
+            )
             limit = database.execute("SELECT MAX(timelimit) FROM experiments").fetchone()[0]
             progress = pd.read_sql(
                 "SELECT o.key, p.time, p.best_cost AS cost FROM progress p JOIN pushplan_runs o ON o.runid = p.runid "
@@ -91,10 +95,11 @@ def read_results(path: Path) -> Results:
             )
     except (sqlite3.DatabaseError, pd.errors.DatabaseError) as error:
         raise StoreError(f"{path} is no file of results: {error}") from error
-    runs = own.merge(measured[["runid", *(set(ATTRIBUTES) - {"seed"})]], on="runid", how="left")
+    runs = own.merge(measured[["runid", "settings", *(set(ATTRIBUTES) - {"seed"})]], on="runid", how="left")
     runs[list(ATTRIBUTES)] = runs[list(ATTRIBUTES)].astype(float)
     runs["seed"] = runs.seed.astype(int)
     runs["outcome"] = runs.outcome.fillna(MISSING)
+    runs["limit"] = runs.settings.map(_limit, na_action="ignore")
     if runs.stable_set.nunique() > 1:
         runs["planner"] = runs.planner + " (" + runs.stable_set + ")"
     valid = runs.outcome == OK
@@ -107,11 +112,19 @@ def read_results(path: Path) -> Results:
     return Results(path, suite.iloc[0].to_dict(), runs, progress, float(limit))
 
 
+def _limit(settings: str) -> str:
+    """Return for how long a planner with these settings plans, in words."""
+    stated = dict(line.split(" = ", 1) for line in settings.splitlines() if " = " in line)
+    seconds, iterations = f"{float(stated['time']):g} s", stated["iterations"]
+    return seconds if iterations == "None" else f"{seconds} or {iterations} iterations"
+
+
 def write_tables(results: Results, folder: Path) -> Iterable[Path]:
     """Write `runs.csv`, a row for each run, and `progress.csv`; return the files."""
     columns = ["key", "problem", "planner", "stable_set", "seed", "outcome", "message", "log", "host"]
     measured = [name for name in ATTRIBUTES if name not in ("seed", "status", "solved")]
-    tables = {"runs.csv": results.runs[columns + measured], "progress.csv": results.progress}
+    runs = results.runs[[*columns, *measured, "limit"]].assign(machine=results.about["machine"])
+    tables = {"runs.csv": runs, "progress.csv": results.progress}
     for name, table in tables.items():
         write_whole(folder / name, table.to_csv(index=False).encode())
     return [folder / name for name in tables]

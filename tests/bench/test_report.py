@@ -14,6 +14,7 @@ from boxes import SCREENS, assert_tidy, chromium, show
 from made_up_results import SUITE, Make, make, solved, typical
 from scipy import stats
 
+from pushplan.bench.machine import Machine
 from pushplan.bench.outcome import Outcome
 from pushplan.bench.plots import cost_quartiles
 from pushplan.bench.report import (
@@ -109,6 +110,8 @@ def test_latex_has_captions_labels_units_and_equal_digits(tmp_path: Path) -> Non
     text = (tmp_path / "tables.tex").read_text()
     assert re.findall(r"\\label\{(.*?)\}", text) == ["tab:planners", "tab:problems", "tab:comparisons"]
     assert text.count(r"\caption{Benchmark made up") == text.count(r"\end{table}") == 3
+    machine = Machine.this().text
+    assert text.count(f"(planning at most 4 s; {machine})".replace("_", r"\_")) == 3
     assert r"$\times$ 10.000" in text
     assert text.count(r"\resizebox{\ifdim\width>\linewidth") == 3  # no wider than a column
     assert text.isascii()
