@@ -53,7 +53,7 @@ def plan_rows(document: Mapping[str, Any], remarks: Mapping[str, str]) -> Rows:
     if document["cost"] is not None:
         found.append(("cost", _cost_text(document)))
         if document["gap"] is not None:
-            of = " of the time" if document["objective"] == "time" else ""
+            of = " of the duration" if document["objective"] == "time" else ""
             found.append(("optimality gap", f"<= {100.0 * document['gap']:.3g} %{of}"))
     if document["duration_s"] is not None:
         found.append(("duration", f"{document['duration_s']:.2f} s"))

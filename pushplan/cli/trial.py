@@ -194,7 +194,7 @@ def _rows(trials: Trials) -> list[tuple[str, str]]:
             f"goal error ({of})",
             f"median {_off(position[0], angle[0])}, 90 % within {_off(position[1], angle[1])}",
         ),
-        ("at most", _off(position[2], angle[2])),
+        ("largest error", _off(position[2], angle[2])),
     ]
     if trials.jammed.any():
         count, slipped = int(trials.jammed.sum()), int((trials.jammed & trials.lost).sum())

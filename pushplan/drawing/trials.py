@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from pushplan.drawing import palette
-from pushplan.drawing.figure import axes_at, draw_footer, equal_ticks, figure_for, letters_across
+from pushplan.drawing.figure import MarginScale, axes_at, draw_footer, equal_ticks, figure_for, letters_across
 from pushplan.drawing.floor import (
     draw_bodies,
     draw_goals,
@@ -162,4 +162,5 @@ def _keys(scenario: Scenario, ends: Sequence[TrialEnd], scene: Scene) -> list[Ar
         for name, colour in zip(names, colours, strict=False)
         if name in failing
     ]
-    return [*keys, *failed, *scene_keys(scene)]
+    drawn = [key for key in scene_keys(scene) if not isinstance(key, MarginScale)]  # its path is not
+    return [*keys, *failed, *drawn]
