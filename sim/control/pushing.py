@@ -37,7 +37,7 @@ from pushplan.sim.control.departures import Slide, find_slide, off_place
 from pushplan.sim.control.estimator import HOLD, Estimator, Sample
 from pushplan.sim.control.following import Following
 from pushplan.sim.control.jobs import PushJob
-from pushplan.sim.control.replanner import CAUTION, Replanner
+from pushplan.sim.control.replanner import BOLD, CAUTION, Replanner
 from pushplan.sim.control.sensing import Sightings
 from pushplan.sim.control.settings import SIGMAS, ControlSettings, words
 from pushplan.sim.control.stall import StallWatch
@@ -420,7 +420,7 @@ class PushLoop:
         """Push so that open contacts close."""
         push: ClosingPush | str = f"{CLOSINGS} pushes did not close the contacts"
         if self._closings < CLOSINGS:
-            twists = self._replanner.planner(0.0).twists
+            twists = self._replanner.planner(BOLD).twists
             push = closing_push(self._closer, self.plate, poses, twists, Spread.of(self.settings))
         if isinstance(push, ClosingPush) and push.length > self._job.most - self.way:
             push = f"contacts are open, and {self._job.most:.1f} m, all that the push may take, were driven"
@@ -433,7 +433,7 @@ class PushLoop:
 
     def _straight(self, twist: FloatArray, length: float) -> None:
         """Push along one twist (3,) by a length (m of path cost), to close contacts."""
-        planner = self._replanner.planner(0.0)
+        planner = self._replanner.planner(BOLD)
         path = PushPath(self.plate, twist[None], np.array([length]))
         bounds = motion_bounds(planner.scenario.with_margin(planner.margin), planner.stable)
         self._start(time_path(path, bounds), Phase.CLOSING, None)

@@ -25,16 +25,19 @@ from pushplan.scenario.parts import Goal
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.util.arrays import FloatArray, IntArray
 
-CAUTION = (1.0, 0.5, 0.0)
-"""Shares of what may be off, friction and places, that plans are made for, one after the other until there is one."""
+Caution = tuple[float, float]
+"""Shares of what frictions may be off, and of the room beside obstacles, that a plan is made for."""
+BOLD: Caution = (0.0, 0.0)
+CAUTION: tuple[Caution, ...] = ((1.0, 1.0), (1.0, 0.4), (0.5, 0.2), BOLD)
+"""For which there are plans one after the other until there is one; a load that is near an obstacle gives up room."""
 MERIDIANS = 96
 """Meridians of the stable set that controls are taken from: plans without haste take five times as many."""
 BETTER, STOP = 0.1, 0.1
 """Share of a path's cost, and way (m) that a stop is worth, by which another way has to be shorter."""
 ITERATIONS = 10_000
 """Of the search of a plan, a few hundredths of a second: where they, not the time limit, end it, runs repeat."""
-SAME = 0.03
-"""Share of a contact's length up to which a slide does not make it another chain."""
+SAME = 5e-4
+"""Slide (m) up to which it is the same chain: another one meets obstacles elsewhere. Its planners take 0.01 s."""
 _GRID = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
 _TURNS = np.array(sorted(np.linspace(-1.0, 1.0, 161), key=abs))
 """Shares of the angle's tolerance by which headings at the goal are tried; none is the first."""
@@ -128,8 +131,8 @@ class Replanner:
             scenario.goal, scenario.chain, settings.position_tolerance, settings.angle_tolerance
         )
         self.chain, self._slides = scenario.chain, np.zeros(len(scenario.chain.contacts))
-        self._planners: dict[float, Planner] = {}
-        self._margins: dict[float, float] = {}
+        self._planners: dict[Caution, Planner] = {}
+        self._margins: dict[Caution, float] = {}
         for level in CAUTION:  # so that the first replan does not wait for it
             with suppress(PushplanError):
                 self.planner(level)
@@ -153,8 +156,8 @@ class Replanner:
         """Plan once from the middle of a path, so that compiled code is there when time counts."""
         self.replan(0.0, path.poses_at([0.5 * path.cost])[0], path, self._slides)
 
-    def planner(self, level: float) -> Planner:
-        """Return a planner for the chain, with a share of the friction's uncertainty.
+    def planner(self, level: Caution) -> Planner:
+        """Return a planner for the chain.
 
         Raises:
             EmptyStableSetError: When no twist keeps every contact.
@@ -169,10 +172,10 @@ class Replanner:
             self._planners[level], self._margins[level] = made, made.margin
         return self._planners[level]
 
-    def _careful(self, level: float) -> Scenario:
+    def _careful(self, level: Caution) -> Scenario:
         settings = self._settings
         scenario = with_chain(self._scenario, self.chain)
-        return cautious(scenario, level * settings.friction, level * settings.room)
+        return cautious(scenario, level[0] * settings.friction, level[1] * settings.room)
 
     def take_obstacles(self, obstacles: tuple[Obstacle, ...]) -> None:
         """Take over what is in the way now; stable sets and controls are kept."""
@@ -203,9 +206,8 @@ class Replanner:
         Raises:
             ChainError: When one has slid off.
         """
-        lengths = np.array([contact.length for contact in self._scenario.chain.contacts])
         chain = slid(self._scenario.chain, slides)
-        if (np.abs(slides - self._slides) > SAME * lengths).any():
+        if (np.abs(slides - self._slides) > SAME).any():
             self._slides, self._planners = slides, {}
         self.chain = chain
 

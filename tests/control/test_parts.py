@@ -17,7 +17,7 @@ from pushplan.planners.planner import plan as plan_in
 from pushplan.plans.path import cost_rate
 from pushplan.plans.settings import Observer
 from pushplan.plans.trajectory import Trajectory
-from pushplan.scenario.parts import Goal
+from pushplan.scenario.parts import CircleObstacle, Goal
 from pushplan.sim.control.closing import GAP, ClosingPush, Spread, closing_push, contacts_at
 from pushplan.sim.control.departures import find_slide
 from pushplan.sim.control.estimator import Estimator, Sample
@@ -275,6 +275,21 @@ def test_a_cautious_plan_leaves_room_for_what_the_camera_may_err_by_against_the_
     poses = first.segments[0].contact_trajectory.poses
     assert find_collision(replace(crates, clearance=1.04e-2), poses) is None
     assert find_collision(replace(crates, clearance=0.5), poses) is not None
+
+
+@pytest.mark.parametrize("slide", [-1.7e-2, 1.7e-2])
+def test_what_has_slid_is_kept_off_obstacles(slide: float) -> None:
+    """At the goal a pillar would stand 5 mm to the left of the cabinet, had that not slid by 3 % of its contact."""
+    from pushplan.sim.control.replanner import CAUTION, Replanner
+
+    pillar = CircleObstacle(np.array([5.0 + 0.95, 0.3 + 0.1 + 0.005]), 0.1)
+    goal = np.array([5.0, 0.0, 0.0])
+    feet = replace(
+        pushplan.load_scenario("feet"), obstacles=(pillar,), goal=Goal(goal, "table", goal, 1e-3, 1e-3)
+    )
+    replanner = Replanner(feet, ControlSettings(time_limit=60.0), Observer())
+    found = replanner.replan(0.0, np.zeros(3), None, np.array([0.0, slide]), len(CAUTION) - 1)
+    assert found.solved == (slide < 0.0), found.reason
 
 
 def test_trajectories_of_replans_keep_the_limits(crates: pushplan.Scenario) -> None:
