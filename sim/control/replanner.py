@@ -28,8 +28,10 @@ from pushplan.util.arrays import FloatArray, IntArray
 Caution = tuple[float, float]
 """Shares of what frictions may be off, and of the room beside obstacles, that a plan is made for."""
 BOLD: Caution = (0.0, 0.0)
-CAUTION: tuple[Caution, ...] = ((1.0, 1.0), (1.0, 0.4), (0.5, 0.2), BOLD)
-"""For which there are plans one after the other until there is one; a load that is near an obstacle gives up room."""
+CAUTION: tuple[Caution, ...] = ((1.0, 0.4), (0.5, 0.2), BOLD)
+"""What plans on the way are made for, one after the other until there is one."""
+FIRST: Caution = (1.0, 1.0)
+"""What the plan to begin with is made for before these; on the way, a load may be nearer to an obstacle than that."""
 MERIDIANS = 96
 """Meridians of the stable set that controls are taken from: plans without haste take five times as many."""
 BETTER, STOP = 0.1, 0.1
@@ -140,7 +142,7 @@ class Replanner:
     def first(self) -> Plan:
         """Return the plan to begin with, made as `pushplan.plan` does: the most cautious there is."""
         found = None
-        for level in CAUTION:
+        for level in (FIRST, *CAUTION):
             try:
                 found = plan(self._careful(level), observer=self._observer)
             except PushplanError:
