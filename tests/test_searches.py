@@ -10,7 +10,7 @@ from plain import load_plain
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from pushplan.core.collision import sweep_is_free
+from pushplan.core.collision import separations, sweep_is_free
 from pushplan.core.improve import random_family
 from pushplan.core.problem import Problem, find_words
 from pushplan.core.search import Lattice, SparseTree
@@ -19,8 +19,10 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
 from pushplan.planners.controls import control_segments
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
+from pushplan.planners.scene import flatten
+from pushplan.planners.search.bottlenecks import Extent
 from pushplan.planners.search.form import pose_problem
-from pushplan.planners.search.planners import LatticeRounds, StableSparseRRT, distances_to, middle_of
+from pushplan.planners.search.planners import LatticeRounds, StableSparseRRT, floor_of, middle_of
 from pushplan.planners.search.session import DOUBT, DOUBTFUL, MOST_DOUBT, Budget, Session
 from pushplan.plans.path import cost_rate
 from pushplan.scenario.model import Scenario
@@ -72,13 +74,25 @@ def test_every_branch_is_a_free_stable_arc(problem: Problem, scenario: Scenario,
 @pytest.mark.parametrize("name", ["three-boxes-clutter", "narrow-gap", "two-crates"])
 def test_distances_on_the_floor_are_those_of_dijkstra(name: str) -> None:
     scenario = load_plain(name)
-    problem = build_problem(scenario, scenario.stable_set())
-    away, grid = distances_to(problem.goal, problem, sampling_box(scenario))
-    there = se2.transform_points(problem.goal, middle_of(problem)[:2])
-    goal = np.floor((there - grid[:2]) / grid[2]).astype(int)
-    expected = _dijkstra(np.isfinite(away), grid[2], goal)
-    np.testing.assert_allclose(away, expected, rtol=1e-9)
-    assert np.isfinite(away).mean() > 0.3
+    problem, start = build_problem(scenario, scenario.stable_set()), scenario.start
+    grid, *away = floor_of(problem, start, sampling_box(scenario))
+    shape = away[0].shape
+    cells = np.indices(shape).reshape(2, -1).T
+    point = problem.scene.with_body(
+        flatten([1e-7 * np.array([[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]])]), np.zeros(3)
+    )
+    middles = np.column_stack([grid[:2] + grid[2] * (cells + 0.5), np.zeros(len(cells))])
+    least = max(0.25 * Extent.of(problem).width, 0.71 * grid[2])
+    room = separations(point, middles, 4.0 * least).reshape(shape)  # at least; what is near may have more
+    floor = grid[2] * sum(shape)
+    for pose, found in zip((start, problem.goal), away, strict=True):
+        there = se2.transform_points(pose, middle_of(problem)[:2])
+        cell = np.floor((there - grid[:2]) / grid[2]).astype(int)
+        free = found < floor  # no step to it is blocked
+        np.testing.assert_allclose(found[free], _dijkstra(free, grid[2], cell)[free], rtol=1e-9)
+        assert free[room >= 2.0 * least].mean() > 0.98
+        assert not free[room < 0.0].any()
+        assert 0.3 < free.mean() < 1.0 and np.isfinite(found).all()
 
 
 def _dijkstra(free: np.ndarray[Any, Any], cell: float, goal: np.ndarray[Any, Any]) -> FloatArray:

@@ -33,29 +33,37 @@ def middle_of(problem: Problem) -> FloatArray:
     return np.append(problem.scene.body_bound[:2], math.atan2(push[1], push[0]))
 
 
-def distances_to(pose: FloatArray, problem: Problem, box: Box) -> tuple[FloatArray, FloatArray]:
-    """Return distances (nx, ny) of the body's middle from where a pose has it, m, infinite where there is no way.
+MOST_CELLS = 512
+"""So many cells of the floor there are along its longer side, at most."""
+
+
+def floor_of(problem: Problem, start: FloatArray, box: Box) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return how far the body's middle is from where it is at the start and at the goal.
+
+    A middle that is nearer to anything than a half of the half width is blocked whatever the heading; cells of half
+    of that width do not let thin walls through.
 
     Args:
-        pose: (3,) of the chain frame.
         problem: What to plan.
-        box: (xmin, ymin, xmax, ymax) that the grid covers.
+        start: (3,) pose of the chain frame.
+        box: (xmin, ymin, xmax, ymax) that the grid covers, m.
 
     Returns:
-        The distances; and the lower left corner of the grid and the side of its cells (3,), m.
+        The lower left corner of the grid and the side of its cells (3,), m; and the distances (nx, ny) from the start
+        and from the goal, m; see `floor_distances`.
     """
-    scene = problem.scene
-    cell = max(box[2] - box[0], box[3] - box[1]) / 72
-    nx, ny = (max(1, round((box[k + 2] - box[k]) / cell)) for k in (0, 1))
-    middle = middle_of(problem)
-    least = (
-        0.25 * Extent.of(problem).width
-    )  # nearer than half of the half width, blocked whatever the heading
-    point = scene.with_body(flatten([_SPECK]), np.array([0.0, 0.0, 2.0 * _SPECK[1, 0]]))
-    grid = np.array([box[0], box[1], cell])
-    there = se2.transform_points(pose, middle[:2])
-    return floor_distances(point, grid, nx, ny, least, there), grid
+    quarter, longest = 0.25 * Extent.of(problem).width, max(box[2] - box[0], box[3] - box[1])
+    cell = max(min(quarter, longest / 72), longest / MOST_CELLS)
+    nx, ny = (max(1, math.ceil((box[k + 2] - box[k]) / cell)) for k in (0, 1))
+    point = problem.scene.with_body(flatten([_SPECK]), np.array([0.0, 0.0, 2.0 * _SPECK[1, 0]]))
+    grid, middle = np.array([box[0], box[1], cell]), middle_of(problem)[:2]
+    places = [se2.transform_points(pose, middle) for pose in (start, problem.goal)]
+    to_start, to_goal = floor_distances(point, grid, nx, ny, max(quarter, 0.71 * cell), *places)
+    return grid, to_start, to_goal
 
+
+COARSEST, WIDEST = 0.03, 2.5
+"""Side of the coarsest cells: a share of the diagonal of what they cover, but not wider than so many bodies."""
 
 SHRINK = 0.8
 """Factor of the cells' sides from level to level."""
@@ -83,7 +91,8 @@ class LatticeRounds:
 
     def __init__(self, session: Session, box: Box) -> None:
         self._session, self._box = session, box
-        self._diagonal = math.hypot(box[2] - box[0], box[3] - box[1])
+        share = COARSEST * math.hypot(box[2] - box[0], box[3] - box[1])
+        self._coarsest = min(share, WIDEST * Extent.of(session.problem).width)
         self._lattice: Lattice | None = None
         self._rounds, self._tried = [0, 0], [0, 0]
 
@@ -125,7 +134,7 @@ class LatticeRounds:
         session = self._session
         if self._lattice is None:
             self._lattice = self._with_distances()
-        side = self._diagonal * 0.03 * SHRINK**level
+        side = self._coarsest * SHRINK**level
         headings = round(28 * SHRINK ** (-0.5 * level))  # these grow only as the root of one by the side
         # Cells begin elsewhere in every round: two passages that one grid cannot tell apart another one can.
         shift = np.array([side * random(session.random), side * random(session.random), 0.0, 0.0])
@@ -139,9 +148,11 @@ class LatticeRounds:
     def _with_distances(self) -> Lattice:
         """Return what all rounds share: how far places are from the start and from the goal."""
         session, problem = self._session, self._session.problem
-        ends = session.start, problem.goal
-        (to_start, grid), (to_goal, _) = (distances_to(pose, problem, self._box) for pose in ends)
-        return Lattice(problem, session.start, middle_of(problem), grid, to_start, to_goal)
+        middle = middle_of(problem)
+        asked = (*self._box, *middle, Extent.of(problem).width)
+        if asked not in session.room:
+            session.room[asked] = floor_of(problem, session.start, self._box)
+        return Lattice(problem, session.start, middle, *session.room[asked])
 
 
 class AnytimePlanner(ob.Planner):  # type: ignore[misc]

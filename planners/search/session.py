@@ -233,7 +233,7 @@ class Session:
         on_progress: Called with every better path, its cost (m), the iterations and the seconds until then.
         hopeless: Asked, with the seconds that the search has taken, whether there is no path, as long as none is
             found.
-        before: The search whose time, extensions, iterations, nearest path, branches and gaps are this one's, if it
+        before: The search whose time, extensions, iterations, nearest path, branches and room are this one's, if it
             goes on from there.
         set_up: Seconds that posing the problem took, which count to the time limit, too.
 
@@ -244,7 +244,7 @@ class Session:
         best: The best path.
         nearest: The free path that ends nearest to the goal, kept up while there is none to it.
         branches: What is kept of the trees.
-        gaps: What was found of the room's bottlenecks, by what was looked for.
+        room: What was found of the room, its bottlenecks and distances in it, by what was looked for.
         extensions: Arcs propagated.
         iterations: Arcs propagated, some as a share of one, and shortcuts tried.
         stop: What tells planners that the search is over; by default when the budget is used up (`settled`).
@@ -274,7 +274,7 @@ class Session:
             NearestApproach(self.start, problem.goal) if before is None else before.nearest
         )
         self.branches: Branches = Branches() if before is None else before.branches
-        self.gaps: dict[tuple[float, ...], Any] = {} if before is None else before.gaps
+        self.room: dict[tuple[float, ...], Any] = {} if before is None else before.room
         self._turn, self._turn_began = Turn(), self.iterations
         self.began: float = time.perf_counter() if before is None else before.began
         self._set_up: float = set_up if before is None else before._set_up

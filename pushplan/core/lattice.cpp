@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 namespace pushplan {
 
@@ -10,52 +11,83 @@ namespace {
 // Arcs from a node: the left turn, the straight push, the right turn, and one of a random stable twist.
 constexpr int CHILDREN = 4;
 
-// Lower a cell's distance to what its neighbours allow; return whether that changed it.
-bool is_nearer(std::vector<double> &away, const Grid &grid, std::int64_t i, std::int64_t j) {
-    double best = away[i * grid.rows + j];
-    for (std::int64_t a = std::max<std::int64_t>(i - 1, 0); a <= std::min(i + 1, grid.columns - 1); ++a)
-        for (std::int64_t b = std::max<std::int64_t>(j - 1, 0); b <= std::min(j + 1, grid.rows - 1); ++b) {
-            // Octile distances: steps to the side cost a cell, diagonal ones sqrt(2) cells.
-            const bool diagonal = a != i && b != j;
-            best = std::min(best, away[a * grid.rows + b] + grid.side * (diagonal ? std::sqrt(2.0) : 1.0));
+// Weight of what is left to the target, as long as there is no path.
+constexpr double EAGER = 2.0;
+
+// Which cells' middles keep `least` from everything. Blocks of cells are halved until one look at a middle tells.
+class FreeCells {
+  public:
+    FreeCells(const Scene &point, const Grid &grid, double least)
+        : point_(point), grid_(grid), least_(least), free_(static_cast<std::size_t>(grid.columns * grid.rows)) {
+        std::int64_t block = 1;
+        while (block < std::max(grid.columns, grid.rows))
+            block *= 2;
+        mark(0, 0, block);
+    }
+
+    char operator[](std::size_t cell) const { return free_[cell]; }
+
+  private:
+    void mark(std::int64_t i, std::int64_t j, std::int64_t block) {
+        const std::int64_t i_end = std::min(i + block, grid_.columns), j_end = std::min(j + block, grid_.rows);
+        if (i >= i_end || j >= j_end)
+            return;
+        const double half = 0.5 * static_cast<double>(block) * grid_.side;
+        const Pose middle{grid_.x + static_cast<double>(i) * grid_.side + half,
+                          grid_.y + static_cast<double>(j) * grid_.side + half, 0.0};
+        const double enough = least_ + std::sqrt(2.0) * (half - 0.5 * grid_.side);
+        if (separation(point_, middle, enough) >= enough) {
+            for (std::int64_t a = i; a < i_end; ++a)
+                std::fill(free_.begin() + a * grid_.rows + j, free_.begin() + a * grid_.rows + j_end, 1);
+        } else if (block > 1) {
+            const std::int64_t part = block / 2;
+            for (int quarter = 0; quarter < 4; ++quarter)
+                mark(i + quarter / 2 * part, j + quarter % 2 * part, part);
         }
-    double &here = away[i * grid.rows + j];
-    const bool changed = best < here;
-    here = best;
-    return changed;
+    }
+
+    const Scene &point_;
+    const Grid &grid_;
+    double least_;
+    std::vector<char> free_;
+};
+
+// Dijkstra's algorithm over the cells and their diagonals.
+std::vector<double> distances_from(std::int64_t place, const FreeCells &free, const Grid &grid) {
+    const std::int64_t rows = grid.rows, columns = grid.columns;
+    const double through_blocked = static_cast<double>(columns + rows) * grid.side;
+    std::vector<double> away(static_cast<std::size_t>(columns * rows), INF);
+    std::vector<std::pair<double, std::int64_t>> queue{{0.0, place}};
+    away[place] = 0.0;
+    while (!queue.empty()) {
+        std::pop_heap(queue.begin(), queue.end(), std::greater<>());
+        const auto [length, cell] = queue.back();
+        queue.pop_back();
+        if (length > away[cell])
+            continue;
+        const std::int64_t i = cell / rows, j = cell % rows;
+        for (std::int64_t a = std::max<std::int64_t>(i - 1, 0); a <= std::min(i + 1, columns - 1); ++a)
+            for (std::int64_t b = std::max<std::int64_t>(j - 1, 0); b <= std::min(j + 1, rows - 1); ++b) {
+                const std::int64_t next = a * rows + b;
+                double longer = length + grid.side * (a != i && b != j ? std::sqrt(2.0) : 1.0);
+                if (!free[cell] || !free[next])
+                    longer += through_blocked;
+                if (longer < away[next]) {
+                    away[next] = longer;
+                    queue.push_back({longer, next});
+                    std::push_heap(queue.begin(), queue.end(), std::greater<>());
+                }
+            }
+    }
+    return away;
 }
 
 } // namespace
 
-std::vector<double> floor_distances(const Scene &point, const Grid &grid, double least, double x, double y) {
-    const std::int64_t nx = grid.columns, ny = grid.rows;
-    std::vector<char> free(static_cast<std::size_t>(nx * ny));
-    for (std::int64_t i = 0; i < nx; ++i)
-        for (std::int64_t j = 0; j < ny; ++j) {
-            const double px = grid.x + (static_cast<double>(i) + 0.5) * grid.side;
-            const double py = grid.y + (static_cast<double>(j) + 0.5) * grid.side;
-            // Half a diagonal is added, so that a cell counts as free when any place in it is.
-            free[i * ny + j] = separation(point, {px, py, 0.0}, least) + 0.71 * grid.side >= least;
-        }
-    std::vector<double> away(free.size(), INF);
-    away[grid.cell(x, y)] = 0.0;
-    int quiet = 0;
-    for (int sweep = 0; sweep < 60; ++sweep) {
-        bool changed = false;
-        for (std::int64_t a = 0; a < nx; ++a) {
-            const std::int64_t i = sweep % 2 == 0 ? a : nx - 1 - a;
-            for (std::int64_t b = 0; b < ny; ++b) {
-                const std::int64_t j = sweep / 2 % 2 == 0 ? b : ny - 1 - b;
-                if (free[i * ny + j] && is_nearer(away, grid, i, j))
-                    changed = true;
-            }
-        }
-        quiet = changed ? 0 : quiet + 1;
-        // Sweeps go in four orders in turn; when none of them changed anything, distances are final.
-        if (quiet == 4)
-            break;
-    }
-    return away;
+std::array<std::vector<double>, 2> floor_distances(const Scene &point, const Grid &grid, double least,
+                                                   const std::array<std::int64_t, 2> &places) {
+    const FreeCells free(point, grid, least);
+    return {distances_from(places[0], free, grid), distances_from(places[1], free, grid)};
 }
 
 void Lattice::plant(bool back, const Area &area, const LatticeSizes &sizes, std::int64_t room) {
@@ -123,7 +155,8 @@ void Lattice::grow(std::int64_t parent, int number, double bound, Random &random
     const std::size_t slot = cells_.slot_of(key);
     if (cells_[slot] == key && costs_[slot] <= cost)
         return;
-    const double promise = cost + left(pose);
+    // Until there is a path, the next best one is found sooner where what is left counts more.
+    const double promise = cost + (std::isinf(bound) ? EAGER : 1.0) * left(pose);
     if (promise >= bound || !sweep_is_free(problem.scene, from, driven, length))
         return;
     cells_[slot] = key, costs_[slot] = cost;

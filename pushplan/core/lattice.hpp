@@ -23,9 +23,11 @@ struct Grid {
     }
 };
 
-// Return the lengths, one a cell, of ways to a place through cells that keep `least` (m) from everything; infinite
-// where there is none. What moves in the scene is a point.
-std::vector<double> floor_distances(const Scene &point, const Grid &grid, double least, double x, double y);
+// Return the lengths of ways, one a cell, to each of two cells through cells whose middles keep `least` (m) from
+// everything. What moves in the scene is a point. Steps to or from other cells count as ways along all the floor: a
+// gap that the cells miss is not closed, but looked at last.
+std::array<std::vector<double>, 2> floor_distances(const Scene &point, const Grid &grid, double least,
+                                                   const std::array<std::int64_t, 2> &places);
 
 // The sizes of a search's cells and arcs: side (m) and angle (rad) of a cell, typical length of an arc (m of cost).
 struct LatticeSizes {

@@ -229,9 +229,18 @@ class Lattice:
         """Cost of the cheapest node in each cell that has one, m."""
 
 def floor_distances(
-    point: Scene, grid: FloatArray, columns: int, rows: int, least: float, place: FloatArray
-) -> FloatArray:
-    """Return the lengths (columns, rows) of ways to a place (2,) through cells that keep `least` from everything, m.
+    point: Scene,
+    grid: FloatArray,
+    columns: int,
+    rows: int,
+    least: float,
+    start: FloatArray,
+    goal: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the lengths (columns, rows) of ways to the start and to the goal, m.
+
+    They lead through cells whose middles keep `least` from everything. Steps to or from other cells count as ways
+    along all the floor: a gap that the cells miss is not closed, but looked at last.
 
     Args:
         point: A scene in which a point moves.
@@ -239,5 +248,6 @@ def floor_distances(
         columns: Number of cells along x.
         rows: Number of cells along y.
         least: Distance from everything, m.
-        place: (2,) m.
+        start: (2,) m.
+        goal: (2,) m.
     """

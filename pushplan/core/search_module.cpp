@@ -234,19 +234,25 @@ void bind_lattice(py::module_ &m) {
     m.def(
         "floor_distances",
         [](const Scene &point, const Numbers &grid, py::ssize_t columns, py::ssize_t rows, double least,
-           const Numbers &place) {
+           const Numbers &start, const Numbers &goal) {
             const Grid cells = to_grid(grid, columns, rows);
-            if (place.size() != 2)
-                throw std::invalid_argument("a place has two numbers");
-            const double x = place.data()[0], y = place.data()[1];
-            std::vector<double> away;
+            std::array<std::int64_t, 2> places;
+            for (int k = 0; k < 2; ++k) {
+                const Numbers &place = k == 0 ? start : goal;
+                if (place.size() != 2)
+                    throw std::invalid_argument("a place has two numbers");
+                places[k] = cells.cell(place.data()[0], place.data()[1]);
+            }
+            std::array<std::vector<double>, 2> away;
             {
                 py::gil_scoped_release free;
-                away = floor_distances(point, cells, least, x, y);
+                away = floor_distances(point, cells, least, places);
             }
-            return to_numpy(std::move(away), {columns, rows});
+            return py::make_tuple(to_numpy(std::move(away[0]), {columns, rows}),
+                                  to_numpy(std::move(away[1]), {columns, rows}));
         },
-        py::arg("point"), py::arg("grid"), py::arg("columns"), py::arg("rows"), py::arg("least"), py::arg("place"));
+        py::arg("point"), py::arg("grid"), py::arg("columns"), py::arg("rows"), py::arg("least"), py::arg("start"),
+        py::arg("goal"));
 }
 
 } // namespace
