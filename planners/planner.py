@@ -12,14 +12,13 @@ from numpy.typing import ArrayLike
 
 from pushplan.core.problem import reach as costs_of_words
 from pushplan.errors import PlanningError, TimingError
-from pushplan.geometry.se2 import pose_error
 from pushplan.planners.controls import MERIDIANS
 from pushplan.planners.outcome import Outcome, Segments
 from pushplan.planners.problem import Posing, open_scene
 from pushplan.planners.push_search import PushSearch
 from pushplan.planners.search.planners import planner_named
 from pushplan.planners.timing.segments import time_segments
-from pushplan.planners.validator import EXACT, Validator
+from pushplan.planners.validator import Validator
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Nearest, Plan
@@ -28,7 +27,6 @@ from pushplan.plans.trajectory import SAMPLE_RATE
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.one_load import troubles_at_first
 from pushplan.scenario.parts import Goal, Obstacle
-from pushplan.scenario.room import Surroundings, placed, placement_troubles
 from pushplan.sets.named import add_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.sim.kinematic import execute
@@ -301,7 +299,7 @@ class Planner:
         validator = self._validator.of(scenario)
         with watch("search"), no_collection():
             if isinstance(search, PushSearch):
-                self._check_ends(search, scenario, validator)
+                search.check_ends(scenario, validator)
                 known = None if previous is None else search.rest(previous, scenario)
                 search = search if scenario is self.scenario else search.of(scenario)
                 outcome = search.search(scenario, settings, began, known, explain)
@@ -379,18 +377,7 @@ class Planner:
 
     def _set_name(self, segments: Segments) -> str:
         loads = [segment.load for segment in segments if segment.load is not None]
-        if loads:
-            return loads[0].stable_set(self.settings.set_name).name
-        search = self._search
-        if isinstance(search, PushSearch):
-            return search.stable.name
-        from pushplan.planners.multi.gathering import GatheringSearch
-        from pushplan.planners.multi.multi_push import MultiPushSearch
-
-        if isinstance(search, GatheringSearch):
-            return str(self.settings.set_name)
-        modes = search.modes if isinstance(search, MultiPushSearch) else search.pieces[0].search.modes
-        return modes[0].stable.name
+        return loads[0].stable_set(self.settings.set_name).name if loads else self._search.set_name
 
     def _fastest(self, scenario: Scenario, outcome: Outcome, set_name: str | None) -> tuple[Segments, str]:
         """Return the plan that is driven fastest, timed; or the best one, and why none can be driven.
@@ -408,24 +395,6 @@ class Planner:
         if not found:
             return outcome.candidates[0], reason
         return min(found, key=lambda segments: sum(segment.duration for segment in segments)), ""
-
-    def _check_ends(self, search: PushSearch, scenario: Scenario, validator: Validator) -> None:
-        """Refuse a start or a goal that is too near to something, and a goal that is the start.
-
-        Raises:
-            PlanningError: With what is wrong.
-        """
-        both = np.stack([scenario.start, scenario.goal.pose_chain])
-        if max(pose_error(*both)) < EXACT:
-            raise PlanningError("the chain is at the goal already: there is nothing to push")
-        if not validator.too_near(search.load, both):
-            return
-        surroundings = Surroundings(scenario.workspace, scenario.obstacles, scenario.clearance)
-        wrong: list[str] = []
-        for what, pose in (("start", scenario.start), ("goal", scenario.goal.pose_chain)):
-            wrong += placement_troubles(what, placed(scenario.chain.bodies, pose), surroundings)
-        if wrong:
-            raise PlanningError("; ".join(wrong))
 
 
 def _bound(outcome: Outcome, found: Segments) -> float | Callable[[], float | None] | None:

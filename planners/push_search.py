@@ -13,7 +13,7 @@ import numpy as np
 
 from pushplan.core.collision import Scene
 from pushplan.core.problem import Problem
-from pushplan.errors import OutOfTimeError
+from pushplan.errors import OutOfTimeError, PlanningError
 from pushplan.geometry.se2 import pose_error
 from pushplan.planners.controls import margins_to_try
 from pushplan.planners.infeasible.bounds import lower_bound, time_bound
@@ -23,13 +23,14 @@ from pushplan.planners.problem import Posing, body_reach, make_objective, rejoin
 from pushplan.planners.search.planners import planner_named
 from pushplan.planners.search.search import Factory, Search
 from pushplan.planners.search.session import Budget, Session, Turn
-from pushplan.planners.validator import Validator
+from pushplan.planners.validator import EXACT, Validator
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Nearest
 from pushplan.plans.segment import Segment
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.model import Scenario
+from pushplan.scenario.room import Surroundings, placed, placement_troubles
 from pushplan.sets.force_limited_set import ForceLimitedSet
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
@@ -109,6 +110,29 @@ class PushSearch:
         other.load, other.posing = self.load.with_problem(scenario), posing or self.posing
         other.stable, other.margins = self.stable, self.margins
         return other
+
+    @property
+    def set_name(self) -> str:
+        """Name of the set that is planned in."""
+        return self.stable.name
+
+    def check_ends(self, scenario: Scenario, validator: Validator) -> None:
+        """Refuse a start or a goal that is too near to something, and a goal that is the start.
+
+        Raises:
+            PlanningError: With what is wrong.
+        """
+        both = np.stack([scenario.start, scenario.goal.pose_chain])
+        if max(pose_error(*both)) < EXACT:
+            raise PlanningError("the chain is at the goal already: there is nothing to push")
+        if not validator.too_near(self.load, both):
+            return
+        surroundings = Surroundings(scenario.workspace, scenario.obstacles, scenario.clearance)
+        wrong: list[str] = []
+        for what, pose in zip(("start", "goal"), both, strict=True):
+            wrong += placement_troubles(what, placed(scenario.chain.bodies, pose), surroundings)
+        if wrong:
+            raise PlanningError("; ".join(wrong))
 
     def steering(self) -> tuple[Scene, FloatArray]:
         """Return the scene, and the families (f, 3, 3) of twists that steering paths with the first margin are of."""

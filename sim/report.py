@@ -159,10 +159,6 @@ class ContactReport(Execution):
             found.append(ContactSummary(k, contact, at, slide, float(self.opening[rows, i].max()), rotation))
         return tuple(found)
 
-    def sentences(self) -> tuple[str, ...]:
-        """Return what each contact did in each push, for people."""
-        return tuple(one.sentence for one in self.summaries)
-
 
 @dataclass(frozen=True)
 class ContactSummary:
@@ -184,9 +180,7 @@ class ContactSummary:
     opening: float
     rotation: float
 
-    @property
-    def sentence(self) -> str:
-        """The same for people."""
+    def __str__(self) -> str:
         verdict = "held" if self.moved_at is None else f"moved from {self.moved_at:.3g} s on"
         return (
             f"{self.contact} {verdict}: slid {1e3 * self.slide:.2g} mm, opened {1e3 * self.opening:.2g} mm, "

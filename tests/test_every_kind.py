@@ -138,7 +138,7 @@ def test_simulators_keep_every_contact_and_end_at_the_goals(kind: str, engine: s
         from pushplan.sim.physics.simulate import simulate_in_physics
 
         report = simulate_in_physics(one.plan)
-    assert report.kept, report.sentences()
+    assert report.kept, report.summaries
     assert at_goals(one.scenario, report.objects[-1])
     assert report.goal_errors(one.scenario).max() < 0.05
     order = [report.names.index(name) for name in one.execution.names]

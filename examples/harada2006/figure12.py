@@ -52,8 +52,8 @@ def draw(path: Path, tell: Callable[[str], None]) -> None:
     push = two_arcs(cor, goal)
     trajectory = time_path(push, Bounds(chain.pusher.limits))
     report = simulate_trajectory(chain, trajectory)
-    for sentence in report.sentences():
-        tell(f"Fig. 12 {sentence}")
+    for contact in report.summaries:
+        tell(f"Fig. 12 {contact}")
     margins = stable_set(chain, "ecof").margin(push.twists)
     tell(f"Fig. 12 margins {margins[0]:.3f} (turn), {margins[1]:.3f} (straight); {trajectory.duration:.1f} s")
     ends = np.append(0.0, [trajectory.breaks[1:][trajectory.arc == arc][-1] for arc in range(2)])

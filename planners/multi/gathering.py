@@ -53,6 +53,11 @@ class GatheringSearch:
         self.scenario, self.settings = scenario, settings
         self.hands = Hands(scenario, settings) if hands is None else hands
 
+    @property
+    def set_name(self) -> str:
+        """Name of the set that is planned in."""
+        return str(self.settings.set_name)
+
     def with_obstacles(self, scenario: Scenario) -> GatheringSearch:
         """Return it for a scenario that differs in what stands in the room."""
         return GatheringSearch(scenario, self.settings, self.hands.among(scenario))

@@ -75,6 +75,11 @@ class MultiPushSearch:
         return MultiPushSearch(scenario, tuple(mode.of_twin(scenario) for mode in self.modes), twin=self)
 
     @property
+    def set_name(self) -> str:
+        """Name of the set that is planned in."""
+        return self.modes[0].stable.name
+
+    @property
     def levels(self) -> int:
         """How many margins can be tried, one after the other."""
         return max(len(mode.margins) for mode in self.modes)

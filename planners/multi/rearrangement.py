@@ -41,6 +41,11 @@ class RearrangementSearch:
     def __init__(self, scenario: Scenario, pieces: tuple[Piece, ...]) -> None:
         self.scenario, self.pieces = scenario, pieces
 
+    @property
+    def set_name(self) -> str:
+        """Name of the set that is planned in."""
+        return self.pieces[0].search.set_name
+
     @classmethod
     def of(cls, scenario: Scenario, settings: PlanSettings) -> RearrangementSearch:
         """Return the search in a scenario.

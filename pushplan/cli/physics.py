@@ -59,7 +59,7 @@ def execute(scenario: Scenario, plan: Plan | None, console: Console) -> tuple[Do
 
 
 def _rows(report: ContactReport) -> list[tuple[str, str]]:
-    rows = [(one.contact, one.sentence.split(" ", 1)[1]) for one in report.summaries]
+    rows = [(one.contact, str(one).split(" ", 1)[1]) for one in report.summaries]
     if isfinite(report.clear):
         moved = f"none moved by more than {1e3 * report.disturbed:.2g} mm"
         rows.append(("objects at rest", f"{1e3 * report.clear:.3g} mm from what moves; {moved}"))

@@ -30,12 +30,7 @@ from pushplan.scenario.parts import (
     Row,
 )
 from pushplan.scenario.room import Attachments, build_surroundings, placed, placement_troubles
-from pushplan.scenario.schema import (
-    GatheringFile,
-    GoalPose,
-    ObjectGoal,
-    RearrangementFile,
-)
+from pushplan.scenario.schema import GatheringFile, GoalPose, ObjectGoal, RearrangementFile
 from pushplan.scenario.source import Place, Source, shorten
 from pushplan.scenario.units import highest, lowest
 from pushplan.scenario.validation import nearest, validate

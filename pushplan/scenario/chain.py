@@ -22,7 +22,7 @@ from pushplan.mechanics.support import (
     UniformSupport,
     UnknownSupport,
 )
-from pushplan.scenario import schema
+from pushplan.scenario import bodies, schema
 from pushplan.scenario.contacts import contact_frictions, contact_heights, find_segments, make_contacts
 from pushplan.scenario.layout import Layout, Part, SnapTolerance, describe_overlap, lay_out, outline_of
 from pushplan.scenario.parts import Snapping
@@ -127,7 +127,7 @@ def _check_names(file: RoomFile, source: Source) -> None:
             source.error(("objects", i, "name"), what)
 
 
-def floor_friction(obj: schema.Object, file: RoomFile) -> float | Span:
+def floor_friction(obj: bodies.Object, file: RoomFile) -> float | Span:
     """Return the friction between an object and the floor."""
     return file.floor.friction if obj.floor_friction is None else obj.floor_friction
 
@@ -162,11 +162,11 @@ def widened(file: File) -> File:
     )
 
 
-def _widened(obj: schema.Object, share: schema.UncertaintyShares) -> schema.Object:
+def _widened(obj: bodies.Object, share: schema.UncertaintyShares) -> bodies.Object:
     update = dict[str, Any]()
     if obj.floor_friction is not None:
         update["floor_friction"] = around(obj.floor_friction, share.floor_friction)
-    if isinstance(obj.support, schema.Feet):
+    if isinstance(obj.support, bodies.Feet):
         feet = tuple(
             (*foot[:2], *(around(f, share.load, 1.0) for f in foot[2:])) for foot in obj.support.feet
         )
@@ -194,7 +194,7 @@ def _interval_chain(file: RoomFile, chain: Chain) -> IntervalChain | None:
     known = [
         obj.name
         for obj in file.objects
-        if not isinstance(obj.support, schema.Feet) and obj.support != "unknown"
+        if not isinstance(obj.support, bodies.Feet) and obj.support != "unknown"
     ]
     pressures = dict.fromkeys(known, share) if share > 0.0 else {}
     if not (masses or frictions or fractions or pressures):
@@ -204,7 +204,7 @@ def _interval_chain(file: RoomFile, chain: Chain) -> IntervalChain | None:
 
 def _foot_spans(support: object) -> list[Span] | None:
     """Return the interval of every foot's load fraction, or None when none of them is an interval."""
-    if not isinstance(support, schema.Feet):
+    if not isinstance(support, bodies.Feet):
         return None
     loads = [foot[2] for foot in support.feet if len(foot) == 3]
     if not any(isinstance(load, tuple) for load in loads):
@@ -215,7 +215,7 @@ def _foot_spans(support: object) -> list[Span] | None:
 # --- supports ---
 
 
-def _center_height(stated: schema.Object) -> float | None:
+def _center_height(stated: bodies.Object) -> float | None:
     """Return the height of the centre of mass; half of the object's where none is stated."""
     if stated.center_of_mass is not None and len(stated.center_of_mass) == 3:
         return stated.center_of_mass[2]
@@ -223,7 +223,7 @@ def _center_height(stated: schema.Object) -> float | None:
 
 
 def _support(
-    stated: schema.Object, outline: FloatArray, index: int, read: ReadFile, source: Source
+    stated: bodies.Object, outline: FloatArray, index: int, read: ReadFile, source: Source
 ) -> Support | None:
     """Return the support model of object `index` with the counter-clockwise `outline` (v, 2), or report why not."""
     center = None if stated.center_of_mass is None else np.array(stated.center_of_mass[:2])
@@ -242,7 +242,7 @@ def _check_fractions(stated: RoomFile, source: Source) -> None:
     for i, obj in enumerate(stated.objects):
         loads = (
             [load for foot in obj.support.feet for load in foot[2:]]
-            if isinstance(obj.support, schema.Feet)
+            if isinstance(obj.support, bodies.Feet)
             else []
         )
         numbers = [load for load in loads if isinstance(load, float)]
@@ -253,13 +253,13 @@ def _check_fractions(stated: RoomFile, source: Source) -> None:
 
 
 def _placed_support(
-    support: schema.Feet | schema.PressureMap, outline: FloatArray, center: FloatArray | None, read: ReadFile
+    support: bodies.Feet | bodies.PressureMap, outline: FloatArray, center: FloatArray | None, read: ReadFile
 ) -> Support:
     """Return feet or a pressure map; the centre of feet without loads is the outline's centroid if not stated."""
-    bare = isinstance(support, schema.Feet) and len(support.feet[0]) == 2
+    bare = isinstance(support, bodies.Feet) and len(support.feet[0]) == 2
     if center is not None and not bare:
         raise SupportError("center_of_mass follows from the stated loads; leave it out")
-    if isinstance(support, schema.PressureMap):
+    if isinstance(support, bodies.PressureMap):
         return PressureMapSupport.from_bytes(read(support.pressure_map), support.pressure_map)
     positions = np.array([foot[:2] for foot in support.feet], dtype=np.float64)
     if bare:
@@ -288,12 +288,12 @@ def _pusher(file: RoomFile, parts: Sequence[Part], layout: Layout, source: Sourc
     )
 
 
-def _drive(stated: schema.Drive, frame: FloatArray) -> Drive:
+def _drive(stated: bodies.Drive, frame: FloatArray) -> Drive:
     """Return a drive that is stated in a frame (3,) given in the chain frame."""
     match stated:
-        case schema.Car(car=car):
+        case bodies.Car(car=car):
             return Drive("car", se2.compose(frame, np.array(car.axle)), car.min_radius)
-        case schema.Differential(differential=wheels):
+        case bodies.Differential(differential=wheels):
             return Drive("differential", se2.compose(frame, np.array(wheels.axle)))
     return Drive()
 

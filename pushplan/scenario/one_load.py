@@ -27,12 +27,7 @@ from pushplan.scenario.parts import (
     Uncertainty,
 )
 from pushplan.scenario.room import Attachments, Surroundings, build_surroundings, placed, placement_troubles
-from pushplan.scenario.schema import (
-    GatheringFile,
-    GoalPose,
-    RoomFile,
-    ScenarioFile,
-)
+from pushplan.scenario.schema import GatheringFile, GoalPose, RoomFile, ScenarioFile
 from pushplan.scenario.source import Place, Source, shorten
 from pushplan.scenario.validation import nearest, salvage, validate
 from pushplan.util.arrays import FloatArray

@@ -12,9 +12,9 @@ import numpy as np
 import shapely
 
 from pushplan.errors import PushplanError
+from pushplan.scenario.bodies import NAME
 from pushplan.scenario.fields import NAME_PATTERN
 from pushplan.scenario.maps import RosMap, read_ros_map
-from pushplan.scenario.schema import NAME
 from pushplan.util.arrays import FloatArray
 from pushplan.util.files import write_whole
 

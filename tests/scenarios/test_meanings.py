@@ -19,7 +19,7 @@ import pushplan
 from pushplan.bench.schema import suite_schema
 from pushplan.bench.suite import suite_names, suite_text
 from pushplan.cli.main import main
-from pushplan.scenario import schema, units
+from pushplan.scenario import bodies, schema, units
 from pushplan.scenario.file import example_names, example_text, load_scenario
 from pushplan.scenario.json_schema import scenario_schema, schema_file, schema_text
 from pushplan.scenario.model import Scenario
@@ -163,8 +163,8 @@ def test_wrong_ones_are_named_with_what_is_allowed(quantity: Stated, value: obje
 
 PAGE = Path(__file__).parents[2] / "docs" / "scenario-file.md"
 SECTIONS: dict[str, type[BaseModel]] = {
-    "Top level": schema.ScenarioFile, "`objects`": schema.Object, "`contacts`": schema.Contacts,
-    "`pusher`": schema.Plate, "`robot`": schema.Robot, "`goal`": schema.GoalPose,
+    "Top level": schema.ScenarioFile, "`objects`": bodies.Object, "`contacts`": bodies.Contacts,
+    "`pusher`": bodies.Plate, "`robot`": bodies.Robot, "`goal`": schema.GoalPose,
     "`stability`": schema.StabilityChoice, "`planner`": schema.PlannerChoice,
 }  # fmt: skip
 
@@ -181,7 +181,7 @@ def test_every_key_is_described_with_its_default(section: str) -> None:
     described = rows(section)
     fields = dict(SECTIONS[section].model_fields)
     if section == "`pusher`":
-        fields |= schema.MotionLimits.model_fields
+        fields |= bodies.MotionLimits.model_fields
     elsewhere = {
         "limits",
         "goals",
