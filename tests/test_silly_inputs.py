@@ -120,7 +120,10 @@ def test_a_follower_neither_answers_nan_nor_goes_on(key: str, value: Any) -> Non
     "made",
     [
         *(lambda v, f=f: Sensor(**{f: v}) for f in ("rate", "delay", "position", "angle")),
-        *(lambda v, f=f: ControlSettings(**{f: v}) for f in ("rate", "looks", "position_noise", "patience")),
+        *(
+            lambda v, f=f: ControlSettings(**{f: v})
+            for f in ("rate", "looks", "position_noise", "patience", "detour", "worth")
+        ),
         *(lambda v, k=k: Disturbance(*[v if j == k else 1 for j in range(5)]) for k in (0, 1, 4)),
         lambda v: Follower(plan(), off=(v, v)),
         lambda v: Follower(plan(), slipped=(0.1, v)),

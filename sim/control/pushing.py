@@ -353,7 +353,7 @@ class PushLoop:
         elif self._share <= BARELY:
             self._end(Phase.ARRIVED, "within the tolerances, and there is no plan to come nearer")
         else:
-            self._give_up(f"there is no plan from here: {replan.reason}")
+            self._give_up(f"{off} remain to the goal, and there is no plan from here: {replan.reason}")
 
     def _best_plan(self, slides: FloatArray) -> Replan:
         """Return the most cautious plan that takes no more travel than it may, or where all do, the shortest."""
