@@ -45,6 +45,7 @@ def render(run: Run | RecordedRun) -> str:
     scene = Scene.of(run.scenario, run.plan, run.execution, run.events)
     kept = None if run.plan is None else run.plan.margin
     least = float(np.fmin.reduce(scene.margins, initial=np.nan))
+    title = palette.margins_title(kept, least, bool(scene.marks))
     data = {
         **_world(run.scenario, scene),
         **_plan(run, scene),
@@ -55,7 +56,7 @@ def render(run: Run | RecordedRun) -> str:
         "events": _events(run),
         "kept": kept,
         "margin_ticks": palette.margin_ticks(kept),
-        "margins_title": palette.margins_title(kept, least, bool(scene.marks)).replace("\n", " "),
+        "margins_title": title.replace("\n", " ").replace("keeps", "(dashed) keeps"),
     }
     text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")  # no </script>
     page = files("pushplan.logging").joinpath("player.html").read_text(encoding="utf-8")
@@ -108,6 +109,7 @@ def _world(scenario: Scenario, scene: Scene) -> dict[str, Any]:
             "goal": palette.GOAL,
             "nearest": palette.NEAREST,
             "alone": palette.ALONE,
+            "blocking": palette.BLOCKING,
             "obstacle_edge": palette.OBSTACLE_EDGE,
             "wall": palette.WALL,
         },
