@@ -1,15 +1,15 @@
 """Rows of objects: pushed together against one by one, in rooms of one robot and several kinds of objects.
 
     python benchmarks/gathering.py [--rooms 20] [--seed 1] [--families omni-4-3 car-6-3 ...] [--seconds 2]
-        [--slip 0] [--physics 0] [--closed 0] [--out results.jsonl]
+        [--slip 0] [--physics 0] [--closed 0] [--checks 0] [--out results.jsonl]
 
 Each family has a drive, a room, a number of objects and their kind. In each room a row at a wall is asked for: its
 place is known, and where `wall` is in the family's name it may stand at any wall. Three planners are compared by the
 way of the plate in all: `gather: auto`, `gather: never`, and the search for an order of objects with own goals
 (places 5 mm apart, each assigned so that the objects' straight ways are shortest in sum; any of four orientations for
-cubes). Every plan is checked by `row_checks`. With `--slip` plans are executed in the slip simulator in worlds whose
-objects stand 3 mm and 2 deg off and whose frictions are 20 % off, with `--physics` in MuJoCo, with `--closed` in
-closed loop (30 measurements a second, noise of 1 mm and 0.3 deg, 0.1 s late).
+cubes). Every plan is checked by `row_checks`, and so are `--checks` first plans. With `--slip` plans are executed in
+the slip simulator in worlds whose objects stand 3 mm and 2 deg off and whose frictions are 20 % off, with `--physics`
+in MuJoCo, with `--closed` in closed loop (30 measurements a second, noise of 1 mm and 0.3 deg, 0.1 s late).
 """
 
 from __future__ import annotations
@@ -221,6 +221,25 @@ def compared(document: Document, seconds: float) -> Document:
     return result
 
 
+def checked(count: int, families: Sequence[str], seed: int, seconds: float) -> int:
+    """Check first plans of rows of all families, of `auto` and `never` in turn; return how many are wrong."""
+    plans, wrong = 0, 0
+    for k in range(2 * count):
+        name, gather = families[k % len(families)], ("auto", "never")[(k // len(families)) % 2]
+        document = {**Family.named(name).room(1000 * seed + k), "gather": gather}
+        found, _ = planned(document, seconds, first=True)
+        if found is not None:
+            plans += 1
+            told = list(violations(document, json.loads(json.dumps(found.to_dict(), default=float))))
+            wrong += bool(told)
+            for text in told:
+                print(f"{name}, room {1000 * seed + k}, {gather}: {text}")
+        if plans == count:
+            break
+    print(f"checked: {plans} first plans, {wrong} of them wrong")
+    return wrong
+
+
 def off(world: World, random: np.random.Generator) -> World:
     """Return a world whose objects stand off and whose frictions are other than stated."""
     poses = np.array(world.object_poses)
@@ -278,6 +297,7 @@ def main() -> None:
     parser.add_argument("--slip", type=int, default=0, help="plans that are executed with errors, in all")
     parser.add_argument("--physics", type=int, default=0, help="the same in MuJoCo")
     parser.add_argument("--closed", type=int, default=0, help="the same in closed loop")
+    parser.add_argument("--checks", type=int, default=0, help="first plans that are checked, in all")
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()
     time.perf_counter = time.process_time  # searches then count CPU time, whatever else the machine does
@@ -286,7 +306,7 @@ def main() -> None:
         "| family | auto, never, order solved | auto / order | auto / never | first plan, s: median, most | wrong |"
     )
     print("|---|---|---|---|---|---|")
-    for name in given.families:
+    for name in given.families if given.rooms else ():
         family, rows = Family.named(name), []
         for k in range(given.rooms):
             document = family.room(1000 * given.seed + k)
@@ -305,6 +325,8 @@ def main() -> None:
             else f"| {name} | {', '.join(map(str, counts))} of {len(rows)} | - | - | - | {bad} |",
             flush=True,
         )
+    if given.checks:
+        wrong += checked(given.checks, given.families, given.seed, 5.0)
     for how in ("slip", "physics", "closed"):
         count = getattr(given, how)
         wrong += _with_errors(given.families, count, given, how) if count else 0

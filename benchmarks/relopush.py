@@ -36,6 +36,7 @@ from typing import Any
 
 import numpy as np
 from gathering import travel
+from row_checks import violations
 
 from pushplan.bench.random_problems import scenario_yaml
 from pushplan.errors import PlanningError, ScenarioError
@@ -291,7 +292,10 @@ def _whole(instance: Instance, walls: str, height: float, seconds: float, judged
     if not judged:
         return first
     longer = planner.plan(time_limit=spent + LONGER, seed=1, first=False)
-    return replace(first, later=travel(longer) if longer.solved else np.inf, valid=longer.solved)
+    if not longer.solved:
+        return replace(first, later=np.inf, valid=False)
+    wrong = list(violations(document, json.loads(json.dumps(longer.to_dict(), default=float))))
+    return replace(first, later=travel(longer), valid=not wrong)
 
 
 def _blocks(prepared: MultiPushSearch, instance: Instance, limit: float | None) -> Iterator[Row]:

@@ -1,9 +1,9 @@
-"""Checks a plan of a row from its plain data alone (`Plan.to_dict` and the scenario's document), sharing no code.
+"""Checks a plan of several objects from its plain data (`Plan.to_dict` and the scenario's document), sharing no code.
 
 Poses are integrated from the arcs, bodies are shapely polygons. Looked at: that segments meet; that what is held
 keeps its place in the plate's frame and all else rests; that robot, plate and what is held keep away from walls,
 obstacles and all that rests, but for what the robot comes up to or a close ends at; that the drive can make every
-twist; and that the row is flush where it shall be.
+twist; and that the row is flush where it shall be, or each object at its goal.
 """
 
 from __future__ import annotations
@@ -22,8 +22,11 @@ SAME = 1e-6
 """Poses that differ by less are the same, m and rad."""
 
 
-THICKNESS = 0.03
-"""Of the plate, m."""
+THICKNESS, CLEARANCE = 0.03, 0.0005
+"""Of the plate, and what is kept from everything, m, where a document does not state them."""
+
+TOLERANCE = (0.01, math.radians(2.0))
+"""How far from its goal an object may end, m and rad, likewise."""
 
 
 def after(pose: Pose, twist: Sequence[float], length: float) -> Pose:
@@ -77,12 +80,11 @@ def violations(document: Mapping[str, Any], plan: Mapping[str, Any], spacing: fl
     walls = shapely.box(room["x"][0], room["y"][0], room["x"][1], room["y"][1])
     obstacles = [put(box(*one["box"]), one["pose"]) for one in document.get("obstacles", ())]
     part = document["robot"]["footprint"]
-    plate = shapely.box(
-        -THICKNESS, -0.5 * document["pusher"]["width"], 0.0, 0.5 * document["pusher"]["width"]
-    )
+    thickness, half = document["pusher"].get("thickness", THICKNESS), 0.5 * document["pusher"]["width"]
+    plate = shapely.box(-thickness, -half, 0.0, half)
     robot = [plate, put(box(*part["box"]), part["pose"])]
     drive = document["robot"].get("drive", "omnidirectional")
-    clearance = document["clearance"]
+    clearance = document.get("clearance", CLEARANCE)
     at: Pose = tuple(document["robot"]["start"])
     held: dict[str, Pose] = {}
     for k, segment in enumerate(plan["segments"], start=1):
@@ -132,7 +134,7 @@ def violations(document: Mapping[str, Any], plan: Mapping[str, Any], spacing: fl
             > SAME
         ):
             yield f"{where}: ends away from '{segment['onto']}'"
-    yield from _row(document, shapes, now)
+    yield from (_row if "of" in document["goals"].get("row", ()) else _at_goals)(document, shapes, now)
 
 
 def _put_pose(frame: Pose, own: Pose) -> Pose:
@@ -150,6 +152,19 @@ def _drives(drive: Any, twist: Sequence[float]) -> bool:
     vx, vy, omega = twist
     ahead, aside = vx - omega * y, vy + omega * x
     return abs(aside) < 1e-6 and abs(omega) * car["min_radius"] <= abs(ahead) + 1e-6
+
+
+def _at_goals(
+    document: Mapping[str, Any], shapes: Mapping[str, shapely.Geometry], now: Mapping[str, Pose]
+) -> Iterator[str]:
+    """Yield which objects are not at their goals in the end, in any of the orientations that count as one."""
+    del shapes
+    for name, goal in document["goals"].items():
+        x, y, theta = inside(tuple(goal["pose"]), now[name])
+        period = 2.0 * math.pi / goal.get("symmetry", 1)
+        turn = abs((theta + 0.5 * period) % period - 0.5 * period)
+        if math.hypot(x, y) > TOLERANCE[0] + SAME or turn > TOLERANCE[1] + SAME:
+            yield f"'{name}' is {1e3 * math.hypot(x, y):.2f} mm and {math.degrees(turn):.2f} deg off its goal"
 
 
 def _row(
