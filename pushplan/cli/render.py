@@ -83,8 +83,8 @@ def _cost_text(document: Mapping[str, Any]) -> str:
     pushes = sum(segment["kind"] == "push" for segment in document["segments"])
     if len(document["segments"]) < 2:
         return f"{document['cost']:.3f} m in {counted(len(document['arcs']), 'arc')}"
-    way = f"{document['pushed_distance']:.3f} m in {counted(pushes, 'push', 'pushes')}"
-    return f"{document['cost']:.3f} m: pushed {way}, transits and changes of the contact"
+    pushed = f"{document['pushed_distance']:.3f} m pushed in {counted(pushes, 'push', 'pushes')}"
+    return f"{document['cost']:.3f} m: {pushed}, the rest for transits and changes of the contact"
 
 
 def _margin_text(document: Mapping[str, Any], remarks: Mapping[str, str]) -> str:
