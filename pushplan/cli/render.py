@@ -116,7 +116,7 @@ def _segment_text(segment: Mapping[str, Any]) -> str:
             if len(segment["before"]) > len(segment["load"]) or segment["onto"]
             else ""
         )
-        text += f"  {held}onto {segment['onto']}" if segment["onto"] else f"  {held}{segment['face']}"
+        text += f"  {held}onto {segment['onto']}" if segment["onto"] else f"  {held}{segment['face']} face"
     if segment["offset"]:
         text += f" {1e3 * segment['offset']:+.3g} mm"
     if segment["max_force"] is not None:
