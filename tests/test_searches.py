@@ -59,7 +59,7 @@ def _searched(
 @pytest.mark.parametrize("back", [0, 1])
 def test_every_branch_is_a_free_stable_arc(problem: Problem, scenario: Scenario, back: int) -> None:
     nodes = _searched(problem, scenario, back)[0].nodes
-    assert len(nodes) > 100
+    assert len(nodes) > 50
     for node in nodes[1:]:
         parent = nodes[int(node[4])]
         first, last = (node, parent) if back else (parent, node)

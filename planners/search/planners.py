@@ -40,8 +40,8 @@ MOST_CELLS = 512
 def floor_of(problem: Problem, start: FloatArray, box: Box) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return how far the body's middle is from where it is at the start and at the goal.
 
-    A middle that is nearer to anything than a half of the half width is blocked whatever the heading; cells of half
-    of that width do not let thin walls through.
+    A middle that is nearer to anything than a half of the half width is blocked whatever the heading (or than that of
+    the length, if that is less); cells of half of that width do not let thin walls through.
 
     Args:
         problem: What to plan.
@@ -52,7 +52,9 @@ def floor_of(problem: Problem, start: FloatArray, box: Box) -> tuple[FloatArray,
         The lower left corner of the grid and the side of its cells (3,), m; and the distances (nx, ny) from the start
         and from the goal, m; see `floor_distances`.
     """
-    quarter, longest = 0.25 * Extent.of(problem).width, max(box[2] - box[0], box[3] - box[1])
+    extent = Extent.of(problem)
+    quarter = 0.25 * min(extent.width, extent.front - extent.back)
+    longest = max(box[2] - box[0], box[3] - box[1])
     cell = max(min(quarter, longest / 72), longest / MOST_CELLS)
     nx, ny = (max(1, math.ceil((box[k + 2] - box[k]) / cell)) for k in (0, 1))
     point = problem.scene.with_body(flatten([_SPECK]), np.array([0.0, 0.0, 2.0 * _SPECK[1, 0]]))

@@ -167,6 +167,7 @@ void Lattice::grow(std::int64_t parent, int number, double bound, Random &random
 
 std::pair<double, bool> Lattice::expand(double bound, std::int64_t arcs, Random &random) {
     const std::int64_t enough = tried_ + arcs;
+    const bool eager = std::isinf(bound);
     while (tried_ < enough) {
         // Nothing left to expand, or no room: both end the round, and the next one has other cells.
         if (queue_.empty() || nodes_.size() + CHILDREN > room_)
@@ -189,6 +190,8 @@ std::pair<double, bool> Lattice::expand(double bound, std::int64_t arcs, Random 
             bound = node.cost + found.cost;
             partner_ = entry.row;
             word_ = found.arcs;
+            if (eager) // what the others in the queue promise is more than they have; the next round does not ask them
+                return {bound, true};
         }
         for (int number = 0; number < CHILDREN; ++number)
             grow(entry.row, number, bound, random);
