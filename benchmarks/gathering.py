@@ -35,6 +35,7 @@ from pushplan.errors import PlanningError
 from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan
 from pushplan.scenario.file import scenario_from_document
+from pushplan.sim.control.rest import travel_of
 from pushplan.sim.physics.simulate import simulate_in_physics
 from pushplan.sim.slip.simulator import slip
 from pushplan.sim.world import World
@@ -196,11 +197,6 @@ def planned(document: Document, seconds: float, first: bool = False) -> tuple[Pl
     return (found if found.solved else None), time.process_time() - began
 
 
-def travel(found: Plan) -> float:
-    """Return the way of the plate, m."""
-    return sum(float(s.path.lengths @ np.hypot(*s.path.twists[:, :2].T)) for s in found.segments)
-
-
 def compared(document: Document, seconds: float) -> Document:
     """Return what three planners make of a room."""
     result: Document = {}
@@ -208,7 +204,7 @@ def compared(document: Document, seconds: float) -> Document:
         found, _ = planned({**document, "gather": gather}, seconds)
         result[gather] = None
         if found is not None:
-            result[gather] = travel(found)
+            result[gather] = travel_of(found.segments)
             told = json.loads(json.dumps(found.to_dict(), default=float))
             result[f"{gather}_wrong"] = list(violations(document, told))
             result[f"{gather}_first"] = found.first_solution_s
@@ -217,7 +213,7 @@ def compared(document: Document, seconds: float) -> Document:
             ]
     if "pose" in document["goals"]["row"]:
         ordered, _ = planned(in_order(document), max(seconds, 5.0))
-        result["order"] = None if ordered is None else travel(ordered)
+        result["order"] = None if ordered is None else travel_of(ordered.segments)
     return result
 
 

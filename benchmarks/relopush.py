@@ -35,7 +35,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from gathering import travel
 from row_checks import violations
 
 from pushplan.bench.random_problems import scenario_yaml
@@ -49,6 +48,7 @@ from pushplan.planners.planner import Planner
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Goal, PolygonObstacle, Scenario
+from pushplan.sim.control.rest import travel_of
 from pushplan.util.arrays import FloatArray
 
 SIDE, AXLE, RADIUS = 0.15, 0.30, 1.008
@@ -288,14 +288,14 @@ def _whole(instance: Instance, walls: str, height: float, seconds: float, judged
         return Whole(False, spent)
     moved = [push.load.names[0] for push in found.pushes if push.load is not None]
     transfers = [name for name, _ in groupby(moved)]
-    first = Whole(True, spent, len(transfers) - len(set(transfers)), travel(found))
+    first = Whole(True, spent, len(transfers) - len(set(transfers)), travel_of(found.segments))
     if not judged:
         return first
     longer = planner.plan(time_limit=spent + LONGER, seed=1, first=False)
     if not longer.solved:
         return replace(first, later=np.inf, valid=False)
     wrong = list(violations(document, json.loads(json.dumps(longer.to_dict(), default=float))))
-    return replace(first, later=travel(longer), valid=not wrong)
+    return replace(first, later=travel_of(longer.segments), valid=not wrong)
 
 
 def _blocks(prepared: MultiPushSearch, instance: Instance, limit: float | None) -> Iterator[Row]:

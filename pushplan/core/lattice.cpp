@@ -11,8 +11,8 @@ namespace {
 // Arcs from a node: the left turn, the straight push, the right turn, and one of a random stable twist.
 constexpr int CHILDREN = 4;
 
-// Weight of what is left to the target, as long as there is no path.
-constexpr double EAGER = 2.0;
+// Weight of what is left to the target, as long as there is no path: weighted A* finds one sooner.
+constexpr double HEURISTIC_WEIGHT = 2.0;
 
 // Which cells' middles keep `least` from everything. Blocks of cells are halved until one look at a middle tells.
 class FreeCells {
@@ -155,8 +155,7 @@ void Lattice::grow(std::int64_t parent, int number, double bound, Random &random
     const std::size_t slot = cells_.slot_of(key);
     if (cells_[slot] == key && costs_[slot] <= cost)
         return;
-    // Until there is a path, the next best one is found sooner where what is left counts more.
-    const double promise = cost + (std::isinf(bound) ? EAGER : 1.0) * left(pose);
+    const double promise = cost + (std::isinf(bound) ? HEURISTIC_WEIGHT : 1.0) * left(pose);
     if (promise >= bound || !sweep_is_free(problem.scene, from, driven, length))
         return;
     cells_[slot] = key, costs_[slot] = cost;
@@ -167,7 +166,7 @@ void Lattice::grow(std::int64_t parent, int number, double bound, Random &random
 
 std::pair<double, bool> Lattice::expand(double bound, std::int64_t arcs, Random &random) {
     const std::int64_t enough = tried_ + arcs;
-    const bool eager = std::isinf(bound);
+    const bool weighted = std::isinf(bound);
     while (tried_ < enough) {
         // Nothing left to expand, or no room: both end the round, and the next one has other cells.
         if (queue_.empty() || nodes_.size() + CHILDREN > room_)
@@ -190,7 +189,7 @@ std::pair<double, bool> Lattice::expand(double bound, std::int64_t arcs, Random 
             bound = node.cost + found.cost;
             partner_ = entry.row;
             word_ = found.arcs;
-            if (eager) // what the others in the queue promise is more than they have; the next round does not ask them
+            if (weighted) // what the others in the queue promise is more than they have; the next round does not ask them
                 return {bound, true};
         }
         for (int number = 0; number < CHILDREN; ++number)

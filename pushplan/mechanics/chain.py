@@ -328,6 +328,11 @@ class Chain:
         points = np.concatenate([obj.outline_chain for obj in self.objects])
         return float(np.max(np.linalg.norm(points, axis=1)))
 
+    @property
+    def first_pushed(self) -> int:
+        """Index of the first object that the plate pushes."""
+        return next(contact.pushed for contact in self.contacts if contact.pusher == PLATE)
+
     def contact_name(self, k: int) -> str:
         """Return a name for contact `k`: who pushes, and whom."""
         contact = self.contacts[k]

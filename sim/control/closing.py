@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pushplan.geometry.se2 import compose, exp, inverse, relative, rotate, transform_points, wrap_angle
-from pushplan.mechanics.chain import PLATE, Chain
+from pushplan.mechanics.chain import Chain
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.report import contact_motion
 from pushplan.sim.slip.simulator import SlipSimulator
@@ -60,8 +60,8 @@ def contacts_at(chain: Chain, places: FloatArray) -> Contacts:
     return Contacts(*(values.reshape(places.shape[:-1]) for values in found))
 
 
-def shift_at_contact(chain: Chain, plate: FloatArray, object_poses: FloatArray) -> tuple[int, FloatArray]:
-    """Return the first object that the plate pushes, and by what body motion (3,) the plate is off if that is flush.
+def shift_at_contact(chain: Chain, plate: FloatArray, object_poses: FloatArray) -> FloatArray:
+    """Return by what body motion (3,) the plate is off if the first object that it pushes is flush.
 
     Along the contact, where that cannot be told, the plate is where it is believed to be.
 
@@ -70,13 +70,13 @@ def shift_at_contact(chain: Chain, plate: FloatArray, object_poses: FloatArray) 
         plate: (3,) pose of the chain frame in the world, as believed.
         object_poses: (n, 3) as measured.
     """
-    k = next(k for k, contact in enumerate(chain.contacts) if contact.pusher == PLATE)
+    k = chain.first_pushed
     contact = chain.contacts[k]
     carried = relative(plate, compose(object_poses[k], inverse(chain.places[k])))
     middle, turned = 0.5 * (contact.right + contact.left), float(wrap_angle(carried[2]))
     there = transform_points(carried, middle[None])[0]
     slide = float(rotate(-turned, there - middle) @ contact.tangent)
-    return k, np.append(there - rotate(turned, middle + slide * contact.tangent), turned)
+    return np.append(there - rotate(turned, middle + slide * contact.tangent), turned)
 
 
 @dataclass(frozen=True, eq=False)

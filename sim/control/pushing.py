@@ -400,16 +400,16 @@ class PushLoop:
         So the contact tells where the plate is across it and how it is turned; along it, what was believed holds.
         Where that is far from what was believed, the object is taken not to be flush.
         """
-        self._touching, chain = False, self.scenario.chain
-        first, shift = shift_at_contact(chain, self.plate, measured)
+        self._touching = False
+        shift = shift_at_contact(self.scenario.chain, self.plate, measured)
         off = float(np.hypot(shift[0], shift[1])), abs(float(shift[2]))
         most = FOUND * np.array(self.settings.approach_error)
         if off[0] > most[0] or off[1] > most[1]:
             return
-        self._off = off
-        self._tell("touch", f"{chain.objects[first].name} tells that the plate is {words(*off)} off")
+        self._off, first = off, self.load.names[self.load.chain.first_pushed]
+        self._tell("touch", f"{first} tells that the plate is {words(*off)} off")
         self.plate = self._odometry = compose(self.plate, shift)
-        self.estimator = Estimator(self.settings, len(chain.objects), self.estimator)
+        self.estimator = Estimator(self.settings, len(self.load.names), self.estimator)
         self.estimator.moved(self._now, self._odometry)
 
     def _drive_on(self, plan: Plan) -> None:

@@ -11,7 +11,6 @@ import numpy as np
 
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose, inverse, pose_error
-from pushplan.mechanics.chain import PLATE
 from pushplan.planners.multi.multi_push import AHEAD
 from pushplan.planners.multi.room import find_drive
 from pushplan.planners.planner import Planner
@@ -53,8 +52,7 @@ def travel_of(segments: Iterable[Segment]) -> float:
 
 def carried_by(load: Load, poses: Poses) -> FloatArray:
     """Return the pose (3,) that the load's contact frame has where its first object is flush with the plate."""
-    first = next(contact.pushed for contact in load.chain.contacts if contact.pusher == PLATE)
-    obj = load.chain.objects[first]
+    obj = load.chain.objects[load.chain.first_pushed]
     return compose(poses[obj.name], inverse(obj.pose_chain))
 
 
