@@ -35,7 +35,7 @@ from pushplan.logging.schemas import LEVELS
 from pushplan.logging.shown import CHAIN, WORLD, contact_names, smoothed_times, viewed
 from pushplan.logging.tables import base_in_plate, footprint_of
 from pushplan.logging.topics import pushed_at_samples
-from pushplan.plans.run import Execution
+from pushplan.plans.execution import Execution
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 from pushplan.util.extras import optional

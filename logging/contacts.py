@@ -13,8 +13,8 @@ import shapely
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Contact
 from pushplan.mechanics.contacts import friction_cone
+from pushplan.plans.execution import Execution
 from pushplan.plans.load import Load
-from pushplan.plans.run import Execution
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray, IntArray
 

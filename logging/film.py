@@ -34,8 +34,9 @@ from pushplan.geometry import se2
 from pushplan.logging.contacts import LoadContacts
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.shown import contact_names, part_at, worst_contacts
+from pushplan.plans.execution import Execution
 from pushplan.plans.load import Load
-from pushplan.plans.run import Execution, Run, segments_of
+from pushplan.plans.run import Run, segments_of
 from pushplan.util.arrays import FloatArray
 from pushplan.util.extras import optional
 from pushplan.util.files import write_whole

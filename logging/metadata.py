@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from pushplan.logging.recorded import RecordedRun
+from pushplan.plans.execution import Execution
 from pushplan.plans.plan import Plan
-from pushplan.plans.run import Execution
 from pushplan.scenario.model import Scenario
 
 FORMAT = 2

@@ -21,8 +21,9 @@ from pushplan.logging.contacts import cone_height, largest_force, longest_arrow,
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.shown import contact_names, parts_of, viewed, worst_contacts
 from pushplan.mechanics.contacts import friction_cone
+from pushplan.plans.execution import Execution
 from pushplan.plans.load import Load
-from pushplan.plans.run import Execution, Run, segments_of
+from pushplan.plans.run import Run, segments_of
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray, IntArray
 from pushplan.util.files import write_whole

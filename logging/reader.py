@@ -35,8 +35,8 @@ from pushplan.logging.writer import (
     TRIAL,
 )
 from pushplan.plans.events import Event, Feedback, Measured, Replan
+from pushplan.plans.execution import Execution, StabilityLoss, TrialEnd
 from pushplan.plans.plan import Improvement, Plan
-from pushplan.plans.run import Execution, StabilityLoss, TrialEnd
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.util.files import PARTIAL

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pushplan.plans.run import Execution
+from pushplan.plans.execution import Execution
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray, IntArray

@@ -25,7 +25,7 @@ from pushplan.logging.mcap_file import Channel
 from pushplan.logging.recorded import RawMessage, RecordedRun
 from pushplan.logging.topics import messages
 from pushplan.logging.writer import SERIES, SERIES_KNOWN
-from pushplan.plans.run import Execution
+from pushplan.plans.execution import Execution
 from pushplan.util.arrays import FloatArray
 
 TOLERANCE = 1e-9

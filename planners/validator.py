@@ -12,8 +12,8 @@ from pushplan.geometry import se2
 from pushplan.geometry.polygon import TOUCH, find_touch, overlap_depth
 from pushplan.mechanics.faces import ways_through
 from pushplan.planners.clearance import Motion, Room, collision_along, excess
+from pushplan.plans.execution import Execution
 from pushplan.plans.load import Load
-from pushplan.plans.run import Execution
 from pushplan.plans.segment import Poses, Segment
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray

@@ -25,7 +25,8 @@ _HOMES = {
     "plans.settings": "PlanSettings Observer",
     # Runs and logs
     "run": "run",
-    "plans.run": "Run Execution",
+    "plans.execution": "Execution",
+    "plans.run": "Run",
     "logging.reader": "load_run read_run",
     "verification": "verify_log",
     # Execution
@@ -66,10 +67,10 @@ if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported with
     from pushplan.mechanics.contacts import friction_wrench as friction_wrench
     from pushplan.planners.planner import Planner as Planner
     from pushplan.planners.planner import plan as plan
+    from pushplan.plans.execution import Execution as Execution
     from pushplan.plans.load import Load as Load
     from pushplan.plans.plan import Plan as Plan
     from pushplan.plans.robustness import Robustness as Robustness
-    from pushplan.plans.run import Execution as Execution
     from pushplan.plans.run import Run as Run
     from pushplan.plans.segment import Segment as Segment
     from pushplan.plans.settings import Observer as Observer

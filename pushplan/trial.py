@@ -14,9 +14,9 @@ from pushplan.errors import PlanningError, PushplanError, RunLogError
 from pushplan.logging.recording import Recording, Where
 from pushplan.logging.verify import Check
 from pushplan.planners.planner import plan
+from pushplan.plans.execution import TrialEnd
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty
-from pushplan.plans.run import TrialEnd
 from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.run import fields_of
 from pushplan.scenario.model import Scenario
@@ -28,7 +28,8 @@ from pushplan.util.naming import function_named, simulator_names
 
 if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
-    from pushplan.plans.run import Execution, Run
+    from pushplan.plans.execution import Execution
+    from pushplan.plans.run import Run
 
 TRIAL = "pushplan.trial"
 """Metadata of logs of trials: seed and uncertainty of the worlds, simulator, and the sample where it is one alone."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.verify import VerifyReport, verify
-from pushplan.plans.run import Execution
+from pushplan.plans.execution import Execution
 from pushplan.sim.control.again import CONTROL, check_closed_loop
 from pushplan.sim.kinematic import execute
 from pushplan.trial import TRIAL, check_trials, executed_again

@@ -10,9 +10,9 @@ from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.contacts import contact_state
 from pushplan.mechanics.force import PushForce
+from pushplan.plans.execution import Execution, StabilityLoss
 from pushplan.plans.goals import worst_at_goal
 from pushplan.plans.judge import contact_dynamics, judging_set
-from pushplan.plans.run import Execution, StabilityLoss
 from pushplan.plans.segment import Segment, join
 from pushplan.plans.trajectory import RESTING, Trajectory, advance
 from pushplan.scenario.model import Scenario

@@ -14,11 +14,11 @@ import numpy as np
 import pushplan.core.slip as slip
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
+from pushplan.plans.execution import Execution, StabilityLoss
 from pushplan.plans.goals import errors_at_goal, goal_units, worst_at_goal
 from pushplan.plans.judge import judging_set
 from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
-from pushplan.plans.run import Execution, StabilityLoss
 from pushplan.plans.segment import Poses
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray

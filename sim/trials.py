@@ -18,10 +18,10 @@ from pushplan.geometry.se2 import compose, rotate
 from pushplan.mechanics.chain import PLATE, Chain, Contact
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.support import FeetSupport
+from pushplan.plans.execution import TrialEnd
 from pushplan.plans.goals import goal_columns, goal_units
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty
-from pushplan.plans.run import TrialEnd
 from pushplan.scenario.model import Scenario
 from pushplan.sim.report import ContactLoss, ContactReport, with_margins
 from pushplan.sim.slip.simulator import slip

@@ -6,10 +6,10 @@ import numpy as np
 
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import pushed_at
+from pushplan.plans.execution import Execution
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.plan import Plan
-from pushplan.plans.run import Execution
 from pushplan.plans.segment import Segment
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray

@@ -13,8 +13,8 @@ import pytest
 
 from pushplan.cli.main import main
 from pushplan.logging.writer import RunLogWriter
+from pushplan.plans.execution import Execution
 from pushplan.plans.path import cost_rate
-from pushplan.plans.run import Execution
 from pushplan.scenario.file import example_text, load_scenario
 from pushplan.verification import execute_again
 

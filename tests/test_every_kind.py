@@ -29,10 +29,10 @@ from pushplan.errors import RunLogError
 from pushplan.logging.page import write_html
 from pushplan.logging.tables import write_csv
 from pushplan.planners.validator import Validator
+from pushplan.plans.execution import Execution
 from pushplan.plans.goals import worst_at_goal
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty
-from pushplan.plans.run import Execution
 from pushplan.plans.segment import Segment
 from pushplan.scenario.file import example_text
 from pushplan.scenario.model import Scenario

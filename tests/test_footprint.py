@@ -15,8 +15,8 @@ from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.faces import places, pushed_at, pushed_from
 from pushplan.planners.clearance import find_collision
 from pushplan.planners.scene import build_scene
+from pushplan.plans.execution import Execution
 from pushplan.plans.path import cost_rate
-from pushplan.plans.run import Execution
 from pushplan.scenario.file import scenario_from_document, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Scenario
 from pushplan.util.arrays import FloatArray

@@ -13,8 +13,8 @@ from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.contacts import contact_state
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
+from pushplan.plans.execution import Execution
 from pushplan.plans.path import PushPath, cost_rate
-from pushplan.plans.run import Execution
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet

@@ -28,10 +28,10 @@ from pushplan.planners.search.session import Budget, Session
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.validator import Validator
+from pushplan.plans.execution import Execution
 from pushplan.plans.judge import judging_set, planning_set
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
-from pushplan.plans.run import Execution
 from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer
 from pushplan.scenario.file import example_names, load_scenario

@@ -26,8 +26,8 @@ from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Drive
 from pushplan.mechanics.dynamics import SpeedWindow, admissible_speeds
+from pushplan.plans.execution import TrialEnd
 from pushplan.plans.plan import Diagnosis, Nearest, Plan
-from pushplan.plans.run import TrialEnd
 from pushplan.scenario.file import load_scenario, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Workspace
 from pushplan.sets.cor_window import default_window

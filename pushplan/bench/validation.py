@@ -10,8 +10,8 @@ import shapely
 from pushplan.geometry.se2 import compose, inverse, rotate
 from pushplan.planners.clearance import densify
 from pushplan.planners.validator import Validator
+from pushplan.plans.execution import Execution
 from pushplan.plans.plan import Plan
-from pushplan.plans.run import Execution
 from pushplan.scenario.model import CircleObstacle, Scenario
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import AUTO

@@ -11,14 +11,14 @@ import numpy as np
 
 from pushplan.cli.console import Console, angle_text, counted, length_text, plain, time_text
 from pushplan.cli.main import DONE, MISMATCH, NO_PLAN
-from pushplan.plans.run import inertia_warning
+from pushplan.plans.execution import inertia_warning
 
 MOST_NAMES = 4
 """Names of objects that are pushed together which a line has, at most."""
 
 if TYPE_CHECKING:
+    from pushplan.plans.execution import Execution
     from pushplan.plans.plan import Plan
-    from pushplan.plans.run import Execution
     from pushplan.util.arrays import FloatArray
 
 Document = dict[str, Any]

@@ -19,9 +19,9 @@ from pushplan.util.names import SIMULATORS
 
 if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
+    from pushplan.plans.execution import TrialEnd
     from pushplan.plans.plan import Plan
     from pushplan.plans.robustness import TrialUncertainty
-    from pushplan.plans.run import TrialEnd
     from pushplan.scenario.model import Scenario
     from pushplan.sim.trials import Trials
 

@@ -24,8 +24,8 @@ from pushplan.util.names import CLOSE, PUSH, PUSHER, ROBOT, TRANSIT
 
 if TYPE_CHECKING:
     from pushplan.plans.events import Event
+    from pushplan.plans.execution import Execution
     from pushplan.plans.plan import Plan
-    from pushplan.plans.run import Execution
     from pushplan.plans.segment import Poses, Segment
     from pushplan.scenario.model import Scenario
 

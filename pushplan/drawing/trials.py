@@ -31,8 +31,8 @@ from pushplan.util.printable import cut
 from pushplan.util.wilson import wilson
 
 if TYPE_CHECKING:
+    from pushplan.plans.execution import TrialEnd
     from pushplan.plans.plan import Plan
-    from pushplan.plans.run import TrialEnd
     from pushplan.scenario.model import Scenario
     from pushplan.scenario.parts import Goal
     from pushplan.util.arrays import FloatArray

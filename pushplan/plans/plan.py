@@ -18,8 +18,8 @@ from pushplan.util.lazy_field import LazyField
 from pushplan.util.names import DEFAULT_COST, PUSH
 
 if TYPE_CHECKING:
+    from pushplan.plans.execution import Execution
     from pushplan.plans.robustness import Robustness
-    from pushplan.plans.run import Execution
     from pushplan.scenario.model import Scenario
 
 

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 
-from pushplan.mechanics.sphere import POLE, TurningRadii, twists_at
+from pushplan.mechanics.sphere import POLE, Meridians, TurningRadii, twists_at
+from pushplan.sets.boundary_following import RefinedMeridians
 from pushplan.sets.meridians import inner_ends, maximise
 from pushplan.util.arrays import FloatArray, IntArray, frozen
-
-if TYPE_CHECKING:
-    from pushplan.sets.stable_set import StableSet
 
 _DIRECTIONS = 720
 
 
-def translation_cone(stable: StableSet, minimum: float) -> FloatArray | None:
+def translation_cone(margin_values: Callable[[FloatArray], FloatArray], minimum: float) -> FloatArray | None:
     """Return unit directions [right-most, left-most] (2, 2) of translations with margin > `minimum`.
 
     Each contact allows a convex cone of directions, so that the intersection is one cone.
@@ -24,7 +22,7 @@ def translation_cone(stable: StableSet, minimum: float) -> FloatArray | None:
 
     def excess(member: IntArray, lon: FloatArray) -> FloatArray:
         del member
-        return stable.margin_values(twists_at(lon, np.zeros_like(lon), 1.0)) - minimum
+        return margin_values(twists_at(lon, np.zeros_like(lon), 1.0)) - minimum
 
     lon = -np.pi + 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     step = lon[1] - lon[0]
@@ -45,10 +43,8 @@ def translation_cone(stable: StableSet, minimum: float) -> FloatArray | None:
     return frozen([[np.cos(end), np.sin(end)] for end in ends], (2, 2), "translation cone")
 
 
-def turning_radii(stable: StableSet, minimum: float) -> TurningRadii:
-    """Return the smallest distance from the origin to a COR with margin > `minimum`, either sense."""
-    meridians = stable.refined_meridians(minimum).meridians
-    length = stable.chain.characteristic_length
+def turning_radii(meridians: Meridians, length: float) -> TurningRadii:
+    """Return the smallest distance from the origin to a COR on meridians, either sense, for a unit of length, m."""
     highest = np.concatenate([[0.0], meridians.upper]).max()
     lowest = np.concatenate([[0.0], meridians.lower]).min()
     return TurningRadii(left=_radius(highest, length), right=_radius(-lowest, length))
@@ -58,13 +54,12 @@ def _radius(latitude: float, length: float) -> float:
     return length * max(float(np.tan(POLE - latitude)), 0.0) if latitude > 0.0 else np.inf
 
 
-def sphere_area(stable: StableSet) -> float:
-    """Return the solid angle of the stable twists, sr.
+def sphere_area(refined: RefinedMeridians) -> float:
+    """Return the solid angle of the twists on refined meridians, sr.
 
     Between refined meridians, d apart, ends run along great circles, from a to b; the area between that and the
     equator is 2 atan(tan(d / 2) sin((a + b) / 2) / cos((a - b) / 2)).
     """
-    refined = stable.refined_meridians()
     rows = refined.meridians
     first = np.append(np.searchsorted(rows.longitude, refined.longitude), len(rows))
     count, apart = np.diff(first), np.diff(refined.longitude)

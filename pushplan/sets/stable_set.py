@@ -118,15 +118,16 @@ class StableSet(ABC):
 
     def translation_cone(self, minimum_margin: float = 0.0) -> FloatArray | None:
         """Return the stable translations as unit vectors [right-most, left-most] (2, 2), or None."""
-        return translation_cone(self, minimum_margin)
+        return translation_cone(self.margin_values, minimum_margin)
 
     def turning_radii(self, minimum_margin: float = 0.0) -> TurningRadii:
         """Return the smallest distance from the origin to a stable COR of either sense, m; inf for none."""
-        return turning_radii(self, minimum_margin)
+        meridians = self.refined_meridians(minimum_margin).meridians
+        return turning_radii(meridians, self.chain.characteristic_length)
 
     def area(self) -> float:
         """Return the size of the set on the twist sphere, sr."""
-        return sphere_area(self)
+        return sphere_area(self.refined_meridians())
 
     def _equally_spaced(self, minimum_margin: float, count: int) -> Meridians:
         return self._find_meridians(-np.pi + 2.0 * np.pi * np.arange(count) / count, minimum_margin)

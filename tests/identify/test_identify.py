@@ -17,7 +17,7 @@ from pushplan.identify import read_push
 from pushplan.logging.writer import RunLogWriter
 from pushplan.mechanics.support import FeetSupport
 from pushplan.planners.planner import plan
-from pushplan.plans.run import Execution
+from pushplan.plans.execution import Execution
 from pushplan.scenario.file import scenario_from_document
 from pushplan.sim.identify.identify import identify_pushes
 from pushplan.sim.identify.measured_push import Identification, MeasuredPush, piece_of, with_learned

@@ -13,9 +13,9 @@ import pushplan
 from pushplan.cli.main import main
 from pushplan.logging.reader import load_run
 from pushplan.planners.planner import plan
+from pushplan.plans.execution import TrialEnd
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty
-from pushplan.plans.run import TrialEnd
 from pushplan.sim.report import ContactLoss, contact_motion, motions_of
 from pushplan.sim.slip.simulator import slip
 from pushplan.sim.trials import Trials, execute_trials, sampled_world

@@ -16,9 +16,9 @@ from several.conftest import problem_document
 from pushplan.logging.writer import RunLogWriter
 from pushplan.planners.planner import Planner
 from pushplan.plans.events import Event, Feedback, Measured, Replan
+from pushplan.plans.execution import Execution, TrialEnd
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty
-from pushplan.plans.run import Execution, TrialEnd
 from pushplan.scenario.file import example_text, load_scenario, scenario_from_document, scenario_from_text
 from pushplan.sim.trials import execute_trials
 from pushplan.trial import TRIAL
