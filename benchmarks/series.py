@@ -32,8 +32,8 @@ def snake(lanes: int = 8, width: float = 1.6, length: float = 6.0, gap: float = 
     return _scenario(f"snake-{lanes}", walls, (length, lanes * width), [0.7, width / 2, 0.0], end)
 
 
-def maze(side: int, seed: int, cell: float = 1.0) -> Scenario:
-    """Return a maze of square cells, all of which a depth-first walk has joined to a tree."""
+def maze(side: int, seed: int, cell: float = 1.0, chain: dict[str, Any] | None = None) -> Scenario:
+    """Return a maze of square cells, all of which a depth-first walk has joined to a tree, for any chain."""
     rng = np.random.Generator(np.random.PCG64([23, side, seed]))
     seen, stack, opened = {(0, 0)}, [(0, 0)], set()
     while stack:
@@ -60,6 +60,7 @@ def maze(side: int, seed: int, cell: float = 1.0) -> Scenario:
         (side * cell, side * cell),
         [0.5 * cell, 0.5 * cell, start_turn],
         [(side - 0.5) * cell, (side - 0.5) * cell, goal_turn],
+        chain,
     )
 
 
@@ -156,16 +157,24 @@ def _between(here: tuple[int, int], there: tuple[int, int], cell: float, low: fl
 
 
 def _scenario(
-    name: str, walls: list[Wall], room: tuple[float, float], start: list[float], goal: list[float]
+    name: str,
+    walls: list[Wall],
+    room: tuple[float, float],
+    start: list[float],
+    goal: list[float],
+    chain: dict[str, Any] | None = None,
 ) -> Scenario:
     box = {"shape": {"box": [0.08, 0.14]}, "mass": 1.0}
-    document: dict[str, Any] = {
-        "format": "pushplan/1",
-        "name": name,
+    two_boxes = {
         "floor": {"friction": 0.3},
         "objects": [{"name": "near", **box}, {"name": "far", **box}],
         "contacts": {"friction": 0.5},
         "pusher": {"width": PLATE, "friction": 0.5},
+    }
+    document: dict[str, Any] = {
+        "format": "pushplan/1",
+        "name": name,
+        **(chain or two_boxes),
         "start": [float(value) for value in start],
         "goal": {"pose": [float(value) for value in goal]},
         "workspace": {"x": [0.0, room[0]], "y": [0.0, room[1]]},

@@ -1,0 +1,255 @@
+"""What `auto` leaves unsolved although another planner of the package solves it: 310 problems, by CPU time.
+
+Run `python benchmarks/unsolved.py [--kinds maze ...] [--seeds 3] [--seconds 2] [--from 0] [--share 1]`.
+Every problem is put to `auto` with default settings until it has a plan; those that it does not solve with every seed
+are put to the planners of OMPL that the package offers, and to SST. Printed for each kind of problem: runs of `auto`
+with a plan, CPU time to it, problems that no planner solves (many have no way), and those that another planner solves
+and `auto` does not, by name. The exit status is 1 when there is one. No problem here was looked at when the planner
+was made; `--from` draws others.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import dense_scenes
+import numpy as np
+import series
+
+from pushplan.bench.machine import Machine
+from pushplan.bench.random_problems import GeneratorError, generate, random_chain, scenario_yaml
+from pushplan.bench.schema import ProblemParameters
+from pushplan.errors import PushplanError
+from pushplan.planners.planner import Planner
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import Scenario
+
+STOCK = ("rrt", "est", "kpiece", "sst")
+DRIVES = ("omnidirectional", "differential", "car")
+BENT: dict[str, Any] = {
+    "name": "bent",
+    "shape": {
+        "polygon": [[-0.05, -0.08], [0.07, -0.08], [0.07, -0.03], [0.0, -0.03], [0.0, 0.08], [-0.05, 0.08]]
+    },
+    "mass": 0.8,
+}
+"""An angle iron, which is not convex."""
+
+
+def _rng(kind: str, number: int) -> np.random.Generator:
+    return np.random.Generator(np.random.PCG64([31, *kind.encode(), number]))
+
+
+def chain(rng: np.random.Generator) -> dict[str, Any]:
+    """Return the sections of one to three boxes, of an angle iron before a box, or of boxes before wheels."""
+    match int(rng.integers(4)):
+        case 0:
+            objects = [{"name": f"box{i}", "shape": {"box": [0.08, 0.14]}, "mass": 1.0} for i in range(3)]
+        case 1:
+            objects = [BENT, {"name": "box", "shape": {"box": [0.08, 0.1]}, "mass": 0.5}]
+        case 2:
+            drives = ProblemParameters(objects=(1, 2), drives=DRIVES[1:], turning_radius=0.4)
+            return random_chain(rng, drives)[0]
+        case _:
+            return random_chain(rng, ProblemParameters(objects=(1, 3), turning_radius=0.4))[0]
+    pusher = {"width": 0.16, "friction": 0.5}
+    return {"floor": {"friction": 0.3}, "objects": objects, "contacts": {"friction": 0.5}, "pusher": pusher}
+
+
+def maze(number: int) -> Scenario:
+    rng = _rng("maze", number)
+    return series.maze(int(rng.integers(8, 15)), 100 + number, float(rng.uniform(1.0, 1.6)), chain(rng))
+
+
+def office(number: int) -> Scenario:
+    return series.office(int(_rng("office", number).integers(6, 13)), 100 + number)
+
+
+def walled(name: str, rng: np.random.Generator, walls: list[Any], start: Any, goal: Any) -> Scenario:
+    """Return a room of 6 x 4 m with walls, given by their corners."""
+    return scenario_from_text(
+        scenario_yaml(
+            {
+                "name": name,
+                **chain(rng),
+                "start": np.round(start, 4).tolist(),
+                "goal": {"pose": np.round(goal, 4).tolist()},
+                "workspace": {"x": [0.0, 6.0], "y": [0.0, 4.0]},
+                "obstacles": [{"polygon": np.round(wall, 4).tolist()} for wall in walls],
+            }
+        ),
+        name,
+    )
+
+
+def _bar(begin: Any, end: Any) -> Any:
+    """Return the corners of a wall from one point to another."""
+    begin, end = np.array(begin), np.array(end)
+    across = (
+        0.5 * series.THICK * np.array([begin[1] - end[1], end[0] - begin[0]]) / np.linalg.norm(end - begin)
+    )
+    return np.array([begin - across, end - across, end + across, begin + across])
+
+
+def leaning(number: int) -> Scenario:
+    """Return three walls at angles, with gaps of 0.5 to 1 m at alternate ends."""
+    rng, walls = _rng("leaning", number), []
+    for k, x in enumerate((1.7, 3.0, 4.3)):
+        lean, gap = rng.uniform(-0.5, 0.5), rng.uniform(0.5, 1.0)
+        low, high = (0.0, 4.0 - gap) if k % 2 else (gap, 4.0)
+        walls.append(_bar((x - lean, low), (x + lean, high)))
+    start, goal = [0.5, rng.uniform(1.0, 3.0), 0.0], [5.2, rng.uniform(1.0, 3.0), 0.0]
+    return walled(f"leaning-{number}", rng, walls, start, goal)
+
+
+def pocket(number: int) -> Scenario:
+    """Return a U that is open away from the goal, with the start in it, or the other way round."""
+    rng = _rng("pocket", number)
+    wide, deep, turned = rng.uniform(1.0, 1.6), rng.uniform(0.8, 1.6), rng.uniform(-0.6, 0.6)
+    turn = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
+    corners = np.array([[-deep, 0.5], [0.0, 0.5], [0.0, -0.5], [-deep, -0.5]]) * [1.0, wide] @ turn.T + [
+        3.2,
+        2.0,
+    ]
+    walls = [_bar(a, b) for a, b in pairwise(corners)]
+    inside = [*(np.array([0.4 - deep, 0.0]) @ turn.T + [3.2, 2.0]), turned]
+    outside = [rng.uniform(4.3, 5.2), rng.uniform(0.8, 3.2), rng.uniform(-0.5, 0.5)]
+    if number % 2:  # into the U, which must be open towards what comes
+        return walled(f"pocket-{number}", rng, walls, [0.6, rng.uniform(1.0, 3.0), 0.0], inside)
+    inside[2] += np.pi
+    return walled(f"pocket-{number}", rng, walls, inside, outside)
+
+
+def near(number: int) -> Scenario:
+    """Return a goal that is near: sideways, behind, or turned on the spot, in a room with three short walls."""
+    rng = _rng("near", number)
+    start = np.array([3.0, 2.0, rng.uniform(-3.0, 3.0)])
+    goal = start + np.append(rng.uniform(-0.25, 0.25, 2), rng.uniform(-0.6, 0.6))
+    walls = []
+    for angle in rng.uniform(-np.pi, np.pi, 3):
+        middle = start[:2] + rng.uniform(1.0, 1.6) * np.array([np.cos(angle), np.sin(angle)])
+        along = rng.uniform(0.2, 0.5) * np.array([-np.sin(angle), np.cos(angle)])
+        walls.append(_bar(middle - along, middle + along))
+    return walled(f"near-{number}", rng, walls, start, goal)
+
+
+def cluttered(number: int) -> Scenario:
+    """Return up to five objects and thirty obstacles with any drive."""
+    return scenario_from_text(
+        generate(ProblemParameters(drives=DRIVES), 5_000 + number), f"cluttered-{number}"
+    )
+
+
+def dense(number: int) -> Scenario:
+    return scenario_from_text(scenario_yaml(dense_scenes.scene(300 + number)), f"dense-{number}")
+
+
+KINDS: dict[str, tuple[Callable[[int], Scenario], int]] = {
+    "cluttered": (cluttered, 100),
+    "dense": (dense, 90),
+    "maze": (maze, 40),
+    "office": (office, 20),
+    "leaning": (leaning, 20),
+    "pocket": (pocket, 20),
+    "near": (near, 20),
+}
+
+
+@dataclass
+class Tally:
+    """Of one kind of problem: CPU seconds to the plans of `auto`, and how many problems or runs there are of what."""
+
+    firsts: list[float] = field(default_factory=list)
+    runs: int = 0
+    problems: int = 0
+    nobody: int = 0
+    missed: list[str] = field(default_factory=list)
+
+
+def problems(kind: str, begin: int, share: float) -> Iterator[Scenario]:
+    """Yield the problems of a kind; numbers whose start or goal is not free are passed over."""
+    make, count = KINDS[kind]
+    number, wanted = begin, max(1, round(share * count))
+    while wanted:
+        try:
+            scenario = make(number)
+            Planner(scenario)
+        except (GeneratorError, PushplanError):
+            pass
+        else:
+            wanted -= 1
+            yield scenario
+        number += 1
+
+
+def seconds_of(scenario: Scenario, planner: str, seed: int, limit: float) -> float | None:
+    """Return the CPU time to the first plan, s, None where there is none within the limit."""
+    found = Planner(scenario, planner=planner).plan(first=True, seed=seed, time_limit=limit, explain=False)
+    return found.first_solution_s if found.solved else None
+
+
+def measure(kind: str, given: argparse.Namespace) -> Tally:
+    """Put the problems of a kind to `auto`, and those that it leaves unsolved to the others."""
+    tally, seeds = Tally(), range(1, given.seeds + 1)
+    for scenario in problems(kind, given.begin, given.share):
+        tally.problems += 1
+        found = [seconds_of(scenario, "auto", seed, given.seconds) for seed in seeds]
+        tally.runs += len(found)
+        tally.firsts += [one for one in found if one is not None]
+        if None not in found:
+            continue
+        others = {
+            planner: sum(seconds_of(scenario, planner, seed, given.seconds) is not None for seed in seeds)
+            for planner in STOCK
+        }
+        solving = ", ".join(f"{planner} {count}" for planner, count in others.items() if count)
+        own = sum(one is not None for one in found)
+        if solving:
+            tally.missed.append(f"{scenario.name} (auto {own}, {solving} of {given.seeds})")
+        elif not own:
+            tally.nobody += 1
+        print(f"{scenario.name}: auto {own}, others {solving or 'none'}", file=sys.stderr, flush=True)
+    return tally
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--kinds", nargs="+", choices=list(KINDS), default=list(KINDS))
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--seconds", type=float, default=2.0, help="CPU time of each search")
+    parser.add_argument(
+        "--from", dest="begin", type=int, default=0, help="number of the first problem of a kind"
+    )
+    parser.add_argument("--share", type=float, default=1.0, help="of the problems of each kind")
+    given = parser.parse_args()
+    time.perf_counter = time.process_time  # searches then count CPU time, whatever else the machine does
+    print(f"{Machine.this().words}, {given.seeds} seeds, {given.seconds:g} s of CPU each")
+    print(
+        "| problems | solved by `auto`, runs | median, 90 %, most to the plan | solved by nobody | by others |"
+    )
+    print("|---|---|---|---|---|")
+    missed = []
+    for kind in given.kinds:
+        tally = measure(kind, given)
+        missed += tally.missed
+        at = 1e3 * np.quantile(tally.firsts or [np.nan], [0.5, 0.9, 1.0], method="higher")
+        times = ", ".join(f"{one:.3g}" for one in at)
+        print(
+            f"| {kind}, {tally.problems} | {len(tally.firsts)} of {tally.runs} | {times} ms | "
+            f"{tally.nobody} | {len(tally.missed)} |",
+            flush=True,
+        )
+    print("\n".join(["", *missed]) if missed else "\nnothing that others solve is left unsolved")
+    return bool(missed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
