@@ -30,6 +30,7 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,7 +38,7 @@ from tracker import Tracker
 
 from pushplan.bench.machine import Machine
 from pushplan.core.slip import Trace
-from pushplan.geometry.se2 import compose, exp, relative, rotate, wrap_angle
+from pushplan.geometry.se2 import compose, exp, inverse, relative, rotate, twist_of, wrap_angle
 from pushplan.mechanics.contacts import carried_objects
 from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
@@ -77,7 +78,7 @@ class Errors:
         turned: rad, of every measured heading.
         clock: s, by which stamps are late.
         unstamped: s, by which measurements are late that have no stamps.
-        odometry: Scale of the way and share that it drifts aside, and scale in turns, that the plate goes too far.
+        odometry: Scale of the way and share that it drifts aside, and scale in turns, that the wheels go too far.
         noise: Standard deviations, m and rad.
         start: m and rad, of the plate.
         jump: m and rad, of the localisation half-way; the plate's pose is measured then.
@@ -95,9 +96,15 @@ class Errors:
     unseen: float = 0.0
 
     def and_(self, other: Errors) -> Errors:
-        """Return both errors at once."""
+        """Return both errors at once; the first of two of the same number."""
         nominal, mine = Errors(), vars(self)
-        return Errors(**{k: v if mine[k] == getattr(nominal, k) else mine[k] for k, v in vars(other).items()})
+        return Errors(**{k: _either(mine[k], v, getattr(nominal, k)) for k, v in vars(other).items()})
+
+
+def _either(mine: Any, other: Any, nominal: Any) -> Any:
+    if isinstance(mine, tuple):
+        return tuple(map(_either, mine, other, nominal))
+    return other if mine == nominal else mine
 
 
 ERRORS = {
@@ -142,6 +149,7 @@ class Erring:
     own: bool = field(init=False)
     sign: float = field(init=False)
     plate: FloatArray = field(init=False)
+    wheels: FloatArray = field(init=False)
     leap: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
@@ -152,6 +160,8 @@ class Erring:
         self.shift = np.array([e.bias * math.cos(way), e.bias * math.sin(way), turned])
         self.leap = np.array([e.jump[0] * math.cos(jump), e.jump[0] * math.sin(jump), self.sign * e.jump[1]])
         self.plate = np.array(self.controller.scenario.plate_start)
+        pusher = self.controller.scenario.pusher
+        self.wheels = relative(pusher.plate_pose, pusher.wheels_pose)
 
     @property
     def load(self) -> Load | None:
@@ -180,13 +190,13 @@ class Erring:
             plate = self.plate if now < self.half else compose(self.leap, self.plate)
         twist = np.asarray(self.controller.step(now, rows, measured_at, plate))
         v, crab, turn = np.array(e.odometry) * self.sign
-        done = np.array(
-            [
-                (1 + v) * twist[0] - crab * twist[1],
-                (1 + v) * twist[1] + crab * twist[0],
-                (1 + turn) * twist[2],
-            ]
-        )
+        rolled = twist_of(self.wheels, twist)
+        done = [
+            (1 + v) * rolled[0] - crab * rolled[1],
+            (1 + v) * rolled[1] + crab * rolled[0],
+            (1 + turn) * rolled[2],
+        ]
+        done = twist_of(inverse(self.wheels), done)
         self.plate = compose(self.plate, exp(done / self.controller.settings.rate))
         return done
 

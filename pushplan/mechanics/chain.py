@@ -229,6 +229,16 @@ class Pusher:
         low, high = self.outline.min(axis=0), self.outline.max(axis=0)
         return np.array([high[0], 0.5 * (low[1] + high[1]), 0.0])
 
+    @property
+    def wheels_pose(self) -> FloatArray:
+        """(3,) pose in the chain frame of what wheels move: the axle's middle, else the base, else the plate's frame.
+
+        Errors of odometry are constants of that frame; of another one they change with the turns.
+        """
+        if self.drive.axle is not None:
+            return self.drive.axle
+        return self.plate_pose if self.base is None else self.base
+
 
 @dataclass(frozen=True, eq=False)
 class Chain:

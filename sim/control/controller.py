@@ -116,6 +116,7 @@ class Controller:
         self._rest_planner = RestPlanner(scenario, plan, self._delivered.tolerance, observer)
         self._plate = self._told = np.array(scenario.plate_start)
         self._odometry = Odometry(self._plate)
+        self._wheels = relative(scenario.pusher.plate_pose, scenario.pusher.wheels_pose)
         self._now, self._began, self._since, self._late = 0.0, math.inf, 0.0, False
         self._planned, self._at, self._before, self._rests = plan, 0, 0, 0
         self._again, self._backing, self._lost = 0, False, ""
@@ -210,7 +211,7 @@ class Controller:
         else:
             twist = log(relative(self._told, self._odometry.pose))
             if self._estimator is not None:
-                twist = self._estimator.scaled(twist)
+                twist = self._estimator.scaled(twist, self._wheels)
             self._plate = compose(self._plate, exp(twist))
         self._told = self._odometry.pose
 
@@ -221,7 +222,7 @@ class Controller:
             told = twist_of(self._push.load.chain.pusher.plate_pose, self._push.twist())
         elif self._following is not None and not self.over and not self._following.drive.over:
             twist = self._following.twist(self._plate)
-            told = twist if self._estimator is None else self._estimator.asked(twist)
+            told = twist if self._estimator is None else self._estimator.asked(twist, self._wheels)
         self._odometry.drive(told, 1.0 / self.settings.rate)
         return np.array(told)
 

@@ -124,7 +124,8 @@ class PushLoop:
         self.load, self.phase, self.text = segment.load, Phase.PUSHING, ""
         self._closer = World.from_scenario(scenario)
         self._known = known
-        self.estimator = Estimator(settings, len(scenario.chain.objects), known)
+        self._wheels = scenario.pusher.wheels_pose
+        self.estimator = Estimator(settings, len(scenario.chain.objects), self._wheels, known)
         self._normals = np.array([contact.normal for contact in scenario.chain.contacts])
         self.plate, self._odometry, self._told = plate, plate, odometry
         self._now, self._began, self._fitted, self.way = now, now, -math.inf, 0.0
@@ -217,7 +218,7 @@ class PushLoop:
         self.plate = compose(self.plate, exp(twist * period))
         self.way += float(np.hypot(*twist_of(self.scenario.pusher.plate_pose, twist)[:2])) * period
         self._stall.driven(self._now, twist * period, self.plate)
-        return self.estimator.asked(twist)
+        return self.estimator.asked(twist, self._wheels)
 
     def decide(self) -> None:
         """Stop where something is not as it should be, and decide what to do once it has been looked at."""
@@ -409,7 +410,7 @@ class PushLoop:
         self._off, first = off, self.load.names[self.load.chain.first_pushed]
         self._tell("touch", f"{first} tells that the plate is {words(*off)} off")
         self.plate = self._odometry = compose(self.plate, shift)
-        self.estimator = Estimator(self.settings, len(self.load.names), self.estimator)
+        self.estimator = Estimator(self.settings, len(self.load.names), self._wheels, self.estimator)
         self.estimator.moved(self._now, self._odometry)
 
     def _drive_on(self, plan: Plan) -> None:

@@ -8,7 +8,7 @@ from conftest import there
 
 import pushplan
 from pushplan.errors import ChainError
-from pushplan.geometry.se2 import compose, exp, relative
+from pushplan.geometry.se2 import compose, exp, inverse, relative, twist_of
 from pushplan.mechanics.perturb import slid
 from pushplan.planners.clearance import excess, find_collision
 from pushplan.planners.multi.room import TOLERANCE_USED
@@ -119,12 +119,17 @@ TRUTHS = {
 }  # fmt: skip
 
 
+@pytest.mark.parametrize("wheels", [[0.0, 0.0, 0.0], [-0.45, -0.2, 0.0]])
 @pytest.mark.parametrize("what", TRUTHS)
-def test_what_is_wrong_is_found_and_measurements_to_come_are_expected(what: str) -> None:
-    """Along bends the other way that were not learned from: what stays open there cannot matter."""
+def test_what_is_wrong_is_found_and_measurements_to_come_are_expected(what: str, wheels: list[float]) -> None:
+    """Along bends the other way that were not learned from: what stays open there cannot matter.
+
+    Wheels err by constants where they are, wherever that is from the contact.
+    """
     start, tau, scales, bias = TRUTHS[what]
+    back = inverse(wheels)
     settings, places = ControlSettings(), np.array([[0.1, 0.0, 0.0], [0.3, 0.02, 0.5]])
-    estimator, random, period = Estimator(settings, 2), np.random.default_rng(3), 0.02
+    estimator, random, period = Estimator(settings, 2, np.array(wheels)), np.random.default_rng(3), 0.02
     believed, true, poses = np.zeros(3), start, []
     for k in range(1500):
         speed = 0.2 * min(1.0, 0.04 * max(0, k - 25))
@@ -141,13 +146,16 @@ def test_what_is_wrong_is_found_and_measurements_to_come_are_expected(what: str)
             estimator.add(Sample(k * period, seen, places))
         if k % 20 == 0:
             estimator.fit(k * period)
-        done = np.array(twist)
-        done[0] += scales[0] * twist[0] - scales[1] * twist[1]
-        done[1] += scales[0] * twist[1] + scales[1] * twist[0]
+        rolled = twist_of(wheels, twist)
+        done = np.array(rolled)
+        done[0] += scales[0] * rolled[0] - scales[1] * rolled[1]
+        done[1] += scales[0] * rolled[1] + scales[1] * rolled[0]
         done[2] *= 1.0 + scales[2]
+        done = twist_of(back, done)
         believed, true = compose(believed, exp(twist * period)), compose(true, exp(done * period))
         if k == 1300:
-            assert estimator.asked(estimator.scaled(twist)) == pytest.approx(twist)
+            other = estimator.scaled(twist, np.array(wheels))
+            assert estimator.asked(other, np.array(wheels)) == pytest.approx(twist)
     late = compose(compose(compose(poses[1490], exp(-tau * twist)), places), bias)
     sample = Sample(1490 * period, late, places)
     off, spread = estimator.residuals([sample])[0], estimator.spread(sample)
@@ -178,7 +186,7 @@ def test_slides_are_told_from_constant_errors(crates: pushplan.Scenario, what: s
     """Over 2 m, on a straight at first and, where there is anything before that to tell it from, on an arc."""
     contact, rate, drift, begin = SLIDES[what]
     chain, random, period, way = crates.chain, np.random.default_rng(5), 1.0 / 30.0, 0.0
-    estimator, believed, true = Estimator(ControlSettings(), 2), np.zeros(3), np.zeros(3)
+    estimator, believed, true = Estimator(ControlSettings(), 2, np.zeros(3)), np.zeros(3), np.zeros(3)
     for k in range(300):
         speed, slides = 0.2 * min(1.0, 0.05 * max(0, k - 15)), np.zeros(2)
         twist = np.array([speed, 0.0, 0.3 * speed if begin and k > 100 else 0.0])
