@@ -3,9 +3,9 @@
 Run `python benchmarks/unsolved.py [--kinds maze ...] [--seeds 3] [--seconds 2] [--from 0] [--share 1]`.
 Every problem is put to `auto` with default settings until it has a plan; those that it does not solve with every seed
 are put to the planners of OMPL that the package offers, and to SST. Printed for each kind of problem: runs of `auto`
-with a plan, CPU time to it, problems that no planner solves (many have no way), and those that another planner solves
-and `auto` does not, by name. The exit status is 1 when there is one. No problem here was looked at when the planner
-was made; `--from` draws others.
+with a plan, CPU time to it, problems that are proven to have no way, those that no planner solves, and those that
+another planner solves and `auto` does not, by name. The exit status is 1 when there is one. No problem here was
+looked at when the planner was made; `--from` draws others.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from pushplan.bench.random_problems import GeneratorError, generate, random_chai
 from pushplan.bench.schema import ProblemParameters
 from pushplan.errors import PushplanError
 from pushplan.planners.planner import Planner
+from pushplan.plans.plan import Plan
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
 
@@ -151,13 +152,13 @@ def dense(number: int) -> Scenario:
 
 
 KINDS: dict[str, tuple[Callable[[int], Scenario], int]] = {
-    "cluttered": (cluttered, 100),
-    "dense": (dense, 90),
     "maze": (maze, 40),
     "office": (office, 20),
     "leaning": (leaning, 20),
     "pocket": (pocket, 20),
     "near": (near, 20),
+    "cluttered": (cluttered, 100),
+    "dense": (dense, 90),
 }
 
 
@@ -168,6 +169,7 @@ class Tally:
     firsts: list[float] = field(default_factory=list)
     runs: int = 0
     problems: int = 0
+    proven: int = 0
     nobody: int = 0
     missed: list[str] = field(default_factory=list)
 
@@ -188,10 +190,9 @@ def problems(kind: str, begin: int, share: float) -> Iterator[Scenario]:
         number += 1
 
 
-def seconds_of(scenario: Scenario, planner: str, seed: int, limit: float) -> float | None:
-    """Return the CPU time to the first plan, s, None where there is none within the limit."""
-    found = Planner(scenario, planner=planner).plan(first=True, seed=seed, time_limit=limit, explain=False)
-    return found.first_solution_s if found.solved else None
+def first_plan(scenario: Scenario, planner: str, seed: int, limit: float) -> Plan:
+    """Search until there is a plan, for so many seconds of CPU time at most."""
+    return Planner(scenario, planner=planner).plan(first=True, seed=seed, time_limit=limit)
 
 
 def measure(kind: str, given: argparse.Namespace) -> Tally:
@@ -199,17 +200,20 @@ def measure(kind: str, given: argparse.Namespace) -> Tally:
     tally, seeds = Tally(), range(1, given.seeds + 1)
     for scenario in problems(kind, given.begin, given.share):
         tally.problems += 1
-        found = [seconds_of(scenario, "auto", seed, given.seconds) for seed in seeds]
+        found = [first_plan(scenario, "auto", seed, given.seconds) for seed in seeds]
+        own = sum(plan.solved for plan in found)
         tally.runs += len(found)
-        tally.firsts += [one for one in found if one is not None]
-        if None not in found:
+        tally.firsts += [plan.first_solution_s for plan in found if plan.first_solution_s is not None]
+        if own == len(found):
+            continue
+        if any(cause.proven for plan in found for cause in plan.diagnosis):
+            tally.proven += 1
             continue
         others = {
-            planner: sum(seconds_of(scenario, planner, seed, given.seconds) is not None for seed in seeds)
+            planner: sum(first_plan(scenario, planner, seed, given.seconds).solved for seed in seeds)
             for planner in STOCK
         }
         solving = ", ".join(f"{planner} {count}" for planner, count in others.items() if count)
-        own = sum(one is not None for one in found)
         if solving:
             tally.missed.append(f"{scenario.name} (auto {own}, {solving} of {given.seeds})")
         elif not own:
@@ -233,9 +237,10 @@ def main() -> int:
     time.perf_counter = time.process_time  # searches then count CPU time, whatever else the machine does
     print(f"{Machine.this().words}, {given.seeds} seeds, {given.seconds:g} s of CPU each")
     print(
-        "| problems | solved by `auto`, runs | median, 90 %, most to the plan | solved by nobody | by others |"
+        "| problems | solved by `auto`, runs | median, 90 %, most to the plan | proven to have no way | solved by "
+        "nobody | by others |"
     )
-    print("|---|---|---|---|---|")
+    print("|---|---|---|---|---|---|")
     missed = []
     for kind in given.kinds:
         tally = measure(kind, given)
@@ -244,7 +249,7 @@ def main() -> int:
         times = ", ".join(f"{one:.3g}" for one in at)
         print(
             f"| {kind}, {tally.problems} | {len(tally.firsts)} of {tally.runs} | {times} ms | "
-            f"{tally.nobody} | {len(tally.missed)} |",
+            f"{tally.proven} | {tally.nobody} | {len(tally.missed)} |",
             flush=True,
         )
     print("\n".join(["", *missed]) if missed else "\nnothing that others solve is left unsolved")
