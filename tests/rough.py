@@ -2,9 +2,12 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import pytest
 
+from pushplan.plans.settings import PlanSettings
+from pushplan.scenario.model import Scenario
 from pushplan.sim.control.controller import DEFAULTS
 from pushplan.sim.identify import posterior
 
@@ -24,3 +27,17 @@ def slow_controllers() -> Iterator[None]:
     object.__setattr__(DEFAULTS, "rate", 0.5 * rate)
     yield
     object.__setattr__(DEFAULTS, "rate", rate)
+
+
+@contextmanager
+def first_plans() -> Iterator[None]:
+    """Let searches end with their first plan, and wait for it on a busy machine."""
+    completed = PlanSettings.completed
+
+    def first(settings: PlanSettings, scenario: Scenario) -> PlanSettings:
+        limit = 60.0 if settings.time_limit is None else settings.time_limit
+        return completed(replace(settings, first=True, time_limit=limit), scenario)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(PlanSettings, "completed", first)
+        yield

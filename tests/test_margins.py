@@ -209,7 +209,7 @@ def test_every_margin_is_positive_just_below_the_robustness_and_one_is_not_just_
     for kind in perturbed.KINDS:
         value = getattr(robustness, kind)
         size = 1.0 - value if kind == "contact_friction" else value
-        for share, holds in ((0.5, True), (0.98, True), (1.02, False)):
+        for share, holds in ((0.98, True), (1.02, False)):
             off = 1.0 - share * size if kind == "contact_friction" else share * size
             least = perturbed.least_at(scenario.chain, trajectory, kind, off)
             assert (least > 0.0) == holds or (share > 1.0 and size >= MOST.get(kind, np.inf)), (kind, share)
@@ -221,7 +221,7 @@ def test_every_margin_is_positive_just_below_the_robustness_and_one_is_not_just_
     scale, corner = JointErrors(Course(scenario.chain, moments), box).worst()
     assert scale == robustness.joint
     rng = np.random.default_rng(1)
-    for point in [corner, *rng.choice([-1.0, 1.0], (20, *corner.shape))]:
+    for point in [corner, *rng.choice([-1.0, 1.0], (8, *corner.shape))]:
         assert joint_errors["least"](box, 0.98 * scale, point, moments) > 0.0
     assert joint_errors["least"](box, 1.02 * scale, corner, moments) < 0.0
 

@@ -121,6 +121,7 @@ LEFT_BEHIND = {
     r"cut_off|plan_again": "incomplete, replan",
 }  # fmt: skip
 """What was said, and what is said."""
+LEFT = re.compile(rf"(?<![\w/.`#-])({'|'.join(LEFT_BEHIND)})(?![\w/`.-]*\.(md|yaml|png))\b", re.IGNORECASE)
 ALLOWED = (
     r"without (finding|a path)|from finding|root finding",
     r"`?findings`?\)|errors Finding|\.findings",  # of `ScenarioError`: a fixed public name
@@ -129,15 +130,8 @@ ALLOWED = (
 
 def words_left(text: str) -> list[str]:
     """Return the words of a text that were left behind, with what is around them."""
-    found = []
-    for pattern in LEFT_BEHIND:
-        for match in re.finditer(
-            rf"(?<![\w/.`#-])({pattern})(?![\w/`.-]*\.(md|yaml|png))\b", text, re.IGNORECASE
-        ):
-            around = text[max(0, match.start() - 40) : match.end() + 40].replace("\n", " ")
-            if not any(re.search(one, around, re.IGNORECASE) for one in ALLOWED):
-                found.append(around)
-    return found
+    around = [text[max(0, m.start() - 40) : m.end() + 40].replace("\n", " ") for m in LEFT.finditer(text)]
+    return [one for one in around if not any(re.search(word, one, re.IGNORECASE) for word in ALLOWED)]
 
 
 def pages() -> Iterator[tuple[str, str]]:

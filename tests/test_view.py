@@ -268,7 +268,7 @@ def test_in_a_browser_what_is_dragged_is_planned_saved_played_or_refused(
     with boxes.chromium(tmp_path / "view") as browser, closing(Window(scenario, 8473)) as window:
         viewed.open_window(browser, window)
         goal, start = window.draft.poses["goal"], window.draft.poses["start"]
-        viewed.drag(browser, window, goal, goal + np.array([-0.1, -0.1, 0.0]))
+        viewed.drag(browser, window, goal, goal + np.array([-0.1, -0.1, 0.0]), steps=3)
         viewed.shown_after(browser, "polished")
         good = window.answer
         browser.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(downloads))
@@ -276,7 +276,7 @@ def test_in_a_browser_what_is_dragged_is_planned_saved_played_or_refused(
         file.write_text(viewed.downloaded(downloads))
         viewed.click(browser, "Play")
         played = np.array([pose for _ in range(25) if (pose := viewed.next_played(window)) is not None])
-        viewed.drag(browser, window, start, start + np.array([0.55, 0.3, 0.0]))  # into a wall
+        viewed.drag(browser, window, start, start + np.array([0.3, -0.35, 0.0]), steps=3)  # into an obstacle
         viewed.wait_for(browser, "document.body.innerText.includes('no plan')")
         assert viewed.next_played(window) is None
         bad = window.answer

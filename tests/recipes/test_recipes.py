@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import there
+from rough import first_plans
 
 import pushplan
 from pushplan.cli.main import main
@@ -83,7 +84,8 @@ def test_an_exporter_writes_what_a_run_holds(tmp_path: Path, capsys: Captured) -
 def test_a_simulator_executes_trials(capsys: Captured) -> None:
     rates = []
     for simulator in ("slip", "wet-floor"):
-        assert main(["trial", "two-crates", "--samples", "3", "--json", "--simulator", simulator]) == 0
+        with first_plans():
+            assert main(["trial", "two-crates", "--samples", "3", "--json", "--simulator", simulator]) == 0
         rates.append(json.loads(capsys.readouterr().out)["held"])
     assert rates[0] > rates[1]
 
