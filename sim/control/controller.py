@@ -205,9 +205,8 @@ class Controller:
     def _moved(self) -> None:
         """Take down how the plate has moved since the last step."""
         if self._push is not None:
-            frame = self._push.load.frame_plate
-            self._push.moved(self._now, compose(self._odometry.pose, frame), self._odometry.localised)
-            self._plate = compose(self._push.plate, inverse(frame))
+            self._push.moved(self._now)
+            self._plate = compose(self._push.plate, inverse(self._push.load.frame_plate))
         else:
             twist = log(relative(self._told, self._odometry.pose))
             if self._estimator is not None:
@@ -390,7 +389,6 @@ class Controller:
             replanner = Replanner(job.scenario, self.settings, self._observer)
         else:
             job = PushJob(self.scenario, self.plan, self._standing.columns(load.names), self._most)
-        plate, odometry = compose(np.stack([self._plate, self._odometry.pose]), load.frame_plate)
         self._push = PushLoop(
             replace(job, again=self._again < AGAIN),
             replanner,
@@ -399,8 +397,8 @@ class Controller:
             self._tell,
             self.replans.append,
             self._now,
-            plate,
-            odometry,
+            compose(self._plate, load.frame_plate),
+            self._odometry,
             self._estimator,
         )
         if self._late and self._estimator is None:

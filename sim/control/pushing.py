@@ -16,7 +16,7 @@ from enum import Enum
 import numpy as np
 
 from pushplan.errors import ChainError
-from pushplan.geometry.se2 import compose, exp, log, relative, twist_of
+from pushplan.geometry.se2 import compose, exp, inverse, log, relative
 from pushplan.mechanics.perturb import slid
 from pushplan.planners.timing.arc_limits import motion_bounds
 from pushplan.planners.timing.exact_timing import time_path
@@ -37,8 +37,8 @@ from pushplan.sim.control.departures import Slide, find_slide, off_place
 from pushplan.sim.control.estimator import HOLD, Estimator, Sample
 from pushplan.sim.control.following import Following
 from pushplan.sim.control.jobs import PushJob
-from pushplan.sim.control.replanner import BOLD, CAUTION, Replanner
-from pushplan.sim.control.sensing import Sightings
+from pushplan.sim.control.replanner import BOLD, Replanner
+from pushplan.sim.control.sensing import Odometry, Sightings
 from pushplan.sim.control.settings import SIGMAS, ControlSettings, words
 from pushplan.sim.control.stall import StallWatch
 from pushplan.sim.follower import Steering
@@ -47,8 +47,6 @@ from pushplan.util.arrays import FloatArray
 
 CLOSINGS = 3
 """Pushes in a row that may fail to close contacts."""
-ATTEMPTS = 24
-"""Replans in a row that may find nothing."""
 CLEARLY, BARELY = 0.8, 0.95
 """Shares of the tolerances: nothing need be better, arrived for all the noise."""
 LITTLE = 0.5
@@ -86,7 +84,7 @@ class PushLoop:
         record: Takes attempts to plan.
         now: Time, s.
         plate: (3,) pose of the contact's frame in the world, as believed.
-        odometry: (3,) likewise by odometry.
+        odometry: Where the plate is by that, and how far it has travelled.
         known: Of a push before: what it found of clocks and wheels holds on.
 
     Attributes:
@@ -95,7 +93,6 @@ class PushLoop:
         text: How it ended: what is left, or why it gave up.
         plate: (3,) pose of the contact's frame in the world, as believed.
         places: (n, 3) poses of the objects in that frame, as believed.
-        way: Travel of the plate so far, m.
         estimator: What sensors and wheels err by.
         met_aside: It is over because the load was met where it takes a long way round from.
         stalled: It is over because the load is too heavy.
@@ -111,7 +108,7 @@ class PushLoop:
         record: Callable[[Replan], None],
         now: float,
         plate: FloatArray,
-        odometry: FloatArray,
+        odometry: Odometry,
         known: Estimator | None = None,
     ) -> None:
         scenario, plan = job.scenario, job.plan
@@ -123,12 +120,12 @@ class PushLoop:
         assert segment.load is not None
         self.load, self.phase, self.text = segment.load, Phase.PUSHING, ""
         self._closer = World.from_scenario(scenario)
-        self._known = known
         self._wheels = scenario.pusher.wheels_pose
         self.estimator = Estimator(settings, len(scenario.chain.objects), self._wheels, known)
         self._normals = np.array([contact.normal for contact in scenario.chain.contacts])
-        self.plate, self._odometry, self._told = plate, plate, odometry
-        self._now, self._began, self._fitted, self.way = now, now, -math.inf, 0.0
+        self._driven, self._before = odometry, odometry.travel
+        self.plate, self._from_odometry = plate, compose(plate, inverse(self._by_odometry))
+        self._now, self._began, self._fitted = now, now, -math.inf
         self._recent: deque[Sample] = deque(maxlen=max(2, 3 * settings.looks // 4))
         self.places = scenario.chain.places
         self._open: Contacts | None = None
@@ -149,6 +146,16 @@ class PushLoop:
         return self.phase in (Phase.ARRIVED, Phase.GAVE_UP)
 
     @property
+    def _by_odometry(self) -> FloatArray:
+        """(3,) pose of the contact's frame as odometry has it."""
+        return compose(self._driven.pose, self.load.frame_plate)
+
+    @property
+    def _way(self) -> float:
+        """Travel of the plate so far, m."""
+        return self._driven.travel - self._before
+
+    @property
     def _share(self) -> float:
         """Share of the tolerances that the error at the goal is."""
         return float(self._replanner.aim.share(compose(self.plate, self.places)))
@@ -156,20 +163,18 @@ class PushLoop:
     @property
     def _most(self) -> float:
         """Travel that a plan may take, m: what is left, and no more than coming nearer to the goal is worth."""
-        return min(self._job.most - self.way, max(LITTLE, self.settings.worth * (self._share - 1.0)))
+        return min(self._job.most - self._way, max(LITTLE, self.settings.worth * (self._share - 1.0)))
 
     @property
     def driving(self) -> bool:
         """Whether it follows a path, and nothing has made it stop."""
         return self.phase is Phase.PUSHING and not self._following.drive.stopping
 
-    def moved(self, now: float, odometry: FloatArray, localised: bool) -> None:
-        """Take down where the plate is by odometry (3,), and whether that was measured."""
+    def moved(self, now: float) -> None:
+        """Take down where the plate is by odometry."""
         self._now = now
-        self._odometry = compose(self._odometry, relative(self._told, odometry))
-        self._told = odometry
-        self.estimator.moved(now, self._odometry)
-        if localised:
+        self.estimator.moved(now, compose(self._from_odometry, self._by_odometry))
+        if self._driven.localised:
             self.plate = self.estimator.plate(now)
 
     def learn(self, time: float, poses: FloatArray) -> None:
@@ -180,7 +185,7 @@ class PushLoop:
         if not self.driving:
             return
         self.estimator.add(sample)
-        if not self._settled and self.way > SETTLE:
+        if not self._settled and self._way > SETTLE:
             self._settled = True
             self.estimator.forget(-math.inf, self._now)  # gaps were closing
         if self._now >= self._fitted + REFIT:
@@ -216,7 +221,6 @@ class PushLoop:
         period = 1.0 / self.settings.rate
         twist = self._following.twist(self.plate)
         self.plate = compose(self.plate, exp(twist * period))
-        self.way += float(np.hypot(*twist_of(self.scenario.pusher.plate_pose, twist)[:2])) * period
         self._stall.driven(self._now, twist * period, self.plate)
         return self.estimator.asked(twist, self._wheels)
 
@@ -342,12 +346,23 @@ class PushLoop:
     def _replan(self, contacts: Contacts, measured: FloatArray, off: str) -> None:
         """Go on with a new plan, from objects that are flush and have slid, unless it costs more than it gains."""
         self._closings, self._open = 0, None
-        replan = self._best_plan(contacts.slide)
+        lets_go = self._job.settle > 0.0  # then another push may bring it to the goal
+        given = self._now, self.plate, self._path, contacts.slide
+        attempts = self._replanner.best(*given, self._most, beside=not lets_go)
+        for replan in attempts:
+            self._record(replan)
+        self._replans += replan.solved
         result = replan.result
         if result is not None and result.path is not None and result.trajectory is not None:
             if self._is_too_far(result.segments[0].path.travel, off):
                 return
-            self._tell("replan", f"{result.path.cost:.3f} m in {result.trajectory.duration:.1f} s")
+            left = self._replanner.aim.errors(compose(result.path.end, self._replanner.chain.places))
+            where = (
+                f", which ends {words(*left)} off the goal"
+                if (left > self._replanner.aim.tolerance).any()
+                else ""
+            )
+            self._tell("replan", f"{result.path.cost:.3f} m in {result.trajectory.duration:.1f} s{where}")
             self._path, self.places = result.path, self._replanner.chain.places
             self._take_for_closed(measured)
             self._drive_on(result)
@@ -355,26 +370,6 @@ class PushLoop:
             self._end(Phase.ARRIVED, "within the tolerances, and there is no plan to come nearer")
         else:
             self._give_up(f"{off} remain to the goal, and there is no plan from here: {replan.reason}")
-
-    def _best_plan(self, slides: FloatArray) -> Replan:
-        """Return the most cautious plan that takes no more travel than it may, or where all do, the shortest."""
-        solved: list[tuple[float, Replan]] = []
-        most = self._most
-        for attempt in range(ATTEMPTS):
-            replan = self._replanner.replan(self._now, self.plate, self._path, slides, attempt)
-            if replan.result is None or replan.result.path is None:
-                self._record(replan)
-            else:
-                solved.append((replan.result.segments[0].path.travel, replan))
-            if solved and (solved[-1][0] <= most or attempt >= len(CAUTION) - 1):
-                break
-        if not solved:
-            return replan
-        most = max(most, min(travel for travel, _ in solved))
-        best = next(replan for travel, replan in solved if travel <= most)
-        self._record(best)
-        self._replans += 1
-        return best
 
     def _is_too_far(self, travel: float, off: str) -> bool:
         """End where a plan takes more travel (m) than it may."""
@@ -409,9 +404,10 @@ class PushLoop:
             return
         self._off, first = off, self.load.names[self.load.chain.first_pushed]
         self._tell("touch", f"{first} tells that the plate is {words(*off)} off")
-        self.plate = self._odometry = compose(self.plate, shift)
+        self.plate = compose(self.plate, shift)
+        self._from_odometry = compose(self.plate, inverse(self._by_odometry))
         self.estimator = Estimator(self.settings, len(self.load.names), self._wheels, self.estimator)
-        self.estimator.moved(self._now, self._odometry)
+        self.moved(self._now)
 
     def _drive_on(self, plan: Plan) -> None:
         """Follow a plan, with corrections that its contacts bear."""
@@ -423,7 +419,7 @@ class PushLoop:
         if self._closings < CLOSINGS:
             twists = self._replanner.planner(BOLD).twists
             push = closing_push(self._closer, self.plate, poses, twists, Spread.of(self.settings))
-        if isinstance(push, ClosingPush) and push.length > self._job.most - self.way:
+        if isinstance(push, ClosingPush) and push.length > self._job.most - self._way:
             push = f"contacts are open, and {self._job.most:.1f} m, all that the push may take, were driven"
         if isinstance(push, str):
             self._give_up(push)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pushplan.errors import PushplanError
+from pushplan.errors import PlanningError, PushplanError
 from pushplan.geometry.se2 import compose, inverse, pose_error, rotate, wrap_angle
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.intervals import IntervalChain
@@ -40,7 +41,16 @@ ITERATIONS = 10_000
 """Of the search of a plan, a few hundredths of a second: where they, not the time limit, end it, runs repeat."""
 SAME = 5e-4
 """Slide (m) up to which it is the same chain: another one meets obstacles elsewhere. Its planners take 0.01 s."""
+ATTEMPTS = 24
+"""Replans in a row that may find nothing."""
+GAIN = 0.2
+"""Share of the tolerances that a plan which does not reach the goal has to come nearer to it by."""
+ROUNDS = 6
+"""Of finer steps to the nearest pose that can be reached."""
 _GRID = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
+_WIDE = (np.linspace(-4.0, 4.0, 17),) * 2 + (np.linspace(-2.0, 2.0, 9),)
+_FINE = (np.linspace(-0.5, 0.5, 9),) * 3
+"""Shares of the tolerances, of x, y and angle, by which poses about the goal are tried, and then about the best."""
 _TURNS = np.array(sorted(np.linspace(-1.0, 1.0, 161), key=abs))
 """Shares of the angle's tolerance by which headings at the goal are tried; none is the first."""
 INTERVAL_SETS = ("ecof", "robust")
@@ -103,15 +113,37 @@ class Aim:
 
     def candidates(self, chain: Chain) -> FloatArray:
         """Return poses (k, 3) of the chain frame at the goal: the exact one, then some within the tolerances."""
-        exact, places = self.exact(chain), chain.places
-        center = places[self.objects].mean(axis=0) * [1.0, 1.0, 0.0]
-        x, y, turn = (grid.ravel() for grid in np.meshgrid(_GRID, _GRID, _GRID, indexing="ij"))
-        room = TOLERANCE_USED * self.tolerance
-        moves = np.column_stack([x * room[0], y * room[0], turn * room[1]])
-        poses = compose(compose(compose(exact, center), moves), inverse(center))
-        errors = self.errors(compose(poses[:, None], places))
-        allowed = (errors <= room + 1e-9).all(axis=1)
+        exact, room = self.exact(chain), TOLERANCE_USED * self.tolerance
+        poses = self._about(exact, chain, (TOLERANCE_USED * _GRID,) * 3)
+        allowed = (self.errors(compose(poses[:, None], chain.places)) <= room + 1e-9).all(axis=1)
         return np.vstack([exact, poses[allowed]])
+
+    def nearest(self, chain: Chain, reach: Callable[[FloatArray], FloatArray]) -> FloatArray | None:
+        """Return the pose (3,) of the chain frame that is nearest to the goal of those that can be reached.
+
+        None where none is that is tried: up to four times the tolerance away.
+
+        Args:
+            chain: As it is.
+            reach: Returns costs of paths to poses (k, 3), infinite where there is none.
+        """
+        best = self.exact(chain)
+        for grids in (_WIDE, *[_FINE] * ROUNDS):
+            poses = self._about(best, chain, grids)
+            shares = self.share(compose(poses[:, None], chain.places))
+            shares[~np.isfinite(reach(poses))] = np.inf
+            best = poses[np.argmin(shares)]
+            if np.isinf(shares.min()):
+                return None
+        return np.asarray(best)
+
+    def _about(self, pose: FloatArray, chain: Chain, grids: Sequence[FloatArray]) -> FloatArray:
+        """Return poses (k, 3) about a pose (3,) of the chain frame, moved by shares of the tolerances."""
+        center = chain.places[self.objects].mean(axis=0) * [1.0, 1.0, 0.0]
+        moves = (
+            np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1).reshape(-1, 3) * self.tolerance[[0, 0, 1]]
+        )
+        return compose(compose(compose(pose, center), moves), inverse(center))
 
 
 class Replanner:
@@ -213,8 +245,60 @@ class Replanner:
             self._slides, self._planners = slides, {}
         self.chain = chain
 
+    def best(
+        self,
+        now: float,
+        start: FloatArray,
+        previous: PushPath | None,
+        slides: FloatArray,
+        most: float,
+        beside: bool,
+    ) -> list[Replan]:
+        """Return attempts to plan, of which the last one counts.
+
+        It is the most cautious plan that takes no more travel than it may, or where all do, the shortest; or where
+        none reaches the goal, the one that comes nearest.
+
+        Args:
+            now: See `replan`, as of the next three.
+            start: See there.
+            previous: See there.
+            slides: See there.
+            most: Travel that a plan may take, m.
+            beside: Whether a plan that comes nearer to the goal will do where none reaches it.
+        """
+        missed: list[Replan] = []
+        solved: list[tuple[float, Replan]] = []
+        for attempt in range(ATTEMPTS):
+            replan = self.replan(now, start, previous, slides, attempt)
+            if replan.result is None or replan.result.path is None:
+                missed.append(replan)
+            else:
+                solved.append((replan.result.segments[0].path.travel, replan))
+            if solved and (solved[-1][0] <= most or attempt >= len(CAUTION) - 1):
+                break
+        if solved:
+            most = max(most, min(travel for travel, _ in solved))
+            return [*missed, next(replan for travel, replan in solved if travel <= most)]
+        if beside:
+            near = [self.replan(now, start, previous, slides, k, beside=True) for k in range(len(CAUTION))]
+            near.sort(key=self._left, reverse=True)
+            missed += [replan for replan in near[:-1] if not replan.solved] + near[-1:]
+        return missed
+
+    def _left(self, replan: Replan) -> float:
+        """Return what share of the tolerances is left where a plan ends; infinite where there is none."""
+        path = None if replan.result is None else replan.result.path
+        return np.inf if path is None else float(self.aim.share(compose(path.end, self.chain.places)))
+
     def replan(
-        self, now: float, start: FloatArray, previous: PushPath | None, slides: FloatArray, attempt: int = 0
+        self,
+        now: float,
+        start: FloatArray,
+        previous: PushPath | None,
+        slides: FloatArray,
+        attempt: int = 0,
+        beside: bool = False,
     ) -> Replan:
         """Return a plan from a pose (3,) of the chain frame to the goal, or within its tolerances if that is far.
 
@@ -226,22 +310,23 @@ class Replanner:
             previous: The rest of it is the first candidate.
             slides: (n,) how far the objects have slid, m.
             attempt: Number of attempts from here so far: every one has another caution and, in the end, seed.
+            beside: Whether to end as near to the goal as a steering path leads, where none reaches it.
         """
         began = time.process_time()
         reason, result = "", None
         try:
             self.believe(slides)
-            result = self._planned(start, previous, attempt)
+            result = self._planned(start, previous, attempt, beside)
             reason = result.reason
         except PushplanError as error:
             reason = str(error)
         return Replan(now, result, reason, time.process_time() - began)
 
-    def _planned(self, start: FloatArray, previous: PushPath | None, attempt: int) -> Plan:
+    def _planned(self, start: FloatArray, previous: PushPath | None, attempt: int, beside: bool) -> Plan:
         planner = self.planner(CAUTION[attempt % len(CAUTION)])
         return planner.plan(
             start,
-            self._goal(planner, start),
+            self._beside(planner, start) if beside else self._goal(planner, start),
             seed=1 + attempt // len(CAUTION),
             time_limit=self._settings.time_limit,
             iterations=ITERATIONS,
@@ -258,6 +343,19 @@ class Replanner:
         if not np.isfinite(ways[nearest]) or ways[0] <= ways[nearest] + DETOUR:
             return np.asarray(goals[0])
         return np.asarray(goals[nearest])
+
+    def _beside(self, planner: Planner, start: FloatArray) -> FloatArray:
+        """Return the pose nearest to the goal that a steering path leads to.
+
+        Raises:
+            PlanningError: When it would not be nearer than where the objects are.
+        """
+        found = self.aim.nearest(self.chain, lambda goals: planner.reach(start, goals)[0])
+        places = self.chain.places
+        most = float(self.aim.share(compose(start, places))) - GAIN
+        if found is None or self.aim.share(compose(found, places)) > most:
+            raise PlanningError("no plan was found in time, and no path leads nearer to the goal")
+        return found
 
 
 def cautious(scenario: Scenario, share: float, room: float = 0.0) -> Scenario:

@@ -300,6 +300,26 @@ def test_what_has_slid_is_kept_off_obstacles(slide: float) -> None:
     assert found.solved == (slide < 0.0), found.reason
 
 
+@pytest.mark.parametrize("aside", [0.0, 0.053])
+def test_where_no_path_leads_to_the_goal_one_ends_as_near_as_it_can(aside: float) -> None:
+    """Half a metre before it, carts that stand aside, turned, would have to turn more tightly than they bear."""
+    from pushplan.sim.control.replanner import CAUTION, Replanner
+
+    carts = pushplan.load_scenario("carts")
+    replanner = Replanner(carts, ControlSettings(time_limit=60.0), Observer())
+    start, still = compose(carts.goal.pose_chain, inverse([0.45, aside, 2.0 * aside])), np.zeros(2)
+    given = 0.0, start, None, still, 1.0
+    assert replanner.best(*given, beside=False)[-1].solved == (aside == 0.0)
+    found = replanner.best(*given, beside=True)[-1]
+    end, reach = there(there(found.result).path).end, replanner.planner(CAUTION[-1]).reach
+    share = float(replanner.aim.share(compose(end, carts.chain.places)))
+    assert share < 1e-6 if aside == 0.0 else 1.0 < share < 4.0, share
+    random = np.random.default_rng(1).uniform(-1.0, 1.0, (40_000, 3)) * [4e-2, 4e-2, np.radians(2.0)]
+    others = carts.goal.pose_chain + random
+    shares = replanner.aim.share(compose(others[:, None], carts.chain.places))
+    assert shares[np.isfinite(reach(start, others)[0])].min() > share - 0.2
+
+
 def test_trajectories_of_replans_keep_the_limits(crates: pushplan.Scenario) -> None:
     from pushplan.sim.control.replanner import Replanner
 
