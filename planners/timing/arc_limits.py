@@ -33,14 +33,12 @@ class Bounds(NamedTuple):
         limits: Of the pusher.
         contacts: The chain whose contacts must hold; None leaves inertia out.
         margin: Every contact keeps more than this with inertia.
-        pace: Share of an arc's top speed with which it is passed at most.
         force: What the plate pushes with at most; None where nothing limits it.
     """
 
     limits: Limits
     contacts: ContactDynamics | None = None
     margin: float = 0.0
-    pace: float = 1.0
     force: ForceConditions | None = None
 
     @property

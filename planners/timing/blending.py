@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -219,12 +218,9 @@ class BlendSearch:
         self.parts = [make_part(path, moving_arcs(path), bounds)]
         self.nudging = Nudging(no_rows(len(path.lengths)))
 
-    def blended(self, within: float, stops: float = math.inf) -> Blend | None:
-        """Return the blend; None when it takes `within` (s) or longer, or needs more `stops` or one at every corner.
-
-        It can be asked again, for more stops, and goes on from where it was.
-        """
-        while self.stops < self.corners and len(self.stops) <= stops and self._least_duration() < within:
+    def blended(self, within: float) -> Blend | None:
+        """Return the blend; None when it takes `within` (s) or longer, or needs a stop at every corner."""
+        while self.stops < self.corners and self._least_duration() < within:
             blend = self._attempt()
             if blend is not None:
                 return blend if blend.trajectory.duration < within else None
@@ -289,13 +285,6 @@ class BlendSearch:
         self.nudging = Nudging(no_rows(len(self.path.lengths)))
 
 
-LOWER_PACES = (0.5, 0.65, 0.8)
-"""Shares of the top speeds that are tried where full speed needs stops; the lowest needs the fewest, if any.
-
-Without them, and without `parts.PACES`, two-crates takes 4 % longer after 3,000 iterations of the search.
-"""
-
-
 def blend_path(
     scenario: Scenario,
     path: PushPath,
@@ -323,23 +312,9 @@ def blend_path(
     scene = scenario_scene(scenario) if scene is None else scene
     inset = inset_path(path, stable, scenario.required_margin, bounds)
 
-    def paced(pace: float) -> BlendSearch:
-        return BlendSearch(scenario, scene, inset.path, path.end, stable, rate, bounds._replace(pace=pace))
-
-    full = paced(1.0)
-    blend = full.blended(exact.duration, stops=0)
-    if blend is None:
-        blend = _fastest([*map(paced, LOWER_PACES), full], exact.duration)
+    blend = BlendSearch(scenario, scene, inset.path, path.end, stable, rate, bounds).blended(exact.duration)
     if blend is None:
         return Blend(exact, corners_of(path))
     arcs = inset.owner[blend.trajectory.arc.astype(np.int64)].astype(np.float64)
     stops = frozenset(int(inset.owner[i]) for i in blend.stops)
     return Blend(replace(blend.trajectory, arc=arcs), stops)
-
-
-def _fastest(searches: list[BlendSearch], within: float) -> Blend | None:
-    """The blend over soonest; None when none takes less than `within` (s)."""
-    best: Blend | None = None
-    for search in searches:
-        best = search.blended(within if best is None else best.trajectory.duration) or best
-    return best

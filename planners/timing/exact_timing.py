@@ -42,7 +42,7 @@ class Pieces(NamedTuple):
 
 
 ORDERS = np.array([1.0, 2.0, 3.0, 2.0])
-"""With which power of the pace each share grows: speed, acceleration, jerk, contact conditions."""
+"""With which power of the speed each share grows: speed, acceleration, jerk, contact conditions."""
 
 
 class Use(NamedTuple):

@@ -93,9 +93,6 @@ class Push:
         return self, 0.0
 
 
-PACES = (1.0, 0.85, 0.7, 0.55, 0.4, 0.3)
-"""Shares of the arcs' top speeds that are tried: a short section is sooner over when driven below full speed."""
-
 WIDENINGS = 25
 """How often steps are widened to meet the limits, at most."""
 
@@ -194,7 +191,7 @@ class Section:
 
 
 def make_part(path: PushPath, arcs: IntArray, bounds: Bounds) -> Part:
-    """Return some arcs (a,) of a path as one part: the pace is the one that is over soonest.
+    """Return some arcs (a,) of a path as one part.
 
     Raises:
         TimingError: When an arc cannot be timed.
@@ -202,22 +199,13 @@ def make_part(path: PushPath, arcs: IntArray, bounds: Bounds) -> Part:
     twists, lengths = path.twists[arcs], path.lengths[arcs]
     if np.abs(twists - twists[0]).max() <= SAME:
         return Push(arcs, twists[0], bounds)
-    tops = bounds.pace * passing_speeds(twists, lengths, bounds)
-    times = [_least_time(twists, lengths, pace * tops, bounds) for pace in PACES]
-    speeds = PACES[int(np.argmin(times))] * tops
+    speeds = passing_speeds(twists, lengths, bounds)
     levels = _levels(twists, speeds)
     return Section(arcs, levels, speeds, step_windows(levels, bounds.limits), bounds)
 
 
-def _least_time(twists: FloatArray, lengths: FloatArray, speeds: FloatArray, bounds: Bounds) -> float:
-    """How long arcs take at some speeds with half of the first step before them and of the last one after, s."""
-    levels = _levels(twists, speeds)
-    ends = (step_windows(levels[:2], bounds.limits), step_windows(levels[-2:], bounds.limits))
-    return float((lengths / speeds).sum() + sum(windows.sum() for windows in ends) / 2.0)
-
-
 def passing_speeds(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> FloatArray:
-    """Return the top speeds (k,) of arcs (k, 3) that are passed without a stop, at full pace.
+    """Return the top speeds (k,) of arcs (k, 3) that are passed without a stop.
 
     Where speed and acceleration compete for the room that a contact leaves, an arc from rest to rest takes the more
     acceleration the shorter it is. Passing needs little of it: the steps to and fro are eased afterwards.
