@@ -15,7 +15,6 @@ from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.timing.parts import (
     NoFitError,
-    Part,
     corners_of,
     fitted,
     joined,
@@ -29,12 +28,14 @@ from pushplan.planners.timing.parts import (
     step_windows,
 )
 from pushplan.planners.timing.sweep import (
+    NOTHING_TOUCHED,
     LengthRows,
-    collision_times,
+    Touches,
     find_touches,
     no_rows,
     nudges,
     off_chords,
+    sampled,
     unstable_times,
 )
 from pushplan.plans.path import PushPath, cost_rate
@@ -150,7 +151,7 @@ NUDGES = 6
 
 OFF_CHORDS = 0.2
 """Share of the room between the distances that poses looked at have and that is kept between, which may be used up by
-proving for a motion what its samples, with constant twists between them, keep; the checker is asked otherwise."""
+proving for a motion what its samples, with constant twists between them, keep; these are looked at otherwise."""
 
 WORTH_A_STOP = 0.5
 """Delay (s) by slowing down a whole section from which on a stop at its worst corner is preferred."""
@@ -242,39 +243,30 @@ class BlendSearch:
             self._stop(nearest_corners(parts, lengths, strained))
             return None
         trajectory = joined(self.path, parts, lengths, self.rate)
-        if self._is_stable(parts, lengths, trajectory) and self._is_free(parts, lengths, trajectory):
+        lost = unstable_times(self.scenario, self.stable, trajectory, self.bounds)[:1]
+        touches = self._touches(trajectory) if not len(lost) else NOTHING_TOUCHED
+        if not len(lost) and not len(touches.times):
             return Blend(trajectory, self.stops)
+        worst = touches.times[[int(np.argmin(touches.gaps))]] if len(touches.times) else lost
+        corners = nearest_corners(parts, lengths, worst)
+        if len(touches.times) and self.nudging.tries < NUDGES:
+            rows = nudges(self.scene, self.path, trajectory, lengths, touches, self.reach)
+            self.nudging = self.nudging.further(rows, corners)
+        else:
+            self._stop(corners)
         return None
 
-    def _is_stable(self, parts: list[Part], lengths: FloatArray, trajectory: Trajectory) -> bool:
-        """Tell whether the margin is kept; stop at the corner where it is missed most if not."""
-        times = unstable_times(self.scenario, self.stable, trajectory, self.bounds)
-        if len(times):
-            self._stop(nearest_corners(parts, lengths, times[:1]))
-        return not len(times)
+    def _touches(self, trajectory: Trajectory) -> Touches:
+        """Return where the motion comes too near to something, so that its samples, too, keep what they have to.
 
-    def _is_free(self, parts: list[Part], lengths: FloatArray, trajectory: Trajectory) -> bool:
-        """Tell whether nothing is touched; if not, keep away from it the next time, or stop near it."""
-        scene, proven = self._proving(trajectory)
-        touches = find_touches(scene, trajectory, self.reach)
-        times = touches.times[[int(np.argmin(touches.gaps))]] if len(touches.times) else np.zeros(0)
-        if len(times) and self.nudging.tries < NUDGES:
-            rows = nudges(self.scene, self.path, trajectory, lengths, touches, self.reach)
-            self.nudging = self.nudging.further(rows, nearest_corners(parts, lengths, times))
-            return False
-        if not len(times) and not proven:
-            times = collision_times(self.scenario, trajectory)
-        if len(times):
-            self._stop(nearest_corners(parts, lengths, times))
-        return not len(times)
-
-    def _proving(self, trajectory: Trajectory) -> tuple[Scene, bool]:
-        """The scene to prove a motion in, and whether its samples keep then what the checker asks for."""
+        The motion between two samples may be off the constant twist that the checker assumes there. It has to keep so
+        much more; where that takes up too much of the room, the samples are looked at instead.
+        """
         scene = self.scene
-        kept = scene.kept + off_chords(trajectory, self.reach)
-        if kept > scene.kept + OFF_CHORDS * (scene.clearance - scene.kept):
-            return scene, False
-        return scene.with_distances(scene.clearance, kept), True
+        off = off_chords(trajectory, self.reach)
+        if off > OFF_CHORDS * (scene.clearance - scene.kept):
+            return find_touches(scene, sampled(trajectory), self.reach)
+        return find_touches(scene.with_distances(scene.clearance, scene.kept + off), trajectory, self.reach)
 
     def _stop(self, corners: frozenset[int]) -> None:
         """Stop at more corners, and see anew what is touched then."""

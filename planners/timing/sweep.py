@@ -10,7 +10,6 @@ import pushplan.core.contacts as contacts
 import pushplan.core.timing as timing
 from pushplan.core.collision import Scene, separations
 from pushplan.geometry import se2
-from pushplan.planners.clearance import find_collision
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory
@@ -37,6 +36,9 @@ class Touches(NamedTuple):
 
     times: FloatArray
     gaps: FloatArray
+
+
+NOTHING_TOUCHED = Touches(np.zeros(0), np.zeros(0))
 
 
 def find_touches(scene: Scene, trajectory: Trajectory, reach: float) -> Touches:
@@ -72,6 +74,14 @@ def find_touches(scene: Scene, trajectory: Trajectory, reach: float) -> Touches:
     close = np.flatnonzero(gaps < least_gap(scene))
     close = close[np.argsort(s[close])]
     return Touches(np.interp(s[close], travel, trajectory.breaks), gaps[close])
+
+
+def sampled(trajectory: Trajectory) -> Trajectory:
+    """Return the motion of a trajectory's samples, with a constant twist from each to the next."""
+    t, poses = trajectory.t, trajectory.poses
+    coefficients = np.zeros((len(t) - 1, 3, 3))
+    coefficients[:, 0] = se2.log(se2.relative(poses[:-1], poses[1:])) / np.diff(t)[:, None]
+    return Trajectory(trajectory.start, t, coefficients, np.zeros(len(t) - 1), trajectory.rate)
 
 
 def _gaps(scene: Scene, trajectory: Trajectory, travel: FloatArray, s: FloatArray) -> FloatArray:
@@ -199,12 +209,3 @@ def off_chords(trajectory: Trajectory, reach: float) -> float:
     rest = rates - along[:, None] * twists
     most = np.hypot(rest[:, 0], rest[:, 1]) + np.abs(rest[:, 2])
     return float(most.max(initial=0.0)) / (8.0 * trajectory.sample_rate**2)
-
-
-def collision_times(scenario: Scenario, trajectory: Trajectory) -> FloatArray:
-    """Return the time of the sample nearest to the first collision that the independent checker finds, if any."""
-    hit = find_collision(scenario, trajectory.poses)
-    if hit is None:
-        return np.zeros(0)
-    away = np.abs(trajectory.poses - np.array(hit.pose)).sum(axis=1)
-    return trajectory.t[[int(np.argmin(away))]]
