@@ -15,6 +15,7 @@ import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
 from random_chains import random_chain, random_tree, tell
@@ -23,13 +24,15 @@ from pushplan.bench.machine import Machine
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.sets.named import stable_set
-from pushplan.sim.physics.agreement import sample_pushes
 from pushplan.sim.physics.chains import simulate_twist
 from pushplan.sim.physics.engine import SLIPPING, engine
 from pushplan.sim.report import ContactReport
 from pushplan.sim.slip.simulator import simulate_poses
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "harada2006"))
+from agreement import sample_pushes
 
 FRICTION = 0.6
 """Factor of the contact friction of the chains."""

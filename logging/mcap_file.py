@@ -110,10 +110,10 @@ class DamageError(Exception):
         super().__init__(what, offset)
 
 
-def mcap_writer(file: Output, library: str, profile: str = "") -> Writer:
+def mcap_writer(file: Output, library: str) -> Writer:
     """Return the library's writer onto `file`, begun."""
     writer = Writer(cast(IO[Any], file))
-    writer.start(profile, library)
+    writer.start("", library)
     return writer
 
 

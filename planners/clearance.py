@@ -268,7 +268,7 @@ class Collision:
         return f"'{self.body}' is {1e3 * self.gap:.3g} mm from {other} {place}"
 
 
-def find_collision(scenario: Scenario, poses: FloatArray, room: Room | None = None) -> Collision | None:
+def find_collision(scenario: Scenario, poses: FloatArray) -> Collision | None:
     """Return the first collision along poses (m, 3) of the chain frame, to `SPACING`, or None.
 
     It is one when a body comes nearer to something than the scenario's clearance, less `CLEARANCE_ROOM`.
@@ -276,13 +276,12 @@ def find_collision(scenario: Scenario, poses: FloatArray, room: Room | None = No
     Args:
         scenario: What moves, what is in the way, and how far to keep from it.
         poses: Between neighbours the twist is constant.
-        room: The scenario's, where it is there already.
     """
-    return collision_along(scenario, Motion.through(poses, scenario.chain.reach), room)
+    return collision_along(scenario, Motion.through(poses, scenario.chain.reach))
 
 
 def collision_along(scenario: Scenario, motion: Motion, room: Room | None = None) -> Collision | None:
-    """Return `find_collision` of a motion."""
+    """Return `find_collision` of a motion in a `room`; None stands for the scenario's."""
     required = scenario.clearance - CLEARANCE_ROOM
     room = Room.of(scenario) if room is None else room
     at = _first_too_near(room, motion, required)

@@ -186,7 +186,7 @@ def driven(robot: Robot, messages: Messages, told: SimpleNamespace) -> list[Floa
 def test_the_node_drives_to_the_goal_with_messages_of_ros_2(
     log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    plan = there(pushplan.read_run(log).plan)
+    plan = there(pushplan.load_run(log).plan)
     trajectory = there(plan.trajectory)
     messages, robot = Messages(), Robot(trajectory.base_poses[0])
     told = install(monkeypatch, messages, robot)

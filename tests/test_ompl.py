@@ -140,7 +140,7 @@ def test_stock_planners_are_planned_executed_and_logged_like_ours(planner: str, 
     assert run.plan.planner == planner
     assert len(run.plan.tree) > 0
     assert there(run.execution).loss is None
-    recorded = there(pushplan.read_run(tmp_path / "run.mcap").plan)
+    recorded = there(pushplan.load_run(tmp_path / "run.mcap").plan)
     assert recorded.planner == planner
     by_class = pushplan.plan(scenario, planner=STOCK[planner], iterations=3_000, time_limit=60.0)
     np.testing.assert_array_equal(there(by_class.path).twists, there(run.plan.path).twists)

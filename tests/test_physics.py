@@ -1,6 +1,7 @@
 """The physics engine as a judge: first judged itself by what can be worked out by hand, then of predictions."""
 
 import json
+import runpy
 import sys
 from functools import reduce
 from importlib.util import find_spec
@@ -20,7 +21,6 @@ from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sets.named import stable_set
-from pushplan.sim.physics.agreement import Agreement, compare, sample_pushes
 from pushplan.sim.physics.chains import simulate_trajectory, simulate_twist
 from pushplan.sim.physics.engine import MissingEngineError, PhysicsSettings
 from pushplan.sim.physics.model import LoadTransfer, build_model
@@ -28,6 +28,7 @@ from pushplan.sim.physics.model import LoadTransfer, build_model
 needs_engine = pytest.mark.skipif(
     find_spec("mujoco") is None, reason="MuJoCo is not installed; the extra pushplan[physics] brings it"
 )
+agreement = runpy.run_path(str(Path(__file__).parents[1] / "examples" / "harada2006" / "agreement.py"))
 BAND = np.radians(0.5), 0.02
 SAFE_BAND = np.radians(0.1), 0.005
 
@@ -120,9 +121,9 @@ def test_predictions_and_simulations_agree(make_chain: ChainMaker) -> None:
     results = []
     for seed in range(4):
         chain = make_chain.random(seed, 1 + seed % 3, tree=seed % 2 == 0, feet=seed % 4 > 1)
-        pushes = sample_pushes(stable_set(chain), 6, np.random.default_rng(seed))
-        results.append(compare(chain, pushes))
-    result = reduce(Agreement.joined, results)
+        pushes = agreement["sample_pushes"](stable_set(chain), 6, np.random.default_rng(seed))
+        results.append(agreement["compare"](chain, pushes))
+    result = reduce(agreement["Agreement"].joined, results)
     assert min(result.predicted.sum(), (~result.predicted).sum()) >= 7
     clear = (np.abs(result.depth(*BAND)) > 1.0) & ~result.footprint
     assert result.agreed[clear].all()

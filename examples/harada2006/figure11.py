@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from agreement import Agreement, compare
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
@@ -17,7 +18,6 @@ from pushplan.drawing.sets import LINE_STYLES, draw_contacts, draw_sets
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import twists_about
 from pushplan.sets.named import stable_set
-from pushplan.sim.physics.agreement import Agreement, compare
 from pushplan.util.arrays import BoolArray, FloatArray
 
 WINDOW = (-0.1, -0.2, 0.16, 0.2)

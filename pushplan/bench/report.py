@@ -142,11 +142,11 @@ def limits(results: Results) -> str:
     return "planning at most: " + ", ".join(f"{planner} {limit}" for planner, limit in each.items())
 
 
-def number(value: float, digits: int = 3) -> str:
+def number(value: float) -> str:
     """Return a number for people; a dash for none."""
     if not math.isfinite(value):
         return NOTHING
-    return f"{value:.0f}" if abs(value) >= 10.0**digits - 0.5 else f"{value:.{digits}g}"
+    return f"{value:.0f}" if abs(value) >= 999.5 else f"{value:.3g}"
 
 
 def fixed(value: float, decimals: int) -> str:
@@ -349,7 +349,7 @@ def _ranges(numbers: Sequence[int]) -> str:
 # --- runs worth a look ------------------------------------------------------------------------------------------
 
 
-def worst_runs(results: Results, most: int = MOST_PICTURES) -> pd.DataFrame:
+def worst_runs(results: Results) -> pd.DataFrame:
     """Return the runs most worth a look: invalid ones, other failures, then those without a plan and the costliest.
 
     At most one run of each problem, planner and outcome, so that a single hard problem does not fill the list.
@@ -360,7 +360,7 @@ def worst_runs(results: Results, most: int = MOST_PICTURES) -> pd.DataFrame:
     ranked = runs.assign(rank=rank, excess=excess).sort_values(
         ["rank", "excess"], ascending=[True, False], kind="stable"
     )
-    return ranked.drop_duplicates(["problem", "planner", "outcome"])[:most]
+    return ranked.drop_duplicates(["problem", "planner", "outcome"])[:MOST_PICTURES]
 
 
 def _pictures(results: Results, runs: pd.DataFrame) -> dict[str, str]:

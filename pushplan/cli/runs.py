@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -77,16 +76,3 @@ def _document(one: RunEntry, now: datetime) -> dict[str, object]:
         "age_s": None if one.started is None else (now - one.started).total_seconds(),
         "bytes": one.size,
     }
-
-
-def log_meant(word: str | None, runs: Path | None) -> str:
-    """Return the log that a user means by a file, `@3` for the third last run, or nothing for the last one."""
-    if word is not None and not word.startswith("@"):
-        return word
-    from pushplan.logging.runs import RunsError, run_numbered, runs_folder
-
-    if word is not None and not (word[1:].isascii() and word[1:].isdigit()):
-        if os.path.lexists(word):
-            return word
-        raise RunsError(f"{word} is neither a file nor a recorded run; the last run is @1, the one before @2")
-    return str(run_numbered(runs_folder(runs), 1 if word is None else int(word[1:])))

@@ -233,7 +233,7 @@ def draw_marks(axes: Axes, scene: Scene) -> None:
         axes.plot(*mark.place, marker=_EVENT_MARKS[mark.kind], color=palette.EVENTS[mark.kind], **look)
 
 
-def draw_names(axes: Axes, scene: Scene, poses: FloatArray, letters: int = 16) -> None:
+def draw_names(axes: Axes, scene: Scene, poses: FloatArray) -> None:
     """Write the name of every object beside it, below its middle, where the picture shows it."""
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     for body, pose in zip(scene.bodies, poses, strict=True):
@@ -243,7 +243,7 @@ def draw_names(axes: Axes, scene: Scene, poses: FloatArray, letters: int = 16) -
         x, y = 0.5 * (outline[:, 0].min() + outline[:, 0].max()), outline[:, 1].min()
         if x0 < x < x1 and y0 < y < y1:
             axes.annotate(
-                cut(body.name, letters),
+                cut(body.name, 16),
                 (float(x), float(y)),
                 (0.0, -2.0),
                 textcoords="offset points",
@@ -375,9 +375,9 @@ def polygon_patches(geometry: shapely.Geometry) -> Iterator[PathPatch]:
             yield PathPatch(Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings)))
 
 
-def names_fit(axes: Axes, scene: Scene, points: float = SMALL) -> bool:
-    """Tell whether the narrowest object is wider than letters of so many points."""
-    return narrowest(axes, [body.outline for body in scene.objects]) > points
+def names_fit(axes: Axes, scene: Scene) -> bool:
+    """Tell whether the narrowest object is wider than small letters."""
+    return narrowest(axes, [body.outline for body in scene.objects]) > SMALL
 
 
 def _ghosts(scene: Scene) -> FloatArray:

@@ -166,21 +166,18 @@ class ContactState:
     wrenches: FloatArray
 
 
-def contact_state(
-    chain: Chain, twists: ArrayLike, packed: contacts.PackedChain | None = None
-) -> ContactState:
+def contact_state(chain: Chain, twists: ArrayLike) -> ContactState:
     """Return the state of the contacts of `chain` at body twists (m, 3) in the chain frame.
 
     Args:
         chain: Objects and contacts; the loads must be known.
         twists: Only their directions matter.
-        packed: `pack_chain(chain)`, when it is at hand.
 
     Raises:
         PushplanError: On twists that are zero, not finite or not (m, 3).
         SupportError: When a load is not known.
     """
-    arrays = pack_chain(chain) if packed is None else packed
+    arrays = pack_chain(chain)
     checked = checked_twists(twists)
     owner, first = sphere.directions(checked, chain.characteristic_length)
     wrenches = contacts.wrenches_of(arrays, checked[first])

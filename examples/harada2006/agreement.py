@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,7 +94,6 @@ def compare(
     chain: Chain,
     twists: ArrayLike,
     settings: PhysicsSettings = FINE,
-    tell: Callable[[int], None] | None = None,
 ) -> Agreement:
     """Predict and simulate constant twists (k, 3) of a chain.
 
@@ -103,7 +101,6 @@ def compare(
         chain: Objects with known loads.
         twists: Only their directions matter.
         settings: Of the simulation.
-        tell: Called with the number of each push before it is simulated.
 
     Raises:
         MissingEngineError: When the physics engine is not installed.
@@ -112,11 +109,7 @@ def compare(
     checked = checked_twists(twists)
     state = contact_state(chain, checked)
     inset = np.minimum(state.lambdas, 1.0 - state.lambdas)
-    moved = []
-    for i, twist in enumerate(checked):
-        if tell is not None:
-            tell(i)
-        moved.append(float(simulate_twist(chain, twist, settings=settings).displacement.max()))
+    moved = [float(simulate_twist(chain, twist, settings=settings).displacement.max()) for twist in checked]
     return Agreement(
         twists=checked,
         angle=state.friction_margins.min(axis=1),
