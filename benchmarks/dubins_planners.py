@@ -183,14 +183,14 @@ def _note(session: Session, planner: Any, words: SweptWords, car: Car) -> None:
     """Hand the branches of OMPL's tree to the session, and the way to its node nearest to the goal."""
     data = ob.PlannerData(planner.getSpaceInformation())
     planner.getPlannerData(data)
-    if session.solved and data.numEdges() <= session.branches.size:
+    if session.solved and data.numEdges() <= session.common.branches.size:
         return
     vertices = range(data.numVertices())
     poses = np.array([car.chain_at(data.getVertex(i).getState()) for i in vertices]).reshape(-1, 3)
     parents = np.full(len(poses), -1)
     for i in vertices:
         parents[list(data.getEdges(i))] = i
-    session.branches.offer((poses, parents))
+    session.common.branches.offer((poses, parents))
     reached = np.flatnonzero(parents >= 0)
     session.note_nearest(
         poses[reached], lambda node: _way_to(int(reached[node]), poses, parents, session.start, words)

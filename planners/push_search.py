@@ -20,6 +20,7 @@ from pushplan.planners.infeasible.bounds import lower_bound, time_bound
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
 from pushplan.planners.outcome import Improvements, Outcome, Segments
 from pushplan.planners.problem import Posing, body_reach, make_objective, rejoin, sampling_box
+from pushplan.planners.search.common import Common
 from pushplan.planners.search.planners import planner_named
 from pushplan.planners.search.search import Factory, Search
 from pushplan.planners.search.session import Budget, Session, Turn
@@ -214,7 +215,7 @@ class PushSearch:
             tuple(improvements.found),
             _cost,
             lambda found: _bound_of_objective(posed, segments, found),
-            session.branches.ends,
+            session.common.branches.ends,
             lambda: self._explain(attempt, monitor(), settings, until - time.perf_counter()),
             session.problem.scene,
         )
@@ -286,6 +287,7 @@ class _Searches:
         self._seed, self._began, self._good_enough = seed, began, good_enough
         self._improvements, self._known = improvements, known
         self._monitor: InfeasibilityMonitor | None = None
+        self._common: Common | None = None
 
     def monitor(self) -> InfeasibilityMonitor:
         """Return what may keep the searches from a path; it is of the lowest margin, with which most is possible."""
@@ -298,19 +300,18 @@ class _Searches:
     def with_margins(self) -> Attempt:
         """Search with all margins, in turns, until one allows a path; return that attempt, or that of the lowest."""
         attempts: list[Attempt] = []
-        before: Session | None = None
         for number, iterations in self._turns():
             if number == len(attempts):
-                attempts.append(self._attempt(self._of.margins[number], before))
+                attempts.append(self._attempt(self._of.margins[number]))
             attempt = attempts[number]
             # Half of what is left of the budget may go by without a path before a lower margin is tried at all.
             lower_untried = len(attempts) == number + 1 < len(self._of.margins)
             used = self._budget.used(time.perf_counter() - self._began, attempt.session.iterations)
-            attempt.session.take_turn(Turn(iterations, 0.5 * (1.0 + used) if lower_untried else 1.0), before)
-            path, before = attempt.search.run(), attempt.session
+            attempt.session.take_turn(Turn(iterations, 0.5 * (1.0 + used) if lower_untried else 1.0))
+            path = attempt.search.run()
             if path is not None:
                 return self._ranked(replace(attempt, path=path))
-            if before.finished:
+            if attempt.session.finished:
                 break
         return attempts[-1]
 
@@ -337,15 +338,15 @@ class _Searches:
         posed = self._scenario.with_margin(margin)
         if self._budget.first or posed.planner.cost != "time":
             return replace(attempt, scenario=posed)
-        path, before = attempt.path, attempt.session
+        path, problem = attempt.path, attempt.session.problem
         assert path is not None
-        objective = make_objective(posed, self._of.stable, before.problem.segments)
-        session = self._session(posed, before.problem.with_objective(objective), self._budget, before)
+        objective = make_objective(posed, self._of.stable, problem.segments)
+        session = self._session(posed, problem.with_objective(objective), self._budget)
         session.offer(np.column_stack([path.twists, path.lengths]))
         search = self._search(posed, session)
         return Attempt(posed, search, search.run(), (path,))
 
-    def _attempt(self, margin: float, before: Session | None) -> Attempt:
+    def _attempt(self, margin: float) -> Attempt:
         """Begin to search with a margin; by travel where paths are ranked by time."""
         posed, budget, posing = self._scenario.with_margin(margin), self._budget, self._of.posing
         if budget.first or posed.planner.cost == "time":
@@ -354,12 +355,12 @@ class _Searches:
         problem = posing(posed, self._of.stable, self._began + budget.time_limit)
         if self._known is not None:  # its twists need not lie on a segment
             problem = problem.with_segments(np.vstack([problem.segments, np.tile(self._known[:, :3], 2)]))
-        session = self._session(posed, problem, budget, before)
+        session = self._session(posed, problem, budget)
         if self._known is not None:
             session.offer(self._known)
         return Attempt(posed, self._search(posed, session))
 
-    def _session(self, posed: Scenario, problem: Problem, budget: Budget, before: Session | None) -> Session:
+    def _session(self, posed: Scenario, problem: Problem, budget: Budget) -> Session:
         bound = cache(lambda: lower_bound(posed, self._of.posing.controls(posed, self._of.stable).segments))
 
         def improved(path: PushPath, cost: float, iterations: int, seconds: float) -> None:
@@ -367,6 +368,8 @@ class _Searches:
             if self._good_enough > 0.0:  # it takes longer than most first paths, which need not wait for it
                 session.raise_lower_bound(bound())
 
+        if self._common is None:
+            self._common = Common(posed.start, problem.goal, time.perf_counter() - self._began)
         session = Session(
             problem,
             posed.start,
@@ -374,8 +377,7 @@ class _Searches:
             self._seed,
             improved,
             lambda seconds: self.monitor().settled(seconds),
-            before,
-            time.perf_counter() - self._began,
+            self._common,
         )
         return session
 

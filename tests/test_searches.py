@@ -318,7 +318,7 @@ def test_a_path_far_above_the_lower_bound_is_not_soon_taken_for_the_best(
 ) -> None:
     session.raise_lower_bound(session.best.horizon / (1.0 + excess))
     last = STALL * (1.0 + DOUBT * max(0.0, excess - DOUBTFUL))
-    session.iterations = int(last) - 1
+    session.spent(0, int(last) - 1)
     assert not session.settled()
-    session.iterations = int(last) + 1
+    session.spent(0, 2)
     assert session.settled()

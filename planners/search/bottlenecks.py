@@ -213,7 +213,7 @@ class Ways:
 
     def __init__(self, session: Session, forest: Forest) -> None:
         self._session, self._forest = session, forest
-        found = aligned_poses(session.problem, session.room).reshape(-1, 3)
+        found = aligned_poses(session.problem, session.common.room).reshape(-1, 3)
         self._poses = np.concatenate([session.start[None], found, session.problem.goal[None]])
         self._to_goal = _least(self._poses, session.problem.goal)
         self._paths: dict[int, FloatArray] = {}

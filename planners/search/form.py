@@ -58,8 +58,7 @@ class Propagator:
         session, tree = self._session, self.tree
         place = (state.getX(), state.getY(), state.getYaw())
         parent, node = self._rows.get(place, -1), len(tree)
-        session.extensions += 1
-        session.iterations += 1
+        session.spent(1)
         controls = (control[0], control[1], control[2] * duration)
         if parent >= 0:
             kept, cost, to_go, x, y, theta = tree.extend(parent, *controls, self.bound)
@@ -100,7 +99,7 @@ class Propagator:
     def note(self) -> None:
         """Hand the branches of the tree to the session, and the way to its node nearest to the goal."""
         session, nodes = self._session, self.tree.nodes
-        session.branches.offer_nodes(nodes)
+        session.common.branches.offer_nodes(nodes)
         session.note_nearest(nodes[:, :3], lambda node: branch(nodes, node))
 
 

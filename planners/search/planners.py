@@ -125,7 +125,7 @@ class LatticeRounds:
         self._tried[back] += lattice.tried + SET_UP
         session.spent(0, round(ITERATIONS * SET_UP))
         nodes, path = lattice.nodes, lattice.path
-        session.branches.offer_nodes(nodes)
+        session.common.branches.offer_nodes(nodes)
         if path is not None:
             session.offer(path)
         elif not back:
@@ -152,9 +152,9 @@ class LatticeRounds:
         session, problem = self._session, self._session.problem
         middle = middle_of(problem)
         asked = (*self._box, *middle, Extent.of(problem).width)
-        if asked not in session.room:
-            session.room[asked] = floor_of(problem, session.start, self._box)
-        return Lattice(problem, session.start, middle, *session.room[asked])
+        if asked not in session.common.room:
+            session.common.room[asked] = floor_of(problem, session.start, self._box)
+        return Lattice(problem, session.start, middle, *session.common.room[asked])
 
 
 class AnytimePlanner(ob.Planner):  # type: ignore[misc]
@@ -249,7 +249,7 @@ def _round(session: Session, forest: Forest, excess: float, extensions: int) -> 
         used += done
         session.spent(done)
     start_tree = forest.start_tree
-    session.branches.offer_nodes(start_tree, forest.goal_tree)
+    session.common.branches.offer_nodes(start_tree, forest.goal_tree)
     if path is not None:
         session.offer(path)
     else:
@@ -307,7 +307,7 @@ def _note(session: Session, tree: SparseTree) -> None:
     nodes = tree.nodes
     parents = nodes[:, 4].astype(np.int64)
     parents[tree.unused] = -1
-    session.branches.offer((nodes[:, :3], parents))
+    session.common.branches.offer((nodes[:, :3], parents))
     rows = np.append(0, np.flatnonzero(parents >= 0))
     session.note_nearest(nodes[rows, :3], lambda node: branch(nodes, int(rows[node])))
 

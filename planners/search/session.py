@@ -1,20 +1,18 @@
-"""What a search shares: its best path, what ends it, and how paths get better."""
+"""One search: its best path, what ends it, and how paths get better."""
 
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 import pushplan.core.improve as improve
 from pushplan.core.problem import GAIN, Objective, Problem, remaining
-from pushplan.geometry import se2
-from pushplan.plans.path import TURN_WEIGHT, PushPath
-from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.planners.search.common import Common
+from pushplan.plans.path import PushPath
+from pushplan.util.arrays import FloatArray
 
 
 @dataclass(frozen=True)
@@ -73,44 +71,6 @@ class Turn:
     share: float = 1.0
 
 
-MOST_BRANCHES = 500
-"""Branches that are kept, at most."""
-
-
-class Branches:
-    """Keeps the branches of the largest trees of a search.
-
-    Attributes:
-        ends: (q, 2, 3) poses at both ends of each branch.
-        size: Number of branches of these trees.
-    """
-
-    def __init__(self) -> None:
-        self.ends = np.zeros((0, 2, 3))
-        self.size = 0
-
-    def offer(self, *trees: tuple[FloatArray, IntArray]) -> None:
-        """Keep the branches of trees that were grown together, if they are more than those before.
-
-        Args:
-            trees: Poses (k, 3) of the nodes of each, and the parents (k,), negative where there is none.
-        """
-        size = sum(int((parents >= 0).sum()) for _, parents in trees)
-        if size > self.size:
-            ends = np.concatenate([_ends(poses, parents) for poses, parents in trees])
-            kept = np.linspace(0, size - 1, min(size, MOST_BRANCHES)).astype(int)
-            self.ends, self.size = ends[kept], size
-
-    def offer_nodes(self, *trees: FloatArray) -> None:
-        """As `offer`, of trees (k, >= 5) whose rows begin with x, y, theta, cost and parent."""
-        self.offer(*((nodes[:, :3], nodes[:, 4].astype(np.int64)) for nodes in trees))
-
-
-def _ends(poses: FloatArray, parents: IntArray) -> FloatArray:
-    rows = np.flatnonzero(parents >= 0)
-    return np.stack([poses[parents[rows]], poses[rows]], axis=1)
-
-
 SHORTEST_ARC = 1e-10
 """Arcs below this (m of cost) are rounding and are left out of paths."""
 
@@ -164,41 +124,6 @@ class Incumbent:
         return True
 
 
-class NearestApproach:
-    """The free path that ends nearest to the goal.
-
-    Args:
-        start: (3,) pose where paths begin.
-        goal: (3,) pose.
-
-    Attributes:
-        arcs: (k, 4) its twists and lengths; none at first, so that it ends at the start.
-        left: Lower bound on the cost from its end to the goal, m.
-    """
-
-    def __init__(self, start: FloatArray, goal: FloatArray) -> None:
-        self._goal = goal
-        self.arcs, self.left = np.zeros((0, 4)), remaining(start[0], start[1], start[2], goal)
-
-    def nearer(self, poses: FloatArray) -> int:
-        """Return which of the poses (n, 3) is nearest to the goal, -1 where none is nearer than the path's end."""
-        if len(poses) == 0:
-            return -1
-        left = self._left(poses)
-        node = int(np.argmin(left))
-        return node if left[node] < self.left - GAIN else -1
-
-    def take(self, arcs: FloatArray, end: FloatArray) -> None:
-        """Take over a free path (k, 4) that ends at a nearer pose (3,)."""
-        self.arcs, self.left = improve.merged(arcs), float(self._left(end[None])[0])
-
-    def _left(self, poses: FloatArray) -> FloatArray:
-        """Straight travel and the smallest turn from poses (n, 3) to the goal, (n,) m."""
-        turn = np.abs(se2.wrap_angle(self._goal[2] - poses[:, 2]))
-        away = np.hypot(self._goal[0] - poses[:, 0], self._goal[1] - poses[:, 1])
-        return np.asarray(away + TURN_WEIGHT * turn)
-
-
 CHUNK = 128
 """Extensions between two looks at the clock."""
 
@@ -233,20 +158,14 @@ class Session:
         on_progress: Called with every better path, its cost (m), the iterations and the seconds until then.
         hopeless: Asked, with the seconds that the search has taken, whether there is no path, as long as none is
             found.
-        before: The search whose time, extensions, iterations, nearest path, branches and room are this one's, if it
-            goes on from there.
-        set_up: Seconds that posing the problem took, which count to the time limit, too.
+        common: What it has in common with others; None where it is the only one.
 
     Attributes:
         problem: What to plan.
         start: (3,) pose of the chain frame in the world.
         random: (1,) state of the random generator.
         best: The best path.
-        nearest: The free path that ends nearest to the goal, kept up while there is none to it.
-        branches: What is kept of the trees.
-        room: What was found of the room, its bottlenecks and distances in it, by what was looked for.
-        extensions: Arcs propagated.
-        iterations: Arcs propagated, some as a share of one, and shortcuts tried.
+        common: What it has in common with other searches.
         stop: What tells planners that the search is over; by default when the budget is used up (`settled`).
     """
 
@@ -258,8 +177,7 @@ class Session:
         seed: int,
         on_progress: Callable[[PushPath, float, int, float], None] | None = None,
         hopeless: Callable[[float], bool] | None = None,
-        before: Session | None = None,
-        set_up: float = 0.0,
+        common: Common | None = None,
     ) -> None:
         self.problem = problem
         self.start = np.array(start, dtype=np.float64)
@@ -267,21 +185,22 @@ class Session:
         self.seed = seed
         self.random = np.array([seed], dtype=np.uint64)
         self.best = Incumbent(problem.objective)
-        self.extensions: int = 0 if before is None else before.extensions
-        self.iterations: int = 0 if before is None else before.iterations
-        # shared by the searches with all margins: of the lowest of them when there is no path in the end
-        self.nearest: NearestApproach = (
-            NearestApproach(self.start, problem.goal) if before is None else before.nearest
-        )
-        self.branches: Branches = Branches() if before is None else before.branches
-        self.room: dict[tuple[float, ...], Any] = {} if before is None else before.room
+        self.common = common or Common(self.start, problem.goal)
         self._turn, self._turn_began = Turn(), self.iterations
-        self.began: float = time.perf_counter() if before is None else before.began
-        self._set_up: float = set_up if before is None else before._set_up
         self._on_progress, self._hopeless = on_progress, hopeless
         self._worth_beating, self._improved_at = float("inf"), self.iterations
         self._lower_bound, self._refining = 0.0, REFINE_CHUNK
         self.stop: Callable[[], bool] = self.settled
+
+    @property
+    def extensions(self) -> int:
+        """Arcs propagated, by all searches."""
+        return self.common.extensions
+
+    @property
+    def iterations(self) -> int:
+        """Arcs propagated, some as a share of one, and shortcuts tried, by all searches."""
+        return self.common.iterations
 
     @property
     def solved(self) -> bool:
@@ -306,22 +225,15 @@ class Session:
     @property
     def nearest_path(self) -> PushPath:
         """The path that ends nearest to the goal, as long as there is none to it."""
-        return path_from(self.start, self.nearest.arcs)
-
-    @property
-    def elapsed(self) -> float:
-        """Wall-clock seconds since the session began."""
-        return time.perf_counter() - self.began
+        return path_from(self.start, self.common.nearest.arcs)
 
     @property
     def finished(self) -> bool:
         """Whether the search is over."""
         return self.stop()
 
-    def take_turn(self, turn: Turn, before: Session | None) -> None:
+    def take_turn(self, turn: Turn) -> None:
         """Go on, after the search that had the turn before, until a turn is over or there is a path."""
-        if before is not None:
-            self.extensions, self.iterations = before.extensions, before.iterations
         self._turn, self._turn_began = turn, self.iterations
 
     @property
@@ -332,7 +244,7 @@ class Session:
         turn = self._turn
         if self.iterations - self._turn_began >= turn.iterations:
             return True
-        return self.budget.is_used_up(self._set_up + self.elapsed, self.iterations, turn.share)
+        return self.budget.is_used_up(self.common.seconds, self.iterations, turn.share)
 
     def over(self) -> bool:
         """Return whether the search or its turn is over."""
@@ -340,7 +252,7 @@ class Session:
 
     def settled(self) -> bool:
         """Return whether the budget is used up, nothing is left to gain, or it is known that there is no path."""
-        budget, seconds = self.budget, self._set_up + self.elapsed
+        budget, seconds = self.budget, self.common.seconds
         share = budget.enough
         if not self.solved:
             share, seconds = 1.0, seconds + budget.explaining
@@ -362,7 +274,7 @@ class Session:
         """Whether it is known that there is no path; not asked where iterations end the search, as time must not."""
         if self._hopeless is None or self.budget.iterations is not None:
             return False
-        return self._hopeless(self._set_up + self.elapsed)
+        return self._hopeless(self.common.seconds)
 
     def note_nearest(self, poses: FloatArray, way_to: Callable[[int], FloatArray]) -> None:
         """While there is no path, keep the way to that one of a tree's poses (n, 3) which is nearest to the goal.
@@ -371,14 +283,14 @@ class Session:
             poses: Of its nodes.
             way_to: Returns the arcs (k, 4) from the start to a node, by its number.
         """
-        node = -1 if self.solved else self.nearest.nearer(poses)
+        node = -1 if self.solved else self.common.nearest.nearer(poses)
         if node >= 0:
-            self.nearest.take(way_to(node), poses[node])
+            self.common.nearest.take(way_to(node), poses[node])
 
     def spent(self, extensions: int, iterations: int | None = None) -> None:
         """Count arcs that were propagated, and iterations: as many, if it is not said."""
-        self.extensions += extensions
-        self.iterations += extensions if iterations is None else iterations
+        self.common.extensions += extensions
+        self.common.iterations += extensions if iterations is None else iterations
 
     def offer(self, arcs: FloatArray) -> None:
         """Take a path (k, 4) to the goal into account, as it is and polished while it promises to be the best.
@@ -415,7 +327,7 @@ class Session:
         for _ in range(0, attempts, chunk):
             if self.finished:
                 break
-            self.iterations += chunk
+            self.spent(0, chunk)
             arcs = improve.shorten(self.problem, self.start, arcs, self.random, chunk)
         return arcs
 
@@ -427,4 +339,4 @@ class Session:
             self._worth_beating, self._improved_at = self.best.horizon, self.iterations
         if self._on_progress is not None:
             path = path_from(self.start, arcs)
-            self._on_progress(path, self.best.cost, self.iterations, self.elapsed)
+            self._on_progress(path, self.best.cost, self.iterations, self.common.elapsed)
