@@ -158,6 +158,16 @@ class ChainMaker:
         return Chain(tuple(objects), tuple(contacts), chain.pusher)
 
 
+def pressure_of(rng: np.random.Generator, outline: FloatArray, center: FloatArray) -> FeetSupport:
+    """Return a random load on five points of a box that has a centre (2,)."""
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    while True:
+        points, shares = rng.uniform(low, high, (4, 2)), rng.dirichlet(np.ones(5))
+        last = (center - shares[:4] @ points) / shares[4]
+        if (last >= low).all() and (last <= high).all():
+            return FeetSupport(np.vstack([points, last]), shares)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _recorded_runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Keep the runs that tests record, also in processes of their own, out of the user's home."""

@@ -1,16 +1,21 @@
 """Plans made by hand, with executions: what pictures and windows show is known without a search."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
+import pushplan
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import pushed_at
+from pushplan.plans.events import Event, Feedback, Measured
 from pushplan.plans.execution import Execution
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath, cost_rate
-from pushplan.plans.plan import Plan
+from pushplan.plans.plan import Diagnosis, Nearest, Plan
+from pushplan.plans.run import Run
 from pushplan.plans.segment import Segment
+from pushplan.scenario.file import load_scenario, scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 
@@ -54,11 +59,69 @@ goal: {pose: [0.6, 0.4, 0.0], of: box}
 workspace: {x: [-3.0, 6.0], y: [-3.0, 3.0]}
 """
 
+WALL = """\
+format: pushplan/1
+name: walled-in
+floor: {friction: 0.3}
+objects: [{name: blue-box, shape: {box: [0.2, 0.2]}, mass: 1.0}]
+pusher: {width: 0.2, friction: 0.5}
+start: [0.0, 0.0, 0.0]
+goal: {pose: [1.6, 0.4, 0.0], of: blue-box}
+workspace: {x: [-0.5, 2.0], y: [-1.0, 1.0]}
+obstacles:
+  - {polygon: [[0.8, -1.0], [0.9, -1.0], [0.9, 1.0], [0.8, 1.0]]}
+  - {circle: 0.1, center: [0.3, 0.6]}
+"""
+KINDS = ("push", "multi-push", "rearrangement", "gathering", "closed loop", "unsolved", "not executed")
+EVENTS = (
+    Event(0.0, "plan", "1.300 m in 6.5 s"),
+    Event(2.0, "disturbance", "far was displaced by 5.0 mm and 3 deg"),
+    Event(2.2, "deviation", "far is 5.1 mm and 2.9 deg away from its pose in the plan"),
+    Event(4.5, "replan", "0.700 m in 3.5 s"),
+)
+
 Arcs = tuple[tuple[tuple[float, float, float], float], ...]
 """Twists, and how long each is kept, m of path cost."""
 
 SPEED = 0.2
 """Path cost in each second, m/s."""
+
+
+@cache
+def made(kind: str) -> Run:
+    """Return a run of one of the kinds."""
+    arcs = (((1.0, 0.0, 0.0), 0.4), ((1.0, -0.05, 1.0), 0.6), ((1.0, 0.0, 0.0), 0.3))
+    if kind == "multi-push":
+        plan = pushes(scenario_from_text(MULTI), (("box", "rear", 0.5), ("box", "right", 0.4)))
+    elif kind == "rearrangement":
+        turns = (("red-box", "rear", 0.8), ("other", "rear", 0.3), ("red-box", "left", 0.4))
+        plan = pushes(scenario_from_text(SWAP), turns)
+    elif kind == "gathering":
+        plan = pushplan.plan(scenario_from_text(ROW), first=True, time_limit=60.0)
+    elif kind == "unsolved":
+        plan = unsolved()
+    else:
+        plan = one_push(load_scenario("two-crates"), arcs)
+    if kind == "not executed":
+        plan = replace(plan, execution=None)
+    names = len(plan.scenario.poses)
+    feedback = Feedback(Measured(np.zeros(0), np.zeros((0, names, 3))), EVENTS, ())
+    return Run(plan.scenario, plan, plan.execution, feedback=feedback if kind == "closed loop" else None)
+
+
+def unsolved() -> Plan:
+    """Return a plan that is none, with all that a search leaves."""
+    plan = one_push(scenario_from_text(WALL), (((1.0, 0.0, 0.0), 0.4),))
+    reason = "obstacles and walls separate the start from the goal: no passage joins them"
+    return replace(
+        plan,
+        segments=(),
+        execution=None,
+        reason=reason,
+        tree=np.random.default_rng(0).uniform(0.0, 0.7, (50, 2, 3)),
+        diagnosis=(Diagnosis("gap", reason, True, blocking=(0,)),),
+        nearest=Nearest(plan.segments, (1.2, 0.1)),
+    )
 
 
 def path_of(start: FloatArray, arcs: Arcs) -> PushPath:

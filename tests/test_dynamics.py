@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import ChainMaker, there
+from conftest import ChainMaker, pressure_of, there
 from scipy.optimize import linprog
 
 from pushplan.geometry import se2
@@ -161,17 +161,6 @@ def test_the_polygon_holds_exactly_where_the_rows_are_positive(make_chain: Chain
                 assert bool(shape.contains(shapely.Point(u, a))) == (lowest > 0.0)
 
 
-def _pressures(outline: FloatArray, center: FloatArray, rng: np.random.Generator) -> FeetSupport:
-    """A random load on five points of a box that has the given centre."""
-    low, high = outline.min(axis=0), outline.max(axis=0)
-    while True:
-        points = rng.uniform(low, high, (4, 2))
-        shares = rng.dirichlet(np.ones(5))
-        last = (center - shares[:4] @ points) / shares[4]
-        if (last >= low).all() and (last <= high).all():
-            return FeetSupport(np.vstack([points, last]), shares)
-
-
 def test_the_worst_case_is_below_every_pressure_with_the_same_centre_and_near_the_worst(
     make_chain: ChainMaker,
 ) -> None:
@@ -181,7 +170,7 @@ def test_the_worst_case_is_below_every_pressure_with_the_same_centre_and_near_th
     bound = worst.quasi_static(twists).rows
     least = np.full_like(bound, np.inf)
     for _ in range(60):
-        chain = make_chain.boxes(2, support=lambda outline: _pressures(outline, np.zeros(2), rng))
+        chain = make_chain.boxes(2, support=lambda outline: pressure_of(rng, outline, np.zeros(2)))
         found = ContactDynamics(chain).quasi_static(twists).rows
         assert (found >= bound - 1e-9).all()
         least = np.minimum(least, found)

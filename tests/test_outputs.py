@@ -162,10 +162,6 @@ def _short_films(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pushplan.logging.film.PICTURES_PER_SECOND", 1)
 
 
-def test_there_are_as_many_as_the_documentation_names() -> None:
-    assert len(OPTIONS) == len(set(OPTIONS)) == 19
-
-
 @EVERY
 @pytest.mark.parametrize("full", [False, True])
 def test_a_folder_or_a_full_disk_ends_in_a_clear_error_and_leaves_nothing(

@@ -178,16 +178,3 @@ def left(source: str) -> list[str]:
 @pytest.mark.parametrize("source", SOURCES)
 def test_no_word_that_was_left_behind_is_there(source: str) -> None:
     assert left(source) == []
-
-
-@pytest.mark.parametrize(
-    "text", ["it bears 3 mm", "three kicks", "in 40 worlds", "the verdict is", "a plan of several pushes"]
-)
-def test_a_word_that_was_left_behind_is_found(text: str) -> None:
-    assert len(words_left(text)) == 1
-
-
-if __name__ == "__main__":
-    for name in SOURCES:
-        for line in left(name):
-            print(line)

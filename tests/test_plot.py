@@ -13,7 +13,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from planned_by_hand import MULTI, SWAP, one_push, pushes
+from planned_by_hand import KINDS, made
 
 from pushplan.drawing import PICTURE_SUFFIXES, palette
 from pushplan.drawing import figure as plot_figure
@@ -27,40 +27,18 @@ from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Drive
 from pushplan.mechanics.dynamics import SpeedWindow, admissible_speeds
 from pushplan.plans.execution import TrialEnd
-from pushplan.plans.plan import Diagnosis, Nearest, Plan
-from pushplan.scenario.file import load_scenario, scenario_from_text
+from pushplan.plans.plan import Plan
 from pushplan.scenario.model import PolygonObstacle, Workspace
 from pushplan.sets.cor_window import default_window
 from pushplan.sets.named import stable_set
 
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
-KINDS = ("push", "multi-push", "rearrangement")
+PUSHES = KINDS[:3]
 
 
 @pytest.fixture(scope="module")
 def plans() -> dict[str, Plan]:
-    arcs = (((1.0, 0.0, 0.0), 0.4), ((1.0, -0.05, 1.0), 0.6), ((1.0, 0.0, 0.0), 0.3))
-    turns = (("red-box", "rear", 0.8), ("other", "rear", 0.3), ("red-box", "left", 0.4))
-    made = [
-        one_push(load_scenario("two-crates"), arcs),
-        pushes(scenario_from_text(MULTI), (("box", "rear", 0.5), ("box", "right", 0.4))),
-        pushes(scenario_from_text(SWAP), turns),
-    ]
-    return {plan.scenario.kind: plan for plan in made}
-
-
-@pytest.fixture(scope="module")
-def unsolved(plans: dict[str, Plan]) -> Plan:
-    plan = plans["push"]
-    return replace(
-        plan,
-        segments=(),
-        execution=None,
-        reason="a passage between start and goal is too narrow for the chain by 31 mm " * 2,
-        tree=np.random.default_rng(0).uniform(0.0, 1.0, (50, 2, 3)),
-        diagnosis=(Diagnosis("time", "the search was not over", False),),
-        nearest=Nearest(plan.segments, (0.25, 0.5)),
-    )
+    return {kind: made(kind).plan for kind in PUSHES}
 
 
 def test_margins_have_one_colour_each_on_a_fixed_scale() -> None:
@@ -72,7 +50,7 @@ def test_margins_have_one_colour_each_on_a_fixed_scale() -> None:
     assert len({palette.margin_colour(0.01 * k) for k in range(21)}) == 21
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", PUSHES)
 def test_a_scene_has_the_bodies_where_the_execution_has_them(kind: str, plans: dict[str, Plan]) -> None:
     plan = plans[kind]
     scene, execution = Scene.of(plan.scenario, plan), plan.execution
@@ -90,7 +68,7 @@ def test_a_scene_has_the_bodies_where_the_execution_has_them(kind: str, plans: d
             np.testing.assert_allclose(starts[obj.name], outline, atol=1e-12)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", PUSHES)
 def test_the_path_has_the_margins_of_the_execution_and_none_where_nothing_is_pushed(
     kind: str, plans: dict[str, Plan]
 ) -> None:
@@ -161,16 +139,18 @@ def test_a_plan_is_drawn_in_every_form_with_the_same_bytes_each_time(
     assert first == second
 
 
-@pytest.mark.parametrize("kind", [*KINDS, "unsolved", "long name", "wide", "tall"])
+@pytest.mark.parametrize("kind", [*KINDS, "long words", "wide", "tall"])
 def test_nothing_in_a_picture_covers_its_key_or_spills(
-    kind: str, plans: dict[str, Plan], unsolved: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     spaces = {"wide": Workspace(0.0, 4.0, 0.0, 0.5), "tall": Workspace(0.0, 0.5, 0.0, 4.0)}
     figures = _kept_figures(monkeypatch)
-    plan = plans.get(kind, unsolved if kind == "unsolved" else plans["push"])
-    name = "a-long-name-" * 20 if kind == "long name" else plan.scenario.name
+    run = made(kind if kind in KINDS else "unsolved" if kind == "long words" else "push")
+    plan, name = run.plan, run.scenario.name
+    if kind == "long words":
+        plan, name = replace(plan, reason="a passage is too narrow for the chain by 31 mm " * 3), 20 * name
     scenario = replace(plan.scenario, name=name, workspace=spaces.get(kind, plan.scenario.workspace))
-    plot_plan(replace(plan, scenario=scenario), tmp_path / "p.png")
+    plot_plan(replace(plan, scenario=scenario), tmp_path / "p.png", run.execution, run.events)
     plot_scenario(scenario, tmp_path / "s.png")
     for figure in figures:
         _assert_nothing_covered(figure)
@@ -245,9 +225,9 @@ def _assert_nothing_covered(figure: Figure) -> None:
 
 
 def test_a_picture_without_a_plan_shows_tree_and_nearest_path_and_has_the_reason_as_title(
-    unsolved: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    figures = _kept_figures(monkeypatch)
+    figures, unsolved = _kept_figures(monkeypatch), made("unsolved").plan
     plot_plan(unsolved, tmp_path / "why.png")
     floor = figures[0].axes[0]
     (tree,) = [one for one in floor.collections if isinstance(one, LineCollection)]

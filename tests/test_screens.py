@@ -10,8 +10,6 @@ import time
 from base64 import b64encode
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import replace
-from functools import cache
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -24,11 +22,10 @@ from matplotlib.figure import Figure
 from matplotlib.image import imsave
 from matplotlib.patches import Polygon
 from matplotlib.text import Text
-from planned_by_hand import MULTI, ROW, SWAP, one_push, pushes
+from planned_by_hand import KINDS, made
 from test_view import Seen
 from viewed import wait_for
 
-import pushplan
 from pushplan.drawing import palette
 from pushplan.drawing.floor import draw_scene, set_view, view_of
 from pushplan.drawing.plans import plot_plan
@@ -36,68 +33,10 @@ from pushplan.drawing.scene import Scene
 from pushplan.logging.film import Film, Still
 from pushplan.logging.page import render, write_html
 from pushplan.logging.scene import scene as messages_of
-from pushplan.plans.events import Event, Feedback, Measured
-from pushplan.plans.plan import Diagnosis, Nearest, Plan
 from pushplan.plans.run import Run
-from pushplan.scenario.file import load_scenario, scenario_from_text
 from pushplan.view import tone
 
-KINDS = ("push", "multi-push", "rearrangement", "gathering", "closed loop", "unsolved", "not executed")
 EVERY = pytest.mark.parametrize("kind", KINDS)
-EVENTS = (
-    Event(0.0, "plan", "1.300 m in 6.5 s"),
-    Event(2.0, "disturbance", "far was displaced by 5.0 mm and 3 deg"),
-    Event(2.2, "deviation", "far is 5.1 mm and 2.9 deg away from its pose in the plan"),
-    Event(4.5, "replan", "0.700 m in 3.5 s"),
-)
-WALL = """\
-format: pushplan/1
-name: walled-in
-floor: {friction: 0.3}
-objects: [{name: blue-box, shape: {box: [0.2, 0.2]}, mass: 1.0}]
-pusher: {width: 0.2, friction: 0.5}
-start: [0.0, 0.0, 0.0]
-goal: {pose: [1.6, 0.4, 0.0], of: blue-box}
-workspace: {x: [-0.5, 2.0], y: [-1.0, 1.0]}
-obstacles:
-  - {polygon: [[0.8, -1.0], [0.9, -1.0], [0.9, 1.0], [0.8, 1.0]]}
-  - {circle: 0.1, center: [0.3, 0.6]}
-"""
-
-
-@cache
-def made(kind: str) -> Run:
-    arcs = (((1.0, 0.0, 0.0), 0.4), ((1.0, -0.05, 1.0), 0.6), ((1.0, 0.0, 0.0), 0.3))
-    if kind == "multi-push":
-        plan = pushes(scenario_from_text(MULTI), (("box", "rear", 0.5), ("box", "right", 0.4)))
-    elif kind == "rearrangement":
-        turns = (("red-box", "rear", 0.8), ("other", "rear", 0.3), ("red-box", "left", 0.4))
-        plan = pushes(scenario_from_text(SWAP), turns)
-    elif kind == "gathering":
-        plan = pushplan.plan(scenario_from_text(ROW), first=True, time_limit=60.0)
-    elif kind == "unsolved":
-        plan = unsolved()
-    else:
-        plan = one_push(load_scenario("two-crates"), arcs)
-    if kind == "not executed":
-        plan = replace(plan, execution=None)
-    names = len(plan.scenario.poses)
-    feedback = Feedback(Measured(np.zeros(0), np.zeros((0, names, 3))), EVENTS, ())
-    return Run(plan.scenario, plan, plan.execution, feedback=feedback if kind == "closed loop" else None)
-
-
-def unsolved() -> Plan:
-    plan = one_push(scenario_from_text(WALL), (((1.0, 0.0, 0.0), 0.4),))
-    reason = "obstacles and walls separate the start from the goal: no passage joins them"
-    return replace(
-        plan,
-        segments=(),
-        execution=None,
-        reason=reason,
-        tree=np.random.default_rng(0).uniform(0.0, 0.7, (50, 2, 3)),
-        diagnosis=(Diagnosis("gap", reason, True, blocking=(0,)),),
-        nearest=Nearest(plan.segments, (1.2, 0.1)),
-    )
 
 
 def film_of(run: Run) -> Still:
@@ -130,9 +69,7 @@ def test_a_page_is_tidy_on_every_screen(kind: str, browser: Any, tmp_path: Path)
 
 
 @EVERY
-def test_a_picture_and_a_frame_of_the_film_are_tidy_on_every_screen(
-    kind: str, browser: Any, tmp_path: Path
-) -> None:
+def test_a_picture_and_a_frame_of_the_film_are_tidy(kind: str, browser: Any, tmp_path: Path) -> None:
     run = made(kind)
     plot_plan(run.plan, tmp_path / "run.svg", run.execution, run.events)
     picture = re.sub(r'width="[\d.]+pt" height="[\d.]+pt"', "", (tmp_path / "run.svg").read_text(), count=1)
@@ -143,16 +80,15 @@ def test_a_picture_and_a_frame_of_the_film_are_tidy_on_every_screen(
         '<!doctype html><meta name="viewport" content="width=device-width"><style>img, svg { width: 100% }</style>'
         f'{picture[picture.index("<svg") :]}<img src="data:image/png;base64,{frame}">'
     )
-    for width, dark in SCREENS:
-        show(browser, tmp_path / "all.html", width, dark)
-        assert_tidy(browser, "svg text, img", width)
-        keep(browser, f"picture {kind} {width} {'dark' if dark else 'light'}")
-        words = boxes(browser, "svg text")
-        (around,) = boxes(browser, "svg")
-        for word in words:
-            assert around["left"] - 1.0 <= word["left"] <= word["right"] <= around["right"] + 1.0, word
-            assert around["top"] - 1.0 <= word["top"] <= word["bottom"] <= around["bottom"] + 1.0, word
-        assert browser.evaluate("document.querySelector('img').naturalWidth") == 1280
+    show(browser, tmp_path / "all.html", 1280)
+    assert_tidy(browser, "svg text, img", 1280)
+    keep(browser, f"picture {kind}")
+    words = boxes(browser, "svg text")
+    (around,) = boxes(browser, "svg")
+    for word in words:
+        assert around["left"] - 1.0 <= word["left"] <= word["right"] <= around["right"] + 1.0, word
+        assert around["top"] - 1.0 <= word["top"] <= word["bottom"] <= around["bottom"] + 1.0, word
+    assert browser.evaluate("document.querySelector('img').naturalWidth") == 1280
 
 
 @EVERY

@@ -6,12 +6,11 @@ from functools import cache
 
 import numpy as np
 import pytest
-from conftest import there
+from conftest import pressure_of, there
 
 from pushplan.geometry import se2
-from pushplan.mechanics.chain import Chain, PushedObject
+from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.dynamics import dynamic_margins
-from pushplan.mechanics.support import FeetSupport
 from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan
 from pushplan.plans.trajectory import Trajectory
@@ -67,19 +66,11 @@ def test_packaged_scenarios_keep_half_of_their_margin(name: str, trajectory: str
     check(result, iter([scenario.chain]))
 
 
-def _pressure(rng: np.random.Generator, obj: PushedObject) -> FeetSupport:
-    """A random load on five points of a box that has its centre."""
-    low, high = obj.outline.min(axis=0), obj.outline.max(axis=0)
-    while True:
-        points, shares = rng.uniform(low, high, (4, 2)), rng.dirichlet(np.ones(5))
-        last = (obj.support.center - shares[:4] @ points) / shares[4]
-        if (last >= low).all() and (last <= high).all():
-            return FeetSupport(np.vstack([points, last]), shares)
-
-
 def under(rng: np.random.Generator, chain: Chain) -> Chain:
     """The chain with other pressures that have the same centres."""
-    objects = tuple(replace(obj, support=_pressure(rng, obj)) for obj in chain.objects)
+    objects = tuple(
+        replace(obj, support=pressure_of(rng, obj.outline, obj.support.center)) for obj in chain.objects
+    )
     return replace(chain, objects=objects)
 
 

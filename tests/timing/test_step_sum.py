@@ -46,17 +46,6 @@ def _random(seed: int, steps: int) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_the_sum_and_its_rate_are_continuous(seed: int) -> None:
-    pieces = Pieces.through(*_random(seed, 8))
-    h = pieces.durations[:, None]
-    c0, c1, c2 = (pieces.coefficients[:, j] for j in range(3))
-    np.testing.assert_allclose((c0 + h * (c1 + h * c2))[:-1], c0[1:], atol=1e-9)
-    np.testing.assert_allclose((c1 + 2.0 * h * c2)[:-1], c1[1:], atol=1e-6)
-    np.testing.assert_allclose([c0[0], c1[0]], 0.0, atol=1e-12)
-    np.testing.assert_allclose((c0 + h * (c1 + h * c2))[-1], 0.0, atol=1e-9)
-
-
-@pytest.mark.parametrize("seed", range(10))
 def test_every_level_counts_for_the_time_between_its_centres(seed: int) -> None:
     levels, centers, widths = _random(seed, 8)
     pieces = Pieces.through(levels, centers, widths)
