@@ -59,8 +59,8 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 Value = TypeVar("Value")
 
-LONG = ("test_docs", "test_every_kind", "test_screens", "test_view")
-"""Files that take 70 to 20 s of a processor; all others less."""
+LONG = ("test_docs", "test_every_kind", "test_screens", "test_controller", "test_run", "test_view")
+"""Files that take 45 to 10 s of a processor; others less, or as long as their processes sleep."""
 
 
 def there(value: Value | None) -> Value:

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -58,6 +59,11 @@ ROWS = [re.findall(r"`(\w+)`", line.split("|")[1]) for line in PAGE.splitlines()
 LAYER = {room: len(ROWS) - i for i, row in enumerate(ROWS) for room in row}
 
 
+@cache
+def tree_of(file: Path) -> ast.Module:
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
 def modules() -> dict[str, Path]:
     """Files of the package by the names of their modules below `pushplan`."""
     folders = [ROOT / name for name in ("planners", "logging", "sim")]
@@ -74,7 +80,9 @@ def modules() -> dict[str, Path]:
 def imported(tree: ast.AST) -> Iterator[str]:
     """Names below `pushplan` that a module imports, also inside functions, but not for types only."""
     for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+        if isinstance(node, ast.expr) or (
+            isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        ):
             continue
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("pushplan."):
             yield from (f"{node.module}.{alias.name}".removeprefix("pushplan.") for alias in node.names)
@@ -85,7 +93,7 @@ def graph() -> dict[str, set[str]]:
     files = modules()
     found = {}
     for module, file in files.items():
-        names = set(imported(ast.parse(file.read_text(encoding="utf-8"))))
+        names = set(imported(tree_of(file)))
         targets = {name if name in files else name.rpartition(".")[0] for name in names}
         found[module] = targets & set(files) - {module}
     return found
@@ -153,9 +161,9 @@ def messages() -> Iterator[tuple[str, str]]:
         for file in sorted((ROOT / folder).rglob("*.py")):
             if file.is_symlink() or any(part.is_symlink() for part in file.parents):
                 continue
-            tree = ast.parse(file.read_text("utf-8"))
-            bare = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-            for node in ast.walk(tree):
+            nodes = list(ast.walk(tree_of(file)))
+            bare = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+            for node in nodes:
                 text = node.value if isinstance(node, ast.Constant) and id(node) not in bare else None
                 if isinstance(text, str) and " " in text.strip():
                     yield f"{file.relative_to(ROOT)}:{getattr(node, 'lineno', 0)}", text
