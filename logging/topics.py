@@ -164,10 +164,14 @@ class _Messages:
         parts: dict[Topic, Iterable[bytes]] = {
             schemas.TF: frame_messages(scenario, plates, objects, instants),
             schemas.CONTACTS: self._contacts(execution, shown, instants),
-            schemas.PUSHER_TWIST: _twist_messages(execution.twists[shown], instants),
+            schemas.PUSHER_TWIST: _filled(
+                schemas.Twist(frame_id=PUSHER), ("vx", "vy", "omega"), execution.twists[shown], instants
+            ),
         }
         if execution.wrenches is not None:
-            parts[schemas.PUSHER_WRENCH] = _wrench_messages(execution.wrenches[shown], instants)
+            parts[schemas.PUSHER_WRENCH] = _filled(
+                schemas.Wrench(frame_id=CHAIN), ("fx", "fy", "torque"), execution.wrenches[shown], instants
+            )
         parts[schemas.MARGINS] = _margin_messages(contact_names(scenario), execution, shown, instants)
         for instant, *data in zip(instants.tolist(), *parts.values(), strict=True):
             for topic, one in zip(parts, data, strict=True):
@@ -234,19 +238,10 @@ def _costs(improvements: Sequence[Improvement]) -> MessageClass:
 
 
 def _plan(plan: Plan) -> MessageClass:
-    return schemas.Plan(
-        solved=plan.solved,
-        reason=plan.reason,
-        planner=plan.planner,
-        stable_set=plan.stable_set,
-        seed=plan.seed,
-        cost=plan.cost,
-        lower_bound=plan.lower_bound,
-        duration=plan.duration,
-        margin_asked=plan.margin_asked,
-        margin=plan.margin,
-        min_margin=min((s.min_margin for s in plan.pushes if s.min_margin is not None), default=None),
-    )
+    names = ("solved", "reason", "planner", "stable_set", "seed", "cost", "lower_bound", "duration")
+    least = min((s.min_margin for s in plan.pushes if s.min_margin is not None), default=None)
+    told = {name: getattr(plan, name) for name in (*names, "margin_asked", "margin")}
+    return schemas.Plan(**told, min_margin=least)
 
 
 def poses_in_world(poses: FloatArray) -> PosesInFrame:
@@ -258,18 +253,13 @@ def poses_in_world(poses: FloatArray) -> PosesInFrame:
     return PosesInFrame(timestamp=Timestamp(), frame_id=WORLD, poses=made)
 
 
-def _twist_messages(twists: FloatArray, instants: IntArray) -> Iterator[bytes]:
-    message = schemas.Twist(frame_id=PUSHER)
-    for instant, (vx, vy, omega) in zip(instants.tolist(), twists.tolist(), strict=True):
-        message.vx, message.vy, message.omega = vx, vy, omega
-        message.timestamp.seconds, message.timestamp.nanos = divmod(instant, NANO)
-        yield message.SerializeToString(deterministic=True)
-
-
-def _wrench_messages(wrenches: FloatArray, instants: IntArray) -> Iterator[bytes]:
-    message = schemas.Wrench(frame_id=CHAIN)
-    for instant, (fx, fy, torque) in zip(instants.tolist(), wrenches.tolist(), strict=True):
-        message.fx, message.fy, message.torque = fx, fy, torque
+def _filled(
+    message: MessageClass, names: Sequence[str], rows: FloatArray, instants: IntArray
+) -> Iterator[bytes]:
+    """Yield a message for each instant (m,), ns, whose fields of some names have the numbers of a row (m, k)."""
+    for instant, row in zip(instants.tolist(), rows.tolist(), strict=True):
+        for name, value in zip(names, row, strict=True):
+            setattr(message, name, value)
         message.timestamp.seconds, message.timestamp.nanos = divmod(instant, NANO)
         yield message.SerializeToString(deterministic=True)
 
