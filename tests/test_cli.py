@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -82,33 +83,20 @@ def test_wrong_words_end_with_a_message_and_exit_code_2(
     assert "Traceback" not in err
 
 
-def test_a_reader_that_leaves_early_sees_no_error() -> None:
+def examples_into(out: Any) -> tuple[int, bytes]:
+    """Return exit code and errors of the command that lists examples into a file or pipe."""
+    words = [sys.executable, "-m", "pushplan", "examples"]
+    done = subprocess.run(words, stdout=out, stderr=subprocess.PIPE, timeout=60, check=False)
+    return done.returncode, done.stderr
+
+
+def test_a_reader_that_leaves_early_sees_no_error_and_a_full_disk_is_no_defect() -> None:
     reader, writer = os.pipe()
     os.close(reader)
-    done = subprocess.run(
-        [sys.executable, "-m", "pushplan", "examples"],
-        stdout=writer,
-        stderr=subprocess.PIPE,
-        timeout=60,
-        check=False,
-    )
+    assert examples_into(writer) == (141, b"")
     os.close(writer)
-    assert done.returncode == 141
-    assert done.stderr == b""
-
-
-def test_a_full_disk_is_no_defect() -> None:
-    with open("/dev/full", "w") as full:
-        done = subprocess.run(
-            [sys.executable, "-m", "pushplan", "examples"],
-            stdout=full,
-            stderr=subprocess.PIPE,
-            text=True,
-            timeout=60,
-            check=False,
-        )
-    assert done.returncode == 1
-    assert done.stderr == "error: No space left on device\n"
+    with open("/dev/full", "wb") as full:
+        assert examples_into(full) == (1, b"error: No space left on device\n")
 
 
 def test_wrong_words_are_data_in_json_mode(capsys: Captured) -> None:

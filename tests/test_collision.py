@@ -19,7 +19,7 @@ from pushplan.planners.problem import scenario_scene
 from pushplan.planners.scene import convex_pieces, scene_of
 from pushplan.plans.path import TURN_WEIGHT
 from pushplan.scenario.file import load_scenario, scenario_from_text
-from pushplan.scenario.model import CircleObstacle, PolygonObstacle, Scenario
+from pushplan.scenario.model import CircleObstacle, Scenario
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import CLEARANCE_ROOM
 
@@ -222,29 +222,31 @@ def test_few_poses_find_what_many_do(lane: Scenario) -> None:
     assert min(free, blocked) > 10
 
 
+def gaps_of(scenario: Scenario, poses: FloatArray) -> FloatArray:
+    """Return the distance (m,) of the nearest obstacle at each pose (m, 3), m."""
+    gaps = np.full(len(poses), np.inf)
+    for body in scenario.chain.bodies:
+        placed = shapely.polygons(poses[:, None, :2] + se2.rotate(poses[:, 2:3], body.outline[None]))
+        for one in scenario.obstacles:
+            if isinstance(one, CircleObstacle):
+                apart = shapely.distance(placed, shapely.Point(one.center)) - one.radius
+            else:
+                apart = shapely.distance(placed, shapely.Polygon(one.outline))
+            gaps = np.minimum(gaps, apart)
+    return gaps
+
+
 @pytest.mark.parametrize("name", ["three-boxes-clutter", "asymmetric", "carts", "hook"])
-def test_gaps_are_the_distances_of_every_body_from_everything_up_to_what_is_enough(
-    name: str,
-) -> None:
+def test_gaps_are_the_distances_of_every_body_from_everything_up_to_what_is_enough(name: str) -> None:
     scenario, enough = load_scenario(name), 0.3
     walls = there(scenario.workspace)
-    rng = np.random.default_rng(2)
-    poses = rng.uniform([walls.xmin, walls.ymin, -4.0], [walls.xmax, walls.ymax, 4.0], (40, 3))
-    found = Room.of(scenario).gaps(poses, enough)
-    for pose, gap in zip(poses, found, strict=True):
-        outlines = [se2.transform_points(pose, body.outline) for body in scenario.chain.bodies]
-        corners = np.concatenate(outlines)
-        away = [corners[:, 0] - walls.xmin, walls.xmax - corners[:, 0]]
-        away += [corners[:, 1] - walls.ymin, walls.ymax - corners[:, 1]]
-        apart = [float(np.min(away)), enough]
-        for outline in outlines:
-            for obstacle in scenario.obstacles:
-                if isinstance(obstacle, CircleObstacle):
-                    middle = shapely.Point(obstacle.center)
-                    apart.append(shapely.Polygon(outline).distance(middle) - obstacle.radius)
-                else:
-                    apart.append(shapely.Polygon(outline).distance(shapely.Polygon(obstacle.outline)))
-        assert gap == pytest.approx(max(min(apart), 0.0), abs=1e-12)
+    low, high = np.array([walls.xmin, walls.ymin]), np.array([walls.xmax, walls.ymax])
+    poses = np.random.default_rng(2).uniform([*low, -4.0], [*high, 4.0], (40, 3))
+    outlines = np.concatenate([body.outline for body in scenario.chain.bodies])
+    corners = poses[:, None, :2] + se2.rotate(poses[:, 2:3], outlines[None])
+    room = np.minimum(corners - low, high - corners).min(axis=(1, 2))
+    expected = np.clip(np.minimum(gaps_of(scenario, poses), room), 0.0, enough)
+    np.testing.assert_allclose(Room.of(scenario).gaps(poses, enough), expected, atol=1e-12)
 
 
 # The clearance is a hard minimum: of every pose of a path, of start and goal, and nobody comes nearer by chance.
@@ -262,28 +264,13 @@ obstacles:
 """
 
 
-def smallest_gap(scenario: Scenario, poses: np.ndarray) -> float:
-    """Distance to the nearest obstacle along poses (m, 3), m."""
-    outlines = [body.outline for body in scenario.chain.bodies]
-    gaps = []
-    for outline in outlines:
-        placed = shapely.polygons(poses[:, None, :2] + se2.rotate(poses[:, 2:3], outline[None]))
-        for obstacle in scenario.obstacles:
-            if isinstance(obstacle, PolygonObstacle):
-                gaps.append(shapely.distance(placed, shapely.Polygon(obstacle.outline)).min())
-            else:
-                away = shapely.distance(placed, shapely.Point(obstacle.center)).min()
-                gaps.append(away - obstacle.radius)
-    return float(min(gaps))
-
-
 @pytest.mark.parametrize(("clearance", "trajectory"), [(0.0005, "exact"), (0.006, "blended")])
 def test_paths_keep_the_clearance_and_use_it_up(clearance: float, trajectory: str) -> None:
     scenario = replace(load_scenario("narrow-gap"), clearance=clearance, trajectory=trajectory)
     result = plan(scenario, time_limit=60.0, iterations=2_000)
     assert result.solved, result.reason
     poses = np.concatenate([there(result.path).sampled(1e-4), there(result.trajectory).poses])
-    gap = smallest_gap(scenario, poses)
+    gap = float(gaps_of(scenario, poses).min())
     assert gap >= clearance - 1e-9
     assert gap < clearance + 0.02
 
@@ -298,4 +285,4 @@ def test_a_start_just_at_the_clearance_leaves_the_room_to_leave_it() -> None:
         assert scene.clearance == pytest.approx(min(gap, 0.01 + SLACK), abs=1e-8)
         result = plan(scenario, time_limit=60.0, first=True)
         assert result.solved, result.reason
-        assert smallest_gap(scenario, there(result.path).sampled(1e-4)) >= 0.01 - CLEARANCE_ROOM - 1e-8
+        assert gaps_of(scenario, there(result.path).sampled(1e-4)).min() >= 0.01 - CLEARANCE_ROOM - 1e-8

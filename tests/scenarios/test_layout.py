@@ -101,12 +101,9 @@ def test_the_goal_of_an_object_brings_that_object_there(x: float, y: float, thet
 # Measured poses: objects are moved onto the contacts that they nearly have, or it is told why not.
 
 
-def text(objects: list[str], snap: str = "snap: 5 mm", pusher: str = "width: 0.6, friction: 0.5") -> str:
-    listed = "\n".join(f"  - {{{one}}}" for one in objects)
-    return (
-        f"format: pushplan/1\nfloor: {{friction: 0.3}}\n{snap}\nobjects:\n{listed}\n"
-        f"contacts: {{friction: 0.4}}\npusher: {{{pusher}}}\ngoal: {{pose: [5, 5, 0]}}\n"
-    )
+def text(objects: list[str], snap: str = "snap: 5 mm") -> str:
+    """Return a scenario with measured poses."""
+    return chain_file(*objects, pusher="width: 0.6, friction: 0.5") + snap + "\n"
 
 
 def box(name: str, length: float, width: float, pose: tuple[float, float, float]) -> str:

@@ -29,24 +29,36 @@ def near_boundary(stable: StableSet, rng: np.random.Generator, count: int) -> Fl
     return np.asarray(np.concatenate([near, forward]), dtype=np.float64)
 
 
+def nested(chain: Chain, pressures: Pressures, seed: int, rounds: int = 1) -> tuple[int, int]:
+    """Check the nesting on random twists; return how many `robust` allows, and for how many loads it was tried."""
+    robust, stable, rng = (
+        stable_set(chain, "robust"),
+        stable_set(chain, "stable"),
+        np.random.default_rng(seed),
+    )
+    twists = np.concatenate([near_boundary(each, rng, 40) for each in (robust, stable)])
+    margins, tried = robust.margin(twists), 0
+    assert not (stable.contains(twists) & (margins <= 0.0)).any()
+    for loaded in (
+        chain,
+        *(make(chain) for _ in range(rounds) for make in (pressures.on_points, pressures.spread)),
+    ):
+        try:
+            exact = stable_set(loaded, "ecof").margin(twists)
+        except SupportError:
+            continue  # the affine shift would have to pull at some of these points
+        tried += 1
+        assert not ((margins > 0.0) & (exact < margins - 1e-9)).any()
+    return int((margins > 0.0).sum()), tried
+
+
 @pytest.mark.parametrize("n", [1, 2, 4, 6])
 def test_stable_is_inside_robust_is_inside_ecof(make_chain: ChainMaker, pressures: Pressures, n: int) -> None:
     """For random polygons, and pressures with the same centres: on few points, and all over the hull."""
-    inside = 0
-    for seed in range(2):
-        chain = make_chain.random(seed + 10 * n, n, tree=seed == 1)
-        robust, rng = stable_set(chain, "robust"), np.random.default_rng(seed)
-        twists = np.concatenate(
-            [near_boundary(each, rng, 40) for each in (robust, stable_set(chain, "stable"))]
-        )
-        margins = robust.margin(twists)
-        assert not (stable_set(chain, "stable").contains(twists) & (margins <= 0.0)).any()
-        inside += int((margins > 0.0).sum())
-        for _ in range(2):
-            for loaded in (pressures.on_points(chain), pressures.spread(chain)):
-                exact = stable_set(loaded, "ecof").margin(twists)
-                assert not ((margins > 0.0) & (exact < margins - 1e-9)).any()
-    assert inside > 0
+    chains = [make_chain.random(seed + 10 * n, n, tree=seed == 1) for seed in range(2)]
+    found = [nested(chain, pressures, seed, rounds=2) for seed, chain in enumerate(chains)]
+    assert sum(inside for inside, _ in found) > 0
+    assert all(tried == 5 for _, tried in found)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
@@ -54,23 +66,9 @@ def test_nesting_holds_for_pushes_above_the_floor(
     make_chain: ChainMaker, pressures: Pressures, n: int
 ) -> None:
     """The load shifts with the friction force, in `ecof` by an affine pressure, in the others in any way."""
-    inside = tried = 0
-    for seed in range(0, 12, 3):
-        chain = raised(make_chain.random(seed, n), 0.05 + 0.05 * seed)
-        robust, rng = stable_set(chain, "robust"), np.random.default_rng(seed)
-        twists = np.concatenate(
-            [near_boundary(each, rng, 40) for each in (robust, stable_set(chain, "stable"))]
-        )
-        margins = robust.margin(twists)
-        assert not (stable_set(chain, "stable").contains(twists) & (margins <= 0.0)).any()
-        inside += int((margins > 0.0).sum())
-        for loaded in (chain, pressures.spread(chain), pressures.on_points(chain)):
-            try:
-                exact = stable_set(loaded, "ecof").margin(twists)
-            except SupportError:
-                continue  # the affine shift would have to pull at some of these points
-            tried += 1
-            assert not ((margins > 0.0) & (exact < margins - 1e-9)).any()
+    chains = {seed: raised(make_chain.random(seed, n), 0.05 + 0.05 * seed) for seed in range(0, 12, 3)}
+    found = [nested(chain, pressures, seed) for seed, chain in chains.items()]
+    inside, tried = np.sum(found, axis=0)
     assert inside > 0
     assert tried > 1
 

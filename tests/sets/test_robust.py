@@ -12,6 +12,7 @@ from scipy.optimize import linprog
 
 import pushplan.core.uncertain as uncertain
 from pushplan.geometry.polygon import convex_hull
+from pushplan.geometry.se2 import inverse, transform_points
 from pushplan.mechanics.chain import GRAVITY, Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.heights import LoadArea
 from pushplan.mechanics.sphere import twists_at
@@ -130,8 +131,11 @@ def test_worst_case_is_a_pressure_that_does_it(make_chain: ChainMaker) -> None:
                 worst = robust.worst_case(twist)
                 objects = list(chain.objects)
                 for i, points in worst.points.items():
-                    np.testing.assert_allclose(worst.fractions[i] @ points, chain_center(chain, i), atol=1e-7)
-                    placed = FeetSupport(_local(chain, i, points), worst.fractions[i])
+                    center = transform_points(objects[i].pose_chain, objects[i].support.center)
+                    np.testing.assert_allclose(worst.fractions[i] @ points, center, atol=1e-7)
+                    placed = FeetSupport(
+                        transform_points(inverse(objects[i].pose_chain), points), worst.fractions[i]
+                    )
                     objects[i] = replace(objects[i], support=placed)
                 loaded = stable_set(replace(chain, objects=tuple(objects)))
                 assert low < loaded.contact_margins([twist])[0, worst.contact] < high
@@ -139,18 +143,6 @@ def test_worst_case_is_a_pressure_that_does_it(make_chain: ChainMaker) -> None:
                 assert worst.margin == pytest.approx(robust.margin([twist])[0], abs=1e-5)
                 tried += 1
     assert tried > 20
-
-
-def chain_center(chain: Chain, i: int) -> FloatArray:
-    pose = chain.objects[i].pose_chain
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    return np.asarray(pose[:2] + np.array([[c, -s], [s, c]]) @ chain.objects[i].support.center)
-
-
-def _local(chain: Chain, i: int, points: FloatArray) -> FloatArray:
-    pose = chain.objects[i].pose_chain
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    return np.asarray((points - pose[:2]) @ np.array([[c, -s], [s, c]]))
 
 
 def test_symmetries_of_the_worst_case(make_chain: ChainMaker) -> None:
