@@ -109,7 +109,7 @@ class Search:
 def _is_of_ours(make: Factory) -> bool:
     """Tell whether what makes a planner is a class of OMPL or of this package.
 
-    To pose the problem and make the planner takes 0.1 ms, a seventh of a question to `Queries` that a word answers.
+    To pose the problem and make the planner takes 0.1 ms, a seventh of a question to a `Planner` that a word answers.
     """
     return isinstance(make, type) and make.__module__.partition(".")[0] in ("ompl", "pushplan")
 

@@ -1,1 +1,1 @@
-"""The commands of the command line, one module each: `declare` declares its words, `run` does the work."""
+"""The commands of the command line, one module each; its `command` is what runs."""

@@ -249,7 +249,7 @@ class Scenario:
             name: One of `names.STABLE_SETS`; None stands for that of `stability`.
 
         Raises:
-            PushplanError: See `stable_sets.named.stable_set` and `stable_sets.interval_set.stable_set_over`.
+            PushplanError: See `sets.named.stable_set` and `sets.interval_set.stable_set_over`.
         """
         from pushplan.sets.interval_set import stable_set_over
         from pushplan.sets.named import stable_set
