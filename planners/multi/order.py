@@ -1,18 +1,20 @@
 """In which order several objects are brought to their goals, and which of them have to make room first.
 
-At first the nearest body that has a plan is brought to its goal, then the next one. Where that leaves some without a
-plan, situations are searched depth first, from there and then from the beginning: a body is brought to its goal only
-where every other one that is left keeps a plan of its own (or waits for another body to leave its goal); where none
-can be, one that is in the way is put somewhere from where the rest goes on, and has to be brought to its goal
-afterwards, also where it stood there before. As few are moved as possible. What is spent on each transfer grows while
-there is no order. Cheaper orders, and each goal of a body by itself, are looked for in beams.
+At first the body is brought to its goal with which the cheapest tour begins (`tours`), then the next one: of those
+that may begin it, transfers are searched for until none can be cheaper, as the tours have it. Where that leaves some
+without a plan, situations are searched depth first, from there and then from the beginning: a body is brought to its
+goal only where every other one that is left keeps a plan of its own (or waits for another body to leave its goal);
+where none can be, one that is in the way is put somewhere from where the rest goes on, and has to be brought to its
+goal afterwards, also where it stood there before. As few are moved as possible. What is spent on each transfer grows
+while there is no order. Cheaper orders are looked for in beams.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -20,29 +22,30 @@ from shapely.geometry.base import BaseGeometry
 
 from pushplan.geometry import se2
 from pushplan.planners.multi.search import Limits
+from pushplan.planners.multi.tours import Tours
 from pushplan.planners.multi.transfers import Piece, Situation, Transfer, find_transfer, situation_after
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.parts import Goal, Workspace
 from pushplan.util.arrays import FloatArray
 
 STAGES = (
-    (1, 0, False),
-    (1, 1, False),
-    (4, 1, False),
-    (1, 0, True),
-    (1, 1, True),
-    (16, 1, False),
-    (4, 1, True),
-    (16, 1, True),
-    (4, 2, True),
-    (16, 2, True),
-    (16, 3, True),
-    (64, 3, True),
-    (256, 6, True),
+    (0, 0, False),
+    (0, 1, False),
+    (3, 1, False),
+    (0, 0, True),
+    (0, 1, True),
+    (15, 1, False),
+    (3, 1, True),
+    (15, 1, True),
+    (3, 2, True),
+    (15, 2, True),
+    (15, 3, True),
+    (63, 3, True),
+    (255, 6, True),
 )
 """How many batches of poses the search for one transfer may take, how often bodies are put out of the way in all, at
-most, and whether all is looked through from the beginning or from where the nearest ones were brought to their goals:
-one after the other while there is no order.
+most, and whether all is looked through from the beginning or from where the tours lead: one after
+the other while there is no order.
 
 Batches, not seconds: the same seed finds the same order, however busy the machine is.
 """
@@ -65,12 +68,31 @@ MOST_PLACES = 24
 ROOM = 0.05
 """What such a place keeps from other bodies and from goals, beside the clearance, m."""
 
-BEAMS = ((1, 1), (1, 2), (2, 3), (4, 4), (8, 4), (16, 6), (32, 6), (64, 8))
-"""Situations that are kept then after each transfer, and pieces that may be next, the nearest ones: one beam after
-the other."""
+BEAMS = ((2, 1), (4, 1), (8, 1), (16, 2), (32, 2), (64, 3), (128, 4))
+"""Situations that are kept after each transfer then, and batches of poses for better ones, in turn."""
+
+SPARE = 1.0
+"""What a transfer may cost beyond its bound so that no better one is looked for in beams, m."""
 
 GAIN = 1e-6
 """Smallest saving that counts, m."""
+
+
+@dataclass(frozen=True, eq=False)
+class Chance:
+    """Some pieces were brought to goals.
+
+    Attributes:
+        whole: What that and the rest cost, as tours have it, m.
+        cost: Of the transfers, m.
+        steps: The transfers.
+        here: Where everything is then.
+    """
+
+    whole: float
+    cost: float
+    steps: tuple[Transfer, ...]
+    here: Situation
 
 
 class Order:
@@ -92,13 +114,14 @@ class Order:
         self._random = np.random.default_rng(self._seed)
         self._patience = STAGES[0][0]
         self._known: dict[tuple[object, ...], Transfer | None] = {}
+        self._tours: Tours | None = None
         self.looked_at = 0
 
     def find(self, now: Situation) -> tuple[Transfer, ...] | None:
         """Return transfers that bring every piece that is left to a goal, None where none were found in time."""
         for self._patience, relocations, again in STAGES:
             self._known = {key: one for key, one in self._known.items() if one is not None}
-            steps, here = ((), now) if again else self._nearest_brought(now)
+            steps, here = ((), now) if again else self._led(now)
             rest = self._go_on(here, relocations)
             if rest is not None:
                 return (*steps, *rest)
@@ -106,17 +129,25 @@ class Order:
                 break
         return None
 
-    def _nearest_brought(self, now: Situation) -> tuple[tuple[Transfer, ...], Situation]:
-        """Return transfers, each of the nearest piece that has a plan, and where everything is when none has."""
-        steps: list[Transfer] = []
-        while now.left:
-            found = (self._delivery(now, piece) for piece in self._nearest_first(now))
-            step = next((one for one in found if one is not None), None)
-            if step is None or self._over():
-                break
-            steps.append(step)
-            now = situation_after(self._pieces, step, now)
-        return tuple(steps), now
+    def _led(self, now: Situation) -> tuple[tuple[Transfer, ...], Situation]:
+        """Return transfers, each with which a cheapest tour begins, and where everything is when none has a plan."""
+        found, _ = self._beam(now, 1, 0, math.inf)
+        return found.steps, found.here
+
+    def _by_tours(self, now: Situation) -> list[tuple[float, int]]:
+        """Return what tours cost that begin with each piece that is left, cheapest first; infinite for far ones."""
+        begun = self._tours_from(now).begun(now.plate, now.left)
+        return sorted((begun.get(piece, math.inf), piece) for piece in now.left)
+
+    def onward(self, now: Situation, piece: int) -> Callable[[FloatArray], FloatArray]:
+        """Return a function from the plate's poses (k, 3) after a piece was brought to what the rest costs (k,)."""
+        tours, left = self._tours_from(now), now.left - {piece}
+        return lambda plates: tours.after(left, plates)
+
+    def _tours_from(self, now: Situation) -> Tours:
+        if self._tours is None or not self._tours.lead_on_from(now):
+            self._tours = Tours.of(self._pieces, now)
+        return self._tours
 
     def cheaper(self, now: Situation, best: tuple[Transfer, ...], until: float) -> tuple[Transfer, ...]:
         """Return transfers in another order, or to other goals, that cost less; the same ones where there are none.
@@ -127,67 +158,58 @@ class Order:
         self._until, whole = until, self._until
         if not all(step.delivers for step in best):
             best = self._elsewhere(now, best)
-        for width, most in BEAMS if all(step.delivers for step in best) else ():
-            found, cut = self._beam(now, width, most, sum(step.cost for step in best) - GAIN)
-            best = best if found is None else found
+        for width, effort in BEAMS if all(step.delivers for step in best) else ():
+            found, cut = self._beam(now, width, effort, sum(step.cost for step in best) - GAIN)
+            best = best if found.here.left else found.steps
             if self._over() or not cut:
                 break
         self._until = whole
         return best
 
-    def _beam(
-        self, now: Situation, width: int, most: int, below: float
-    ) -> tuple[tuple[Transfer, ...] | None, bool]:
-        """Return transfers that cost less than `below` (m), None where there are none, and whether any were left out.
+    def _beam(self, now: Situation, width: int, effort: int, below: float) -> tuple[Chance, bool]:
+        """Return what costs least of what leads farthest, and whether anything was left out.
+
+        Of all that were brought to a goal as often, the situations go on from which the tours are cheapest.
 
         Args:
             now: Where everything is.
             width: So many situations are kept.
-            most: So many pieces may be next.
-            below: See above.
+            effort: See `_delivery`.
+            below: They have to cost less than this, m.
         """
-        kept: list[tuple[float, tuple[Transfer, ...], Situation]] = [(0.0, (), now)]
-        cut = False
-        for _ in now.left:
-            chances: list[tuple[float, float, tuple[Transfer, ...], Situation]] = []
-            for cost, steps, here in kept:
-                cut = cut or len(here.left) > most
-                for step in self._deliveries(here, most):
-                    after = situation_after(self._pieces, step, here)
-                    least = cost + step.cost + self._rest(after)
-                    if least < below:
-                        chances.append((least, cost + step.cost, (*steps, step), after))
-                if self._over():
-                    return None, True
-            chances.sort(key=lambda chance: chance[0])
+        kept, cut = [Chance(0.0, 0.0, (), now)], False
+        while kept[0].here.left and not self._over():
+            chances = self._chances(kept, width, effort, below)
+            if not chances:
+                break
             cut = cut or len(chances) > width
-            kept = [(cost, steps, here) for _, cost, steps, here in chances[:width]]
-        return (kept[0][1] if kept else None), cut
+            kept = chances[:width]
+        return kept[0], cut
 
-    def _deliveries(self, now: Situation, most: int) -> Iterator[Transfer]:
-        """Yield transfers of the nearest pieces to each of their goals, until there is no more time."""
-        for piece in self._nearest_first(now)[:most]:
-            for goal in self._pieces[piece].goals:
-                step = self._delivery(now, piece, goal)
-                if self._over():
-                    return
-                if step is not None:
-                    yield step
+    def _chances(self, kept: list[Chance], width: int, effort: int, below: float) -> list[Chance]:
+        """Return what situations lead to with one transfer more, cheapest with the rest first.
 
-    def _rest(self, now: Situation) -> float:
-        """Return what the rest costs at least, about: straight pushes, and ways from the nearest end of a push."""
-        ends = [now.plate[:2]]
-        ends += [goal.pose_chain[:2] for k in now.left for goal in self._pieces[k].goals[:1]]
-        rest = 0.0
-        for k in now.left:
-            own, start = self._pieces[k], now.poses[k][:2]
-            assert own.search.scenario.pushes is not None
-            weight = own.search.scenario.pushes.transit_weight
-            goal = min(own.goals, key=lambda goal: math.dist(goal.pose_chain[:2], start))
-            rest += math.dist(goal.pose_chain[:2], start) + weight * min(
-                math.dist(end, start) for end in ends
-            )
-        return rest
+        As many are looked at as it takes until no other one can be among the first `width`, as the tours have it.
+        """
+        chances: list[Chance] = []
+        begun = [
+            (one.cost + cost, k, piece)
+            for k, one in enumerate(kept)
+            for cost, piece in self._by_tours(one.here)
+        ]
+        for least, k, piece in sorted(begun):
+            enough = below if len(chances) < width else min(below, chances[width - 1].whole)
+            if least >= enough or self._over():
+                break
+            one = kept[k]
+            step = self._delivery(one.here, piece, effort)
+            if step is not None and one.cost + step.with_onward < below:
+                after = situation_after(self._pieces, step, one.here)
+                chances.append(
+                    Chance(one.cost + step.with_onward, one.cost + step.cost, (*one.steps, step), after)
+                )
+                chances.sort(key=lambda chance: chance.whole)
+        return chances
 
     def _elsewhere(self, now: Situation, best: tuple[Transfer, ...]) -> tuple[Transfer, ...]:
         """Return the same transfers with the cheapest places for what is in the way that were drawn in time."""
@@ -246,25 +268,38 @@ class Order:
 
         return sorted(sorted(now.left), key=way)
 
-    def _delivery(self, now: Situation, piece: int, goal: Goal | None = None) -> Transfer | None:
-        """Return the transfer of a piece to a goal, any of its goals without one; None where none was found."""
-        key = (
-            piece,
-            now.plate.tobytes(),
-            now.poses.tobytes(),
-            None if goal is None else goal.pose_chain.tobytes(),
-        )
+    def _delivery(self, now: Situation, piece: int, effort: int | None = None) -> Transfer | None:
+        """Return the transfer of a piece to one of its goals, None where none was found.
+
+        Args:
+            now: Where everything is.
+            piece: Its index.
+            effort: Batches of poses for a better plan, where the first one costs `SPARE` more than is proven to be
+                needed; what comes after it counts, too. None: for the first plan alone, whatever comes after it.
+        """
+        key = (effort, piece, now.left, now.plate.tobytes(), now.poses.tobytes())
         if key not in self._known:
-            goals = self._pieces[piece].goals if goal is None else (goal,)
-            self._known[key] = self._search(now, piece, goals)
+            first = self._delivery(now, piece, 0) if effort else None
+            if first is not None and first.beyond_bound < SPARE:
+                return first
+            goals, onward = self._pieces[piece].goals, None if effort is None else self.onward(now, piece)
+            self._known[key] = self._search(now, piece, goals, onward=onward, effort=effort or 0)
         return self._known[key]
 
     def _search(
-        self, now: Situation, piece: int, goals: tuple[Goal, ...], delivers: bool = True
+        self,
+        now: Situation,
+        piece: int,
+        goals: tuple[Goal, ...],
+        delivers: bool = True,
+        onward: Callable[[FloatArray], FloatArray] | None = None,
+        effort: int = 0,
     ) -> Transfer | None:
         self.looked_at += 1
-        limits = Limits(self._until, first=True, iterations=self._patience, stop=self._cancelled)
-        return find_transfer(self._pieces, now, piece, limits, self._seed, goals, delivers)
+        limits = Limits(
+            self._until, first=not effort, iterations=max(self._patience, effort), stop=self._cancelled
+        )
+        return find_transfer(self._pieces, now, piece, limits, self._seed, goals, delivers, onward)
 
     def _is_open(self, now: Situation, piece: int) -> bool:
         """Tell whether a piece has a plan, or only waits for others that are left to leave all its goals."""

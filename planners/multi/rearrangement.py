@@ -26,7 +26,7 @@ from pushplan.scenario.build import overlapping_goals
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Goal
 
-OTHER_ORDERS = 0.5
+OTHER_ORDERS = 0.8
 """Share of the time that is left after the first order in which others are tried."""
 
 
@@ -112,7 +112,7 @@ class RearrangementSearch:
                 if cheaper is not transfers:
                     transfers = cheaper
                     candidates = (self._take(transfers, order.looked_at, improvements), *candidates)
-                better = self._better(now, transfers, until, settings)
+                better = self._better(now, transfers, order, until, settings)
                 if better is not None:
                     candidates = (self._take(better, order.looked_at, improvements), *candidates)
         return Outcome(
@@ -145,16 +145,30 @@ class RearrangementSearch:
         return found
 
     def _better(
-        self, now: Situation, transfers: tuple[Transfer, ...], until: float, settings: PlanSettings
+        self,
+        now: Situation,
+        transfers: tuple[Transfer, ...],
+        order: Order,
+        until: float,
+        settings: PlanSettings,
     ) -> tuple[Transfer, ...] | None:
-        """Return the same transfers with better plans, each searched from where the last ends, or None."""
+        """Return the same transfers with better plans, each searched from where the last ends, or None.
+
+        Most of the time is for those that cost most beyond what is proven to be needed.
+        """
         found: list[Transfer] = []
         assert settings.seed is not None
         for k, one in enumerate(transfers):
-            share = (until - time.perf_counter()) / (len(transfers) - k)
-            limits = Limits(time.perf_counter() + max(share, 0.0), stop=settings.observer.cancelled)
-            goals = (self._aim(one),)
-            again = find_transfer(self.pieces, now, one.piece, limits, settings.seed, goals, one.delivers)
+            spare = [step.beyond_bound for step in transfers[k:]]
+            left = max(until - time.perf_counter(), 0.0)
+            limits = Limits(
+                time.perf_counter() + left * spare[0] / max(sum(spare), GAIN),
+                stop=settings.observer.cancelled,
+            )
+            goals, onward = (self._aim(one),), order.onward(now, one.piece) if one.delivers else None
+            again = find_transfer(
+                self.pieces, now, one.piece, limits, settings.seed, goals, one.delivers, onward
+            )
             if again is None:
                 return None
             found.append(again)

@@ -153,12 +153,35 @@ class Question:
         load: (3,) pose of the load.
         goals: (g, 3) poses of the load, any of which will do.
         within: (2,) how far (m, rad) the first object may end beside a goal where that saves `DETOUR`.
+        onward: (m, g) what comes after a plan that ends with a contact at a goal costs, m; None: nothing.
     """
 
     robot: FloatArray
     load: FloatArray
     goals: FloatArray
     within: FloatArray = field(default_factory=lambda: np.zeros(2))
+    onward: FloatArray | None = None
+
+
+def lower_bounds(room: PushRoom, question: Question, through: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return what no plan costs less than until the load is at poses (k, 3), (k,), and from there on, m."""
+    pushes = room.scenario.pushes
+    assert pushes is not None
+    contacts = np.array([contact.packed.contact[:2] for contact in room.contacts])
+    middle = contacts.mean(axis=0)
+    faster = max(1.0, float(np.linalg.norm(contacts - middle, axis=1).max()) / TURN_WEIGHT)
+    to = _bounds(question.load[None], through, middle, faster)[0]
+    on = _bounds(through, question.goals, middle, faster).min(axis=1)
+    alone = pushes.transit_weight * (pushes.approach + pushes.retreat)
+    return to, on + alone
+
+
+def _bounds(starts: FloatArray, goals: FloatArray, middle: FloatArray, faster: float) -> FloatArray:
+    """Return what no pushes from starts (n, 3) to goals (m, 3) cost less than, (n, m)."""
+    first, last = (se2.compose(poses, np.append(middle, 0.0))[:, :2] for poses in (starts, goals))
+    away = np.linalg.norm(first[:, None] - last[None], axis=2) / faster
+    turn = TURN_WEIGHT * np.abs(se2.wrap_angle(goals[None, :, 2] - starts[:, None, 2]))
+    return np.asarray(np.maximum(away, turn))
 
 
 def find_drive(

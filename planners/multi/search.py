@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from pushplan.planners.multi.graph import Graph, PushSequence, lower_bounds
+from pushplan.planners.multi.graph import Graph, PushSequence
 from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.samples import Sampler, crossings
 from pushplan.util.arrays import BoolArray, FloatArray
@@ -21,6 +21,11 @@ MOST_POSES = 160
 
 CROSSINGS = 40
 """So many of the poses where straight pushes cross are tried at first: each adds pushes to and from all others."""
+
+
+DEAR = 3.0
+"""A first plan that costs so much more than its bound, m, is taken only after more effort was spent on ways
+that were not found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,21 +99,22 @@ def search(
     began = time.perf_counter()
     modes = [contact.packed for contact in room.contacts]
     graph = Graph(room, question, seed)
-    bound = max(float(lower_bounds(room, question, question.load[None])[1][0]), graph.least)
     sampler = Sampler(room, question, graph.changes, graph.begins & graph.leaves, graph.ends, seed)
     best: PushSequence | None = None
     first: float | None = None
     batches, waiting = 0, question.goals[:0]
     while True:
         below = math.inf if best is None else best.cost - 1e-6  # the smallest saving that counts, m
-        found = graph.cheapest(below, partial(limits.over, batches, best is None))
+        found = graph.cheapest(below, partial(limits.over, batches - 1, best is None))
         if found is not None:
             best = graph.end_near(found)
-            best = best if limits.first else graph.shorten_transits(best)
+            best = graph.shorten_transits(best)
             first = time.perf_counter() - began if first is None else first
             if improved is not None:
                 improved(best, graph.looked_at)
-        if best is not None and (limits.first or best.cost <= bound * (1.0 + limits.gap)):
+        if best is not None and limits.first and best.cost > graph.bound + DEAR and graph.try_harder(1):
+            continue
+        if best is not None and (limits.first or best.cost <= graph.bound * (1.0 + limits.gap)):
             break
         if graph.stuck or limits.over(batches, best is None):
             break
@@ -116,7 +122,7 @@ def search(
             graph.try_harder()
         below = math.inf if best is None else best.cost - 1e-6
         if batches == 0:
-            poses = _shortest_first(room, question, crossings(question.load, question.goals, modes))
+            poses = _shortest_first(graph, crossings(question.load, question.goals, modes))
             poses, waiting = poses[:CROSSINGS], poses[CROSSINGS:]
         else:
             poses, waiting = (waiting, waiting[:0]) if len(waiting) else (sampler.draw(12, best), waiting)
@@ -124,10 +130,12 @@ def search(
             graph.forget(MOST_POSES // 2, below)
         graph.add(poses, below)
         batches += 1
-    return Found(best, bound, first, graph.looked_at, graph.arrives, graph.begins, graph.leaves, graph.ends)
+    return Found(
+        best, graph.bound, first, graph.looked_at, graph.arrives, graph.begins, graph.leaves, graph.ends
+    )
 
 
-def _shortest_first(room: PushRoom, question: Question, poses: FloatArray) -> FloatArray:
+def _shortest_first(graph: Graph, poses: FloatArray) -> FloatArray:
     """Return poses (k, 3), those first through which a plan may cost least."""
-    to, on = lower_bounds(room, question, poses)
+    to, on = graph.lower_bounds(poses)
     return poses[np.argsort(to + on, kind="stable")]

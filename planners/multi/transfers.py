@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -93,7 +94,18 @@ class Transfer:
     def cost(self) -> float:
         """Of its plan, m."""
         assert self.found.best is not None
+        return self.found.best.cost - self.found.best.onward
+
+    @property
+    def with_onward(self) -> float:
+        """Cost of its plan and, about, of what comes after it, m."""
+        assert self.found.best is not None
         return self.found.best.cost
+
+    @property
+    def beyond_bound(self) -> float:
+        """What its plan, with what comes after it, costs beyond what none costs less than, m."""
+        return self.with_onward - self.found.lower_bound
 
     @cached_property
     def end(self) -> FloatArray:
@@ -133,8 +145,20 @@ def find_transfer(
     seed: int,
     goals: tuple[Goal, ...],
     delivers: bool = True,
+    onward: Callable[[FloatArray], FloatArray] | None = None,
 ) -> Transfer | None:
-    """Return a transfer of one piece to one of some goals, or to places out of the way; None where none was found."""
+    """Return a transfer of one piece to one of some goals, or to places out of the way; None where none was found.
+
+    Args:
+        pieces: All of them.
+        now: Where everything is.
+        piece: Which of them.
+        limits: When the search ends.
+        seed: Of the random numbers.
+        goals: Any of which will do.
+        delivers: They are goals of the piece.
+        onward: Returns what comes after it costs, m, (k,) for poses (k, 3) of the plate; None: nothing.
+    """
     own = pieces[piece].search.scenario
     assert own.pushes is not None
     others = tuple(
@@ -159,9 +183,17 @@ def find_transfer(
     searching = searching.with_obstacles(scenario)
     room = searching.room(0)
     within = _within(pieces, now, piece) if delivers else np.zeros(2)
-    question = Question(backed_off(room, scenario), np.array(scenario.start), free, within)
+    after = None if onward is None else _after(room, free, onward)
+    question = Question(backed_off(room, scenario), np.array(scenario.start), free, within, after)
     found = search(room, question, limits, seed)
     return None if found.best is None else Transfer(piece, searching, room, found, delivers)
+
+
+def _after(room: PushRoom, goals: FloatArray, onward: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Return what comes after a plan that ends with each contact at each of some goals (g, 3), (m, g), m."""
+    modes, plate = [contact.packed for contact in room.contacts], room.scenario.chain.pusher.plate_pose
+    robots = np.array([mode.robot_at(goal, mode.retreat) for mode in modes for goal in goals])
+    return onward(se2.compose(robots, plate)).reshape(len(modes), len(goals))
 
 
 def _within(pieces: tuple[Piece, ...], now: Situation, piece: int) -> FloatArray:

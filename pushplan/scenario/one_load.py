@@ -27,7 +27,7 @@ from pushplan.scenario.parts import (
     Uncertainty,
 )
 from pushplan.scenario.room import Attachments, Surroundings, build_surroundings, placed, placement_troubles
-from pushplan.scenario.schema import GatheringFile, GoalPose, RoomFile, ScenarioFile
+from pushplan.scenario.schema import GoalPose, RearrangementFile, RoomFile, ScenarioFile
 from pushplan.scenario.source import Place, Source, shorten
 from pushplan.scenario.validation import nearest, salvage, validate
 from pushplan.util.arrays import FloatArray
@@ -177,10 +177,10 @@ def pushes_of(file: RoomFile, goals: tuple[Goal, ...], source: Source) -> Pushes
         if name in file.planner.model_fields_set and getattr(file.planner, name) != only:
             source.error(("planner", name), f"is for a single push; multi-push plans have {only} only")
     plate, choice = file.pusher, file.pushes or schema.PushChoice()
-    if isinstance(file, GatheringFile) and "transit_weight" not in choice.model_fields_set:
+    if isinstance(file, RearrangementFile) and "transit_weight" not in choice.model_fields_set:
         choice = choice.model_copy(
             update={"transit_weight": 1.0}
-        )  # a row is asked for to save the robot's way
+        )  # half of the way is from one object to the next
     faces = None if plate.faces in (None, "all") else tuple(plate.faces)
     return Pushes(np.array(file.robot.start), goals, faces, plate.offsets or (0.0,), **choice.model_dump())
 

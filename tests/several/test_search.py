@@ -14,9 +14,9 @@ from pushplan.core.sequences import cheapest_sequence
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import places
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes
-from pushplan.planners.multi.graph import PushSequence, lower_bounds
+from pushplan.planners.multi.graph import PushSequence
 from pushplan.planners.multi.multi_push import MultiPushSearch
-from pushplan.planners.multi.room import Question
+from pushplan.planners.multi.room import Question, lower_bounds
 from pushplan.planners.multi.search import Limits, search
 from pushplan.planners.planner import plan
 from pushplan.plans.settings import PlanSettings
