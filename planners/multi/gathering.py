@@ -26,9 +26,10 @@ from pushplan.planners.multi.multi_push import plan_cost
 from pushplan.planners.multi.row_steps import Chance, Situation, Steps
 from pushplan.planners.outcome import Improvements, Outcome, Segments
 from pushplan.plans.plan import Diagnosis, Nearest
+from pushplan.plans.segment import Poses, Segment
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.model import Scenario
-from pushplan.util.names import AUTO
+from pushplan.util.names import APPROACH, AUTO, RETREAT
 
 WIDTHS = (1, 4, 16, 64, 256, 1024)
 """Situations that are kept for each number of objects taken, in one pass after the other."""
@@ -222,16 +223,14 @@ class _Beams:
 
     def _taken(self, end: Situation) -> Segments:
         self.best = end.cost
-        segments = self.steps.segments(end.way())
+        segments = _segments_of(self.steps, end)
         self._improvements.add(plan_cost(self.steps.scenario, segments), self.steps.floor.looked_at, segments)
         return segments
 
     def _beam(self, width: int, closes: bool, delivers: bool) -> tuple[Situation | None, bool]:
         """Return the end of the best plan of a beam that is better than those like it, and whether it was cut."""
         begin, best = self.steps.begin, self.best if closes else self._one_by_one
-        chances = [
-            (0.0, Chance(None, member, False)) for member in self.steps.members if member[0] in begin.left
-        ]
+        chances = list(self.steps.first())
         truncated = False
         for _ in range(len(begin.left)):
             kept, cut = self._chosen(chances, width, best)
@@ -255,15 +254,17 @@ class _Beams:
     ) -> tuple[list[Situation], bool]:
         """Return situations that chances lead to and that may be better than the best, priced by their bounds."""
         count = itertools.count()
-        queue: list[tuple[float, int, Chance, Situation | None]] = [
-            (bound, next(count), chance, None) for bound, chance in chances if bound < best
+        queue: list[tuple[float, int, float, Chance, Situation | None]] = [
+            (least, next(count), bound, chance, None)
+            for bound, chance in chances
+            if (least := self.steps.least(bound, chance)) < best
         ]
         heapq.heapify(queue)
         kept: list[Situation] = []
         seen: set[tuple[object, ...]] = set()
         while queue and len(kept) < width and not self._turn_over():
-            bound, _, chance, priced = heapq.heappop(queue)
-            if bound >= best:
+            least, _, bound, chance, priced = heapq.heappop(queue)
+            if least >= best:
                 break
             if priced is not None:
                 key = _same(priced)
@@ -274,12 +275,30 @@ class _Beams:
             found = self.steps.priced(chance)
             if found is not None:
                 rest = self.steps.estimate(found)
-                heapq.heappush(queue, (max(bound, rest), next(count), chance, found))
+                heapq.heappush(queue, (max(least, rest), next(count), bound, chance, found))
             elif chance.situation is not None and not chance.by_way:
                 # No single word is free: a way around costs more than the bound by an unknown amount.
                 detour = bound + 0.5 * (bound - chance.situation.cost)
-                heapq.heappush(queue, (detour, next(count), replace(chance, by_way=True), None))
+                again = replace(chance, by_way=True)
+                heapq.heappush(queue, (max(least, detour), next(count), bound, again, None))
         return kept, bool(queue) and queue[0][0] < best
+
+
+def _segments_of(steps: Steps, end: Situation) -> Segments:
+    """Return the moves that lead to the end of a plan as its segments, not timed."""
+    found: list[Segment] = []
+    now: Poses = steps.scenario.poses
+    for move in end.way():
+        load = steps.hands.load(move.members) if move.members else None
+        hand = steps.hands.hand(move.members) if move.members else None
+        if load is None or hand is None or move.kind in (APPROACH, RETREAT):
+            found.append(Segment(move.kind, move.path, now, now, load))
+        elif move.onto:
+            found.append(Segment.close(load, move.path, now, hand.margin, move.onto))
+        else:
+            found.append(Segment.push(load, move.path, now, hand.margin))
+        now = found[-1].after
+    return tuple(found)
 
 
 def _with_one_moved_first(tried: Sequence[_Beams]) -> tuple[Segments, _Beams]:

@@ -15,9 +15,8 @@ from pushplan.core.pushes import word_costs
 from pushplan.geometry import se2
 from pushplan.planners.multi.hands import SHORT, Floor, Hand, Hands, Move, Pushed
 from pushplan.planners.multi.row_places import AT_PLACE, RowPlace, front_of_placed, row_places
-from pushplan.planners.outcome import Segments
 from pushplan.plans.row_load import Member
-from pushplan.plans.segment import Poses, Segment
+from pushplan.plans.segment import Poses
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, CLOSE, PUSH, RETREAT, TRANSIT
 
@@ -123,6 +122,21 @@ class Steps:
 
     # --- what may come next ---
 
+    def first(self) -> Iterator[tuple[float, Chance]]:
+        """Yield which objects may be driven to at first, with bounds of what that costs."""
+        for member in self.members:
+            if member[0] in self.begin.left:
+                yield (
+                    self.begin.cost + self._least_drive(self.begin.plate, member),
+                    Chance(None, member, False),
+                )
+
+    def _least_drive(self, plate: FloatArray, member: Member) -> float:
+        """Return what the robot's way to an object costs at least, m."""
+        before = se2.compose(self.entries[member], [-self.choice.approach, 0.0, 0.0])
+        way = shortest_drive(self.floor.wheels, plate, before) + self.choice.approach
+        return self.choice.transit_weight * way
+
     def next(self, now: Situation, closes: bool, delivers: bool) -> Iterator[tuple[float, Chance]]:
         """Yield what may come after a situation, with bounds of the cost until the end."""
         hand = self.hands.hand(now.members)
@@ -146,11 +160,9 @@ class Steps:
         members = [m for m in self.members if m[0] in now.left]
         for place, goal, cost in self._end_costs(now, hand):
             back = se2.compose(goal, [-self.choice.retreat, 0.0, 0.0])
-            weight, straight = self.choice.transit_weight, self.choice.retreat + self.choice.approach
+            sofar = now.cost + cost + self.choice.transit_weight * self.choice.retreat
             for member in members:
-                before = se2.compose(self.entries[member], [-self.choice.approach, 0.0, 0.0])
-                way = shortest_drive(self.floor.wheels, back, before) + straight
-                yield now.cost + cost + weight * way, Chance(now, member, True, place)
+                yield sofar + self._least_drive(back, member), Chance(now, member, True, place)
 
     def last(self, now: Situation) -> Iterator[tuple[float, Chance]]:
         """Yield how a hand that has all that is left may be brought to the row."""
@@ -219,11 +231,24 @@ class Steps:
         """
         if not now.left:
             return min((bound for bound, _ in self.last(now)), default=math.inf) if now.members else now.cost
-        points = [self.starts[name][:2] for name in sorted(now.left)]
-        others = np.array([*points, now.plate[:2]])
+        return now.cost + self._between(now.left, now.plate)
+
+    def _between(self, left: frozenset[str], plate: FloatArray) -> float:
+        """Return how far it is from each object that is left to the nearest other one, or to the plate, in all, m."""
+        points = [self.starts[name][:2] for name in sorted(left)]
+        others = np.array([*points, plate[:2]])
         away = np.linalg.norm(others[:-1, None] - others[None], axis=2)
         away[np.arange(len(points)), np.arange(len(points))] = np.inf
-        return now.cost + float(away.min(axis=1).sum())
+        return float(away.min(axis=1).sum())
+
+    def least(self, bound: float, chance: Chance) -> float:
+        """Return the least estimate of a plan that goes on with a chance whose bound is known, m."""
+        now, taken = chance.situation or self.begin, chance.taken
+        if taken is None or now.left == {taken[0]}:
+            return bound
+        hand = None if chance.situation is None or chance.delivers else self.hands.hand(now.members)
+        plate = self.entries[taken] if hand is None else self._closed(hand, taken)
+        return bound + self._between(now.left - {taken[0]}, plate)
 
     # --- what it costs ---
 
@@ -413,21 +438,3 @@ class Steps:
     ) -> Pushed:
         way = self.floor.push_by_way_of if by_way else self.floor.push
         return way(hand, start, goal, standing)
-
-    # --- as a plan ---
-
-    def segments(self, moves: tuple[Move, ...]) -> Segments:
-        """Return moves as the segments of a plan, not timed."""
-        found: list[Segment] = []
-        now: Poses = self.scenario.poses
-        for move in moves:
-            load = self.hands.load(move.members) if move.members else None
-            hand = self.hands.hand(move.members) if move.members else None
-            if load is None or hand is None or move.kind in (APPROACH, RETREAT):
-                found.append(Segment(move.kind, move.path, now, now, load))
-            elif move.onto:
-                found.append(Segment.close(load, move.path, now, hand.margin, move.onto))
-            else:
-                found.append(Segment.push(load, move.path, now, hand.margin))
-            now = found[-1].after
-        return tuple(found)
