@@ -24,7 +24,10 @@ from pushplan.scenario.parts import PolygonObstacle
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 MOST = 12
-"""Bodies in a tour: of more the nearest ones. Each one more takes twice the time; 12 take 0.2 s, 8 0.03 s."""
+"""Bodies in a tour. Each one more takes twice the time; 12 take 0.2 s, 8 0.03 s."""
+
+FEW = 8
+"""So many, the nearest ones, are in it where there are more than that: it is made anew then for each step."""
 
 HARD = 3.0
 """A body can always be brought to a goal for so much more than its cheapest push alone costs, it is assumed, m."""
@@ -163,7 +166,8 @@ class Tours:
     def of(cls, pieces: tuple[Piece, ...], now: Situation) -> Tours:
         """Return those from where everything is."""
         away = np.hypot(*(now.poses - now.plate)[:, :2].T)
-        nearest = sorted(sorted(now.left), key=lambda piece: float(away[piece]))[:MOST]
+        nearest = sorted(sorted(now.left), key=lambda piece: float(away[piece]))
+        nearest = nearest if len(nearest) <= MOST else nearest[:FEW]
         rooms = Rooms(pieces, now, nearest)
         return cls(pieces, now, {piece: Ends.of(pieces, now, piece, rooms) for piece in nearest})
 
