@@ -356,7 +356,7 @@ class Controller:
             return
         delivered = self._delivered.names
         asked = self._plate, self._standing.by_name, self._obstacles, delivered, self._rests
-        replan = self._rest_planner.plan(self._now, *asked)
+        replan = self._rest_planner.plan(self._now, *asked, self._most - self._odometry.travel)
         self.replans.append(replan)
         result = replan.result
         if result is None or not result.solved:

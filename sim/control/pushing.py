@@ -346,9 +346,9 @@ class PushLoop:
     def _replan(self, contacts: Contacts, measured: FloatArray, off: str) -> None:
         """Go on with a new plan, from objects that are flush and have slid, unless it costs more than it gains."""
         self._closings, self._open = 0, None
-        lets_go = self._job.settle > 0.0  # then another push may bring it to the goal
         given = self._now, self.plate, self._path, contacts.slide
-        attempts = self._replanner.best(*given, self._most, beside=not lets_go)
+        # Where the plate lets go, another push may bring the load to the goal if this one cannot.
+        attempts = self._replanner.best(*given, self._most, BARELY if self._job.settle > 0.0 else math.inf)
         for replan in attempts:
             self._record(replan)
         self._replans += replan.solved

@@ -146,6 +146,19 @@ class Aim:
         return compose(compose(compose(pose, center), moves), inverse(center))
 
 
+@dataclass(frozen=True)
+class Near:
+    """What will do where no path reaches the goal.
+
+    Attributes:
+        travel: Of the plate, m, at most.
+        share: Of the tolerances that is left, at most.
+    """
+
+    travel: float
+    share: float
+
+
 class Replanner:
     """Plans for a chain whose objects slide and whose friction is known roughly.
 
@@ -252,12 +265,12 @@ class Replanner:
         previous: PushPath | None,
         slides: FloatArray,
         most: float,
-        beside: bool,
+        left: float,
     ) -> list[Replan]:
         """Return attempts to plan, of which the last one counts.
 
-        It is the most cautious plan that takes no more travel than it may, or where all do, the shortest; or where
-        none reaches the goal, the one that comes nearest.
+        It is the most cautious plan that reaches the goal with no more travel than it may take; or where there is
+        none, the one that comes nearest with so much; or the shortest.
 
         Args:
             now: See `replan`, as of the next three.
@@ -265,7 +278,7 @@ class Replanner:
             previous: See there.
             slides: See there.
             most: Travel that a plan may take, m.
-            beside: Whether a plan that comes nearer to the goal will do where none reaches it.
+            left: Share of the tolerances that a plan may leave where none reaches the goal.
         """
         missed: list[Replan] = []
         solved: list[tuple[float, Replan]] = []
@@ -277,19 +290,20 @@ class Replanner:
                 solved.append((replan.result.segments[0].path.travel, replan))
             if solved and (solved[-1][0] <= most or attempt >= len(CAUTION) - 1):
                 break
-        if solved:
-            most = max(most, min(travel for travel, _ in solved))
+        shortest = min(solved, key=lambda one: one[0], default=None)
+        if shortest is not None and shortest[0] <= most:
             return [*missed, next(replan for travel, replan in solved if travel <= most)]
-        if beside:
-            near = [self.replan(now, start, previous, slides, k, beside=True) for k in range(len(CAUTION))]
-            near.sort(key=self._left, reverse=True)
-            missed += [replan for replan in near[:-1] if not replan.solved] + near[-1:]
-        return missed
-
-    def _left(self, replan: Replan) -> float:
-        """Return what share of the tolerances is left where a plan ends; infinite where there is none."""
-        path = None if replan.result is None else replan.result.path
-        return np.inf if path is None else float(self.aim.share(compose(path.end, self.chain.places)))
+        near = Near(most, min(left, float(self.aim.share(compose(start, self.chain.places))) - GAIN))
+        beside = [self.replan(now, start, previous, slides, k, near) for k in range(len(CAUTION))]
+        missed += [replan for replan in beside if not replan.solved]
+        ends = [
+            (float(self.aim.share(compose(replan.result.path.end, self.chain.places))), k)
+            for k, replan in enumerate(beside)
+            if replan.result is not None and replan.result.path is not None
+        ]
+        if ends:
+            return [*missed, beside[min(ends)[1]]]
+        return missed if shortest is None else [*missed, shortest[1]]
 
     def replan(
         self,
@@ -298,7 +312,7 @@ class Replanner:
         previous: PushPath | None,
         slides: FloatArray,
         attempt: int = 0,
-        beside: bool = False,
+        near: Near | None = None,
     ) -> Replan:
         """Return a plan from a pose (3,) of the chain frame to the goal, or within its tolerances if that is far.
 
@@ -310,23 +324,23 @@ class Replanner:
             previous: The rest of it is the first candidate.
             slides: (n,) how far the objects have slid, m.
             attempt: Number of attempts from here so far: every one has another caution and, in the end, seed.
-            beside: Whether to end as near to the goal as a steering path leads, where none reaches it.
+            near: What will do in place of the goal: the plan ends as near to that as a steering path leads.
         """
         began = time.process_time()
         reason, result = "", None
         try:
             self.believe(slides)
-            result = self._planned(start, previous, attempt, beside)
+            result = self._planned(start, previous, attempt, near)
             reason = result.reason
         except PushplanError as error:
             reason = str(error)
         return Replan(now, result, reason, time.process_time() - began)
 
-    def _planned(self, start: FloatArray, previous: PushPath | None, attempt: int, beside: bool) -> Plan:
+    def _planned(self, start: FloatArray, previous: PushPath | None, attempt: int, near: Near | None) -> Plan:
         planner = self.planner(CAUTION[attempt % len(CAUTION)])
         return planner.plan(
             start,
-            self._beside(planner, start) if beside else self._goal(planner, start),
+            self._goal(planner, start) if near is None else self._beside(planner, start, near),
             seed=1 + attempt // len(CAUTION),
             time_limit=self._settings.time_limit,
             iterations=ITERATIONS,
@@ -344,17 +358,20 @@ class Replanner:
             return np.asarray(goals[0])
         return np.asarray(goals[nearest])
 
-    def _beside(self, planner: Planner, start: FloatArray) -> FloatArray:
+    def _beside(self, planner: Planner, start: FloatArray, near: Near) -> FloatArray:
         """Return the pose nearest to the goal that a steering path leads to.
 
         Raises:
-            PlanningError: When it would not be nearer than where the objects are.
+            PlanningError: When that leaves too much.
         """
-        found = self.aim.nearest(self.chain, lambda goals: planner.reach(start, goals)[0])
-        places = self.chain.places
-        most = float(self.aim.share(compose(start, places))) - GAIN
-        if found is None or self.aim.share(compose(found, places)) > most:
-            raise PlanningError("no plan was found in time, and no path leads nearer to the goal")
+
+        def reach(goals: FloatArray) -> FloatArray:
+            ways = planner.reach(start, goals)[0]
+            return np.where(ways <= near.travel, ways, np.inf)
+
+        found = self.aim.nearest(self.chain, reach)
+        if found is None or self.aim.share(compose(found, self.chain.places)) > near.share:
+            raise PlanningError("no plan was found in time, and no path leads near enough to the goal")
         return found
 
 

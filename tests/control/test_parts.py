@@ -309,8 +309,8 @@ def test_where_no_path_leads_to_the_goal_one_ends_as_near_as_it_can(aside: float
     replanner = Replanner(carts, ControlSettings(time_limit=60.0), Observer())
     start, still = compose(carts.goal.pose_chain, inverse([0.45, aside, 2.0 * aside])), np.zeros(2)
     given = 0.0, start, None, still, 1.0
-    assert replanner.best(*given, beside=False)[-1].solved == (aside == 0.0)
-    found = replanner.best(*given, beside=True)[-1]
+    assert replanner.best(*given, left=0.9)[-1].solved == (aside == 0.0)
+    found = replanner.best(*given, left=np.inf)[-1]
     end, reach = there(there(found.result).path).end, replanner.planner(CAUTION[-1]).reach
     share = float(replanner.aim.share(compose(end, carts.chain.places)))
     assert share < 1e-6 if aside == 0.0 else 1.0 < share < 4.0, share

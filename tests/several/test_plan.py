@@ -16,9 +16,11 @@ from pushplan.planners.validator import Validator
 from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
 from pushplan.plans.segment import Segment
+from pushplan.plans.settings import Observer
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import CircleObstacle
+from pushplan.sim.control.rest import CAREFUL, RestPlanner
 
 ROUND = {"goal": {"pose": [0.5, 1.0, 0.0], "of": "b0"}}
 """Back towards the robot: it has to drive around the box."""
@@ -157,3 +159,19 @@ def test_a_planner_answers_as_the_whole_call_does_and_again_among_other_things(p
     around = blocked.plan(scenario.start, goals, time_limit=60.0)
     assert around.solved, around.reason
     assert around.cost != once.cost
+
+
+def test_a_plan_for_the_rest_leaves_room_for_corrections_unless_that_takes_too_much_travel(
+    problem: Problem,
+) -> None:
+    scenario = problem("differential", contacts={"friction": 0.5})
+    first = plan(scenario, seed=1, iterations=1, time_limit=60.0)
+    rest = RestPlanner(scenario, first, (5e-3, np.radians(1.0)), Observer())
+    given = 1.0, scenario.plate_start, scenario.poses, (), frozenset[str](), 1
+    careful, usual = (there(rest.plan(*given, most).result) for most in (np.inf, 0.0))
+    for found, margin in ((careful, CAREFUL), (usual, 0.05)):
+        assert found.solved, found.reason
+        assert min(push.margin for push in found.pushes) == pytest.approx(margin)
+    stated = replace(scenario, stability=replace(scenario.stability, margin=0.1))
+    rest = RestPlanner(stated, first, (5e-3, np.radians(1.0)), Observer())
+    assert min(push.margin for push in there(rest.plan(*given, 0.0).result).pushes) == pytest.approx(0.1)
