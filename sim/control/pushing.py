@@ -26,6 +26,7 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Obstacle
 from pushplan.sim.control.closing import (
+    LONGEST,
     ClosingPush,
     Contacts,
     Spread,
@@ -37,7 +38,7 @@ from pushplan.sim.control.departures import Slide, find_slide, off_place
 from pushplan.sim.control.estimator import HOLD, Estimator, Sample
 from pushplan.sim.control.following import Following
 from pushplan.sim.control.jobs import PushJob
-from pushplan.sim.control.replanner import BOLD, Replanner
+from pushplan.sim.control.replanner import BARELY, BOLD, Replanner
 from pushplan.sim.control.sensing import Odometry, Sightings
 from pushplan.sim.control.settings import SIGMAS, ControlSettings, words
 from pushplan.sim.control.stall import StallWatch
@@ -47,8 +48,8 @@ from pushplan.util.arrays import FloatArray
 
 CLOSINGS = 3
 """Pushes in a row that may fail to close contacts."""
-CLEARLY, BARELY = 0.8, 0.95
-"""Shares of the tolerances: nothing need be better, arrived for all the noise."""
+CLEARLY = 0.8
+"""Share of the tolerances up to which nothing need be better."""
 LITTLE = 0.5
 """Travel (m) that any error is worth that is beyond the tolerances."""
 SETTLE = 0.02
@@ -296,7 +297,7 @@ class PushLoop:
         if not flush and self._persists(contacts, open_by):
             flush = True
             if self._job.settle > 0.0:
-                self._touch(measured)
+                self._touch(measured, sure=True)
                 self.places = relative(self.plate, measured)
                 contacts = contacts_at(self.scenario.chain, self.places)
         if self._job.straight:
@@ -327,7 +328,12 @@ class PushLoop:
         gap, turn = self._closed()
         same = np.abs(contacts.opening - before.opening) <= gap
         same &= np.abs(contacts.rotation - before.rotation) <= turn
-        most = [SIGMAS * value for value in self.settings.bias]
+        # What is pushed on and seems as open as before is in contact, however far off the plate has driven up to it.
+        most = (
+            (LONGEST, math.inf)
+            if self._job.settle > 0.0
+            else (SIGMAS * value for value in self.settings.bias)
+        )
         if not (same.all() and contacts.flush(*most)):
             return False
         cause = "the plate is elsewhere" if self._job.settle > 0.0 else "cameras err so"
@@ -390,17 +396,17 @@ class PushLoop:
         resting = Sample(self._now, measured, self._replanner.chain.places)
         self.estimator.take_for_closed(resting, self._recent, self._normals)
 
-    def _touch(self, measured: FloatArray) -> None:
+    def _touch(self, measured: FloatArray, sure: bool = False) -> None:
         """Take the first object that the plate pushes, measured like all (n, 3) at rest after a push, for flush.
 
         So the contact tells where the plate is across it and how it is turned; along it, what was believed holds.
-        Where that is far from what was believed, the object is taken not to be flush.
+        Where that is far from what was believed, and not sure, the object is taken not to be flush.
         """
         self._touching = False
         shift = shift_at_contact(self.scenario.chain, self.plate, measured)
         off = float(np.hypot(shift[0], shift[1])), abs(float(shift[2]))
         most = FOUND * np.array(self.settings.approach_error)
-        if off[0] > most[0] or off[1] > most[1]:
+        if not sure and (off[0] > most[0] or off[1] > most[1]):
             return
         self._off, first = off, self.load.names[self.load.chain.first_pushed]
         self._tell("touch", f"{first} tells that the plate is {words(*off)} off")

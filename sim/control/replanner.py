@@ -43,6 +43,8 @@ SAME = 5e-4
 """Slide (m) up to which it is the same chain: another one meets obstacles elsewhere. Its planners take 0.01 s."""
 ATTEMPTS = 24
 """Replans in a row that may find nothing."""
+BARELY = 0.95
+"""Share of the tolerances that is within them for all the noise."""
 GAIN = 0.2
 """Share of the tolerances that a plan which does not reach the goal has to come nearer to it by."""
 ROUNDS = 6
@@ -301,8 +303,9 @@ class Replanner:
             for k, replan in enumerate(beside)
             if replan.result is not None and replan.result.path is not None
         ]
-        if ends:
-            return [*missed, beside[min(ends)[1]]]
+        if ends:  # the most cautious that ends within the tolerances, or else the nearest
+            _, best = next((end for end in ends if end[0] <= BARELY), min(ends))
+            return [*missed, beside[best]]
         return missed if shortest is None else [*missed, shortest[1]]
 
     def replan(
