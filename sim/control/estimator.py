@@ -44,6 +44,10 @@ COMMON = 7
 """Numbers that all objects share: x, y and theta of C, tau, s_v, c, s_w."""
 OWN = slice(3, COMMON)
 """Those of clock and wheels, which stay the same from one push to the next."""
+PINNED = 1e6
+"""Factor of what is likely of a value by which it is held where it is."""
+KNOWN = 1.0 / 3.0
+"""Share of what is likely of a value up to which it has to be known to outlast a departure."""
 DOUBT = 0.2
 """Share of what is likely of them that is doubted of what a push before has told."""
 
@@ -241,6 +245,23 @@ class Estimator:
         linear = self.linear(samples)  # one Gauss-Newton step on from the last fit
         self.covariance = np.asarray(np.linalg.inv(linear.hessian), dtype=np.float64)
         self.values = self.values - self.covariance @ linear.gradient
+
+    def doubt(self, now: float) -> None:
+        """Take what is not known well of clock and wheels for unknown: an object has left its place.
+
+        It may have begun to before that was noticed: a slide at the beginning of a push looks like wheels that err in
+        turns. Start and offsets are fitted once more without.
+        """
+        sigma = np.sqrt(np.diag(self.covariance))
+        unsure = np.zeros(len(sigma), dtype=np.bool_)
+        unsure[OWN] = sigma[OWN] > KNOWN * self._prior[OWN]
+        precision = self._precision
+        self._precision = precision + np.diag(np.where(unsure, (PINNED / self._prior) ** 2, 0.0))
+        self.values = np.where(unsure, self._center, self.values)
+        self.fit(now)
+        self._precision = precision
+        self.covariance[unsure], self.covariance[:, unsure] = 0.0, 0.0
+        self.covariance += np.diag(np.where(unsure, self._prior**2, 0.0))
 
     def linear(self, samples: list[Sample] | None = None) -> Linear:
         """Return what samples, or all that are kept, tell near the values."""

@@ -263,8 +263,8 @@ class PushLoop:
         if what and (kind == "deviation" or unseen > self.settings.patience):
             self._tell(kind, what)
             self.estimator.forget(since, self._now)
-            if slide is not None:
-                self.estimator.fit(self._now)  # what it took for constants is none
+            if kind == "deviation":
+                self.estimator.doubt(self._now)  # what it took for constants is none
             self._slide = None
             self._following.drive.stop()
 
@@ -362,14 +362,11 @@ class PushLoop:
         if result is not None and result.path is not None and result.trajectory is not None:
             if self._is_too_far(result.segments[0].path.travel, off):
                 return
-            left = self._replanner.aim.errors(compose(result.path.end, self._replanner.chain.places))
-            where = (
-                f", which ends {words(*left)} off the goal"
-                if (left > self._replanner.aim.tolerance).any()
-                else ""
-            )
+            aim, places = self._replanner.aim, self._replanner.chain.places
+            left = aim.errors(compose(result.path.end, places))
+            where = f", which ends {words(*left)} off the goal" if (left > aim.tolerance).any() else ""
             self._tell("replan", f"{result.path.cost:.3f} m in {result.trajectory.duration:.1f} s{where}")
-            self._path, self.places = result.path, self._replanner.chain.places
+            self._path, self.places = result.path, places
             self._take_for_closed(measured)
             self._drive_on(result)
         elif self._share <= BARELY:

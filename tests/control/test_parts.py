@@ -335,3 +335,38 @@ def test_trajectories_of_replans_keep_the_limits(crates: pushplan.Scenario) -> N
     assert not excess(found.result.trajectory, crates.chain.pusher.limits)
     ends = compose(found.result.segments[0].contact_trajectory.poses[-1], replanner.chain.places)
     assert replanner.aim.share(ends) <= 1.0
+
+
+@pytest.mark.parametrize(("length", "slides"), [(0.25, 0.05), (3.0, 0.0)])
+def test_what_a_slide_was_taken_for_is_forgotten_and_what_is_known_well_is_not(
+    crates: pushplan.Scenario, length: float, slides: float
+) -> None:
+    """Both objects slide from the beginning of a short arc, or wheels err along a long one."""
+    chain, random, period = crates.chain, np.random.default_rng(5), 1.0 / 30.0
+    estimator, believed, true, way = (
+        Estimator(ControlSettings(), 2, np.zeros(3)),
+        np.zeros(3),
+        np.zeros(3),
+        0.0,
+    )
+    scales = np.array([1.03, 1.0, 0.99]) if slides == 0.0 else np.ones(3)
+    twist, k = np.array([0.2, 0.0, -0.14]), 0
+    while way < length:
+        estimator.moved(k * period, believed)
+        places = slid(chain, [slides * way, 0.0]).places
+        seen = compose(true, places) + random.normal(size=(2, 3)) * [1e-3, 1e-3, 5e-3]
+        estimator.add(Sample(k * period, seen, chain.places))
+        believed, true = compose(believed, exp(twist * period)), compose(true, exp(twist * scales * period))
+        way, k = way + 0.2 * period, k + 1
+    for _ in range(5):
+        estimator.fit(k * period + 1.0)
+    taken = estimator.values[4:7].copy()
+    estimator.doubt(k * period + 1.0)
+    found, sigma = estimator.values[4:7], np.sqrt(np.diag(estimator.covariance))[4:7]
+    if slides:
+        assert np.abs(taken).max() > 0.01
+        assert np.abs(found[[1, 2]]).max() < 1e-6
+        np.testing.assert_allclose(sigma[1:], ControlSettings().odometry_error)
+    else:
+        np.testing.assert_allclose(found, scales - 1.0, atol=4e-3)
+        np.testing.assert_allclose(found, taken, atol=1e-3)
