@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pushplan.errors import PushplanError
-from pushplan.util.arrays import FloatArray
+from pushplan.util.arrays import FloatArray, numbers
 
 FARTHEST = 1e4
 """Coordinates (m) and angles (rad) beyond this are none of a robot on a floor."""
@@ -87,14 +87,39 @@ class Intake:
         self.drop("stamp", f"a measurement stamped {time:.6g} s came at {self.now:.3f} s; allowed: {allowed}")
         return None
 
-    def pose(self, values: ArrayLike, what: str) -> FloatArray | None:
-        """Return a pose (3,); None where a number is none, or absurd.
+    def pose(self, values: ArrayLike | None, what: str) -> FloatArray | None:
+        """Return a pose (3,); None where there is none, or a number is none or absurd.
 
         Raises:
             PushplanError: When it has another shape, or holds words.
         """
+        if values is None:
+            return None
         (pose,) = self.poses([values], [what], what)
         return None if np.isnan(pose).any() else pose
+
+    def deviations(self, covariance: ArrayLike | None, count: int) -> FloatArray | None:
+        """Return the standard deviations (2,), m and rad, of the worst of some objects; None without, or with none.
+
+        Args:
+            covariance: (3, 3) of each measured pose x, y, theta, or (n, 3, 3).
+            count: Number of objects.
+
+        Raises:
+            PushplanError: When it has another shape, or holds words.
+        """
+        if covariance is None:
+            return None
+        found = numbers(covariance, "covariance")
+        if found.shape not in ((3, 3), (count, 3, 3)):
+            raise PushplanError(f"covariance has shape {found.shape}; it must be (3, 3) or ({count}, 3, 3)")
+        found = found.reshape(-1, 3, 3)
+        symmetric = np.allclose(found, found.swapaxes(1, 2), rtol=1e-6, atol=0.0)
+        if not (np.abs(found) <= FARTHEST).all() or not symmetric or np.linalg.eigvalsh(found).min() < 0.0:
+            self.drop("covariance", "a covariance that is none; allowed: symmetric, no eigenvalue below 0")
+            return None
+        position = np.linalg.eigvalsh(found[:, :2, :2])[:, -1].max()
+        return np.sqrt([position, found[:, 2, 2].max()])
 
     def poses(self, values: object, names: list[str], what: str) -> FloatArray:
         """Return poses (n, 3), NaN where an object was not seen (None, or a row of NaN) or a number is absurd.

@@ -48,6 +48,7 @@ SILLY = list(silly_poses())
 CONTROLLER = [
     *(("object_poses", [pose]) for pose in SILLY),
     *(("plate_pose", pose) for pose in SILLY),
+    *(("odometry", pose) for pose in SILLY),
     *(("measured_at", time) for time in [*NUMBERS, 0.5, 2.2, -3.1, 1e5, -1e5, True]),
 ]
 FOLLOWER = [
@@ -79,6 +80,23 @@ def test_a_controller_neither_answers_nan_nor_goes_on_without_measurements(key: 
     assert (np.array(twists[-5:]) == 0.0).all()
     kinds = {event.kind for event in controller.events}
     assert refused or "dropped" in kinds or "unseen" in kinds
+
+
+@pytest.mark.parametrize(
+    "covariance",
+    [*NUMBERS, -np.eye(3), np.triu(np.ones((3, 3))), np.full((3, 3), math.nan), np.eye(2)],
+    ids=name,
+)
+def test_what_is_no_covariance_is_told(covariance: Any) -> None:
+    controller, seen = Controller(plan()), compose(plan().scenario.start, plan().scenario.chain.places)
+    told = ""
+    try:
+        assert np.isfinite(controller.step(2.0, seen, covariance=covariance)).all()
+    except PushplanError as error:
+        told = str(error)
+    assert "covariance" in told + "".join(e.text for e in controller.events if e.kind == "dropped")
+    with pytest.raises(PushplanError, match="frame is 'camera'; allowed: 'world' and 'plate'"):
+        controller.step(2.1, seen, frame="camera")
 
 
 @pytest.mark.parametrize("now", [*NUMBERS, -5.0, 1.9, 17.2], ids=name)

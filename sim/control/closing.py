@@ -107,10 +107,9 @@ class Spread:
     angle: float
 
     @classmethod
-    def of(cls, settings: ControlSettings) -> Spread:
-        """Return what a controller knows after a look."""
-        share = 1.0 / np.sqrt(settings.looks)
-        return cls(settings.friction, share * settings.position_noise, share * settings.angle_noise)
+    def of(cls, settings: ControlSettings, noise: FloatArray) -> Spread:
+        """Return what a controller knows after a look at measurements with standard deviations (2,), m and rad."""
+        return cls(settings.friction, *(float(one) for one in noise / np.sqrt(settings.looks)))
 
 
 def closing_push(

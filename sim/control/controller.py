@@ -18,9 +18,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.errors import PlanningError
 from pushplan.geometry.se2 import compose, exp, inverse, log, relative, twist_of
-from pushplan.planners.planner import plan as plan_in
 from pushplan.planners.timing.segments import time_segments
 from pushplan.plans.events import Event, Replan
 from pushplan.plans.goals import with_places, worst_at_goal
@@ -34,15 +32,13 @@ from pushplan.sim.control.estimator import Estimator
 from pushplan.sim.control.following import Following
 from pushplan.sim.control.jobs import PushJob, alone, is_last, push_job
 from pushplan.sim.control.pushing import Phase, PushLoop
-from pushplan.sim.control.replanner import Replanner
+from pushplan.sim.control.replanner import Replanner, first_plan
 from pushplan.sim.control.rest import Leg, RestPlanner, legs_to, standing_obstacles, travel_of
 from pushplan.sim.control.sensing import MEMORY, Odometry, Sightings
 from pushplan.sim.control.settings import ControlSettings, words
 from pushplan.sim.control.standing import Deliveries, Standing
 from pushplan.sim.follower import Steering
 from pushplan.sim.intake import Intake
-from pushplan.sim.slip.simulator import SlipSimulator
-from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import RETREAT
 
@@ -92,24 +88,15 @@ class Controller:
         """
         scenario, plan = (what.scenario, what) if isinstance(what, Plan) else (what, plan)
         settings = DEFAULTS if settings is None else settings
-        SlipSimulator(World.from_scenario(scenario))  # before anything takes long: loads have to be known
-        self._replanner = Replanner(scenario, settings, observer) if scenario.kind == "push" else None
-        if plan is None:
-            plan = (
-                plan_in(scenario, observer=observer) if self._replanner is None else self._replanner.first()
-            )
-        if plan.trajectory is None:
-            raise PlanningError(f"there is no plan to begin with: {plan.reason}")
+        plan, self._replanner = first_plan(scenario, plan, settings, observer)
         scenario = with_places(scenario, plan)
         self.scenario, self.plan, self.settings = scenario, plan, settings
         self._observer, self._obstacles = observer, scenario.obstacles
         self._phase, self.reason = Phase.PUSHING if plan.segments[0].pushes else Phase.LOOKING, ""
         self.events: list[Event] = []
         self.replans: list[Replan] = []
-        if self._replanner is not None and plan.path is not None:
-            self._replanner.rehearse(plan.path)
         self._intake = Intake(partial(self._tell, "dropped"))
-        self._sightings = Sightings()
+        self._sightings = Sightings(np.array([settings.position_noise, settings.angle_noise]))
         self._estimator: Estimator | None = None  # of the last push: what it found of clock and wheels
         self._standing = Standing(scenario.poses, settings, self._sightings)
         self._delivered = Deliveries(scenario, settings, self._standing)
@@ -125,12 +112,19 @@ class Controller:
         self._legs: deque[Leg] = deque()
         self._following: Following | None = None
         cost = plan.cost if plan.path is None else plan.path.cost
-        self._tell("plan", f"{cost:.3f} m in {plan.trajectory.duration:.1f} s")
+        self._tell("plan", f"{cost:.3f} m in {plan.duration:.1f} s")
 
     @property
     def phase(self) -> Phase:
         """What it is doing."""
         return self._phase if self._push is None else self._push.phase
+
+    @property
+    def estimates(self) -> dict[str, tuple[float, float]]:
+        """What is known of sensors and wheels, see `Estimator.estimates`; empty before the first push."""
+        push = self._push
+        of, names = (self._estimator, ()) if push is None else (push.estimator, push.load.names)
+        return {} if of is None else of.estimates(names)
 
     @property
     def over(self) -> bool:
@@ -153,6 +147,10 @@ class Controller:
         object_poses: ArrayLike | None = None,
         measured_at: float | None = None,
         plate_pose: ArrayLike | None = None,
+        *,
+        odometry: ArrayLike | None = None,
+        frame: str = "world",
+        covariance: ArrayLike | None = None,
     ) -> FloatArray:
         """Return the body twist (3,) in the plate frame that the plate is to have until the next step.
 
@@ -161,15 +159,18 @@ class Controller:
 
         Args:
             now: Time by any clock, s.
-            object_poses: (n, 3) measured poses of the objects' frames in the world, None or NaN for objects that were
-                not seen; None where there is nothing new.
+            object_poses: (n, 3) measured poses of the objects' frames, None or NaN for objects that were not seen;
+                None where there is nothing new.
             measured_at: When they were measured, not when they came, s; None stands for now. Up to 0.1 s ahead of
                 `now` they wait until then.
-            plate_pose: (3,) pose of the plate frame in the world, where that is measured, too; None stands for where
-                the twists so far have brought it.
+            plate_pose: (3,) pose of the plate frame in the world, where that is measured, too; it may jump.
+            odometry: (3,) pose of the plate frame by the wheels, in a frame that stays: it tells how the plate moves,
+                and may drift. Without both, the plate has moved as it was told to.
+            frame: Of `object_poses`: `world`, or `plate` for a camera on the robot.
+            covariance: (3, 3) of each of these in x, y, theta, or (n, 3, 3), the largest counts; None: see settings.
 
         Raises:
-            PushplanError: When there are more or fewer poses than objects, or words instead of numbers.
+            PushplanError: When there are more or fewer poses than objects, words for numbers, or another frame.
         """
         intake, sightings = self._intake, self._sightings
         if not intake.clock(now):
@@ -180,11 +181,10 @@ class Controller:
         if self._began == math.inf:
             self._began = self._since = self._now
             self._begin()
-        if plate_pose is not None:
-            pose = intake.pose(plate_pose, "pose of the plate")
-            jump = None if pose is None else self._odometry.measured(pose)
-            if jump is not None:
-                self._tell("jump", f"the plate's measured pose jumped by {words(*jump)}")
+        rolled, pose = intake.pose(odometry, "pose by odometry"), intake.pose(plate_pose, "pose of the plate")
+        jump = self._odometry.take(rolled, pose)
+        if jump is not None:
+            self._tell("jump", f"the plate's measured pose jumped by {words(*jump)}")
         self._moved()
         if object_poses is not None:
             self._late |= measured_at is None and sightings.latest() == -math.inf
@@ -193,11 +193,13 @@ class Controller:
             poses = intake.poses(object_poses, list(self._standing.names), "poses of the objects")
             stamp = intake.stamp(measured_at, sightings.latest(), max(self._began, self._now) - MEMORY)
             if stamp is not None and not np.isnan(poses).all():
-                sightings.see(stamp, poses)
-        for taken, poses in sightings.come(self._now):
+                sightings.see(stamp, poses, frame, intake.deviations(covariance, len(poses)))
+        push = self._push
+        from_plate = self._plate if push is None else compose(push.rolled, inverse(push.load.frame_plate))
+        for taken, poses in sightings.come(self._now, from_plate):
             self._standing.measured(poses)
-            if self._push is not None:
-                self._push.learn(taken, poses)
+            if push is not None:
+                push.learn(taken, poses)
         if not self.over:
             self._decide()
         return self._twist()

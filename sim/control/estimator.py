@@ -17,7 +17,7 @@ turn by theta would seem to go s_v d theta farther: 6 mm for 3 %, 0.2 m and 1 ra
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -99,7 +99,7 @@ class Estimator:
         settings: See there.
         values: (7 + 3 n,) x, y (m), theta (rad) of C, tau (s), s_v, c, s_w, and of each object x, y, theta of B_i.
         covariance: Of these.
-        noise: (2,) standard deviations of measurements, m and rad, as stated or as found where that is more.
+        stated: (2,) standard deviations of measurements, m and rad: the settings', or what came with the last one.
     """
 
     def __init__(
@@ -116,7 +116,8 @@ class Estimator:
             self._prior[OWN] = np.maximum(np.sqrt(np.diag(known.covariance)[OWN]), DOUBT * self._prior[OWN])
         self.values: FloatArray = self._center.copy()
         self.covariance: FloatArray = np.diag(self._prior**2)
-        self.noise = np.array([settings.position_noise, settings.angle_noise])
+        self.stated = np.array([settings.position_noise, settings.angle_noise])
+        self._found = np.zeros(2)
         self._precision: FloatArray = np.diag(self._prior**-2.0)
         self._history, self._count_moved = np.zeros((1024, 4)), 0
         self._knots: list[FloatArray] = []
@@ -126,6 +127,11 @@ class Estimator:
     def count(self) -> int:
         """Number of samples that are kept."""
         return len(self._samples)
+
+    @property
+    def noise(self) -> FloatArray:
+        """(2,) standard deviations of measurements, m and rad, as stated or as found where that is more."""
+        return np.asarray(np.maximum(np.maximum(self.stated, self._found), 1e-6))
 
     @property
     def late(self) -> float:
@@ -284,6 +290,18 @@ class Estimator:
         times = np.array([sample.time for sample in samples]) - self.values[3]
         return np.asarray(np.interp(times, history[:, 0], ways))
 
+    def estimates(self, names: Sequence[str]) -> dict[str, tuple[float, float]]:
+        """Return values and their standard deviations, SI units, by name.
+
+        `start x`, `start y`, `start theta` of the plate, `delay` of measurements, `odometry` (share that the wheels
+        go too far), `drift` aside, `turns`; and of each object that is named, what its measurements are off in its
+        own frame, as `NAME x`.
+        """
+        own = [f"{name} {axis}" for name in names for axis in ("x", "y", "theta")]
+        sigma = np.sqrt(np.diag(self.covariance))
+        keys = ["start x", "start y", "start theta", "delay", "odometry", "drift", "turns", *own]
+        return {key: (float(v), float(s)) for key, v, s in zip(keys, self.values, sigma, strict=False)}
+
     def words(self) -> str:
         """Return what was found, and what was not."""
         sigma, found, open_yet = np.sqrt(np.diag(self.covariance)), [], []
@@ -326,9 +344,7 @@ class Estimator:
         errors = errors[~np.isnan(errors[..., 0])]
         if len(errors) >= NOISY:
             found = 1.48 * np.median(np.abs(errors), axis=0)
-            stated = self.settings.position_noise, self.settings.angle_noise
-            self.noise = np.maximum(stated, [0.5 * (found[0] + found[1]), found[2]])
-            self.noise = np.maximum(self.noise, [1e-6, 1e-6])
+            self._found = np.array([0.5 * (found[0] + found[1]), found[2]])
 
     def _errors(self, plates: FloatArray, poses: FloatArray, places: FloatArray) -> FloatArray:
         expected = compose(plates[:, None], compose(places, self.values[COMMON:].reshape(-1, 3)))

@@ -52,10 +52,8 @@ CLEARLY = 0.8
 """Share of the tolerances up to which nothing need be better."""
 LITTLE = 0.5
 """Travel (m) that any error is worth that is beyond the tolerances."""
-SETTLE = 0.02
-"""Way after which contacts that were open at first are closed, m."""
-REFIT = 0.25
-"""Time between two fits, s."""
+SETTLE, REFIT = 0.02, 0.25
+"""Way (m) after which contacts that were open at first are closed, and time (s) between two fits."""
 ASIDE = (1e-3, math.radians(0.3))
 """By how much (m, rad) the plate has to have met a load aside so that another approach may do better."""
 FOUND = 3.0
@@ -125,7 +123,7 @@ class PushLoop:
         self.estimator = Estimator(settings, len(scenario.chain.objects), self._wheels, known)
         self._normals = np.array([contact.normal for contact in scenario.chain.contacts])
         self._driven, self._before = odometry, odometry.travel
-        self.plate, self._from_odometry = plate, compose(plate, inverse(self._by_odometry))
+        self._take_place(plate)
         self._now, self._began, self._fitted = now, now, -math.inf
         self._recent: deque[Sample] = deque(maxlen=max(2, 3 * settings.looks // 4))
         self.places = scenario.chain.places
@@ -146,10 +144,15 @@ class PushLoop:
         """Whether it arrived or gave up."""
         return self.phase in (Phase.ARRIVED, Phase.GAVE_UP)
 
+    def _take_place(self, plate: FloatArray) -> None:
+        """Go on from a pose (3,) of the contact's frame."""
+        self.plate = plate
+        self._from_odometry = compose(plate, inverse(compose(self._driven.pose, self.load.frame_plate)))
+
     @property
-    def _by_odometry(self) -> FloatArray:
-        """(3,) pose of the contact's frame as odometry has it."""
-        return compose(self._driven.pose, self.load.frame_plate)
+    def rolled(self) -> FloatArray:
+        """(3,) pose of the contact's frame from where the push began, by odometry alone."""
+        return compose(compose(self._from_odometry, self._driven.pose), self.load.frame_plate)
 
     @property
     def _way(self) -> float:
@@ -174,13 +177,14 @@ class PushLoop:
     def moved(self, now: float) -> None:
         """Take down where the plate is by odometry."""
         self._now = now
-        self.estimator.moved(now, compose(self._from_odometry, self._by_odometry))
-        if self._driven.localised:
+        self.estimator.moved(now, self.rolled)
+        if self._driven.watched:
             self.plate = self.estimator.plate(now)
 
     def learn(self, time: float, poses: FloatArray) -> None:
         """Take a measurement (n, 3) of all objects into account while contacts are taken for closed."""
         sample = Sample(time, poses[self._job.columns], self._replanner.chain.places)
+        self.estimator.stated, self._stall.noise = self._sightings.noise, float(self._sightings.noise[0])
         self._recent.append(sample)
         self._stall.see(time, sample.poses)
         if not self.driving:
@@ -407,8 +411,7 @@ class PushLoop:
             return
         self._off, first = off, self.load.names[self.load.chain.first_pushed]
         self._tell("touch", f"{first} tells that the plate is {words(*off)} off")
-        self.plate = compose(self.plate, shift)
-        self._from_odometry = compose(self.plate, inverse(self._by_odometry))
+        self._take_place(compose(self.plate, shift))
         self.estimator = Estimator(self.settings, len(self.load.names), self._wheels, self.estimator)
         self.moved(self._now)
 
@@ -421,7 +424,8 @@ class PushLoop:
         push: ClosingPush | str = f"{CLOSINGS} pushes did not close the contacts"
         if self._closings < CLOSINGS:
             twists = self._replanner.planner(BOLD).twists
-            push = closing_push(self._closer, self.plate, poses, twists, Spread.of(self.settings))
+            spread = Spread.of(self.settings, self._sightings.noise)
+            push = closing_push(self._closer, self.plate, poses, twists, spread)
         if isinstance(push, ClosingPush) and push.length > self._job.most - self._way:
             push = f"contacts are open, and {self._job.most:.1f} m, all that the push may take, were driven"
         if isinstance(push, str):

@@ -24,6 +24,8 @@ from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.model import Obstacle, Scenario
 from pushplan.scenario.parts import Goal
 from pushplan.sim.control.settings import ControlSettings
+from pushplan.sim.slip.simulator import SlipSimulator
+from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, IntArray
 
 Caution = tuple[float, float]
@@ -202,7 +204,7 @@ class Replanner:
         return found
 
     def rehearse(self, path: PushPath) -> None:
-        """Plan once from the middle of a path, so that compiled code is there when time counts."""
+        """Plan once from the middle of a path, so that planners are prepared when time counts."""
         self.replan(0.0, path.poses_at([0.5 * path.cost])[0], path, self._slides)
 
     def planner(self, level: Caution) -> Planner:
@@ -403,3 +405,24 @@ def with_chain(scenario: Scenario, chain: Chain) -> Scenario:
     """Return the scenario with another chain; where it states intervals, they hold for that."""
     interval = None if scenario.interval is None else replace(scenario.interval, chain=chain)
     return replace(scenario, chain=chain, interval=interval)
+
+
+def first_plan(
+    scenario: Scenario, given: Plan | None, settings: ControlSettings, observer: Observer
+) -> tuple[Plan, Replanner | None]:
+    """Return the plan to begin with, the given one or one that is made, and what replans a single push.
+
+    Raises:
+        PlanningError: When there is no plan.
+        SupportError: When the load under an object is not known.
+    """
+    SlipSimulator(World.from_scenario(scenario))  # before anything takes long: loads have to be known
+    replanner = Replanner(scenario, settings, observer) if scenario.kind == "push" else None
+    found = given
+    if found is None:
+        found = plan(scenario, observer=observer) if replanner is None else replanner.first()
+    if found.trajectory is None:
+        raise PlanningError(f"there is no plan to begin with: {found.reason}")
+    if replanner is not None and found.path is not None:
+        replanner.rehearse(found.path)
+    return found, replanner

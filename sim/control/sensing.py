@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 
 from pushplan.errors import PushplanError
-from pushplan.geometry.se2 import compose, exp, pose_error, relative, wrap_angle
+from pushplan.geometry.se2 import compose, exp, log, pose_error, relative, wrap_angle
 from pushplan.plans.events import Measured
 from pushplan.util.arrays import FloatArray
 
@@ -103,22 +103,50 @@ class Measurements:
 
 
 class Sightings:
-    """Recent measurements, in the order of the times at which they were taken."""
+    """Recent measurements, in the order of the times at which they were taken.
 
-    def __init__(self) -> None:
+    Args:
+        noise: (2,) standard deviations of measurements that come without, m and rad.
+
+    Attributes:
+        noise: (2,) likewise of the last one, the largest of all objects.
+    """
+
+    def __init__(self, noise: FloatArray) -> None:
+        self.noise, self._usual = noise, noise
         self._seen: deque[tuple[float, FloatArray]] = deque()
-        self._ahead: deque[tuple[float, FloatArray]] = deque()
+        self._ahead: deque[tuple[float, FloatArray, bool]] = deque()
+        self._plates: deque[FloatArray] = deque()  # time and pose of each (4,)
         self._last = np.zeros(0)  # when each object was seen last (n,); empty before the first measurement
 
-    def see(self, time: float, object_poses: FloatArray) -> None:
-        """Take down measured poses (n, 3) of the objects in the world, NaN where unseen."""
-        self._ahead.append((time, object_poses))
+    def see(
+        self, time: float, object_poses: FloatArray, frame: str = "world", noise: FloatArray | None = None
+    ) -> None:
+        """Take down measured poses (n, 3) of the objects in a frame, `world` or `plate`, NaN where unseen.
 
-    def come(self, now: float) -> list[tuple[float, FloatArray]]:
-        """Return what has come since: measurements stamped ahead wait until `now` is there."""
+        Raises:
+            PushplanError: When it is another frame.
+        """
+        if frame not in ("world", "plate"):
+            raise PushplanError(f"frame is {frame!r:.40}; allowed: 'world' and 'plate'")
+        self.noise = self._usual if noise is None else noise
+        self._ahead.append((time, object_poses, frame == "plate"))
+
+    def come(self, now: float, plate: FloatArray) -> list[tuple[float, FloatArray]]:
+        """Return what has come since, in the world; measurements stamped ahead wait until `now` is there.
+
+        Args:
+            now: Time, s.
+            plate: (3,) pose of the plate frame then, in the world: what was measured in that frame was seen from there.
+                Not one that was learned from such measurements, which would confirm itself.
+        """
+        self._plates.append(np.append(now, plate))
+        while self._plates[0][0] < now - MEMORY:
+            self._plates.popleft()
         come = []
         while self._ahead and self._ahead[0][0] <= now:
-            come.append(self._ahead.popleft())
+            time, poses, on_plate = self._ahead.popleft()
+            come.append((time, compose(self._plate_at(time), poses) if on_plate else poses))
         self._seen.extend(come)
         for time, poses in come:
             seen = np.where(np.isnan(poses[:, 0]), -np.inf, time)
@@ -127,10 +155,19 @@ class Sightings:
             self._seen.popleft()
         return come
 
+    def _plate_at(self, time: float) -> FloatArray:
+        """Return where the plate was (3,) at a time, s: at a constant twist between two steps."""
+        after = next(k for k, row in enumerate(self._plates) if row[0] >= time)
+        end = self._plates[after]
+        begin = self._plates[max(after - 1, 0)]
+        share = (time - begin[0]) / (end[0] - begin[0]) if time < end[0] and end[0] > begin[0] else 1.0
+        return compose(begin[1:], exp(max(share, 0.0) * log(relative(begin[1:], end[1:]))))
+
     def latest(self) -> float:
         """Return the time of the last measurement that came; minus infinity before the first."""
-        last = self._ahead or self._seen
-        return last[-1][0] if last else -np.inf
+        if self._ahead:
+            return self._ahead[-1][0]
+        return self._seen[-1][0] if self._seen else -np.inf
 
     def unseen(self, since: float, columns: list[int]) -> FloatArray:
         """Return when each of some objects was seen last (n,), or `since` where that is later or it never was."""
@@ -156,32 +193,47 @@ class Sightings:
 
 
 class Odometry:
-    """Where the plate is: by what it was told, and by its measured pose where there is one.
+    """Where the plate is: by what it was told, by its wheels where they tell, and by its measured pose.
 
     Attributes:
         pose: (3,) of the plate frame in the world.
         travel: So far, as it was told, m.
-        localised: Whether its pose is measured.
+        watched: Whether it is measured how the plate moves, by its pose or by its wheels.
     """
 
     def __init__(self, pose: FloatArray) -> None:
         """Begin at a pose (3,)."""
-        self.pose, self.travel, self.localised = pose, 0.0, False
-        self._before = pose, pose
+        self.pose, self.travel, self.watched = pose, 0.0, False
+        self._measured: tuple[FloatArray, FloatArray] | None = None
+        self._rolled: tuple[FloatArray, FloatArray] | None = None  # what was told last, and the pose then
 
     def drive(self, twist: FloatArray, period: float) -> None:
         """Go on by a body twist (3,) for a time, s."""
         self.pose = compose(self.pose, exp(twist * period))
         self.travel += float(np.hypot(twist[0], twist[1])) * period
 
-    def measured(self, pose: FloatArray) -> tuple[float, float] | None:
-        """Take a measured pose (3,) for how the plate has moved; return by what it jumped (m, rad), None if not.
+    def take(self, rolled: FloatArray | None, measured: FloatArray | None) -> tuple[float, float] | None:
+        """Take how the plate has moved; return by what its measured pose jumped (m, rad), None if it did not.
 
-        A jump is one of the measurement: then the plate has moved as it was told to.
+        Args:
+            rolled: (3,) pose by the wheels, in a frame that stays: what counts is how it has changed.
+            measured: (3,) pose in the world.
+        """
+        if rolled is not None:
+            if self._rolled is not None:
+                before, pose = self._rolled
+                self.pose = compose(pose, relative(before, rolled))
+            self._rolled, self.watched = (rolled, self.pose), True
+        return None if measured is None else self._take_pose(measured)
+
+    def _take_pose(self, pose: FloatArray) -> tuple[float, float] | None:
+        """Take a measured pose (3,); return by what it jumped.
+
+        A jump is one of the measurement: then the plate has moved as it was told to, or as its wheels say.
         """
         jump = None
-        if self.localised:
-            before, odometry = self._before
+        if self._measured is not None:
+            before, odometry = self._measured
             told, moved = relative(odometry, self.pose), relative(before, pose)
             off = pose_error(moved, told)
             if off[0] > JUMP[0] or off[1] > JUMP[1]:
@@ -189,5 +241,7 @@ class Odometry:
             self.pose = compose(odometry, moved)
         else:
             self.pose = pose
-        self._before, self.localised = (pose, self.pose), True
+        self._measured, self.watched = (pose, self.pose), True
+        if self._rolled is not None:
+            self._rolled = self._rolled[0], self.pose
         return jump

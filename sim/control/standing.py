@@ -97,7 +97,7 @@ class Standing:
 
     def _is_off(self, mean: FloatArray, count: int) -> bool:
         s = self._settings
-        noise = np.array([s.position_noise, s.angle_noise])
+        noise = self._sightings.noise
         most = np.maximum([s.position_slack, s.angle_slack], SLOW / math.sqrt(count) * noise) + noise
         return bool(np.hypot(mean[0], mean[1]) > most[0] or abs(mean[2]) > most[1])
 

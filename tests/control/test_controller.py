@@ -13,7 +13,7 @@ from several.conftest import problem_document
 import pushplan
 from pushplan.closed_loop import run_closed_loop
 from pushplan.errors import SupportError
-from pushplan.geometry.se2 import compose, exp
+from pushplan.geometry.se2 import compose, exp, relative
 from pushplan.mechanics.support import UnknownSupport
 from pushplan.planners.clearance import find_collision
 from pushplan.plans.goals import worst_at_goal
@@ -136,6 +136,76 @@ def test_a_measured_plate_is_led_back_to_the_path_on_twists_that_the_contacts_be
     moving = np.abs(twists).max(axis=1) > 1e-3
     assert scenario("one-box").stable_set().margin(np.array(twists)[moving]).min() > 0.0
     assert [event.kind for event in controller.events] == ["plan", "jump"]
+
+
+class Sensed:
+    """A controller on a robot whose wheels go less than they are told, with its own sensors."""
+
+    def __init__(self, controller: Controller, short: float, on_board: bool, **stated: ArrayLike) -> None:
+        self.controller, self._short, self._on_board, self._stated = controller, short, on_board, stated
+        self._plate, self._rolled = np.array(controller.scenario.plate_start), np.array([5.0, -3.0, 1.0])
+        self._were: list[tuple[float, FloatArray]] = []
+
+    @property
+    def load(self) -> Load | None:
+        return self.controller.load
+
+    @property
+    def segment(self) -> int:
+        return self.controller.segment
+
+    @property
+    def over(self) -> bool:
+        return self.controller.over
+
+    def step(
+        self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
+    ) -> FloatArray:
+        self._were.append((now, self._plate))
+        words = dict(self._stated)
+        if self._short:
+            words["odometry"] = self._rolled
+        if object_poses is not None and measured_at is not None and self._on_board:
+            _, plate = min(self._were, key=lambda row: abs(row[0] - measured_at))
+            object_poses = relative(plate, np.asarray(object_poses))
+        frame = "plate" if self._on_board else "world"
+        told = self.controller.step(now, object_poses, measured_at, frame=frame, **words)
+        done = (1.0 - self._short) * told
+        moved = exp(done / self.controller.settings.rate)
+        self._plate, self._rolled = compose(self._plate, moved), compose(self._rolled, moved)
+        return done
+
+
+ROUGH = Sensor(position=5e-3, angle=np.radians(1.5))
+
+
+@pytest.mark.parametrize(
+    ("sensor", "short", "on_board", "stated"),
+    [
+        (Sensor(), 0.05, False, {}),
+        (Sensor(), 0.05, True, {}),
+        (ROUGH, 0.0, False, {"covariance": np.diag([25e-6, 25e-6, np.radians(1.5) ** 2])}),
+    ],
+    ids=["odometry", "a camera on board", "covariance"],
+)
+def test_a_robot_tells_how_it_moves_what_it_sees_from_itself_and_how_well(
+    sensor: Sensor, short: float, on_board: bool, stated: dict[str, ArrayLike]
+) -> None:
+    """Wheels that do 5 % less than they are told are none that err where odometry tells of it.
+
+    Without its covariance, measurements that are five times as rough cost thirty plans.
+    """
+    controller = Controller(plan_of("one-box"))
+    robot = Sensed(controller, short, on_board, **stated)
+    course = simulate_push(
+        World.from_scenario(controller.scenario), robot, controller.settings.rate, (), sensor, 1
+    )
+    assert controller.phase is Phase.ARRIVED, controller.reason
+    assert len(controller.replans) <= (1 if stated else 0)
+    assert worst_at_goal(controller.scenario, course.object_poses[-1])[0] < (5e-3 if stated else 1e-3)
+    off, sigma = controller.estimates["odometry"]
+    assert abs(off) < 2e-3
+    assert 0.0 < sigma < 5e-3
 
 
 def test_unknown_loads_are_refused_before_anything_takes_long() -> None:

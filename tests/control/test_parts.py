@@ -97,13 +97,13 @@ def test_no_pose_brings_objects_that_have_slid_nearer_to_their_goals(
 
 
 def test_measurements_are_averaged_object_by_object_and_those_ahead_wait() -> None:
-    sightings, around = Sightings(), np.zeros((2, 3))
+    sightings, around = Sightings(np.array([1e-3, 5e-3])), np.zeros((2, 3))
     for k in range(6):
         pose = np.array([[0.01 * k, 0.0, 2.0 * np.pi], [1.0, 0.0, 0.0]])
         if k % 2:
             pose[1] = np.nan
         sightings.see(0.1 * k, pose)
-        sightings.come(0.1 * k - 0.05)
+        sightings.come(0.1 * k - 0.05, np.zeros(3))
     assert sightings.latest() == pytest.approx(0.5)
     np.testing.assert_allclose(sightings.unseen(0.0, [0, 1]), [0.4, 0.4])
     assert sightings.mean(around, 4, -np.inf, [0, 1]) is None
