@@ -47,7 +47,7 @@ from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names, load_scenario, scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.controller import Controller
-from pushplan.sim.control.pushing import Phase
+from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.replanner import Aim
 from pushplan.sim.control.simulated_push import Disturbance, OpenLoop, Simulator, simulate_push
 from pushplan.sim.physics.stepping import PhysicsSimulator

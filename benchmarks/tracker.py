@@ -25,7 +25,7 @@ from pushplan.plans.events import Event, Replan
 from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
 from pushplan.sim.control.following import Following
-from pushplan.sim.control.pushing import Phase
+from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.follower import Steering
 from pushplan.util.arrays import FloatArray

@@ -30,8 +30,8 @@ from pushplan.plans.settings import Observer
 from pushplan.scenario.model import Obstacle, Scenario
 from pushplan.sim.control.estimator import Estimator
 from pushplan.sim.control.following import Following
-from pushplan.sim.control.jobs import PushJob, alone, is_last, push_job
-from pushplan.sim.control.pushing import Phase, PushLoop
+from pushplan.sim.control.jobs import Phase, PushJob, alone, is_last, push_job
+from pushplan.sim.control.pushing import PushLoop
 from pushplan.sim.control.replanner import Replanner, first_plan
 from pushplan.sim.control.rest import Leg, RestPlanner, legs_to, standing_obstacles, travel_of
 from pushplan.sim.control.sensing import MEMORY, Odometry, Sightings
@@ -111,8 +111,9 @@ class Controller:
         self._push: PushLoop | None = None
         self._legs: deque[Leg] = deque()
         self._following: Following | None = None
-        cost = plan.cost if plan.path is None else plan.path.cost
-        self._tell("plan", f"{cost:.3f} m in {plan.duration:.1f} s")
+        self._tell(
+            "plan", f"{plan.cost if plan.path is None else plan.path.cost:.3f} m in {plan.duration:.1f} s"
+        )
 
     @property
     def phase(self) -> Phase:
@@ -159,10 +160,8 @@ class Controller:
 
         Args:
             now: Time by any clock, s.
-            object_poses: (n, 3) measured poses of the objects' frames, None or NaN for objects that were not seen;
-                None where there is nothing new.
-            measured_at: When they were measured, not when they came, s; None stands for now. Up to 0.1 s ahead of
-                `now` they wait until then.
+            object_poses: (n, 3) measured poses of the objects' frames, None or NaN where unseen; None: nothing new.
+            measured_at: When they were measured, not when they came, s; None: now. Up to 0.1 s ahead, they wait.
             plate_pose: (3,) pose of the plate frame in the world, where that is measured, too; it may jump.
             odometry: (3,) pose of the plate frame by the wheels, in a frame that stays: it tells how the plate moves,
                 and may drift. Without both, the plate has moved as it was told to.

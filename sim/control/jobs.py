@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 
 from pushplan.geometry.se2 import compose, inverse, relative, wrap_angle
 from pushplan.plans.plan import Plan
@@ -18,6 +19,17 @@ PASSING = 2.0
 """Factor of the tolerances for a push after which the load is pushed on from elsewhere."""
 PRESSED = 1e-3
 """A load that closes onto an object is pushed on by so much, m, and by what its face is off square."""
+
+
+class Phase(Enum):
+    """What a controller is doing."""
+
+    DRIVING = "driving"
+    PUSHING = "pushing"
+    CLOSING = "closing"
+    LOOKING = "looking"
+    ARRIVED = "arrived"
+    GAVE_UP = "gave up"
 
 
 @dataclass(frozen=True, eq=False)

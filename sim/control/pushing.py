@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from enum import Enum
 
 import numpy as np
 
@@ -37,7 +36,7 @@ from pushplan.sim.control.closing import (
 from pushplan.sim.control.departures import Slide, find_slide, off_place
 from pushplan.sim.control.estimator import HOLD, Estimator, Sample
 from pushplan.sim.control.following import Following
-from pushplan.sim.control.jobs import PushJob
+from pushplan.sim.control.jobs import Phase, PushJob
 from pushplan.sim.control.replanner import BARELY, BOLD, Replanner
 from pushplan.sim.control.sensing import Odometry, Sightings
 from pushplan.sim.control.settings import SIGMAS, ControlSettings, words
@@ -50,25 +49,14 @@ CLOSINGS = 3
 """Pushes in a row that may fail to close contacts."""
 CLEARLY = 0.8
 """Share of the tolerances up to which nothing need be better."""
-LITTLE = 0.5
-"""Travel (m) that any error is worth that is beyond the tolerances."""
-SETTLE, REFIT = 0.02, 0.25
-"""Way (m) after which contacts that were open at first are closed, and time (s) between two fits."""
+LITTLE, SETTLE = 0.5, 0.02
+"""Travel (m) that any error beyond the tolerances is worth, and after which contacts are closed that were open."""
+REFIT = 0.25
+"""Time between two fits, s."""
 ASIDE = (1e-3, math.radians(0.3))
 """By how much (m, rad) the plate has to have met a load aside so that another approach may do better."""
 FOUND = 3.0
 """A contact that is found by approach is off where it is believed to be by so many times what is likely, at most."""
-
-
-class Phase(Enum):
-    """What a controller is doing."""
-
-    DRIVING = "driving"
-    PUSHING = "pushing"
-    CLOSING = "closing"
-    LOOKING = "looking"
-    ARRIVED = "arrived"
-    GAVE_UP = "gave up"
 
 
 class PushLoop:

@@ -137,7 +137,7 @@ class Sightings:
 
         Args:
             now: Time, s.
-            plate: (3,) pose of the plate frame then, in the world: what was measured in that frame was seen from there.
+            plate: (3,) pose of the plate frame then, in the world, from which is seen what is measured in it.
                 Not one that was learned from such measurements, which would confirm itself.
         """
         self._plates.append(np.append(now, plate))

@@ -22,7 +22,7 @@ from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_text, scenario_from_document
 from pushplan.scenario.parts import CircleObstacle
 from pushplan.sim.control.controller import Controller
-from pushplan.sim.control.pushing import Phase
+from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance, OpenLoop, SimulatedPush, simulate_push
