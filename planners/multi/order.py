@@ -79,7 +79,7 @@ GAIN = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Chance:
+class PartialPlan:
     """Some pieces were brought to goals.
 
     Attributes:
@@ -166,7 +166,7 @@ class Order:
         self._until = whole
         return best
 
-    def _beam(self, now: Situation, width: int, effort: int, below: float) -> tuple[Chance, bool]:
+    def _beam(self, now: Situation, width: int, effort: int, below: float) -> tuple[PartialPlan, bool]:
         """Return what costs least of what leads farthest, and whether anything was left out.
 
         Of all that were brought to a goal as often, the situations go on from which the tours are cheapest.
@@ -177,39 +177,39 @@ class Order:
             effort: See `_delivery`.
             below: They have to cost less than this, m.
         """
-        kept, cut = [Chance(0.0, 0.0, (), now)], False
+        kept, cut = [PartialPlan(0.0, 0.0, (), now)], False
         while kept[0].here.left and not self._over():
-            chances = self._chances(kept, width, effort, below)
-            if not chances:
+            plans = self._extended(kept, width, effort, below)
+            if not plans:
                 break
-            cut = cut or len(chances) > width
-            kept = chances[:width]
+            cut = cut or len(plans) > width
+            kept = plans[:width]
         return kept[0], cut
 
-    def _chances(self, kept: list[Chance], width: int, effort: int, below: float) -> list[Chance]:
+    def _extended(self, kept: list[PartialPlan], width: int, effort: int, below: float) -> list[PartialPlan]:
         """Return what situations lead to with one transfer more, cheapest with the rest first.
 
         As many are looked at as it takes until no other one can be among the first `width`, as the tours have it.
         """
-        chances: list[Chance] = []
+        plans: list[PartialPlan] = []
         begun = [
             (one.cost + cost, k, piece)
             for k, one in enumerate(kept)
             for cost, piece in self._by_tours(one.here)
         ]
         for least, k, piece in sorted(begun):
-            enough = below if len(chances) < width else min(below, chances[width - 1].whole)
+            enough = below if len(plans) < width else min(below, plans[width - 1].whole)
             if least >= enough or self._over():
                 break
             one = kept[k]
             step = self._delivery(one.here, piece, effort)
             if step is not None and one.cost + step.with_onward < below:
                 after = situation_after(self._pieces, step, one.here)
-                chances.append(
-                    Chance(one.cost + step.with_onward, one.cost + step.cost, (*one.steps, step), after)
+                plans.append(
+                    PartialPlan(one.cost + step.with_onward, one.cost + step.cost, (*one.steps, step), after)
                 )
-                chances.sort(key=lambda chance: chance.whole)
-        return chances
+                plans.sort(key=lambda one: one.whole)
+        return plans
 
     def _elsewhere(self, now: Situation, best: tuple[Transfer, ...]) -> tuple[Transfer, ...]:
         """Return the same transfers with the cheapest places for what is in the way that were drawn in time."""

@@ -19,7 +19,7 @@ from pushplan.core.driving import shortest_drive
 from pushplan.core.pushes import approaches_are_free, find_push
 from pushplan.geometry import se2
 from pushplan.planners.multi.room import PushRoom
-from pushplan.planners.multi.transfers import Piece, Situation
+from pushplan.planners.multi.transfers import Piece, Situation, plates_after
 from pushplan.scenario.parts import PolygonObstacle
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
@@ -98,8 +98,7 @@ class Ends:
         modes = [contact.packed for contact in room.contacts]
         plate = room.scenario.chain.pusher.plate_pose
         entries = np.array([se2.compose(mode.robot_at(pose, mode.approach), plate) for mode in modes])
-        ends = [mode.robot_at(goal, mode.retreat) for mode in modes for goal in goals]
-        exits = se2.compose(np.array(ends), plate)
+        exits = plates_after(room, goals)
         places = np.column_stack([exits[:, :2], np.cos(exits[:, 2]), np.sin(exits[:, 2])]).round(6) + 0.0
         _, kept, place = np.unique(places, axis=0, return_index=True, return_inverse=True)
         free = _push_costs(room, pose, goals)

@@ -183,17 +183,20 @@ def find_transfer(
     searching = searching.with_obstacles(scenario)
     room = searching.room(0)
     within = _within(pieces, now, piece) if delivers else np.zeros(2)
-    after = None if onward is None else _after(room, free, onward)
+    after = (
+        None if onward is None else onward(plates_after(room, free)).reshape(len(room.contacts), len(free))
+    )
     question = Question(backed_off(room, scenario), np.array(scenario.start), free, within, after)
     found = search(room, question, limits, seed)
     return None if found.best is None else Transfer(piece, searching, room, found, delivers)
 
 
-def _after(room: PushRoom, goals: FloatArray, onward: Callable[[FloatArray], FloatArray]) -> FloatArray:
-    """Return what comes after a plan that ends with each contact at each of some goals (g, 3), (m, g), m."""
+def plates_after(room: PushRoom, goals: FloatArray) -> FloatArray:
+    """Return where the plate is after pushes by each contact to each of some goals (g, 3), (m g, 3)."""
     modes, plate = [contact.packed for contact in room.contacts], room.scenario.chain.pusher.plate_pose
-    robots = np.array([mode.robot_at(goal, mode.retreat) for mode in modes for goal in goals])
-    return onward(se2.compose(robots, plate)).reshape(len(modes), len(goals))
+    return se2.compose(
+        np.array([mode.robot_at(goal, mode.retreat) for mode in modes for goal in goals]), plate
+    )
 
 
 def _within(pieces: tuple[Piece, ...], now: Situation, piece: int) -> FloatArray:

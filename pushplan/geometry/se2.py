@@ -117,3 +117,8 @@ def log(pose: ArrayLike) -> FloatArray:
     twist[..., 0], twist[..., 1] = a * p[..., 0] + b * p[..., 1], a * p[..., 1] - b * p[..., 0]
     twist[..., 2] = p[..., 2]
     return twist
+
+
+def between(begin: ArrayLike, end: ArrayLike, share: ArrayLike) -> FloatArray:
+    """Return the pose(s) (..., 3) a share of the way from `begin` to `end`, at a constant twist."""
+    return compose(begin, exp(np.asarray(share) * log(relative(begin, end))))

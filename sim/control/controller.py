@@ -193,9 +193,10 @@ class Controller:
             stamp = intake.stamp(measured_at, sightings.latest(), max(self._began, self._now) - MEMORY)
             if stamp is not None and not np.isnan(poses).all():
                 sightings.see(stamp, poses, frame, intake.deviations(covariance, len(poses)))
-        push = self._push
-        from_plate = self._plate if push is None else compose(push.rolled, inverse(push.load.frame_plate))
-        for taken, poses in sightings.come(self._now, from_plate):
+        push, plate = self._push, self._plate
+        if push is not None:
+            plate = compose(push.by_odometry, inverse(push.load.frame_plate))
+        for taken, poses in sightings.come(self._now, plate):
             self._standing.measured(poses)
             if push is not None:
                 push.learn(taken, poses)
@@ -311,9 +312,8 @@ class Controller:
     def _look(self) -> None:
         """Once it is known where everything stands, drive to the next load, plan the rest, or end."""
         standing, segments = self._standing, self._planned.segments
-        unseen = self._now - float(
-            self._sightings.unseen(self._began, standing.columns(standing.names)).max()
-        )
+        columns = standing.columns(standing.names)
+        unseen = self._now - float(self._sightings.unseen(self._began, columns).max())
         if unseen > 10.0 * self.settings.patience:
             self._give_up(f"no measurement has come for {unseen:.1f} s")
         usual = self.settings.late + self.settings.delay_error if self._late else 0.0

@@ -22,7 +22,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pushplan.geometry.se2 import chained, compose, exp, inverse, log, relative, rotate, twist_of, wrap_angle
+from pushplan.geometry.se2 import (
+    between,
+    chained,
+    compose,
+    exp,
+    inverse,
+    log,
+    relative,
+    rotate,
+    twist_of,
+    wrap_angle,
+)
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
@@ -390,7 +401,7 @@ class Estimator:
         after = np.minimum(k + 1, last)
         span = times_moved[after] - times_moved[k]
         share = (at - times_moved[k]) / np.where(span > 0.0, span, 1.0)
-        poses = compose(history[k], exp(log(relative(history[k], history[after])) * share[:, None]))
+        poses = between(history[k], history[after], share[:, None])
         knot = k // KNOT
         return knot, log(relative(history[knot * KNOT], poses))
 

@@ -110,7 +110,7 @@ class PushLoop:
         self._wheels = scenario.pusher.wheels_pose
         self.estimator = Estimator(settings, len(scenario.chain.objects), self._wheels, known)
         self._normals = np.array([contact.normal for contact in scenario.chain.contacts])
-        self._driven, self._before = odometry, odometry.travel
+        self._odometry, self._before = odometry, odometry.travel
         self._take_place(plate)
         self._now, self._began, self._fitted = now, now, -math.inf
         self._recent: deque[Sample] = deque(maxlen=max(2, 3 * settings.looks // 4))
@@ -135,17 +135,17 @@ class PushLoop:
     def _take_place(self, plate: FloatArray) -> None:
         """Go on from a pose (3,) of the contact's frame."""
         self.plate = plate
-        self._from_odometry = compose(plate, inverse(compose(self._driven.pose, self.load.frame_plate)))
+        self._from_odometry = compose(plate, inverse(compose(self._odometry.pose, self.load.frame_plate)))
 
     @property
-    def rolled(self) -> FloatArray:
+    def by_odometry(self) -> FloatArray:
         """(3,) pose of the contact's frame from where the push began, by odometry alone."""
-        return compose(compose(self._from_odometry, self._driven.pose), self.load.frame_plate)
+        return compose(compose(self._from_odometry, self._odometry.pose), self.load.frame_plate)
 
     @property
     def _way(self) -> float:
         """Travel of the plate so far, m."""
-        return self._driven.travel - self._before
+        return self._odometry.travel - self._before
 
     @property
     def _share(self) -> float:
@@ -165,8 +165,8 @@ class PushLoop:
     def moved(self, now: float) -> None:
         """Take down where the plate is by odometry."""
         self._now = now
-        self.estimator.moved(now, self.rolled)
-        if self._driven.watched:
+        self.estimator.moved(now, self.by_odometry)
+        if self._odometry.watched:
             self.plate = self.estimator.plate(now)
 
     def learn(self, time: float, poses: FloatArray) -> None:

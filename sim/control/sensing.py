@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 
 from pushplan.errors import PushplanError
-from pushplan.geometry.se2 import compose, exp, log, pose_error, relative, wrap_angle
+from pushplan.geometry.se2 import between, compose, exp, pose_error, relative, wrap_angle
 from pushplan.plans.events import Measured
 from pushplan.util.arrays import FloatArray
 
@@ -161,7 +161,7 @@ class Sightings:
         end = self._plates[after]
         begin = self._plates[max(after - 1, 0)]
         share = (time - begin[0]) / (end[0] - begin[0]) if time < end[0] and end[0] > begin[0] else 1.0
-        return compose(begin[1:], exp(max(share, 0.0) * log(relative(begin[1:], end[1:]))))
+        return between(begin[1:], end[1:], max(share, 0.0))
 
     def latest(self) -> float:
         """Return the time of the last measurement that came; minus infinity before the first."""

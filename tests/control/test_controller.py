@@ -138,13 +138,11 @@ def test_a_measured_plate_is_led_back_to_the_path_on_twists_that_the_contacts_be
     assert [event.kind for event in controller.events] == ["plan", "jump"]
 
 
-class Sensed:
-    """A controller on a robot whose wheels go less than they are told, with its own sensors."""
+class Driven:
+    """What drives as its controller says, but for its `step`; see `simulated_push.Driver`."""
 
-    def __init__(self, controller: Controller, short: float, on_board: bool, **stated: ArrayLike) -> None:
-        self.controller, self._short, self._on_board, self._stated = controller, short, on_board, stated
-        self._plate, self._rolled = np.array(controller.scenario.plate_start), np.array([5.0, -3.0, 1.0])
-        self._were: list[tuple[float, FloatArray]] = []
+    def __init__(self, controller: Controller) -> None:
+        self.controller = controller
 
     @property
     def load(self) -> Load | None:
@@ -157,6 +155,16 @@ class Sensed:
     @property
     def over(self) -> bool:
         return self.controller.over
+
+
+class Sensed(Driven):
+    """A controller on a robot whose wheels go less than they are told, with its own sensors."""
+
+    def __init__(self, controller: Controller, short: float, on_board: bool, **stated: ArrayLike) -> None:
+        super().__init__(controller)
+        self._short, self._on_board, self._stated = short, on_board, stated
+        self._plate, self._rolled = np.array(controller.scenario.plate_start), np.array([5.0, -3.0, 1.0])
+        self._were: list[tuple[float, FloatArray]] = []
 
     def step(
         self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
@@ -217,23 +225,12 @@ def test_unknown_loads_are_refused_before_anything_takes_long() -> None:
         Controller(replace(scenario("one-box"), chain=replace(chain, objects=(box,))))
 
 
-class NoticedOnTheWay:
+class NoticedOnTheWay(Driven):
     """A controller that is told at 1 s what stands in the room."""
 
     def __init__(self, controller: Controller, obstacles: tuple[CircleObstacle, ...]) -> None:
-        self.controller, self._obstacles = controller, obstacles
-
-    @property
-    def load(self) -> Load | None:
-        return self.controller.load
-
-    @property
-    def segment(self) -> int:
-        return self.controller.segment
-
-    @property
-    def over(self) -> bool:
-        return self.controller.over
+        super().__init__(controller)
+        self._obstacles = obstacles
 
     def step(
         self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
