@@ -42,14 +42,13 @@ from pushplan.geometry.se2 import compose, exp, log
 from pushplan.planners.planner import plan
 from pushplan.plans.events import Replan
 from pushplan.plans.goals import tolerance_of, worst_at_goal
-from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names, load_scenario, scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.controller import Controller
 from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.replanner import Aim
-from pushplan.sim.control.simulated_push import Disturbance, OpenLoop, Simulator, simulate_push
+from pushplan.sim.control.simulated_push import Disturbance, Driven, OpenLoop, Simulator, simulate_push
 from pushplan.sim.physics.stepping import PhysicsSimulator
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
@@ -184,30 +183,16 @@ def _apart(random: np.random.Generator, seed: int) -> dict[str, Any]:
 
 
 @dataclass(eq=False)
-class Astray:
-    """A controller whose plate is not where it believes to be when an approach begins; see `simulated_push.Driver`.
+class Astray(Driven[Controller]):
+    """A robot whose plate is not where the controller believes it to be when an approach begins.
 
     Attributes:
-        controller: What is judged.
         random: Draws.
     """
 
-    controller: Controller
     random: np.random.Generator
     _approached: object = None
     _shift: FloatArray | None = None
-
-    @property
-    def load(self) -> Load | None:
-        return self.controller.load
-
-    @property
-    def segment(self) -> int:
-        return self.controller.segment
-
-    @property
-    def over(self) -> bool:
-        return self.controller.over
 
     def step(
         self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None

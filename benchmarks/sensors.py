@@ -40,7 +40,6 @@ from pushplan.bench.machine import Machine
 from pushplan.core.slip import Trace
 from pushplan.geometry.se2 import compose, exp, inverse, relative, rotate, twist_of, wrap_angle
 from pushplan.mechanics.contacts import carried_objects
-from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
@@ -49,7 +48,13 @@ from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.replanner import Aim
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
-from pushplan.sim.control.simulated_push import Disturbance, SimulatedPush, Simulator, simulate_push
+from pushplan.sim.control.simulated_push import (
+    Disturbance,
+    Driven,
+    SimulatedPush,
+    Simulator,
+    simulate_push,
+)
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
@@ -129,18 +134,16 @@ ERRORS = {
 
 
 @dataclass(eq=False)
-class Erring:
-    """A controller whose eyes and wheels err; see `course.Driver`.
+class Erring(Driven[Controller | Tracker]):
+    """A robot whose eyes and wheels err.
 
     Attributes:
-        controller: What is judged.
         errors: What is wrong.
         random: Draws.
         half: When the localisation jumps, s.
         seen: The last measurement.
     """
 
-    controller: Controller | Tracker
     errors: Errors
     random: np.random.Generator
     half: float
@@ -162,18 +165,6 @@ class Erring:
         self.plate = np.array(self.controller.scenario.plate_start)
         pusher = self.controller.scenario.pusher
         self.wheels = relative(pusher.plate_pose, pusher.wheels_pose)
-
-    @property
-    def load(self) -> Load | None:
-        return self.controller.load
-
-    @property
-    def segment(self) -> int:
-        return self.controller.segment
-
-    @property
-    def over(self) -> bool:
-        return self.controller.over
 
     def step(
         self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None

@@ -75,6 +75,7 @@ def off_place(estimator: Estimator, recent: list[Sample], names: Sequence[str], 
         return ""
     settings, gaps = estimator.settings, UNSURE * np.array(UNSETTLED)
     slack, off = np.array([settings.position_slack, settings.angle_slack]), estimator.residuals(recent)
+    noise = estimator.noise(recent)[-1]
     for i, name in enumerate(names):
         own = off[~np.isnan(off[:, i, 0]), i]
         many = max(2, 3 * settings.looks // 4)
@@ -83,7 +84,7 @@ def off_place(estimator: Estimator, recent: list[Sample], names: Sequence[str], 
                 continue
             mean = own[-last:].mean(axis=0)
             apart = np.array([np.hypot(mean[0], mean[1]), abs(mean[2])])
-            most = np.maximum(slack, sigmas / math.sqrt(last) * estimator.noise)
+            most = np.maximum(slack, sigmas / math.sqrt(last) * noise)
             if (apart > most).any():
                 spread = UNSURE * estimator.spread(recent[-1])[i]
                 most = most + (spread if settled else np.hypot(spread, gaps))
@@ -152,4 +153,4 @@ def _moves(linear: Linear, chain: Chain) -> tuple[FloatArray, list[int]]:
         tangent = chain.contacts[k].tangent
         along = np.arctan2(tangent[1], tangent[0]) - headings
         moves[:, 0, r], moves[:, 1, r] = moved[objects] * np.cos(along), moved[objects] * np.sin(along)
-    return moves / linear.sigma[:, None], [k for k, _ in which]
+    return moves / linear.sigma[..., None], [k for k, _ in which]

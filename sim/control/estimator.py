@@ -65,11 +65,19 @@ DOUBT = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """A measurement with closed contacts: when, the poses (n, 3), NaN where unseen, and the places X_i (n, 3)."""
+    """A measurement with closed contacts.
+
+    Attributes:
+        time: When, s.
+        poses: (n, 3) of the objects, NaN where unseen.
+        places: (n, 3) X_i.
+        noise: (2,) its standard deviations as stated, m and rad.
+    """
 
     time: float
     poses: FloatArray
     places: FloatArray
+    noise: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +86,7 @@ class Linear:
 
     Attributes:
         samples: Of what.
-        sigma: (3,) what errors are divided by, m, m and rad.
+        sigma: (m, 3) what errors are divided by, m, m and rad.
         seen: (k, n) whether an object was.
         errors: (m, 3) of all that were seen, sample by sample.
         jacobian: (m, 3, p) their derivatives by the values.
@@ -110,7 +118,6 @@ class Estimator:
         settings: See there.
         values: (7 + 3 n,) x, y (m), theta (rad) of C, tau (s), s_v, c, s_w, and of each object x, y, theta of B_i.
         covariance: Of these.
-        stated: (2,) standard deviations of measurements, m and rad: the settings', or what came with the last one.
     """
 
     def __init__(
@@ -127,7 +134,6 @@ class Estimator:
             self._prior[OWN] = np.maximum(np.sqrt(np.diag(known.covariance)[OWN]), DOUBT * self._prior[OWN])
         self.values: FloatArray = self._center.copy()
         self.covariance: FloatArray = np.diag(self._prior**2)
-        self.stated = np.array([settings.position_noise, settings.angle_noise])
         self._found = np.zeros(2)
         self._precision: FloatArray = np.diag(self._prior**-2.0)
         self._history, self._count_moved = np.zeros((1024, 4)), 0
@@ -140,14 +146,14 @@ class Estimator:
         return len(self._samples)
 
     @property
-    def noise(self) -> FloatArray:
-        """(2,) standard deviations of measurements, m and rad, as stated or as found where that is more."""
-        return np.asarray(np.maximum(np.maximum(self.stated, self._found), 1e-6))
-
-    @property
     def late(self) -> float:
         """By how much measurements may be late, s."""
         return max(0.0, float(self.values[3] + 2.0 * math.sqrt(self.covariance[3, 3])))
+
+    def noise(self, samples: Sequence[Sample]) -> FloatArray:
+        """Return standard deviations (k, 2) of samples, m and rad, as stated or as found where that is more."""
+        stated = np.array([sample.noise for sample in samples])
+        return np.asarray(np.maximum(np.maximum(stated, self._found), 1e-6))
 
     def unstamped(self) -> None:
         """Expect what comes without a time to be late."""
@@ -283,16 +289,16 @@ class Estimator:
     def linear(self, samples: list[Sample] | None = None) -> Linear:
         """Return what samples, or all that are kept, tell near the values."""
         samples = self._samples if samples is None else samples
-        sigma = np.array([self.noise[0], self.noise[0], self.noise[1]])
         errors, jacobian = self._linear(samples)
-        errors, jacobian = errors / sigma, jacobian / sigma[:, None]
+        sigma = np.broadcast_to(self.noise(samples)[:, None, [0, 0, 1]], errors.shape)
+        errors, jacobian = errors / sigma, jacobian / sigma[..., None]
         seen = ~np.isnan(errors[..., 0])
         weights = (FREEDOM + 3.0) / (FREEDOM + (errors[seen] ** 2).sum(axis=1))
         errors, jacobian = errors[seen], jacobian[seen]
         weighted = (weights[:, None, None] * jacobian).reshape(-1, len(self.values)).T
         hessian = weighted @ jacobian.reshape(-1, len(self.values)) + self._precision
         gradient = weighted @ errors.reshape(-1) + self._precision @ (self.values - self._center)
-        return Linear(samples, sigma, seen, errors, jacobian, weights, gradient, hessian)
+        return Linear(samples, sigma[seen], seen, errors, jacobian, weights, gradient, hessian)
 
     def ways(self, samples: list[Sample]) -> FloatArray:
         """Return how far the plate had driven (k,) when samples were taken, m."""

@@ -121,7 +121,7 @@ class PushLoop:
         self._path: PushPath = plan.path
         self._touching, self._off = job.settle > 0.0, (0.0, 0.0)
         self.met_aside, self.stalled = False, False
-        self._stall = StallWatch([obj.name for obj in scenario.chain.objects], settings, job.onto)
+        self._stall = StallWatch([obj.name for obj in scenario.chain.objects], job.onto)
         if self._touching:
             self._straight(plan.path.twists[0], job.settle)
         else:
@@ -169,12 +169,15 @@ class PushLoop:
         if self._odometry.watched:
             self.plate = self.estimator.plate(now)
 
+    def _sample(self, time: float, poses: FloatArray) -> Sample:
+        """Return what was measured of the load (n, 3), with the places and the noise that are believed now."""
+        return Sample(time, poses, self._replanner.chain.places, self._sightings.noise)
+
     def learn(self, time: float, poses: FloatArray) -> None:
         """Take a measurement (n, 3) of all objects into account while contacts are taken for closed."""
-        sample = Sample(time, poses[self._job.columns], self._replanner.chain.places)
-        self.estimator.stated, self._stall.noise = self._sightings.noise, float(self._sightings.noise[0])
+        sample = self._sample(time, poses[self._job.columns])
         self._recent.append(sample)
-        self._stall.see(time, sample.poses)
+        self._stall.see(time, sample.poses, float(sample.noise[0]))
         if not self.driving:
             return
         self.estimator.add(sample)
@@ -308,8 +311,9 @@ class PushLoop:
     def _closed(self) -> tuple[float, float]:
         """Return the gap (m) and turn (rad) up to which contacts count as closed, by all that is not known."""
         share = SIGMAS / math.sqrt(self.settings.looks)
-        resting = Sample(self._now, np.zeros_like(self.places), self._replanner.chain.places)
-        gap, turn = share * self.estimator.noise + 2.0 * self.estimator.spread(resting).max(axis=0)
+        resting = self._sample(self._now, np.zeros_like(self.places))
+        noise, unsure = self.estimator.noise([resting])[0], self.estimator.spread(resting).max(axis=0)
+        gap, turn = share * noise + 2.0 * unsure
         return max(self.settings.gap, float(gap)), max(self.settings.turn, float(turn))
 
     def _persists(self, contacts: Contacts, open_by: str) -> bool:
@@ -382,7 +386,7 @@ class PushLoop:
     def _take_for_closed(self, measured: FloatArray) -> None:
         """Take the objects for being in contact at their new places; what they still seem off is the sensor's."""
         self._settled |= self._job.settle > 0.0
-        resting = Sample(self._now, measured, self._replanner.chain.places)
+        resting = self._sample(self._now, measured)
         self.estimator.take_for_closed(resting, self._recent, self._normals)
 
     def _touch(self, measured: FloatArray, sure: bool = False) -> None:

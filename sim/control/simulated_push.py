@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -176,6 +177,41 @@ class Driver(Protocol):
         self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
     ) -> FloatArray:
         """Return the twist (3,) of the plate frame until the next step."""
+
+
+D = TypeVar("D", bound=Driver)
+
+
+@dataclass(eq=False)
+class Driven(ABC, Generic[D]):
+    """A robot whose sensors or wheels err: it has a controller's load and segment, and a `step` of its own.
+
+    Attributes:
+        controller: What it drives by.
+    """
+
+    controller: D
+
+    @property
+    def load(self) -> Load | None:
+        """See `Driver`."""
+        return self.controller.load
+
+    @property
+    def segment(self) -> int:
+        """See `Driver`."""
+        return self.controller.segment
+
+    @property
+    def over(self) -> bool:
+        """See `Driver`."""
+        return self.controller.over
+
+    @abstractmethod
+    def step(
+        self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
+    ) -> FloatArray:
+        """Return the twist (3,) that the plate really has, whatever the controller says."""
 
 
 class OpenLoop:

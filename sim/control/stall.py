@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from pushplan.geometry.se2 import compose, relative, rotate
-from pushplan.sim.control.settings import ControlSettings
 from pushplan.util.arrays import FloatArray
 
 WINDOWS = (0.3, 0.6, 1.2)
@@ -38,15 +37,11 @@ class StallWatch:
 
     Args:
         names: Of the load's objects.
-        settings: Of the measurements.
         onto: What the load is pushed up to; empty where that is nothing.
-
-    Attributes:
-        noise: Standard deviation of a measured coordinate, m.
     """
 
-    def __init__(self, names: Sequence[str], settings: ControlSettings, onto: str = "") -> None:
-        self._names, self.noise, self._onto = tuple(names), settings.position_noise, onto
+    def __init__(self, names: Sequence[str], onto: str = "") -> None:
+        self._names, self._noise, self._onto = tuple(names), 0.0, onto
         self._told: deque[tuple[float, FloatArray, FloatArray]] = deque()
         self._seen: deque[tuple[float, FloatArray]] = deque()
         self._first: FloatArray | None = None
@@ -68,8 +63,9 @@ class StallWatch:
         while self._told[0][0] < now - MEMORY:
             self._told.popleft()
 
-    def see(self, time: float, poses: FloatArray) -> None:
-        """Take down measured poses (n, 3), NaN where unseen."""
+    def see(self, time: float, poses: FloatArray, noise: float) -> None:
+        """Take down measured poses (n, 3), NaN where unseen, and the standard deviation of their coordinates, m."""
+        self._noise = noise
         if self._first is None:
             self._first = self._last = poses
         self._first = np.where(np.isnan(self._first), poses, self._first)
@@ -116,7 +112,7 @@ class StallWatch:
         if not seen.any() or not self._told:
             return False
         moved = poses[1].mean(axis=0) - poses[0].mean(axis=0)
-        most = max(DRIVEN, SIGMAS * self.noise * math.sqrt(2.0 / len(before)))
+        most = max(DRIVEN, SIGMAS * self._noise * math.sqrt(2.0 / len(before)))
         for late in (0.0, LATE):
             (first, begin), (last, end) = (self._at(time - late) for time in times)
             way = compose(relative(first, last), places)[:, :2] - places[:, :2]
@@ -140,7 +136,7 @@ class StallWatch:
     def _blamed(self) -> tuple[str, ...]:
         assert self._first is not None
         way = np.hypot(*(self._last[:, :2] - self._first[:, :2]).T)  # NaN of what was never seen
-        most = max(0.5 * DRIVEN, SIGMAS * self.noise)
+        most = max(0.5 * DRIVEN, SIGMAS * self._noise)
         rested = tuple(name for name, gone in zip(self._names, way, strict=True) if gone <= most)
         if not (way > most).any():
             return self._names

@@ -17,7 +17,6 @@ from pushplan.geometry.se2 import compose, exp, relative
 from pushplan.mechanics.support import UnknownSupport
 from pushplan.planners.clearance import find_collision
 from pushplan.plans.goals import worst_at_goal
-from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_text, scenario_from_document
 from pushplan.scenario.parts import CircleObstacle
@@ -25,7 +24,7 @@ from pushplan.sim.control.controller import Controller
 from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
-from pushplan.sim.control.simulated_push import Disturbance, OpenLoop, SimulatedPush, simulate_push
+from pushplan.sim.control.simulated_push import Disturbance, Driven, OpenLoop, SimulatedPush, simulate_push
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 
@@ -138,26 +137,7 @@ def test_a_measured_plate_is_led_back_to_the_path_on_twists_that_the_contacts_be
     assert [event.kind for event in controller.events] == ["plan", "jump"]
 
 
-class Driven:
-    """What drives as its controller says, but for its `step`; see `simulated_push.Driver`."""
-
-    def __init__(self, controller: Controller) -> None:
-        self.controller = controller
-
-    @property
-    def load(self) -> Load | None:
-        return self.controller.load
-
-    @property
-    def segment(self) -> int:
-        return self.controller.segment
-
-    @property
-    def over(self) -> bool:
-        return self.controller.over
-
-
-class Sensed(Driven):
+class Sensed(Driven[Controller]):
     """A controller on a robot whose wheels go less than they are told, with its own sensors."""
 
     def __init__(self, controller: Controller, short: float, on_board: bool, **stated: ArrayLike) -> None:
@@ -225,7 +205,7 @@ def test_unknown_loads_are_refused_before_anything_takes_long() -> None:
         Controller(replace(scenario("one-box"), chain=replace(chain, objects=(box,))))
 
 
-class NoticedOnTheWay(Driven):
+class NoticedOnTheWay(Driven[Controller]):
     """A controller that is told at 1 s what stands in the room."""
 
     def __init__(self, controller: Controller, obstacles: tuple[CircleObstacle, ...]) -> None:

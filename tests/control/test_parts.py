@@ -28,6 +28,7 @@ from pushplan.sim.control.simulated_push import Disturbance, disturbed
 from pushplan.sim.follower import Drive
 
 SPREAD = Spread(0.2, 2.5e-4, 1e-3)
+NOISE = np.array([1e-3, 5e-3])
 
 
 @pytest.fixture(scope="module")
@@ -143,7 +144,7 @@ def test_what_is_wrong_is_found_and_measurements_to_come_are_expected(what: str,
             if tau > 0.0:
                 there = compose(poses[max(0, k - 2)], exp((2 * period - tau) * twist))
             seen = compose(compose(there, places), bias) + random.normal(size=(2, 3)) * [1e-3, 1e-3, 0.005]
-            estimator.add(Sample(k * period, seen, places))
+            estimator.add(Sample(k * period, seen, places, NOISE))
         if k % 20 == 0:
             estimator.fit(k * period)
         rolled = twist_of(wheels, twist)
@@ -157,7 +158,7 @@ def test_what_is_wrong_is_found_and_measurements_to_come_are_expected(what: str,
             other = estimator.scaled(twist, np.array(wheels))
             assert estimator.asked(other, np.array(wheels)) == pytest.approx(twist)
     late = compose(compose(compose(poses[1490], exp(-tau * twist)), places), bias)
-    sample = Sample(1490 * period, late, places)
+    sample = Sample(1490 * period, late, places, NOISE)
     off, spread = estimator.residuals([sample])[0], estimator.spread(sample)
     assert (np.hypot(off[:, 0], off[:, 1]) < 4.0 * spread[:, 0]).all()
     assert (spread < [4e-3, 5e-3]).all()
@@ -168,6 +169,23 @@ def test_what_is_wrong_is_found_and_measurements_to_come_are_expected(what: str,
     words = estimator.words()
     assert ("odometry" in words) == (what == "all"), words
     assert ("delay" in words.split(";")[0]) <= (tau != 0.0), words
+
+
+def test_measurements_count_by_the_noise_that_each_is_stated_with() -> None:
+    """A camera that sees badly, 5 mm off, is replaced by one that sees well; nothing moves."""
+    estimator, random, places = (
+        Estimator(ControlSettings(), 1, np.zeros(3)),
+        np.random.default_rng(4),
+        np.zeros((1, 3)),
+    )
+    for k in range(200):
+        noise, off = (np.array([1e-2, 5e-2]), 5e-3) if k < 100 else (NOISE, 0.0)
+        estimator.moved(k / 30.0, np.zeros(3))
+        seen = places + [off, 0.0, 0.0] + random.normal(size=(1, 3)) * noise[[0, 0, 1]]
+        estimator.add(Sample(k / 30.0, seen, places, noise))
+        estimator.fit(k / 30.0)
+    left = estimator.residuals([Sample(200 / 30.0, places, places, NOISE)])
+    assert np.hypot(left[0, 0, 0], left[0, 0, 1]) < 4e-4
 
 
 SLIDES = {
@@ -194,7 +212,7 @@ def test_slides_are_told_from_constant_errors(crates: pushplan.Scenario, what: s
         slides[contact or 0] = rate * (way if begin < 0.9 else k >= 300 * begin)
         estimator.moved(k * period, believed)
         seen = compose(true, slid(chain, slides).places) + random.normal(size=(2, 3)) * [1e-3, 1e-3, 5e-3]
-        estimator.add(Sample(k * period, seen, chain.places))
+        estimator.add(Sample(k * period, seen, chain.places, NOISE))
         if k % 8 == 0:
             estimator.fit(k * period)
         done = twist + np.array([0.0, drift * speed, 0.0])
@@ -355,7 +373,7 @@ def test_what_a_slide_was_taken_for_is_forgotten_and_what_is_known_well_is_not(
         estimator.moved(k * period, believed)
         places = slid(chain, [slides * way, 0.0]).places
         seen = compose(true, places) + random.normal(size=(2, 3)) * [1e-3, 1e-3, 5e-3]
-        estimator.add(Sample(k * period, seen, chain.places))
+        estimator.add(Sample(k * period, seen, chain.places, NOISE))
         believed, true = compose(believed, exp(twist * period)), compose(true, exp(twist * scales * period))
         way, k = way + 0.2 * period, k + 1
     for _ in range(5):

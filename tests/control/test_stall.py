@@ -14,7 +14,6 @@ import pushplan
 from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_text, scenario_from_document
 from pushplan.sim.control.controller import Controller
-from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import simulate_push
 from pushplan.sim.control.stall import StallWatch
 from pushplan.sim.physics.simulate import simulate_in_physics
@@ -56,7 +55,7 @@ def test_only_a_load_that_stands_still_as_a_whole_stalls(
     off: float,
     stands: float | None,
 ) -> None:
-    watch, random = StallWatch(["near", "far"], ControlSettings(), onto), np.random.default_rng(1)
+    watch, random = StallWatch(["near", "far"], onto), np.random.default_rng(1)
     ways = np.cumsum(np.minimum(0.5 * np.arange(200) / RATE, SPEED)) / RATE
     found: tuple[str, ...] = ()
     for k, way in enumerate(ways):
@@ -65,7 +64,7 @@ def test_only_a_load_that_stands_still_as_a_whole_stalls(
         if k % 2 == 0:
             seen = PLACES + random.normal(size=(2, 3)) * [1e-3, 1e-3, 5e-3]
             seen[:, 0] += moves(float(ways[max(0, k - round(late * RATE))]))
-            watch.see(k / RATE, np.where(np.isnan(seen[:, :1]), np.nan, seen))
+            watch.see(k / RATE, np.where(np.isnan(seen[:, :1]), np.nan, seen), 1e-3)
         found = found or watch.stalled(PLACES)
     assert found == names
 
