@@ -22,6 +22,7 @@ all inertia: the same controller goes through it all once more, disturbed likewi
 from __future__ import annotations
 
 import argparse
+import itertools
 import sys
 import tempfile
 import time
@@ -117,18 +118,18 @@ APPROACH = (5e-3, np.radians(2.0))
 """By how much the plate is off where it believes to be after it has driven to an object, at most."""
 
 
-def several_pushes(count: int) -> Iterator[tuple[Scenario, Plan]]:
-    """Yield so many random scenarios that have a plan: a load of one or two boxes, or two or three boxes apart."""
-    found = seed = 0
-    while found < count:
-        random = np.random.default_rng([seed, 77])
+def several_pushes(only: list[str] | None) -> Iterator[tuple[Scenario, Plan]]:
+    """Yield random scenarios that have a plan: a load of one or two boxes, or two or three boxes apart.
+
+    Where some are named, as `load-16` and `boxes-3`, it is those; else there is no end of them.
+    """
+    for seed in (int(name.rpartition("-")[2]) for name in only) if only else itertools.count():
+        random, apart = np.random.default_rng([seed, 77]), seed % 2 == 1
         with suppress(PushplanError):  # drawn so that robot and boxes meet, or nothing can be done
-            scenario = scenario_from_document(_apart(random, seed) if seed % 2 else _one_load(random, seed))
-            result = plan(scenario, seed=1, time_limit=10.0 if seed % 2 else 1.0, first=seed % 2 == 1)
+            scenario = scenario_from_document(_apart(random, seed) if apart else _one_load(random, seed))
+            result = plan(scenario, seed=1, time_limit=10.0 if apart else 1.0, first=apart)
             if result.solved:
-                found += 1
                 yield scenario, result
-        seed += 1
 
 
 def _spots(random: np.random.Generator, count: int) -> FloatArray:
@@ -292,8 +293,8 @@ def main() -> int:
     time.perf_counter = time.process_time  # searches then count CPU time, whatever else the machine does
     print(Machine.this().words)
     if arguments.plans:
-        plans = several_pushes(arguments.plans)
-        return report([*carried_out(plans, arguments.only, arguments.verbose, arguments.physics)])
+        plans = itertools.islice(several_pushes(arguments.only), arguments.plans)
+        return report([*carried_out(plans, arguments.verbose, arguments.physics)])
     problems = [
         (scenario, plan(scenario, seed=1, time_limit=1.0)) for scenario in map(load_scenario, example_names())
     ]
@@ -318,17 +319,11 @@ def main() -> int:
     return report(rows)
 
 
-def carried_out(
-    problems: Iterator[tuple[Scenario, Plan]], only: list[str] | None, verbose: bool, physics: int
-) -> Iterator[Row]:
+def carried_out(problems: Iterator[tuple[Scenario, Plan]], verbose: bool, physics: int) -> Iterator[Row]:
     """Carry out plans of several pushes, the first of them in MuJoCo, too; print a line each."""
-    rows: list[tuple[Scenario, Plan, Row]] = []
-    for scenario, result in problems:
-        if only and scenario.name not in only:
-            continue
-        rows.append((scenario, result, carry_out(scenario, result, 1, verbose, SlipSimulator)))
-        print(f"{scenario.name:12} {_told(rows[-1][-1])}", flush=True)
-    for k, (scenario, result, row) in enumerate(rows):
+    for k, (scenario, result) in enumerate(problems):
+        row = carry_out(scenario, result, 1, verbose, SlipSimulator)
+        print(f"{scenario.name:12} {_told(row)}", flush=True)
         if k < physics:
             second = carry_out(scenario, result, 1, verbose, PhysicsSimulator)
             print(f"{scenario.name:12} in MuJoCo {_told(second)}", flush=True)
