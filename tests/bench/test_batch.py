@@ -3,6 +3,7 @@
 import contextlib
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -28,6 +29,7 @@ format: pushplan-suite/1
 problems: [one-box, {name: random, generate: {objects: 2, obstacles: 5}, count: 1}]
 planners: [auto, {name: rrt, first: true}]
 seeds: 2
+trials: 2
 limits: {time: 20 s, iterations: 3000}
 """
 PROGRAM = """\
@@ -112,7 +114,11 @@ def test_one_job_and_two_resumed_jobs_give_the_same_costs_and_arcs(tmp_path: Pat
     one, two = rows(tmp_path / "1"), rows(tmp_path / "2")
     assert _results(one) == _results(two)
     assert len(one) == 8
-    assert sum(row["outcome"] == "ok" for row in one) >= 5
+    solved = [row for row in one if row["outcome"] == "ok"]
+    assert len(solved) >= 5
+    for row in solved:
+        assert 0.0 <= row["trial_success"] <= 1.0
+        assert 0.0 < row["overhead_time"] < row["total_time"]
     assert len({row["log"] for row in one}) == 8
     assert all((tmp_path / "1" / row["log"]).read_bytes().startswith(b"\x89MCAP0\r\n") for row in one)
     (tmp_path / "1" / one[2]["log"]).unlink()
@@ -127,15 +133,8 @@ def test_one_job_and_two_resumed_jobs_give_the_same_costs_and_arcs(tmp_path: Pat
 # One process a run: each end has its status, nothing is left behind, nothing leaks into the next run.
 
 MESSAGES = {
-    "fine": "", "no plan": "it is no plan", "invalid": "it is invalid",
-    "segfault": "killed by SIGSEGV\nFatal Python error: Segmentation fault",
-    "abort": "killed by SIGABRT\nFatal Python error: Aborted",
-    "leave": "the process ended by itself with exit code 7",
-    "killed": "killed by SIGKILL, as the system does when memory runs out", "hang": "killed after 3 s",
-    "stubborn hang": "killed after 3 s", "hog": "100 MB", "hog in C": "100 MB", "lists": "100 MB",
-    "ask too much": "more than 100 MB were asked for", "raise": "ValueError: planted\nTraceback",
-    "exit": "SystemExit: 3",
-    "half a log": "the process ended by itself with exit code 1",
+    "ok": "^$", "no plan": "it is", "invalid": "it is", "error": "planted\nTraceback|SystemExit: 3",
+    "crash": "killed by SIG|by itself with exit code [17]$", "timeout": "killed after 3 s", "out of memory": "100 MB",
 }  # fmt: skip
 DEATHS = ("segfault", "abort", "leave", "killed", "half a log")
 """Fates that are told by an exit code alone."""
@@ -154,7 +153,7 @@ def test_each_fate_has_its_status_and_message_and_ends_no_other_run(planted: Any
         assert (fate, outcome.status) == (fate, planted.STATUS[fate])
         # Now and then the fork server does not tell how a process ended; that it ended is known all the same.
         untold = "the fork server cannot say how" in outcome.message and fate in DEATHS
-        assert untold or MESSAGES[fate] in outcome.message
+        assert untold or re.search(MESSAGES[outcome.status], outcome.message)
         assert outcome.log == (b"half" if fate == "half a log" else None)
         assert not outcome.whole
         assert "hang" not in fate or 3.0 <= outcome.values["total_time"] < 15.0  # type: ignore[operator]
@@ -206,17 +205,3 @@ def test_runs_end_with_who_wanted_them_even_when_it_is_killed(planted: Any, tmp_
             os.kill(number, 0)
             time.sleep(0.05)
         pytest.fail("the run outlives who wanted it")
-
-
-def test_a_real_run_is_planned_validated_and_logged(tmp_path: Path) -> None:
-    text = "format: pushplan-suite/1\nproblems: [one-box]\nplanners: [{name: auto, first: true}]\n"
-    text += "seeds: 1\ntrials: 3\nlimits: {run: 10 min}\n"
-    with local_engine(1) as engine:
-        (outcome,) = engine(suite_from_text(text).runs("test"))
-    assert (outcome.status, outcome.message, outcome.whole) == ("ok", "", True)
-    assert outcome.log is not None
-    assert outcome.log.startswith(b"\x89MCAP0\r\n")
-    assert 0.0 <= (outcome.values["trial_success"] or 0.0) <= 1.0
-    assert 0.0 < (outcome.values["overhead_time"] or 0.0) < (outcome.values["total_time"] or 0.0)
-    assert len(outcome.arcs) == outcome.values["solution_segments"]
-    assert sum(arc[3] for arc in outcome.arcs) == pytest.approx(outcome.values["solution_length"])

@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import pytest
@@ -100,14 +99,18 @@ planners: [auto, {name: auto, label: same}, {name: rrt, label: auto}]
     assert [line.split(": ")[0] for line in lines] == [
         f"s.yaml:{p}" for p in ("4:5", "5:5", "5:5", "6:5", "7:5", "8:18", "8:45")
     ]
-    assert lines[0] == (
-        "s.yaml:4:5: problems[1]: 'again' states the same problem as 'one-box'; leave it out or change it"
+    told = (
+        "states the same problem as 'one-box'",
+        "cannot be used: /bad.yaml:",
+        "cannot be used: /bad.yaml:",
     )
-    assert "problems[2]: cannot be used: /bad.yaml:" in lines[1]
-    assert "no packaged scenario is called so either" in lines[3]
-    assert "problems[4]: start and goal find no place in a workspace of 0.5 m" in lines[4]
-    assert lines[5] == "s.yaml:8:18: planners[1]: is the same as planners[0]; leave one of them out"
-    assert lines[6] == "s.yaml:8:45: planners[2]: is called 'auto' like planners[0]; give it another label"
+    told += (
+        "no packaged scenario",
+        "no place in a workspace",
+        "the same as planners[0]",
+        "is called 'auto' like",
+    )
+    assert all(words in line for words, line in zip(told, lines, strict=True)), lines
 
 
 WRONG = """\
@@ -143,14 +146,9 @@ def test_filters_choose_by_patterns_that_must_all_fit() -> None:
     assert select(runs, []) == runs
 
 
-@cache
-def _packaged(name: str) -> Suite:
-    return load_suite(name)
-
-
 @pytest.mark.parametrize("name", ["smoke", "paper"])
 def test_a_part_of_every_packaged_suite_can_be_run(name: str, tmp_path: Path) -> None:
-    suite = _packaged(name)
+    suite = load_suite(name)
     assert suite.name == name
     patient = {"time": 600.0, "iterations": 3_000}  # whatever else the machine does
     suite = replace(suite, planners=tuple(one.model_copy(update=patient) for one in suite.planners))
