@@ -9,7 +9,7 @@ import pytest
 
 from pushplan.cli import console as console_module
 from pushplan.cli.console import Console, Progress
-from pushplan.cli.main import _failed
+from pushplan.cli.main import main
 from pushplan.errors import PlanningError
 from pushplan.util.printable import printable
 
@@ -23,13 +23,6 @@ class Terminal(io.StringIO):
 
     def isatty(self) -> bool:
         return True
-
-
-class Closed(io.StringIO):
-    """A stream that nobody reads any more."""
-
-    def write(self, text: str) -> int:
-        raise BrokenPipeError
 
 
 @pytest.mark.parametrize("live", [False, True])
@@ -54,6 +47,7 @@ def _wait_for(condition: Callable[[], bool]) -> None:
         time.sleep(0.01)
 
 
+@pytest.mark.parametrize("verbose", [False, True])
 @pytest.mark.parametrize(("error", "code", "message"), [
     (KeyboardInterrupt(), 130, "interrupted"),
     (PlanningError("the goal overlaps a wall"), 2, "error: the goal overlaps a wall"),
@@ -61,32 +55,26 @@ def _wait_for(condition: Callable[[], bool]) -> None:
     (PermissionError(13, "Permission denied", "/x.png"), 2, "error: /x.png: Permission denied"),
     (OSError(28, "No space left on device"), 1, "error: No space left on device"),
     (MemoryError(), 1, "error: out of memory"),
+    (BrokenPipeError(), 141, ""),
+    (KeyError("k"), 1, "error: KeyError: 'k'\nThis is a defect of pushplan"),
 ])  # fmt: skip
-def test_every_failure_has_its_exit_code_and_a_message_without_traceback(
-    error: BaseException, code: int, message: str, capsys: Captured
+def test_every_failure_has_its_exit_code_and_message_and_a_defect_its_traceback_where_asked_for(
+    error: BaseException,
+    code: int,
+    message: str,
+    verbose: bool,
+    capsys: Captured,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    assert _failed(error, json=False, verbose=False) == code
+    def fail(name: str) -> str:
+        raise error
+
+    monkeypatch.setattr("pushplan.scenario.file.example_text", fail)
+    assert main(["examples", "one-box", *["--verbose"] * verbose]) == code
     out, err = capsys.readouterr()
     assert out == ""
-    assert err.startswith(message)
-    assert "report" not in err
-
-
-def test_a_defect_asks_for_a_report_and_shows_its_traceback_only_when_asked(capsys: Captured) -> None:
-    for verbose in (False, True):
-        with pytest.raises(KeyError) as caught:
-            raise KeyError("k")
-        assert _failed(caught.value, json=False, verbose=verbose) == 1
-        err = capsys.readouterr().err
-        assert ("Traceback" in err) is verbose
-        assert "error: KeyError: 'k'" in err
-        assert "Please report it" in err
-
-
-def test_a_closed_pipe_ends_quietly(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sys.stderr", Closed())
-    assert _failed(BrokenPipeError(), json=False, verbose=False) == 141
-    assert _failed(PlanningError("nobody reads this"), json=False, verbose=False) == 141
+    assert message in err
+    assert ("Traceback" in err) == (verbose and code == 1)
 
 
 def test_what_files_say_never_reaches_the_terminal_as_a_command(
@@ -109,16 +97,10 @@ def test_what_files_say_never_reaches_the_terminal_as_a_command(
 BIDIRECTIONAL = {"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"}
 
 
-def test_nothing_that_controls_is_left() -> None:
+def test_what_a_terminal_would_obey_is_escaped_and_what_people_write_stays() -> None:
     for character in printable("".join(map(chr, range(1 << 16)))):
         assert unicodedata.category(character) not in ("Cc", "Cs", "Zl", "Zp")
         assert unicodedata.bidirectional(character) not in BIDIRECTIONAL
-
-
-def test_what_people_write_stays() -> None:
     text = "".join(map(chr, range(ord(" "), ord("~") + 1))) + "äß é ° × … 方"
     assert printable(text) == text
-
-
-def test_breaks_of_lines_may_be_kept() -> None:
     assert printable("a\n\tb\r", keep="\n\t") == "a\n\tb\\r"
