@@ -30,9 +30,8 @@ from building import FLAGS  # noqa: E402
 CORE = Path("pushplan/core")
 FILES = "friction.cpp,contacts.cpp,inertia.hpp,sphere.cpp,uncertain.cpp,centred.cpp,scene.cpp,steering.cpp"
 TESTS = (
-    "tests/test_contacts.py tests/test_friction.py tests/test_friction_series.py tests/test_feet.py "
-    "tests/test_dynamics.py tests/test_sphere.py tests/sets tests/test_collision.py "
-    "tests/test_steering.py tests/golden"
+    "tests/test_contacts.py tests/test_friction.py tests/test_support.py tests/test_dynamics.py tests/sets "
+    "tests/test_collision.py tests/test_searches.py tests/golden"
 )
 CHANGES = (
     (r" \+ ", (" - ",)),

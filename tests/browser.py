@@ -62,17 +62,6 @@ class Browser:
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
 
-    def drag(self, begin: tuple[float, float], end: tuple[float, float]) -> None:
-        """Press the mouse's button at one point of the page and release it at another."""
-        for kind, (x, y) in (("mousePressed", begin), ("mouseMoved", end), ("mouseReleased", end)):
-            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
-
-    def key(self, name: str) -> None:
-        """Press and release a key."""
-        text = {"text": " "} if name == " " else {}
-        self.call("Input.dispatchKeyEvent", type="keyDown", key=name, **text)
-        self.call("Input.dispatchKeyEvent", type="keyUp", key=name)
-
     def told(self, *methods: str) -> list[dict[str, Any]]:
         """Return the events of some methods."""
         return [event for event in self.events if event.get("method") in methods]

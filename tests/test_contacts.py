@@ -3,16 +3,19 @@
 import pickle
 import re
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
 from conftest import ChainMaker
+from numpy.typing import ArrayLike
 from scipy.optimize import linprog
 
 import pushplan.core.contacts as contacts
 import pushplan.core.uncertain as uncertain
 from pushplan.errors import ChainError, PushplanError
+from pushplan.geometry import se2
 from pushplan.mechanics.chain import PLATE, Chain
 from pushplan.mechanics.contacts import contact_state, friction_wrench
 from pushplan.mechanics.intervals import IntervalChain
@@ -31,33 +34,27 @@ def random_twists(chain: Chain, seed: int, count: int) -> FloatArray:
     return np.asarray(twists + [1.0, 0.0, 0.0], dtype=np.float64)  # noqa: RUF005
 
 
-def slack(chain: Chain, twist: FloatArray) -> float:
-    """Return by how much forces at the ends of all contacts can stay inside their friction cones, N.
+def slack(chain: Chain, needed: ArrayLike, pose: ArrayLike = (0.0, 0.0, 0.0)) -> float:
+    """Return the largest t such that every end-point force along a friction cone's edge can be at least t (an LP).
 
-    Unknowns: normal and tangential force at both ends of each contact, and the slack t, which is maximised. Every
-    object is in equilibrium under its friction and the forces at all contacts it takes part in.
+    Args:
+        chain: Whose contacts transmit the forces.
+        needed: (n, 3) wrenches that the contacts of each object together have to exert, about the world's origin.
+        pose: Of the chain frame in the world.
     """
     n = len(chain.objects)
-    equal, load = np.zeros((3 * n, 4 * n + 1)), np.zeros(3 * n)
-    bound = np.zeros((4 * n, 4 * n + 1))
+    columns = np.zeros((3 * n, 4 * n + 1))
     for k, contact in enumerate(chain.contacts):
-        load[3 * k : 3 * k + 3] = -friction_wrench(chain.objects[k], [twist])[0]
-        for end, point in enumerate((contact.right, contact.left)):
-            for axis, direction in enumerate((contact.normal, contact.tangent)):
-                column = 4 * k + 2 * end + axis
-                wrench = [*direction, point[0] * direction[1] - point[1] * direction[0]]
-                equal[3 * k : 3 * k + 3, column] = wrench
-                if contact.pusher >= 0:
-                    equal[3 * contact.pusher : 3 * contact.pusher + 3, column] = -np.array(wrench)
-            for row, sign in enumerate((-1.0, 1.0)):
-                bound[4 * k + 2 * end + row, 4 * k + 2 * end : 4 * k + 2 * end + 2] = [
-                    -contact.friction,
-                    sign,
-                ]
-                bound[4 * k + 2 * end + row, -1] = 1.0
-    cost = np.zeros(4 * n + 1)
-    cost[-1] = -1.0
-    solution = linprog(cost, A_ub=bound, b_ub=np.zeros(4 * n), A_eq=equal, b_eq=load, bounds=(None, None))
+        edges = [contact.normal + sign * contact.friction * contact.tangent for sign in (-1.0, 1.0)]
+        for j, (end, edge) in enumerate(product((contact.right, contact.left), edges)):
+            x, f = se2.transform_points(pose, end), se2.rotate(np.asarray(pose)[2], edge)
+            wrench = np.array([*f, x[0] * f[1] - x[1] * f[0]])
+            columns[3 * k : 3 * k + 3, 4 * k + j] += wrench
+            if contact.pusher != PLATE:
+                columns[3 * contact.pusher : 3 * contact.pusher + 3, 4 * k + j] -= wrench
+    bounds = np.hstack([-np.eye(4 * n), np.ones((4 * n, 1))])
+    cost = np.append(np.zeros(4 * n), -1.0)
+    solution = linprog(cost, bounds, np.zeros(4 * n), columns, np.ravel(needed), bounds=(None, None))
     assert solution.x is not None, solution.message
     return float(solution.x[-1])
 
@@ -71,7 +68,8 @@ def test_margin_agrees_with_a_linear_program(make_chain: ChainMaker, n: int, tre
         chain = make_chain.random(seed, n, tree=tree, feet=seed % 2 == 1)
         twists = random_twists(chain, seed, 12)
         for twist, m in zip(twists, stable_set(chain).margin(twists), strict=True):
-            outcomes.append(slack(chain, twist) > 0.0)
+            friction = [friction_wrench(obj, [twist])[0] for obj in chain.objects]
+            outcomes.append(slack(chain, np.negative(friction)) > 0.0)
             assert outcomes[-1] == (m > 0.0)
     assert any(outcomes) or n > 3
     assert not all(outcomes)

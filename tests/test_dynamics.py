@@ -6,14 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import ChainMaker, pressure_of, there
-from scipy.optimize import linprog
+from test_contacts import slack
 
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject
 from pushplan.mechanics.dynamics import (
     ContactDynamics,
-    SpeedWindow,
-    admissible_speeds,
     dynamic_margins,
     dynamic_rows,
 )
@@ -57,34 +55,6 @@ def _momentum_rate(obj: PushedObject, poses: FloatArray) -> FloatArray:
     return np.array([*force, spin + path[1, 0] * force[1] - path[1, 1] * force[0]])
 
 
-def _slack_of_the_forces(chain: Chain, poses: FloatArray) -> float:
-    """Largest t such that every end-point force along a friction cone's edge can be at least t (an LP)."""
-    n = len(chain.objects)
-    columns = np.zeros((3 * n, 4 * n))
-    for k, contact in enumerate(chain.contacts):
-        edges = [contact.normal + sign * contact.friction * contact.tangent for sign in (-1.0, 1.0)]
-        pairs = [(end, edge) for end in (contact.right, contact.left) for edge in edges]
-        for j, (end, edge) in enumerate(pairs):
-            x, f = se2.transform_points(poses[1], end), se2.rotate(poses[1, 2], edge)
-            wrench = np.array([*f, x[0] * f[1] - x[1] * f[0]])
-            columns[3 * k : 3 * k + 3, 4 * k + j] += wrench
-            if contact.pusher >= 0:
-                columns[3 * contact.pusher : 3 * contact.pusher + 3, 4 * k + j] -= wrench
-    needed = np.concatenate([_momentum_rate(obj, poses) - _floor_wrench(obj, poses) for obj in chain.objects])
-    bounds = np.hstack([-np.eye(4 * n), np.ones((4 * n, 1))])
-    found = linprog(
-        np.append(np.zeros(4 * n), -1.0),
-        A_ub=bounds,
-        b_ub=np.zeros(4 * n),
-        A_eq=np.hstack([columns, np.zeros((3 * n, 1))]),
-        b_eq=needed,
-        bounds=(None, None),
-        method="highs",
-    )
-    assert found.status == 0
-    return float(there(found.x)[-1])
-
-
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("tree", [False, True])
 def test_rows_agree_with_newton_by_differences_and_a_linear_program_over_forces(
@@ -98,9 +68,10 @@ def test_rows_agree_with_newton_by_differences_and_a_linear_program_over_forces(
         rows = dynamic_rows(chain, twist)
         speed, acceleration = rng.uniform(0.01, 2.0), rng.normal() * 4.0
         lowest = float(rows.values(speed, acceleration).min())
-        slack = _slack_of_the_forces(chain, _motion(twist, speed, acceleration))
+        poses = _motion(twist, speed, acceleration)
+        needed = [_momentum_rate(obj, poses) - _floor_wrench(obj, poses) for obj in chain.objects]
         if abs(lowest) > 1e-3:
-            assert (lowest > 0.0) == (slack > 0.0)
+            assert (lowest > 0.0) == (slack(chain, needed, poses[1]) > 0.0)
             kept += 1
     assert kept > 20
 
@@ -143,22 +114,6 @@ def steady_speed(chain: Chain, twist: FloatArray) -> float:
     rows = dynamic_rows(chain, twist)
     falling = rows.gamma < 0.0
     return float(np.sqrt(np.min(rows.alpha[falling] / -rows.gamma[falling])))
-
-
-def test_the_polygon_holds_exactly_where_the_rows_are_positive(make_chain: ChainMaker) -> None:
-    import shapely
-
-    rng = np.random.default_rng(11)
-    window = SpeedWindow(4.0, 5.0)
-    for seed in range(10):
-        chain = make_chain.boxes(1 + seed % 3)
-        found = admissible_speeds(chain, [1.0, rng.normal() * 0.1, rng.normal()], window)
-        shape = shapely.Polygon(found.vertices) if len(found.vertices) > 2 else shapely.Polygon()
-        assert shape.is_valid
-        for u, a in rng.uniform([0.0, -5.0], [4.0, 5.0], (200, 2)):
-            lowest = found.rows.values(np.sqrt(u), a).min()
-            if abs(lowest) > 1e-9:
-                assert bool(shape.contains(shapely.Point(u, a))) == (lowest > 0.0)
 
 
 def test_the_worst_case_is_below_every_pressure_with_the_same_centre_and_near_the_worst(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ChainMaker, there
+from conftest import there
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
@@ -20,12 +20,11 @@ from pushplan.drawing import figure as plot_figure
 from pushplan.drawing.floor import draw_lines, draw_room
 from pushplan.drawing.plans import plot_plan, plot_scenario
 from pushplan.drawing.scene import PATH_SPACING, Scene
-from pushplan.drawing.sets import draw_drive, limiting_rows, plot_admissible_speeds, plot_stable_sets
+from pushplan.drawing.sets import draw_drive, plot_stable_sets
 from pushplan.drawing.trials import plot_trials
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Drive
-from pushplan.mechanics.dynamics import SpeedWindow, admissible_speeds
 from pushplan.plans.execution import TrialEnd
 from pushplan.plans.plan import Plan
 from pushplan.scenario.model import PolygonObstacle, Workspace
@@ -259,25 +258,3 @@ def test_trials_say_how_many_arrive_and_count_what_is_outside(
     missed = next(line for line in close.lines if line.get_color() == palette.MISSED)
     np.testing.assert_allclose(np.asarray(missed.get_xydata()), [[0.0, 5.0]], atol=1e-9)
     _assert_nothing_covered(figures[0])
-
-
-def test_the_limits_of_speeds_that_are_named_are_those_that_bound(
-    make_chain: ChainMaker, tmp_path: Path
-) -> None:
-    """Without the rows that are left out the polygon is the same; every one that is named has two of its corners."""
-    chain = make_chain.boxes(3)
-    speeds = admissible_speeds(chain, (0.9, -0.02, 0.8), SpeedWindow(4.0, 20.0))
-    named = limiting_rows(speeds)
-    assert named
-    u = np.random.default_rng(1).uniform([0.0, -20.0], [4.0, 20.0], (20000, 2))
-    rows = speeds.rows
-    values = rows.alpha[..., None] + rows.gamma[..., None] * u[:, 0] + rows.beta[..., None] * u[:, 1]
-    only = np.all([values[k, j] > 0.0 for k, j in named], axis=0)
-    np.testing.assert_array_equal((values > 0.0).all(axis=(0, 1)), only)
-    for k, j in named:
-        at = rows.alpha[k, j] + speeds.vertices @ np.array([rows.gamma[k, j], rows.beta[k, j]])
-        assert np.sum(np.abs(at) < 1e-9) >= 2
-    files = [tmp_path / f"{i}.svg" for i in range(2)]
-    for file in files:
-        plot_admissible_speeds(chain, speeds, file)
-    assert files[0].read_bytes() == files[1].read_bytes()

@@ -24,7 +24,6 @@ from matplotlib.patches import Polygon
 from matplotlib.text import Text
 from planned_by_hand import KINDS, made
 from test_view import Seen
-from viewed import wait_for
 
 from pushplan.drawing import palette
 from pushplan.drawing.floor import draw_scene, set_view, view_of
@@ -190,8 +189,6 @@ def test_the_window_is_tidy_on_every_screen(kind: str, browser: Any, monkeypatch
             assert browser.evaluate("document.documentElement.scrollWidth") <= width
             told = browser.told("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded")
             keep(browser, f"view {kind} {width} {'dark' if dark else 'light'}")
-            if width < 500:
-                collapse_and_open(browser)
             levels = [
                 one["params"].get("type") or one["params"].get("entry", {}).get("level") for one in told
             ]
@@ -200,31 +197,6 @@ def test_the_window_is_tidy_on_every_screen(kind: str, browser: Any, monkeypatch
 
 
 GROUND = "getComputedStyle(document.querySelector('canvas').closest('[style*=background]')).backgroundColor"
-
-
-SHOWN = "document.querySelector('#pushplan-answer').checkVisibility()"
-
-
-def collapse_and_open(browser: Any) -> None:
-    """Tap the panel's title, which takes the panel away, and once more, which brings it back."""
-    browser.call("Emulation.setTouchEmulationEnabled", enabled=True)
-    for shown in (False, True):
-        place = at_rest(browser)
-        browser.call("Input.dispatchTouchEvent", type="touchStart", touchPoints=[place])
-        browser.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
-        wait_for(browser, f"{SHOWN} === {str(shown).lower()}")
-    browser.call("Emulation.setTouchEmulationEnabled", enabled=False)
-
-
-def at_rest(browser: Any) -> dict[str, float]:
-    """Return the middle of the panel's title once that has stopped moving, pixels."""
-    before = None
-    while True:
-        title = next(box for box in boxes(browser, "span, div") if box["text"] == "pushplan")
-        if title == before:
-            return {"x": 0.5 * (title["left"] + title["right"]), "y": 0.5 * (title["top"] + title["bottom"])}
-        before = title
-        browser.evaluate("new Promise((done) => setTimeout(done, 100))")
 
 
 def wait_for_answer(browser: Any) -> str:

@@ -1,4 +1,4 @@
-"""Pictures of the mechanics in the chain frame: stable sets as regions of centres of rotation, contacts, speeds.
+"""Pictures of the mechanics in the chain frame: stable sets as regions of centres of rotation, contacts.
 
 Regions of the centre of rotation (COR) are drawn as in Fig. 9 of Harada et al. 2006.
 """
@@ -25,11 +25,9 @@ from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts import friction_cone
-from pushplan.mechanics.dynamics import AdmissibleSpeeds
 from pushplan.sets.cor import Window
 from pushplan.sets.cor_window import default_window, grown
 from pushplan.sets.stable_set import StableSet
-from pushplan.util.arrays import FloatArray
 from pushplan.util.printable import cut
 
 TURN_NAMES = {+1: "left turns", -1: "right turns"}
@@ -38,13 +36,9 @@ LINE_STYLES: tuple[Any, ...] = ("solid", "dashed", "dotted", "dashdot", (0, (6, 
 
 # The layout, in inches.
 _WIDTH, _MAX_HEIGHT, _LEGEND_WIDTH, _COLUMNS = 4.4, 7.5, 3.2, 2
-_SPEEDS_WIDTH, _SPEEDS_HEIGHT = 4.6, 3.4
 
 _ACROSS = 14
 """Letters of a name that is written across the push; one along it may have twice as many."""
-_ROWS = ("slips to the right", "slips to the left", "tips about the right end", "tips about the left end")
-_ROW_STYLES = ("-", "-", "--", "--")
-_TOUCHING = 1e-9
 _DASHED: Any = (0, (4, 2))
 _NAMED = 2
 """Contacts up to which each is named where it is."""
@@ -260,67 +254,3 @@ def _set_keys(chain: Chain, sets: Sequence[StableSet]) -> list[Artist]:
     words = chain.pusher.drive.turning_words
     drive = [Line2D([], [], color=INK, linewidth=0.8, linestyle=_DASHED, label=words)] if words else []
     return [*turn_keys(), *bodies, *styles, *drive]
-
-
-def plot_admissible_speeds(chain: Chain, speeds: AdmissibleSpeeds, path: str | Path) -> None:
-    """Draw what `admissible_speeds` found for a twist, each limit named by the contact that would slip or tip.
-
-    Args:
-        chain: The chain that was asked about.
-        speeds: The answer.
-        path: File to write; its suffix says whether PNG, SVG or PDF.
-
-    Raises:
-        PlotError: On a suffix that is none of these.
-    """
-    limits = limiting_rows(speeds)
-    colours = palette.contact_colours(len(chain.contacts))
-    below = 0.75 + 0.19 * max(1, len(limits))
-    with figure_for(path, _SPEEDS_WIDTH + 0.95, _SPEEDS_HEIGHT + below + 0.5) as figure:
-        axes = axes_at(figure, 0.75, below, _SPEEDS_WIDTH, _SPEEDS_HEIGHT)
-        if len(speeds.vertices):
-            axes.fill(*speeds.vertices.T, color="#dfe7ec", lw=0.0)
-        handles = []
-        for k, j in limits:
-            name = f"{chain.contact_name(k)}: {chain.objects[chain.contacts[k].pushed].name} {_ROWS[j]}"
-            look: Any = {"color": colours[k], "ls": _ROW_STYLES[j]}
-            axes.plot(*_limit(speeds, k, j).T, lw=1.6, zorder=3, **look)
-            handles.append(Line2D([], [], label=name, **look))
-        _style_speeds(axes, speeds)
-        corner = (0.75 / figure.get_figwidth(), 0.03 / figure.get_figheight())
-        figure.legend(handles=handles, loc="lower left", bbox_to_anchor=corner, borderaxespad=0.0)
-
-
-def limiting_rows(speeds: AdmissibleSpeeds) -> list[tuple[int, int]]:
-    """Return the contacts and rows that bound the polygon somewhere within its window."""
-    rows, vertices = speeds.rows, speeds.vertices
-    if not len(vertices):
-        return []
-    values = (
-        rows.alpha[..., None] + rows.gamma[..., None] * vertices[:, 0] + rows.beta[..., None] * vertices[:, 1]
-    )
-    touching = np.abs(values) <= _TOUCHING * np.abs(rows.alpha).max()
-    along = touching & np.roll(touching, -1, axis=-1)
-    return [(int(k), int(j)) for k, j in np.argwhere(along.any(axis=-1))]
-
-
-def _limit(speeds: AdmissibleSpeeds, k: int, j: int) -> FloatArray:
-    """Return the part (2, 2) of the polygon's boundary that a row makes."""
-    rows, vertices = speeds.rows, speeds.vertices
-    values = rows.alpha[k, j] + vertices @ np.array([rows.gamma[k, j], rows.beta[k, j]])
-    touching = np.abs(values) <= _TOUCHING * np.abs(rows.alpha).max()
-    first = int(np.flatnonzero(touching & np.roll(touching, -1))[0])
-    return vertices[[first, (first + 1) % len(vertices)]]
-
-
-def _style_speeds(axes: Axes, speeds: AdmissibleSpeeds) -> None:
-    u, a = speeds.window
-    axes.axhline(0.0, color=FAINT, lw=0.7)
-    axes.set(xlim=(0.0, u), ylim=(-a, a), xlabel="$\\dot s^2$", ylabel="$\\ddot s$")
-    top = axes.secondary_xaxis("top", functions=(_root, np.square))
-    top.set_xlabel("$\\dot s$", color=INK)
-    top.set_xticks([tick for tick in top.get_xticks() if tick == 0.0 or tick**2 > 0.06 * u])
-
-
-def _root(values: Any) -> Any:  # Any, as Matplotlib takes functions of anything
-    return np.sqrt(np.maximum(values, 0.0))

@@ -13,7 +13,7 @@ from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import Chain, Contact
 from pushplan.mechanics.contacts import cof
-from pushplan.mechanics.dynamics import SpeedWindow, admissible_speeds, dynamic_margins, dynamic_rows
+from pushplan.mechanics.dynamics import dynamic_margins, dynamic_rows
 from pushplan.mechanics.heights import load_areas
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.sphere import twists_about
@@ -236,7 +236,6 @@ WRONG: dict[str, tuple[Callable[[ChainMaker], object], str]] = {
     "count": (lambda m: stable_set(m.boxes(1)).meridians(count=0), "count is 0"),
     "cells": (lambda m: grid_cor_set(m.boxes(1), (-1.0, -1.0, 1.0, 1.0), (0, 5)), "must be at least 1"),
     "height": (lambda m: grid_cor_set(m.boxes(1, contact_height=0.01), (-1.0, -1.0, 1.0, 1.0)), "must be 0"),
-    "speeds": (lambda m: admissible_speeds(m.boxes(1), [1.0, 0.0, 0.0], SpeedWindow(0.0, 1.0)), "must be finite"),
     "rates": (lambda m: dynamic_margins(m.boxes(1), [[1.0, 0.0, 0.0]], np.zeros((2, 3))), "rates have shape"),
     "load": (lambda m: dynamic_rows(m.boxes(1, support=UnknownSupport), [1.0, 0.0, 0.0]), "unknown"),
     "tipping": (lambda m: stable_set(m.boxes(1, support=UnknownSupport, contact_height=0.2), "robust"), "could tip"),
