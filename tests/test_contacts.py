@@ -1,10 +1,8 @@
 """Chains and their contact conditions, against a linear program over forces at the contacts' ends."""
 
-import pickle
 import re
 from dataclasses import replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,17 +10,11 @@ from conftest import ChainMaker
 from numpy.typing import ArrayLike
 from scipy.optimize import linprog
 
-import pushplan.core.contacts as contacts
-import pushplan.core.uncertain as uncertain
-from pushplan.errors import ChainError, PushplanError
+from pushplan.errors import ChainError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PLATE, Chain
 from pushplan.mechanics.contacts import contact_state, friction_wrench
-from pushplan.mechanics.intervals import IntervalChain
-from pushplan.mechanics.packed import pack_chain
-from pushplan.mechanics.sphere import POLE, angles_of, checked_twists, twists_about, twists_at
-from pushplan.mechanics.uncertain import pack_centred, pack_intervals
-from pushplan.plans.path import PushPath
+from pushplan.mechanics.sphere import POLE, angles_of, twists_about, twists_at
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray
 
@@ -107,43 +99,6 @@ def test_stability_does_not_depend_on_the_frame(make_chain: ChainMaker) -> None:
     np.testing.assert_allclose(moved.lambdas, state.lambdas, rtol=1e-7)
 
 
-# Chains as the core holds them: what does not fit is refused, arrays are read-only, pickles are the same chain.
-
-TWISTS = np.array([[1.0, 0.0, 0.0], [1.0, 0.2, 3.0], [0.1, -0.2, -20.0]])
-FIELDS = ("objects", "parts", "series", "links", "rows", "length")
-
-
-def fields_of(packed: contacts.PackedChain) -> dict[str, Any]:
-    return {name: getattr(packed, name) for name in FIELDS}
-
-
-def test_a_pickled_chain_gives_the_same_margins(make_chain: ChainMaker) -> None:
-    chain = make_chain.random(3, 4, tree=True)
-    packed = pack_chain(chain)
-    again = pickle.loads(pickle.dumps(packed))
-    for name, value in fields_of(packed).items():
-        np.testing.assert_array_equal(getattr(again, name), value)
-    np.testing.assert_array_equal(
-        contacts.margins_of(again, TWISTS), contacts.margins_of(packed, TWISTS), strict=True
-    )
-    interval = IntervalChain.from_ranges(chain, pressures={"object0": 0.1})
-    for loads in (pack_centred(chain), pack_intervals(interval)):
-        found = uncertain.rows_of(pickle.loads(pickle.dumps(loads)), TWISTS)
-        for one, other in zip(found, uncertain.rows_of(loads, TWISTS), strict=True):
-            np.testing.assert_array_equal(one, other, strict=True)
-
-
-# Chains, paths and trajectories cannot be built wrong: what is refused, and how it is said.
-
-
-def test_a_chain_has_objects_and_a_contact_for_each(make_chain: ChainMaker) -> None:
-    chain = make_chain.boxes(2)
-    with pytest.raises(ChainError, match="a chain needs at least one object"):
-        Chain((), (), chain.pusher)
-    with pytest.raises(ChainError, match="2 objects need as many contacts, not 1"):
-        Chain(chain.objects, chain.contacts[:1], chain.pusher)
-
-
 @pytest.mark.parametrize(("pushed", "pusher"), [(0, 0), (1, 1), (1, 2), (1, -2), (0, PLATE)])
 def test_a_contact_pushes_its_object_from_the_plate_or_an_earlier_one(
     make_chain: ChainMaker, pushed: int, pusher: int
@@ -153,16 +108,6 @@ def test_a_contact_pushes_its_object_from_the_plate_or_an_earlier_one(
     text = f"contact 1 pushes object {pushed} from {pusher}; it must push object 1 from the plate (-1) or"
     with pytest.raises(ChainError, match=re.escape(text)):
         Chain(chain.objects, (chain.contacts[0], wrong), chain.pusher)
-
-
-def test_paths_are_scaled_and_go_forward() -> None:
-    ahead = np.array([[1.0, 0.0, 0.0]])
-    with pytest.raises(PushplanError, match="an arc of the path has a negative length"):
-        PushPath(np.zeros(3), ahead, np.array([-0.1]))
-    with pytest.raises(PushplanError, match="must be scaled to a cost rate of 1 m/s"):
-        PushPath(np.zeros(3), 2.0 * ahead, np.array([0.1]))
-    nowhere = PushPath(np.array([1.0, 2.0, 3.0]), ahead[:0], np.zeros(0))
-    np.testing.assert_array_equal(nowhere.poses_at([0.0, 1.0]), [[1.0, 2.0, 3.0]] * 2)
 
 
 # The sphere of twist directions: its angles, its centres of rotation, and the rows of stable intervals.
@@ -189,15 +134,3 @@ def test_centres_of_rotation_lie_on_a_line_through_the_origin() -> None:
         some = np.sign(lat) == sense
         turned = twists_about(cors[some], sense)
         np.testing.assert_allclose(turned, twists[some] / np.abs(twists[some, 2:]), atol=1e-12)
-    assert twists_about([0, 3], 1).dtype == np.float64
-    with pytest.raises(PushplanError, match=r"sense is 2; it must be \+1 \(counter-clockwise\) or -1"):
-        twists_about([0.0, 1.0], 2)
-
-
-def test_one_zero_twist_among_others_is_found() -> None:
-    twists = [[1.0, 0.0, 0.0], [0.0, 0.0, -1e-300], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
-    np.testing.assert_array_equal(checked_twists(twists[:2]), twists[:2])
-    with pytest.raises(
-        PushplanError, match=r"^twist 2 is zero; only the direction of a motion is stable or not$"
-    ):
-        checked_twists(twists)

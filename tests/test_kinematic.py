@@ -10,7 +10,6 @@ from plans_of import push_of
 from scipy.integrate import solve_ivp
 
 from pushplan.mechanics.chain import Limits
-from pushplan.mechanics.contacts import contact_state
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.execution import Execution
@@ -64,19 +63,6 @@ def test_execution_integrates_what_was_commanded(stable: StableSet) -> None:
     )
     np.testing.assert_allclose(execution.poses, solved.y.T, atol=1e-6)
     np.testing.assert_allclose(execution.poses, trajectory.poses, atol=1e-12)
-
-
-def test_a_stable_push_keeps_every_contact_and_reports_its_forces(stable: StableSet) -> None:
-    execution = executed(time_path(_path(*STABLE_ARCS), Bounds(Limits())), stable)
-    assert execution.loss is None
-    assert execution.margins.shape == (len(execution.t), 2)
-    assert execution.margins.min() > 0.0
-    assert execution.lambdas is not None
-    assert there(execution.friction_margins).min() > 0.0
-    assert 0.0 < execution.lambdas.min() < execution.lambdas.max() < 1.0
-    moving = np.flatnonzero(np.abs(execution.twists).max(axis=1) > 1e-3)[::50]
-    state = contact_state(stable.chain, execution.twists[moving])
-    np.testing.assert_allclose(there(execution.forces)[moving], state.forces, atol=1e-12)
 
 
 def test_the_loss_lies_between_the_samples_around_the_exact_end_of_the_set(stable: StableSet) -> None:

@@ -2,6 +2,8 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from pushplan.mechanics.heights import load_areas
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
+from pushplan.plans.path import PushPath
 from pushplan.sets.grid_cor_set import grid_cor_set
 from pushplan.sets.interval_set import stable_set_over
 from pushplan.sets.named import stable_set
@@ -227,10 +230,17 @@ def test_nothing_is_stable_without_friction(make_chain: ChainMaker, name: str) -
 
 # What mechanics and sets cannot answer, and what they say then.
 
+AHEAD = np.array([[1.0, 0.0, 0.0]])
+
+
+def ranged(make: ChainMaker, **spans: Any) -> IntervalChain:
+    return IntervalChain.from_ranges(make.boxes(2), **spans)
+
+
 WRONG: dict[str, tuple[Callable[[ChainMaker], object], str]] = {
     "no vector": (lambda m: stable_set(m.boxes(1)).margin([1.0, 0.0]), "must be (k, 3)"),
     "not finite": (lambda m: stable_set(m.boxes(1)).margin([[1.0, 0.0, np.nan]]), "not finite"),
-    "zero": (lambda m: stable_set(m.boxes(1)).margin([[0.0, 0.0, 0.0]]), "twist 0 is zero"),
+    "zero": (lambda m: stable_set(m.boxes(1)).margin([[0.0, 0.0, -1e-300], [0.0, 0.0, 0.0]]), "twist 1 is zero"),
     "sense": (lambda m: stable_set(m.boxes(1)).cor_region(0), "sense is 0"),
     "window": (lambda m: stable_set(m.boxes(1)).cor_region(1, (1.0, 0.0, 1.0, 2.0)), "xmin < xmax"),
     "count": (lambda m: stable_set(m.boxes(1)).meridians(count=0), "count is 0"),
@@ -242,6 +252,21 @@ WRONG: dict[str, tuple[Callable[[ChainMaker], object], str]] = {
     "cof": (lambda m: stable_set_over(IntervalChain.from_ranges(m.boxes(1)), "cof"), "not linear in the loads"),
     "no feet": (lambda m: FeetSupport(np.zeros((0, 2)), np.zeros(0)), "at least one foot"),
     "no map": (lambda m: PressureMapSupport(np.zeros((0, 2)), np.zeros(0)), "at least one point"),
+    "no objects": (lambda m: Chain((), (), m.boxes(2).pusher), "a chain needs at least one object"),
+    "no contact": (lambda m: replace(m.boxes(2), contacts=m.boxes(1).contacts), "need as many contacts, not 1"),
+    "backward": (lambda m: PushPath(np.zeros(3), AHEAD, np.array([-0.1])), "has a negative length"),
+    "unscaled": (lambda m: PushPath(np.zeros(3), 2.0 * AHEAD, np.ones(1)), "must be scaled to a cost rate of 1 m/s"),
+    "whose mass": (lambda m: ranged(m, mass={"bux": (1.0, 2.0)}), "no object is called 'bux'; there are box0, box1"),
+    "no interval": (lambda m: ranged(m, mass={"box0": (2.0, 1.0)}), "mass of 'box0' is the interval (2, 1);"),
+    "no mass": (lambda m: ranged(m, mass={"box0": (0.0, 1.0)}), "mass of 'box0' is the interval (0, 1)"),
+    "no friction": (lambda m: ranged(m, contact_friction={"box1": (-0.1, 1.0)}), "contact friction of 'box1' is the"),
+    "no end": (lambda m: ranged(m, floor_friction={"box1": (0.0, np.inf)}), "it must be finite"),
+    "fractions": (lambda m: ranged(m, fractions={"box0": [(0.0, 1.0)]}), "'box0' does not stand on feet"),
+    "intervals": (lambda m: stable_set_over(ranged(m), "ecoff"), "the stable set 'ecoff' is not known for intervals"),
+    "unknown": (
+        lambda m: stable_set_over(IntervalChain.from_ranges(m.boxes(1, support=UnknownSupport))),
+        "the load under 'box0' is unknown",
+    ),
     "leaning": (lambda m: UnknownSupport(m.box()).lean(np.array([1.0, 0.0])), "not known"),
 }  # fmt: skip
 

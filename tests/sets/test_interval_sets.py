@@ -8,7 +8,6 @@ import pytest
 from conftest import ChainMaker
 
 import pushplan.core.uncertain as uncertain
-from pushplan.errors import ChainError, PushplanError, SupportError
 from pushplan.mechanics import support as supports
 from pushplan.mechanics.chain import GRAVITY, Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.intervals import IntervalChain
@@ -17,7 +16,6 @@ from pushplan.mechanics.support import (
     PressureMapSupport,
     Support,
     UniformSupport,
-    UnknownSupport,
 )
 from pushplan.mechanics.uncertain import pack_intervals
 from pushplan.sets.interval_set import stable_set_over
@@ -121,28 +119,6 @@ def test_fractions_of_feet(make_chain: ChainMaker) -> None:
 def on_feet(chain: Chain, feet: FloatArray, fractions: FloatArray) -> Chain:
     standing = replace(chain.objects[1], support=FeetSupport(feet, fractions))
     return replace(chain, objects=(chain.objects[0], standing))
-
-
-def test_wrong_intervals_are_refused(make_chain: ChainMaker) -> None:
-    chain = make_chain.boxes(2)
-    with pytest.raises(ChainError, match="no object is called 'bux'; there are box0, box1"):
-        IntervalChain.from_ranges(chain, mass={"bux": (1.0, 2.0)})
-    with pytest.raises(PushplanError, match=r"mass of 'box0' is the interval \(2, 1\); .* 0 < low <= high"):
-        IntervalChain.from_ranges(chain, mass={"box0": (2.0, 1.0)})
-    with pytest.raises(PushplanError, match=r"mass of 'box0' is the interval \(0, 1\)"):
-        IntervalChain.from_ranges(chain, mass={"box0": (0.0, 1.0)})
-    with pytest.raises(PushplanError, match=r"contact friction of 'box1' is the interval \(-0.1, 1\)"):
-        IntervalChain.from_ranges(chain, contact_friction={"box1": (-0.1, 1.0)})
-    with pytest.raises(
-        PushplanError, match=r"floor friction of 'box1' is the interval \(0, inf\); it must be finite"
-    ):
-        IntervalChain.from_ranges(chain, floor_friction={"box1": (0.0, np.inf)})
-    with pytest.raises(SupportError, match="'box0' does not stand on feet"):
-        IntervalChain.from_ranges(chain, fractions={"box0": [(0.0, 1.0)]})
-    with pytest.raises(PushplanError, match="the stable set 'ecoff' is not known for intervals"):
-        stable_set_over(IntervalChain.from_ranges(chain), "ecoff")
-    with pytest.raises(SupportError, match="the load under 'box0' is unknown"):
-        stable_set_over(IntervalChain.from_ranges(make_chain.boxes(1, support=UnknownSupport)))
 
 
 # Pressures that are a little off: none takes more from a row than is counted, and the worst takes about as much.
