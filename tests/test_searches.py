@@ -18,17 +18,16 @@ from pushplan.errors import EmptyStableSetError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
 from pushplan.planners.controls import control_segments
-from pushplan.planners.problem import body_reach, build_problem, sampling_box
+from pushplan.planners.problem import build_problem, sampling_box
 from pushplan.planners.scene import flatten
 from pushplan.planners.search.bottlenecks import Extent
-from pushplan.planners.search.form import pose_problem
-from pushplan.planners.search.planners import LatticeRounds, StableSparseRRT, floor_of, middle_of
-from pushplan.planners.search.session import DOUBT, DOUBTFUL, MOST_DOUBT, Budget, Session
+from pushplan.planners.search.planners import LatticeRounds, floor_of, middle_of
+from pushplan.planners.search.session import Budget, Session
 from pushplan.plans.path import cost_rate
 from pushplan.scenario.model import Scenario
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
-from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.arrays import FloatArray
 
 
 @pytest.fixture(scope="module")
@@ -114,66 +113,27 @@ def _dijkstra(free: np.ndarray[Any, Any], cell: float, goal: np.ndarray[Any, Any
     return np.asarray(found.reshape(free.shape))
 
 
-# The sparse tree keeps its promises, and OMPL gets what a planner owes it.
+# The sparse tree keeps its promises.
 
 HEADING_LENGTH = 0.4
 RADII = (HEADING_LENGTH, 0.5, 0.25)
 
 
-@pytest.fixture(scope="module")
-def cluttered() -> Problem:
-    scenario = load_plain("three-boxes-clutter")
-    return build_problem(scenario, stable_set(scenario.chain))
-
-
-def _counted(cluttered: Problem, iterations: int) -> Session:
-    start = load_plain("three-boxes-clutter").start
-    return Session(cluttered, start, Budget(60.0, iterations=iterations), seed=1)
-
-
-@pytest.fixture(scope="module")
-def tree(cluttered: Problem) -> SparseTree:
-    """Return a tree grown with 4,000 extensions, its connections to the goal left unused."""
-    session = _counted(cluttered, 1)
-    box = sampling_box(load_plain("three-boxes-clutter"))
-    tree = SparseTree(session.start, cluttered.goal, np.array(box), *RADII)
-    done = 0
+def test_every_branch_is_a_free_arc_with_the_right_cost(problem: Problem, scenario: Scenario) -> None:
+    """Of a tree grown with 4,000 extensions, its connections to the goal left unused."""
+    session, done = _session(problem, scenario), 0
+    tree = SparseTree(session.start, problem.goal, np.array(sampling_box(scenario)), *RADII)
     while done < 4000:
-        done += tree.grow(cluttered, session.random, np.inf, 4000 - done)[0]
-    return tree
-
-
-def _rows(tree: SparseTree) -> IntArray:
-    return np.setdiff1d(np.arange(len(tree.nodes)), tree.unused)
-
-
-def test_every_branch_is_a_free_arc_with_the_right_cost(cluttered: Problem, tree: SparseTree) -> None:
-    rows = _rows(tree)
+        done += tree.grow(problem, session.random, np.inf, 4000 - done)[0]
+    rows, nodes, to_go = np.setdiff1d(np.arange(len(tree.nodes)), tree.unused), tree.nodes, tree.to_go
     assert len(rows) > 100
-    nodes, to_go = tree.nodes, tree.to_go
     for row in rows[1:]:
         node, parent = nodes[row], nodes[int(nodes[row, 4])]
         end = se2.compose(parent[:3], se2.exp(node[5:8] * node[8]))
         np.testing.assert_allclose(node[:3], end, atol=1e-12)
         assert node[3] == pytest.approx(parent[3] + node[8], abs=1e-12)
-        assert sweep_is_free(cluttered.scene, *parent[:3], *node[5:9])
-        assert to_go[row] <= np.hypot(*(cluttered.goal[:2] - node[:2])) + 0.1 * np.pi + 1e-12
-
-
-def test_it_is_an_ompl_planner_whose_solution_ends_at_the_goal(cluttered: Problem) -> None:
-    scenario = load_plain("three-boxes-clutter")
-    session = Session(cluttered, scenario.start, Budget(60.0, first=True), seed=3)
-    information, definition = pose_problem(session, sampling_box(scenario), body_reach(scenario))
-    planner = StableSparseRRT(information)
-    assert isinstance(planner, ob.Planner)
-    planner.setProblemDefinition(definition)
-    planner.setup()
-    status = planner.solve(ob.PlannerTerminationCondition(session.settled))
-    assert status.getStatus() == ob.PlannerStatus.EXACT_SOLUTION
-    assert definition.hasExactSolution()
-    end = definition.getSolutionPath().getStates()[-1]
-    np.testing.assert_allclose([end.getX(), end.getY()], cluttered.goal[:2], atol=1e-9)
-    assert abs(float(se2.wrap_angle(end.getYaw() - cluttered.goal[2]))) < 1e-9
+        assert sweep_is_free(problem.scene, *parent[:3], *node[5:9])
+        assert to_go[row] <= np.hypot(*(problem.goal[:2] - node[:2])) + 0.1 * np.pi + 1e-12
 
 
 # Exact connections: every word ends on the goal; for Dubins' car the shortest one is OMPL's.
@@ -293,32 +253,3 @@ def test_a_drive_that_cannot_push_stably_is_refused_with_the_reason(stable: Stab
         match="the differential cannot push the chain: its best push keeps 'box2' on 'box1'",
     ):
         control_segments(stable, sideways, 1e-6)
-
-
-# When a search without a better path ends: the sooner, the nearer its path is to what no path can beat.
-
-STALL = 1_000
-FORWARD = np.array([[1.0, 0.0, 0.0, 100.0]])
-"""A path of 100 m: far above what is needed."""
-
-
-@pytest.fixture
-def session() -> Session:
-    scenario = load_plain("one-box")
-    session = Session(
-        build_problem(scenario, scenario.stable_set()), scenario.start, Budget(60.0, stall=STALL), 1
-    )
-    session.take(FORWARD)
-    return session
-
-
-@pytest.mark.parametrize("excess", [1e-6, DOUBTFUL, 1.0, MOST_DOUBT])
-def test_a_path_far_above_the_lower_bound_is_not_soon_taken_for_the_best(
-    session: Session, excess: float
-) -> None:
-    session.raise_lower_bound(session.best.horizon / (1.0 + excess))
-    last = STALL * (1.0 + DOUBT * max(0.0, excess - DOUBTFUL))
-    session.spent(0, int(last) - 1)
-    assert not session.settled()
-    session.spent(0, 2)
-    assert session.settled()

@@ -14,14 +14,11 @@ from scipy.optimize import minimize_scalar
 
 import pushplan.core.timing as timing
 from pushplan.geometry import se2
-from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Chain, Limits
 from pushplan.planners.planner import plan
 from pushplan.planners.scene import build_scene
-from pushplan.planners.timing.arc_limits import Bounds
-from pushplan.planners.timing.exact_timing import Pieces, limit_use, time_path
-from pushplan.planners.timing.sweep import Touches, find_touches, nudges, off_chords
-from pushplan.plans.path import PushPath, cost_rate
+from pushplan.planners.timing.exact_timing import Pieces, limit_use
+from pushplan.planners.timing.sweep import find_touches, off_chords
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import load_scenario
 from pushplan.util.arrays import FloatArray
@@ -45,15 +42,6 @@ def _random(seed: int, steps: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     return levels, centers, timing.ordered_widths(centers, widths)
 
 
-@pytest.mark.parametrize("seed", range(10))
-def test_every_level_counts_for_the_time_between_its_centres(seed: int) -> None:
-    levels, centers, widths = _random(seed, 8)
-    pieces = Pieces.through(levels, centers, widths)
-    powers = pieces.durations[:, None] ** np.arange(1, 4) / np.arange(1, 4)
-    total = np.einsum("qj,qjd->d", powers, pieces.coefficients)
-    np.testing.assert_allclose(total, np.diff(centers) @ levels[1:-1], atol=1e-9)
-
-
 @settings(max_examples=20)
 @given(st.integers(0, 10**6), st.integers(2, 12))
 def test_the_sum_stays_in_the_hull_of_its_levels(seed: int, steps: int) -> None:
@@ -62,21 +50,6 @@ def test_the_sum_stays_in_the_hull_of_its_levels(seed: int, steps: int) -> None:
     values = _at(pieces, np.linspace(0.0, float(pieces.durations.sum()), 400))
     directions = np.random.default_rng(seed).normal(size=(30, 3))
     assert ((values @ directions.T) <= (levels @ directions.T).max(axis=0) + 1e-9).all()
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_ordered_widths_are_the_least_that_change_no_faster_than_the_centres(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    centers, widths = np.sort(rng.uniform(0.0, 3.0, 9)), rng.uniform(0.0, 1.0, (9, 2))
-    found = timing.ordered_widths(centers, widths)
-    assert (found >= widths).all()
-    apart = np.diff(centers)[:, None]
-    assert (np.abs(np.diff(found, axis=0)) <= apart + 1e-12).all()
-    raised = found > widths + 1e-12
-    held = np.zeros_like(raised)
-    held[1:] |= np.abs(found[1:] - (found[:-1] - apart)) < 1e-12
-    held[:-1] |= np.abs(found[:-1] - (found[1:] - apart)) < 1e-12
-    assert (held | ~raised).all()
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -126,36 +99,6 @@ def test_bounds_hold_and_are_tight_on_short_pieces(seed: int) -> None:
     ):
         assert share.max() <= bound * (1.0 + 1e-3)
         assert share.max() >= bound * 0.9
-
-
-def test_bounds_hold_on_long_pieces() -> None:
-    rng = np.random.default_rng(3)
-    coefficients = rng.normal(size=(20, 3, 3))
-    durations = rng.uniform(0.05, 1.0, 20)
-    use = limit_use(_pieces(durations, coefficients), LIMITS)
-    for duration, c, bounds in zip(durations, coefficients, use, strict=True):
-        ticks = np.linspace(0.0, duration, 2001)
-        breaks = np.linspace(0.0, duration, 51)
-        pieces = np.stack(
-            [np.stack([c[0] + b * (c[1] + b * c[2]), c[1] + 2 * b * c[2], c[2]]) for b in breaks[:-1]]
-        )
-        fine = Trajectory(np.zeros(3), breaks, pieces, np.zeros(50))
-        shares = _differences(fine.poses_at(ticks), ticks[1])
-        for bound, share in zip(bounds[:2], shares[:2], strict=True):
-            assert share.max() <= bound * (1.0 + 1e-3)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_no_point_of_the_body_is_faster_than_its_top_rate(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    coefficients, duration, reach = rng.normal(size=(1, 3, 3)), 0.3, 0.4
-    trajectory = Trajectory(np.zeros(3), np.array([0.0, duration]), coefficients, np.zeros(1))
-    poses = trajectory.poses_at(np.linspace(0.0, duration, 601))
-    angle = rng.uniform(0.0, 2.0 * np.pi, 8)
-    bound = timing.top_rates(np.array([duration]), coefficients, reach)[0]
-    for point in reach * np.column_stack([np.cos(angle), np.sin(angle)]):
-        path = np.array([transform_points(pose, point) for pose in poses])
-        assert np.linalg.norm(np.diff(path, axis=0), axis=1).max() / 5e-4 <= bound * (1.0 + 1e-6)
 
 
 # How far a blended motion gets from the constant twists between its samples.
@@ -228,24 +171,3 @@ def test_touches_are_found_exactly_where_the_clearance_is_not_kept(make_chain: C
         assert (np.diff(touches.times) >= 0.0).all()
         touched += bool(len(touches.times))
     assert 1 < touched < 9
-
-
-def test_nudges_move_the_pose_that_touches_by_what_is_missing(make_chain: ChainMaker) -> None:
-    chain = make_chain.boxes(1)
-    twists = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 1.0], [1.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-    path = PushPath(np.zeros(3), twists / cost_rate(twists)[:, None], np.array([0.3, 0.3, 0.3, 0.4]))
-    scene = build_scene(
-        chain, [], np.array([[*path.poses_at([1.1])[0, :2] + [0.05, 0.1475], 0.05]]), FREE, CLEARANCE
-    )
-
-    def touches_of(lengths: FloatArray) -> tuple[Trajectory, Touches]:
-        trajectory = time_path(PushPath(path.start, path.twists, lengths), Bounds(Limits()))
-        return trajectory, find_touches(scene, trajectory, chain.reach)
-
-    trajectory, touches = touches_of(path.lengths)
-    assert touches.gaps.min() < 0.0
-    rows = nudges(scene, path, trajectory, path.lengths, touches, chain.reach)
-    assert rows.matrix.shape == (1, 4)
-    assert rows.matrix[0, 3] == 0.0
-    change = np.linalg.pinv(rows.matrix) @ (rows.values - rows.matrix @ path.lengths)
-    assert not len(touches_of(path.lengths + change)[1].times)
