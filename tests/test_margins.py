@@ -3,11 +3,10 @@
 import json
 import runpy
 from functools import cache
-from itertools import count
+from itertools import count, product
 from pathlib import Path
 
 import numpy as np
-import perturbed
 import pytest
 import yaml
 from conftest import ChainMaker, there
@@ -15,7 +14,10 @@ from plain import load_plain
 
 from pushplan.cli.main import main
 from pushplan.errors import PlanningError
+from pushplan.geometry import se2
+from pushplan.geometry.polygon import find_touch
 from pushplan.mechanics.chain import Chain, Drive
+from pushplan.mechanics.perturb import aside, turned
 from pushplan.mechanics.support import FeetSupport, UnknownSupport
 from pushplan.planners.controls import HALVINGS, MOST_MARGIN, automatic_margin
 from pushplan.planners.planner import plan
@@ -28,7 +30,7 @@ from pushplan.scenario.model import Scenario
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.sim.joint_robustness import ErrorBox, JointErrors
-from pushplan.sim.robustness import Course, robustness_along, robustness_of, thinned
+from pushplan.sim.robustness import Course, Moments, robustness_along, robustness_of, thinned
 from pushplan.util.arrays import FloatArray
 
 ITERATIONS = 6000
@@ -112,12 +114,12 @@ def u_turn(side: float = 2.6) -> Scenario:
 
 
 @cache
-def turned(margin: float | None = None) -> Plan:
+def u_turned(margin: float | None = None) -> Plan:
     return plan(u_turn(), margin=margin, time_limit=60.0, iterations=ITERATIONS)
 
 
 def test_the_margin_is_lowered_in_halvings_until_there_is_a_path() -> None:
-    result = turned()
+    result = u_turned()
     assert result.solved, result.reason
     assert result.margin_asked is not None
     assert result.margin is not None
@@ -135,11 +137,11 @@ def test_the_margin_is_lowered_in_halvings_until_there_is_a_path() -> None:
 
 
 def test_a_stated_margin_is_never_lowered() -> None:
-    asked = there(turned().margin_asked)
-    result = turned(asked)
+    asked = there(u_turned().margin_asked)
+    result = u_turned(asked)
     assert not result.solved
     assert (result.margin_asked, result.margin, result.notes) == (asked, asked, [])
-    kept = turned(turned().margin)
+    kept = u_turned(u_turned().margin)
     assert kept.solved, kept.reason
     assert kept.lowered == ""
 
@@ -168,7 +170,7 @@ def test_the_output_and_the_json_say_that_the_margin_was_lowered(
     words = f"plan {u_turn_file} --iterations {ITERATIONS} --time-limit 60 --json -o {log}".split()
     assert main(words) == 0
     said = capsys.readouterr()
-    found, result = json.loads(said.out), turned()
+    found, result = json.loads(said.out), u_turned()
     assert result.lowered
     assert result.lowered in " ".join(said.err.split())
     assert found["margin_asked"] == pytest.approx(result.margin_asked)
@@ -192,13 +194,59 @@ def test_a_margin_of_zero_needs_quasi_static_contacts() -> None:
 
 # What a plan tolerates: true just below and just above, by chains that are built anew; closed forms; words.
 
-MOST = {"contact_friction": 1.0, "floor_friction": MOST_SHARE, "load": MOST_SHARE, "angle": MOST_ANGLE}
+MOST = {
+    "contact_friction": 1.0, "floor_friction": MOST_SHARE, "load": MOST_SHARE, "position": np.inf,
+    "angle": MOST_ANGLE,
+}  # fmt: skip
+COLUMNS = {"floor_friction": [0], "load": [2, 3], "position": [4], "angle": [5]}
+"""Of each kind in an error box."""
 AHEAD, STILL = np.array([[0.1, 0.0, 0.0]]), np.zeros((1, 3))
 
 
-@pytest.mark.parametrize(
-    "name", sorted({*example_names()} - {"trapezoids"})
-)  # what slants opens when it is off
+def least_at(chain: Chain, moments: Moments, kind: str, size: float) -> float:
+    """Return the least margin of all chains that are off by `size` in one number."""
+    n = len(chain.objects)
+    if kind == "contact_friction":
+        box = ErrorBox(chain, np.full(n, size), np.zeros((n, 6)))
+        return float(joint_errors["least"](box, 1.0, np.zeros((n, 6)), moments))
+    box, found = ErrorBox(chain, np.zeros(n), np.full((n, 6), size)), []
+    for i, column, sign in product(range(n), COLUMNS[kind], (1.0, -1.0)):
+        point = np.zeros((n, 6))
+        point[i, column] = sign
+        found.append(joint_errors["least"](box, 1.0, point, moments))
+    return float(min(found))
+
+
+STRAIGHT = sorted({*example_names()} - {"trapezoids"})  # what slants opens when it is off
+
+
+@pytest.mark.parametrize("name", STRAIGHT)
+def test_what_stands_aside_touches_where_its_outline_does_and_what_is_turned_takes_along_what_it_carries(
+    name: str,
+) -> None:
+    chain = load_scenario(name).chain
+    for k, size in product(range(len(chain.objects)), (0.004, -0.004)):
+        moved = aside(chain, k, [size]).applied(chain)
+        bodies = [*(obj.outline_chain for obj in moved.objects), chain.pusher.outline]  # the plate is -1
+        for contact in moved.contacts:
+            touches = there(find_touch(bodies[contact.pusher], bodies[contact.pushed]))
+            ends = np.array([contact.right, contact.left])
+            assert min(np.abs(touch - ends).max() for touch in touches) < 1e-9
+        shift = moved.places - chain.places
+        np.testing.assert_allclose(shift[k, :2], size * chain.contacts[k].tangent, atol=1e-12)
+        assert not np.delete(shift, k, axis=0).any()
+        off, own = turned(chain, k, size), chain.contacts[k]
+        middle = 0.5 * (own.right + own.left)
+        np.testing.assert_allclose([off.contacts[k].right, off.contacts[k].left], [own.right, own.left])
+        motion = np.append(middle - se2.rotate(size, middle), size)
+        carried = {k}
+        for i, contact in enumerate(chain.contacts):
+            carried |= {i} if contact.pusher in carried else set()
+            place = se2.compose(motion, chain.places[i]) if i in carried else chain.places[i]
+            np.testing.assert_allclose(off.places[i], place, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", STRAIGHT)
 def test_every_margin_is_positive_just_below_the_robustness_and_one_is_not_just_above(name: str) -> None:
     scenario = load_scenario(name)
     found = plan(scenario, first=True, seed=1, time_limit=60.0)
@@ -206,18 +254,17 @@ def test_every_margin_is_positive_just_below_the_robustness_and_one_is_not_just_
     assert robustness is not None
     assert robustness == robustness_of(scenario.chain, trajectory)
     assert not robustness.used_up
-    for kind in perturbed.KINDS:
-        value = getattr(robustness, kind)
-        size = 1.0 - value if kind == "contact_friction" else value
-        for share, holds in ((0.98, True), (1.02, False)):
-            off = 1.0 - share * size if kind == "contact_friction" else share * size
-            least = perturbed.least_at(scenario.chain, trajectory, kind, off)
-            assert (least > 0.0) == holds or (share > 1.0 and size >= MOST.get(kind, np.inf)), (kind, share)
-    # And all at once, at corners of the box by lot and at the one that is named.
-    box = ErrorBox.fixed(scenario.chain)
     moments = thinned(
         trajectory.directions, trajectory.rates_at(trajectory.t), scenario.chain.characteristic_length
     )
+    for kind in MOST:
+        value = getattr(robustness, kind)
+        size = 1.0 - value if kind == "contact_friction" else value
+        for share, holds in ((0.98, True), (1.02, False)):
+            least = least_at(scenario.chain, moments, kind, share * size)
+            assert (least > 0.0) == holds or (share > 1.0 and size >= MOST[kind]), (kind, share)
+    # And all at once, at corners of the box by lot and at the one that is named.
+    box = ErrorBox.fixed(scenario.chain)
     scale, corner = JointErrors(Course(scenario.chain, moments), box).worst()
     assert scale == robustness.joint
     rng = np.random.default_rng(1)
