@@ -3,27 +3,38 @@
 import json
 import runpy
 import sys
+from dataclasses import replace
 from functools import reduce
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 from conftest import ChainMaker
+from plans_of import push_of
 
 from pushplan.cli.main import main
-from pushplan.mechanics.chain import GRAVITY, Chain, Limits
+from pushplan.geometry.se2 import compose, relative, transform_points
+from pushplan.mechanics.chain import GRAVITY, PLATE, Chain, Limits
 from pushplan.mechanics.contacts import friction_wrench
 from pushplan.mechanics.dynamics import ContactDynamics
+from pushplan.mechanics.perturb import turned_places
 from pushplan.mechanics.sphere import twists_about
+from pushplan.mechanics.support import FeetSupport, Support
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sets.named import stable_set
+from pushplan.sim.physics import simulate as physics
 from pushplan.sim.physics.chains import simulate_trajectory, simulate_twist
 from pushplan.sim.physics.engine import MissingEngineError, PhysicsSettings
 from pushplan.sim.physics.model import LoadTransfer, build_model
+from pushplan.sim.physics.simulate import HARD, STEPS, simulate_in_physics
+from pushplan.sim.report import ContactReport
+from pushplan.sim.world import World
+from pushplan.util.arrays import FloatArray
 
 needs_engine = pytest.mark.skipif(
     find_spec("mujoco") is None, reason="MuJoCo is not installed; the extra pushplan[physics] brings it"
@@ -33,7 +44,11 @@ BAND = np.radians(0.5), 0.02
 SAFE_BAND = np.radians(0.1), 0.005
 
 
-def straight(chain: Chain, speeds: list[float], times: list[float]) -> Trajectory:
+def on_corners(outline: FloatArray) -> Support:
+    return FeetSupport(0.8 * outline, np.full(4, 0.25))
+
+
+def straight(speeds: list[float], times: list[float]) -> Trajectory:
     """Straight ahead, the speed piecewise linear in time."""
     breaks = np.array(times)
     slopes = np.diff(speeds) / np.diff(times)
@@ -65,19 +80,24 @@ def test_a_box_slides_along_the_plate_as_worked_out_by_hand(
 
 
 @needs_engine
-@pytest.mark.parametrize(("braking", "leaves"), [(2.5, False), (4.0, True)])
+@pytest.mark.parametrize(("braking", "kept"), [(2.5, True), (4.0, False)])
 def test_a_box_leaves_a_plate_that_brakes_harder_than_friction(
-    make_chain: ChainMaker, braking: float, leaves: bool
+    make_chain: ChainMaker, braking: float, kept: bool
 ) -> None:
-    """It slides on by v^2 / 2 (1 / (mu g) - 1 / a)."""
-    chain, speed = make_chain.boxes(1), 0.3
-    trajectory = straight(chain, [0.0, speed, 0.0, 0.0], [0.0, 0.3, 0.3 + speed / braking, 0.6])
+    """It slides on by v^2 / 2 (1 / (mu g) - 1 / a), and whoever asks for it is told early."""
+    chain, speed, told = make_chain.boxes(1, support=on_corners), 0.3, list[float]()
+    trajectory = straight([0.0, speed, 0.0, 0.0], [0.0, 0.3, 0.3 + speed / braking, 0.6])
     report = simulate_trajectory(chain, trajectory)
     gap = max(0.5 * speed**2 * (1.0 / (0.3 * GRAVITY) - 1.0 / braking), 0.0)
-    assert report.moved[:, 0].any() == leaves
+    assert report.moved[:, 0].any() != kept
     assert report.opening[-1, 0] == pytest.approx(gap, rel=0.02, abs=1e-6)
-    assert (report.moved_at[0] > 0.3) == True  # noqa: E712
+    assert kept or report.moved_at[0] > 0.3
     assert simulate_trajectory(chain, trajectory, quasi_static=True).kept
+    judged = simulate_in_physics(push_of(chain, trajectory), until_moved=True, progress=told.append)
+    assert judged.kept == kept
+    assert (judged.t[-1] == pytest.approx(trajectory.duration)) == kept
+    assert told.count(0.0) == (1 if kept else 2)
+    assert (told[-1] == 1.0) == kept
 
 
 @needs_engine
@@ -136,6 +156,81 @@ def test_a_missing_engine_is_named_with_its_extra(
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(MissingEngineError, match=r"pip install 'pushplan\[physics\]'"):
         simulate_twist(make_chain.boxes(1), [1.0, 0.0, 0.0])
+
+
+# Worlds that differ from what a plan believes: what changes, what stays, and how the engine counts.
+
+
+@pytest.fixture
+def chain(make_chain: ChainMaker) -> Chain:
+    return make_chain.boxes(3, support=on_corners)
+
+
+def body(chain: Chain, index: int, placed: FloatArray) -> shapely.Polygon:
+    if index == PLATE:
+        return shapely.Polygon(chain.pusher.outline)
+    return shapely.Polygon(transform_points(placed[index], chain.objects[index].outline_chain))
+
+
+@pytest.mark.parametrize("index", [0, 1, 2])
+@pytest.mark.parametrize("angle", [0.01, -0.01])
+def test_a_turned_object_touches_with_a_corner_and_overlaps_nothing(
+    chain: Chain, index: int, angle: float
+) -> None:
+    placed = turned_places(chain, index, angle)
+    np.testing.assert_allclose(placed[:, 2], angle * (np.arange(3) == index))
+    for contact in chain.contacts:
+        pusher, pushed = body(chain, contact.pusher, placed), body(chain, contact.pushed, placed)
+        assert pusher.intersection(pushed).area < 1e-12
+        assert pusher.distance(pushed) < 2.0 * angle**2 * 0.1  # what nothing overlaps by may be left as a gap
+    own = chain.contacts[index]
+    far = own.right if angle > 0.0 else own.left
+    gap = (transform_points(placed[index], far) - far) @ own.normal
+    assert gap == pytest.approx(abs(angle) * own.length, rel=1e-3)
+
+
+def executed(chain: Chain, trajectory: Trajectory, placed: FloatArray) -> ContactReport:
+    """Execute at full speed, the objects moved as frames (n, 3) of the chain."""
+    plan = push_of(chain, trajectory)
+    poses = compose(compose(trajectory.start, placed), chain.places)
+    return simulate_in_physics(plan, World.from_scenario(plan.scenario).with_object_poses(poses))
+
+
+@needs_engine
+def test_a_turned_object_closes_and_counts_from_there_on(chain: Chain) -> None:
+    trajectory = straight([0.0, 0.2, 0.2, 0.0, 0.0], [0.0, 0.25, 0.5, 0.7, 0.8])
+    report = executed(chain, trajectory, turned_places(chain, 1, -0.01))
+    assert report.kept
+    begin = report.t[np.flatnonzero(report.slide.any(axis=1))[0]]
+    assert 0.01 < begin < 0.2
+    start, end = (relative(report.objects[k, 0], report.objects[k, 1]) for k in (0, -1))
+    assert start[2] == pytest.approx(-0.01)
+    assert abs(end[2]) < 1e-5
+
+
+def curve(duration: float) -> Trajectory:
+    """A wide left turn at 0.1 m/s with half a second of speeding up, long enough for friction to creep."""
+    breaks = np.array([0.0, 0.5, duration])
+    coefficients = np.zeros((2, 3, 3))
+    coefficients[:, 0, 0], coefficients[:, 0, 2] = [0.0, 0.1], [0.0, 0.05]
+    coefficients[0, 1] = [0.2, 0.0, 0.1]
+    return Trajectory(np.zeros(3), breaks, coefficients, np.zeros(2))
+
+
+@needs_engine
+def test_creep_of_the_engine_is_not_a_slip(chain: Chain, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What passes for a slip in long time steps and not in short ones is looked at in short ones."""
+    trajectory = curve(2.0)
+    long, short = (
+        simulate_trajectory(chain, trajectory, settings=replace(HARD, time_step=share * HARD.time_step))
+        for share in STEPS[1:]
+    )
+    most = [float(report.displacement.max()) for report in (long, short)]
+    assert most[1] < 0.8 * most[0]
+    monkeypatch.setattr(physics, "HARD", replace(HARD, tolerance=0.5 * sum(most)))
+    report = simulate_in_physics(push_of(chain, trajectory))
+    assert report.kept
+    assert report.displacement.max() == pytest.approx(most[1])
 
 
 # `--physics` of `plan` and `replay`: what is executed, what is refused, and the exit code.

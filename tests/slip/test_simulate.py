@@ -14,6 +14,8 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.support import FeetSupport, UniformSupport, UnknownSupport
 from pushplan.scenario.parts import PolygonObstacle
+from pushplan.sim.physics.chains import simulate_twist
+from pushplan.sim.physics.engine import SLIPPING
 from pushplan.sim.report import ContactReport, Mode
 from pushplan.sim.slip.simulator import FingerPush, SlipSettings, SlipSimulator, simulate_poses
 from pushplan.sim.world import World
@@ -185,10 +187,6 @@ def test_measured_pushes_are_predicted_to_some_millimetres() -> None:
 # The slip simulator's solver: docs/will-it-hold.md has figures of a million steps.
 
 
-def four_feet(outline: FloatArray) -> FeetSupport:
-    return FeetSupport(0.9 * outline, np.full(4, 0.25))
-
-
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_every_step_of_random_pushes_is_solved(count: int) -> None:
     rng = np.random.default_rng(count)
@@ -214,7 +212,7 @@ def test_the_plate_pushes_with_what_the_floor_holds_against(count: int) -> None:
     """Floor friction from the feet's own displacements, in the plate's frame in the middle of every step."""
     rng = np.random.default_rng(10 + count)
     for friction in (0.05, 0.8):  # slides, sticks
-        chain = make.boxes(count, contact_friction=friction, pusher_friction=friction, support=four_feet)
+        chain = make.boxes(count, contact_friction=friction, pusher_friction=friction, support=on_feet)
         world = World.from_chain(chain)
         simulator = SlipSimulator(world)
         motion = 2e-4 * np.array([1.0, rng.uniform(-0.5, 0.5), rng.uniform(-4.0, 4.0)])
@@ -232,3 +230,25 @@ def test_the_plate_pushes_with_what_the_floor_holds_against(count: int) -> None:
             held += np.column_stack([se2.rotate(-plate[:, 2], force.sum(axis=1)), torque.sum(axis=1)])
         assert trace.wrenches == pytest.approx(held, abs=0.02 * np.abs(held[:, 0]).max())
         assert np.median(np.abs(trace.wrenches - held)) < 1e-3 * np.abs(held).max()
+
+
+@pytest.mark.parametrize(
+    ("count", "twist"),
+    [(1, (1.0, 0.5, 2.0)), (1, (1.0, -0.2, 14.0)), (2, (1.0, 0.4, 2.0)), (2, (1.0, 0.0, 8.0))],
+)
+def test_slipping_objects_end_where_the_physics_engine_puts_them(
+    count: int, twist: tuple[float, float, float]
+) -> None:
+    """A small version of `benchmarks/slip_in_physics.py`."""
+    pytest.importorskip("mujoco")
+    chain = make.boxes(count, contact_friction=0.2, pusher_friction=0.3, support=on_feet)
+    length = chain.characteristic_length
+    travel = 0.15 * length
+    way = np.linspace(0.0, travel / np.hypot(np.hypot(*twist[:2]), length * twist[2]), 60)
+    mine = simulate_poses(way, se2.exp(np.array(twist) * way[:, None]), World.from_chain(chain))
+    physics = simulate_twist(chain, twist, travel, SLIPPING)
+    off = mine.objects[-1] - physics.objects[-1]
+    assert not mine.kept
+    assert not physics.kept
+    assert np.hypot(off[:, 0], off[:, 1]).max() < 2e-4
+    assert np.degrees(np.abs(off[:, 2])).max() < 0.2
