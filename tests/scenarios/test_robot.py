@@ -8,9 +8,7 @@ import shapely
 from conftest import there
 from scenarios.conftest import Changed
 
-from pushplan.errors import ScenarioError
-from pushplan.scenario.file import scenario_from_document, scenario_from_text
-from pushplan.scenario.model import Scenario
+from pushplan.scenario.file import scenario_from_document
 
 ROOMY = "  - {circle: 0.1, center: [1.0, 0.2]}\n", ""
 """The change that leaves room for a robot at the goal."""
@@ -86,26 +84,11 @@ workspace: {x: [0.0, 3.0], y: [0.0, 3.0]}
 """
 
 
-def changed(*changes: tuple[str, str]) -> str:
-    text = FILE
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    return text
-
-
-def read(*changes: tuple[str, str]) -> Scenario:
-    return scenario_from_text(changed(*changes))
-
-
-def findings(*changes: tuple[str, str]) -> list[str]:
-    with pytest.raises(ScenarioError) as error:
-        read(*changes)
-    return [finding.text("s.yaml") for finding in error.value.findings]
+BEHIND = Changed(FILE)
 
 
 def test_symmetry_turns_the_goal_about_the_object_that_it_is_for() -> None:
-    pushes = there(read(("of: box}", "of: box, symmetry: 4}")).pushes)
+    pushes = there(BEHIND.scenario(("of: box}", "of: box, symmetry: 4}")).pushes)
     assert [round(math.degrees(goal.pose[2])) % 360 for goal in pushes.goals] == [0, 90, 180, 270]
     for goal in pushes.goals:
         ahead = 0.075 * np.array([math.cos(goal.pose[2]), math.sin(goal.pose[2])])
@@ -131,5 +114,5 @@ name: behind | clearance: 0.1 | pushes.approach: is 0.05 m, and the robot keeps 
 def test_what_is_wrong_is_told_with_its_place(row: str) -> None:
     old, new, expected = row.split(" | ")
     without = [("robot: {start: [0.2, 1.0, 0.0]}\n", "")] if "needs a robot.start" in expected else []
-    found = findings((old, new), *without)
+    found = BEHIND.findings((old, new), *without)
     assert any(expected in finding for finding in found), found

@@ -13,6 +13,7 @@ import mutators
 import numpy as np
 import pytest
 from conftest import there
+from planned_by_hand import SWAP
 from scenarios.conftest import Changed
 from work import calls_of
 
@@ -107,18 +108,6 @@ def assert_reads_or_refuses(text: str) -> None:
 
 # A scenario file is read once, and reading needs no compiled code.
 
-REARRANGEMENT = """\
-format: pushplan/1
-floor: {friction: 0.30}
-objects:
-  - {name: red, shape: {box: [0.30, 0.20]}, mass: 4.0, pose: [1.2, 1.0, 0.0]}
-  - {name: blue, shape: {box: [0.20, 0.20]}, mass: 3.0, pose: [1.2, 2.2, 90 deg], support: unknown}
-pusher: {width: 0.28, friction: 0.50, limits: {speed: 9}}
-robot: {start: [2.4, 1.6, 0.0]}
-goals: {red: [2.0, 2.0, 0.0]}
-stability: {set: ecof}
-"""
-
 
 @pytest.fixture
 def parsed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
@@ -136,14 +125,15 @@ def parsed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def test_reading_checking_and_asking_parse_a_file_once(tmp_path: Path, parsed: list[str]) -> None:
     file = tmp_path / "two.yaml"
-    file.write_text(REARRANGEMENT)
+    text = SWAP.replace("[1.2, 2.2, 90 deg]}", "[1.2, 2.2, 90 deg], support: unknown}")
+    file.write_text(text := text.replace("pusher: {", "pusher: {limits: {speed: 9}, "))
     scenario = pushplan.load_scenario(file)
     (question,) = questions(there(scenario.origin))
-    assert (question.where, question.line, question.column) == ("pusher.limits.speed", 6, 55)
-    (finding,) = check_scenario(scenario.alone("blue"))
+    assert (question.where, question.line, question.column) == ("pusher.limits.speed", 8, 26)
+    (finding,) = check_scenario(scenario.alone("other"))
     assert finding.where == "stability.set"
-    assert check_scenario(scenario.alone("red")) == ()
-    assert parsed == [REARRANGEMENT]
+    assert check_scenario(scenario.alone("red-box")) == ()
+    assert parsed == [text]
 
 
 def test_loading_a_scenario_loads_no_planner() -> None:

@@ -146,18 +146,6 @@ def test_every_float_that_python_prints_is_read_back(value: float) -> None:
     assert resolve(repr(value)) == value
 
 
-def test_findings_know_their_place() -> None:
-    source = Source("# é\na: 1\nb:\n  - x\n  - {c: [1, 2]}\n".encode())
-    for place, at_key, position in (
-        (("b", 1, "c", 1), False, (5, 13)),
-        (("b", 1, "c"), True, (5, 6)),
-        (("b", 1, "missing"), False, (5, 5)),
-        (("b", 9), False, (4, 3)),
-    ):
-        found = source.finding(place, "is wrong", at_key)
-        assert (found.line, found.column) == position
-
-
 @pytest.mark.parametrize(
     ("text", "finding"),
     [
