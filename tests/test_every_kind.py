@@ -110,6 +110,13 @@ def test_a_plan_is_timed_executed_and_judged(kind: str) -> None:
     assert one.execution.goal_error[0] < 1e-6
     assert at_goals(one.scenario, one.execution.objects[-1])
     assert there(one.execution.min_margin) > 0.0
+    for k, segment in enumerate(one.plan.segments):
+        here, pushed = (
+            one.execution.objects[one.execution.segment == k],
+            names_of(segment) if segment.pushes else (),
+        )
+        for column, name in enumerate(one.execution.names):
+            assert (np.ptp(here[:, column, :2], axis=0).max() > 1e-3) == (name in pushed)
     robustness = there(one.plan.robustness)
     assert robustness.known
     assert 0.0 < (robustness.contact_friction or 0.0) < 1.0
@@ -125,6 +132,9 @@ def test_the_validator_refuses_what_is_spoiled(kind: str) -> None:
     longer = replace(path, lengths=np.append(path.lengths[:-1], path.lengths[-1] + 0.05))
     spoiled = (*segments[:k], replace(segments[k], path=longer, trajectory=None), *segments[k + 1 :])
     assert judge.flaw(spoiled, None) != ""
+    last = max(k for k, segment in enumerate(segments) if segment.pushes)
+    assert judge.flaw(segments[:last], None) != ""
+    assert kind == "gathering" or "misses the goal" in judge.flaw((), None)  # also what was never pushed
 
 
 @EVERY

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 import yaml
 from conftest import there
+from scenarios.conftest import Changed
 
 import pushplan
 from pushplan.closed_loop import ClosedLoopRun
-from pushplan.errors import ScenarioError
 from pushplan.geometry import se2
 from pushplan.planners.validator import Validator
 from pushplan.plans.events import Replan
@@ -24,7 +24,7 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.row_load import row_load
 from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer
-from pushplan.scenario.file import load_scenario, scenario_from_document
+from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.sim import closing
 from pushplan.sim.control.jobs import straight_onto
@@ -76,51 +76,29 @@ def made() -> tuple[Scenario, Plan]:
     return scenario, solved(document(gather="always"))
 
 
-@pytest.mark.parametrize(
-    ("wrong", "right", "told"),
-    [
-        ("of: [a, b, c]", "of: [a, b, b]", "8:26: goals.row.of[2]: 'b' stands in the row already;"),
-        (
-            "of: [a, b, c]",
-            "of: [a, b, d]",
-            "8:26: goals.row.of[2]: no object is called 'd'; allowed: a, b, c",
-        ),
-        ("pose: [3.0, 2.0, 0.0]", "pose: [3.0, 2.0, 0.0], wall: any", "goals.row: a row with several places"),
-        (", pose: [3.0, 2.0, 0.0]", "", "goals.row: a row with no place; allowed: {of: [name, name, ...]"),
-        ("pose: [3.0, 2.0, 0.0]", "wall: east", "goals.row.wall: is the text 'east'; allowed: the wall"),
-        (
-            "pose: [3.0, 2.0, 0.0]",
-            "pose: [3.8, 2.0, 0.0]",
-            "goals.row.pose: at the end, 'row of 0.45 m' leaves",
-        ),
-        ("pose: [3.0, 2.0, 0.0]", "pose: [0.2, 2.0, 0.0]", "goals.row.pose: at the end, 'robot' leaves the"),
-        ("contacts: {friction: 0.5}\n", "", "contacts.friction: is missing, and the objects of a row touch"),
-        ("clearance: 0.004", "gather: sometimes", "13:9: gather: is the text 'sometimes'; allowed: whether"),
-        ("workspace: {x: [0, 4]", "workspace: {x: [0.0, 0.8]", "leaves the workspace (x <= 0.8)"),
-        ("0.0]}}", "0.0], placed: [d]}}", "goals.row.placed[0]: 'd' is not in the row; allowed: a, b, c"),
-        ("0.0]}}", "0.0], placed: [c, c]}}", "goals.row.placed: names all of the row, or one of it twice;"),
-        ("0.0]}}", "0.0], order: given, placed: [b]}}", "allowed: the last ones, as c"),
-        (
-            "pose: [3.0, 2.0, 0.0]}}",
-            "anywhere: true, placed: [c]}}",
-            "does not go together with a row anywhere",
-        ),
-        (
-            "contacts: {friction: 0.5}",
-            "contacts: {friction: 0.5, between: [{objects: [a, b], friction: 0.3}]}",
-            "contacts.between[0]: is of two objects of a row; allowed: contacts.friction, for all of them",
-        ),
-    ],
-)
-def test_what_is_wrong_with_a_row_is_told_with_its_place(
-    tmp_path: Path, wrong: str, right: str, told: str
-) -> None:
-    assert wrong in FILE
-    path = tmp_path / "row.yaml"
-    path.write_text(FILE.replace(wrong, right), "utf-8")
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario(path)
-    assert told in str(caught.value)
+HERE, TOUCHING = "pose: [3.0, 2.0, 0.0]", "contacts: {friction: 0.5}"
+
+
+@pytest.mark.parametrize(("wrong", "right", "told"), [
+    ("of: [a, b, c]", "of: [a, b, b]", "8:26: goals.row.of[2]: 'b' stands in the row already;"),
+    ("of: [a, b, c]", "of: [a, b, d]", "8:26: goals.row.of[2]: no object is called 'd'; allowed: a, b, c"),
+    (HERE, f"{HERE}, wall: any", "goals.row: a row with several places"),
+    (f", {HERE}", "", "goals.row: a row with no place; allowed: {of: [name, name, ...]"),
+    (HERE, "wall: east", "goals.row.wall: is the text 'east'; allowed: the wall"),
+    (HERE, "pose: [3.8, 2.0, 0.0]", "goals.row.pose: at the end, 'row of 0.45 m' leaves"),
+    (HERE, "pose: [0.2, 2.0, 0.0]", "goals.row.pose: at the end, 'robot' leaves the"),
+    (f"{TOUCHING}\n", "", "contacts.friction: is missing, and the objects of a row touch"),
+    ("clearance: 0.004", "gather: sometimes", "13:9: gather: is the text 'sometimes'; allowed: whether"),
+    ("workspace: {x: [0, 4]", "workspace: {x: [0.0, 0.8]", "leaves the workspace (x <= 0.8)"),
+    ("0.0]}}", "0.0], placed: [d]}}", "goals.row.placed[0]: 'd' is not in the row; allowed: a, b, c"),
+    ("0.0]}}", "0.0], placed: [c, c]}}", "goals.row.placed: names all of the row, or one of it twice;"),
+    ("0.0]}}", "0.0], order: given, placed: [b]}}", "allowed: the last ones, as c"),
+    (HERE, "anywhere: true, placed: [c]", "does not go together with a row anywhere"),
+    (TOUCHING, "contacts: {friction: 0.5, between: [{objects: [a, b], friction: 0.3}]}",
+     "contacts.between[0]: is of two objects of a row; allowed: contacts.friction, for all of them"),
+])  # fmt: skip
+def test_what_is_wrong_with_a_row_is_told_with_its_place(wrong: str, right: str, told: str) -> None:
+    assert told in "\n".join(Changed(FILE).findings((wrong, right)))
 
 
 def test_a_scenario_of_a_row_is_the_same_when_it_is_read_again() -> None:

@@ -13,7 +13,6 @@ from pushplan.geometry import se2
 from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty
-from pushplan.sim.control.simulated_push import OpenLoop, simulate_push
 from pushplan.sim.follower import Follower, FollowerState
 from pushplan.sim.slip.simulator import simulate
 from pushplan.sim.trials import execute_trials
@@ -85,10 +84,3 @@ def test_a_robot_that_follows_it_arrives_and_its_objects_are_watched(found: Plan
         base = se2.compose(base, se2.exp(0.02 * command.twist))
     assert (command.state, command.reason) == (FollowerState.ARRIVED, "")
     assert np.hypot(*(base - trajectory.base_poses[-1])[:2]) < 1e-3
-
-
-def test_in_open_loop_it_arrives(found: Plan) -> None:
-    course = simulate_push(World.from_scenario(found.scenario), OpenLoop(found, 50.0), 50.0)
-    assert not course.jammed
-    assert found.execution is not None
-    np.testing.assert_allclose(course.object_poses[-1], found.execution.objects[-1], atol=1e-3)

@@ -92,36 +92,27 @@ def test_a_hostile_file_ends_in_one_error_with_its_place(name: str, tmp_path: Pa
         load_run(path, recover=True)
 
 
-def _attachment(head: object, size: int, data: bytes = b"") -> bytes:
-    frame = zstandard.compress(data)
-    return b"pushplan-arrays/1 %d\n" % size + json.dumps(head).encode() + b"\n" + frame
+def _attachment(value: object, arrays: object = (), size: int = 0, data: bytes = b"") -> bytes:
+    head = json.dumps({"value": value, "arrays": arrays}).encode()
+    return b"pushplan-arrays/1 %d\n" % size + head + b"\n" + zstandard.compress(data)
 
 
+EVENT: dict[str, object] = {"type": "Event", "time": 0.0, "kind": "plan"}
 VALUES = {
     "another version": b"pushplan-arrays/2 0\n{}\n",
     "no line": b"pushplan-arrays/1 8\n{",
-    "a size that lies": _attachment({"value": 1, "arrays": []}, 1 << 40),
-    "more than it states": _attachment({"value": 1, "arrays": []}, 8, bytes(64)),
-    "an array beyond its bytes": _attachment({"value": {"array": 0}, "arrays": [["<f8", [9]]]}, 8, bytes(8)),
-    "an array of exabytes": _attachment({"value": {"array": 0}, "arrays": [["<f8", [1 << 60, 0]]]}, 0)
-    + b"rest",
-    "an array of objects": _attachment({"value": {"array": 0}, "arrays": [["|O", [1]]]}, 8, bytes(8)),
-    "no such array": _attachment({"value": {"array": 5}, "arrays": []}, 0),
-    "no such type": _attachment({"value": {"type": "Popen", "args": "true"}, "arrays": []}, 0),
-    "no such field": _attachment(
-        {"value": {"type": "Event", "time": 0.0, "kind": "plan", "x": 1}, "arrays": []}, 0
-    ),
-    "a field of another type": _attachment(
-        {"value": {"type": "Event", "time": "now", "kind": "plan", "text": ""}, "arrays": []}, 0
-    ),
-    "fields that are missing": _attachment({"value": {"type": "Event"}, "arrays": []}, 0),
-    "no such load": _attachment(
-        {"value": {"type": "Load", "names": ["x"], "face": "", "offset": 0.0}, "arrays": []}, 0
-    ),
-    "nested a hundred thousand times": b"pushplan-arrays/1 0\n"
-    + b"[" * 100_000
-    + b"\n"
-    + zstandard.compress(b""),
+    "a size that lies": _attachment(1, size=1 << 40),
+    "more than it states": _attachment(1, size=8, data=bytes(64)),
+    "an array beyond its bytes": _attachment({"array": 0}, [["<f8", [9]]], 8, bytes(8)),
+    "an array of exabytes": _attachment({"array": 0}, [["<f8", [1 << 60, 0]]]) + b"rest",
+    "an array of objects": _attachment({"array": 0}, [["|O", [1]]], 8, bytes(8)),
+    "no such array": _attachment({"array": 5}),
+    "no such type": _attachment({"type": "Popen", "args": "true"}),
+    "no such field": _attachment({**EVENT, "text": "", "x": 1}),
+    "a field of another type": _attachment({**EVENT, "time": "now", "text": ""}),
+    "fields that are missing": _attachment({"type": "Event"}),
+    "no such load": _attachment({"type": "Load", "names": ["x"], "face": "", "offset": 0.0}),
+    "nested deeply": b"pushplan-arrays/1 0\n" + b"[" * 100_000 + b"\n" + zstandard.compress(b""),
 }
 
 
