@@ -100,16 +100,9 @@ planners: [auto, {name: auto, label: same}, {name: rrt, label: auto}]
         f"s.yaml:{p}" for p in ("4:5", "5:5", "5:5", "6:5", "7:5", "8:18", "8:45")
     ]
     told = (
-        "states the same problem as 'one-box'",
-        "cannot be used: /bad.yaml:",
-        "cannot be used: /bad.yaml:",
-    )
-    told += (
-        "no packaged scenario",
-        "no place in a workspace",
-        "the same as planners[0]",
-        "is called 'auto' like",
-    )
+        "states the same problem as 'one-box'", "cannot be used: /bad.yaml:", "cannot be used: /bad.yaml:",
+        "no packaged scenario", "no place in a workspace", "the same as planners[0]", "is called 'auto' like",
+    )  # fmt: skip
     assert all(words in line for words, line in zip(told, lines, strict=True)), lines
 
 
