@@ -8,4 +8,5 @@
 #include "contacts.cpp"
 #include "robustness.cpp"
 #include "sphere.cpp"
+#include "uncertain.cpp"
 #include "uncertain_module.cpp"
