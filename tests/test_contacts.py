@@ -1,7 +1,5 @@
 """Chains and their contact conditions, against a linear program over forces at the contacts' ends."""
 
-import re
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -10,11 +8,10 @@ from conftest import ChainMaker
 from numpy.typing import ArrayLike
 from scipy.optimize import linprog
 
-from pushplan.errors import ChainError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PLATE, Chain
 from pushplan.mechanics.contacts import contact_state, friction_wrench
-from pushplan.mechanics.sphere import POLE, angles_of, twists_about, twists_at
+from pushplan.mechanics.sphere import POLE, angles_of, twists_at
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray
 
@@ -84,32 +81,6 @@ def test_contact_state_describes_the_same_forces(make_chain: ChainMaker) -> None
         np.testing.assert_allclose(moment, state.wrenches[:, k, 2], atol=1e-9)
 
 
-def test_stability_does_not_depend_on_the_frame(make_chain: ChainMaker) -> None:
-    """Margins do (moments about another origin), their signs and the friction margins do not."""
-    chain = make_chain.random(7, 3)
-    pose = np.array([0.4, -0.3, 0.8])
-    twists = random_twists(chain, 4, 200)
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    velocity = twists[:, :2] @ np.array([[c, s], [-s, c]])
-    velocity -= twists[:, [2]] * np.array([-pose[1], pose[0]])
-    moved_twists = np.column_stack([velocity, twists[:, 2]])
-    state, moved = contact_state(chain, twists), contact_state(make_chain.moved(chain, pose), moved_twists)
-    np.testing.assert_array_equal(state.margins > 0.0, moved.margins > 0.0)
-    np.testing.assert_allclose(moved.friction_margins, state.friction_margins, atol=1e-10)
-    np.testing.assert_allclose(moved.lambdas, state.lambdas, rtol=1e-7)
-
-
-@pytest.mark.parametrize(("pushed", "pusher"), [(0, 0), (1, 1), (1, 2), (1, -2), (0, PLATE)])
-def test_a_contact_pushes_its_object_from_the_plate_or_an_earlier_one(
-    make_chain: ChainMaker, pushed: int, pusher: int
-) -> None:
-    chain = make_chain.boxes(2)
-    wrong = replace(chain.contacts[1], pushed=pushed, pusher=pusher)
-    text = f"contact 1 pushes object {pushed} from {pusher}; it must push object 1 from the plate (-1) or"
-    with pytest.raises(ChainError, match=re.escape(text)):
-        Chain(chain.objects, (chain.contacts[0], wrong), chain.pusher)
-
-
 # The sphere of twist directions: its angles, its centres of rotation, and the rows of stable intervals.
 
 LENGTH = 0.4
@@ -123,14 +94,3 @@ def test_angles_and_twists_are_inverse() -> None:
     np.testing.assert_allclose(np.linalg.norm(twists * [1.0, 1.0, LENGTH], axis=1), 1.0)
     for factor in (1.0, 3.0):
         np.testing.assert_allclose(angles_of(factor * twists, LENGTH), (lon, lat), atol=1e-12)
-
-
-def test_centres_of_rotation_lie_on_a_line_through_the_origin() -> None:
-    """c = L cot(lat) (-sin lon, cos lon), and a turn about it has v = -omega J c."""
-    lon, lat = 0.7, np.array([-1.2, -0.3, 0.4, 1.5])
-    cors = LENGTH / np.tan(lat)[:, None] * [-np.sin(lon), np.cos(lon)]
-    twists = twists_at(lon, lat, LENGTH)
-    for sense in (1, -1):
-        some = np.sign(lat) == sense
-        turned = twists_about(cors[some], sense)
-        np.testing.assert_allclose(turned, twists[some] / np.abs(twists[some, 2:]), atol=1e-12)

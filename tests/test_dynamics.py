@@ -76,46 +76,6 @@ def test_rows_agree_with_newton_by_differences_and_a_linear_program_over_forces(
     assert kept > 20
 
 
-def test_inertia_wrenches_are_the_rate_of_momentum_by_differences(make_chain: ChainMaker) -> None:
-    rng = np.random.default_rng(2)
-    chain = make_chain.random(2, 4, tree=True)
-    for _ in range(20):
-        twist, speed, acceleration = rng.normal(size=3), rng.uniform(0.1, 1.0), rng.normal()
-        found = ContactDynamics(chain).inertia_wrenches(speed * twist[None], acceleration * twist[None])[0]
-        poses = _motion(twist, speed, acceleration)
-        world = np.array([_momentum_rate(obj, poses) for obj in chain.objects])
-        force = se2.rotate(-poses[1, 2], world[:, :2])
-        x = poses[1, :2]
-        about = world[:, 2] - (x[0] * world[:, 1] - x[1] * world[:, 0])
-        own = found.copy()
-        for contact in chain.contacts:
-            if contact.pusher >= 0:
-                own[contact.pusher] -= found[contact.pushed]
-        np.testing.assert_allclose(own, np.column_stack([force, about]), atol=2e-5)
-
-
-def test_a_turn_about_a_far_centre_slips_at_the_speed_of_the_textbook(make_chain: ChainMaker) -> None:
-    """A point-like box on radius R, pushed along its velocity: m s'^2 / R against what friction at the plate holds.
-
-    Floor friction mu m g acts backward, so the plate pushes with N = mu m g and must turn the velocity by a
-    force m v^2 / R across, at most mu_p N.
-    """
-    size, radius = 1e-3, 10.0
-    chain = make_chain.boxes(1, size=(size, 0.2), floor_friction=0.3, pusher_friction=0.5)
-    twist = np.array([1.0, -size / 2 / radius, 1.0 / radius])
-    speed = steady_speed(chain, twist)
-    assert speed**2 / radius == pytest.approx(0.5 * 0.3 * GRAVITY, rel=1e-2)
-    light = replace(chain, objects=(replace(chain.objects[0], mass=1e-3),))
-    assert steady_speed(light, twist) == pytest.approx(speed, rel=1e-9)
-
-
-def steady_speed(chain: Chain, twist: FloatArray) -> float:
-    """Return the largest speed at which no row is negative while it stays the same."""
-    rows = dynamic_rows(chain, twist)
-    falling = rows.gamma < 0.0
-    return float(np.sqrt(np.min(rows.alpha[falling] / -rows.gamma[falling])))
-
-
 def test_the_worst_case_is_below_every_pressure_with_the_same_centre_and_near_the_worst(
     make_chain: ChainMaker,
 ) -> None:

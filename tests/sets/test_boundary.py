@@ -9,13 +9,12 @@ from conftest import ChainMaker
 
 from pushplan.mechanics.contacts import cof
 from pushplan.mechanics.sphere import angles_of, twists_about, twists_at
-from pushplan.sets.boundary_following import RefinedMeridians
 from pushplan.sets.cor import cor_polygons
 from pushplan.sets.grid_cor_set import grid_cor_set
 from pushplan.sets.known_load_sets import IntersectionSet
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
-from pushplan.util.arrays import BoolArray, FloatArray
+from pushplan.util.arrays import FloatArray
 
 
 class ByContacts(StableSet):
@@ -49,46 +48,6 @@ def test_compiled_margins_and_those_of_contacts_give_the_same_set(
     np.testing.assert_array_equal(mine.longitude, theirs.longitude)
     np.testing.assert_allclose(mine.lower, theirs.lower, rtol=0.0, atol=2e-12)
     np.testing.assert_allclose(mine.upper, theirs.upper, rtol=0.0, atol=2e-12)
-
-
-@pytest.mark.parametrize("name", ["ecof", "cof", "stable", "robust", "both"])
-@pytest.mark.parametrize(("seed", "n", "minimum"), [(6, 2, 0.02), (7, 4, 0.0)])
-def test_dense_samples_agree_with_the_boundary_between_meridians(
-    make_chain: ChainMaker, name: str, seed: int, n: int, minimum: float
-) -> None:
-    """On 8 random meridians, farther than 5e-6 rad from the ends that great circles between found ones give."""
-    chain = make_chain.random(seed, n, tree=seed % 2 == 1, feet=seed == 7)
-    stable = (
-        IntersectionSet(stable_set(chain), stable_set(chain, "stable"))
-        if name == "both"
-        else stable_set(chain, name)
-    )
-    refined, rng = stable.refined_meridians(minimum), np.random.default_rng(seed)
-    latitude = np.linspace(-0.5, 0.5, 1001) * np.pi
-    for longitude in rng.uniform(-np.pi, np.pi, 8):
-        held, near = held_between(refined, longitude, latitude)
-        margins = stable.margin(twists_at(longitude, latitude, chain.characteristic_length))
-        assert ((held == (margins > minimum)) | near).all()
-
-
-def held_between(
-    refined: RefinedMeridians, longitude: float, latitude: FloatArray
-) -> tuple[BoolArray, BoolArray]:
-    """Return which latitudes (k,) are inside on a meridian between two found ones, and which are next to an end."""
-    k = int(np.searchsorted(refined.longitude, longitude))
-    a, b = refined.longitude[k - 1 : k + 1]
-    rows, held, near = refined.meridians, np.zeros(len(latitude), np.bool_), np.zeros(len(latitude), np.bool_)
-    left, right = np.flatnonzero(rows.longitude == a), np.flatnonzero(rows.longitude == b)
-    assert len(left) == len(right) or b - a < 1e-6
-    for i, j in zip(left, right, strict=False):
-        weights = np.sin(b - longitude) / np.sin(b - a), np.sin(longitude - a) / np.sin(b - a)
-        low, high = (
-            np.arctan(weights[0] * np.tan(ends[i]) + weights[1] * np.tan(ends[j]))
-            for ends in (rows.lower, rows.upper)
-        )
-        held |= (latitude >= low) & (latitude <= high)
-        near |= (np.abs(latitude - low) < 5e-6) | (np.abs(latitude - high) < 5e-6)
-    return held, near
 
 
 def test_a_narrow_cone_of_translations_is_found(make_chain: ChainMaker) -> None:
@@ -164,17 +123,19 @@ def test_a_pole_inside_the_set_is_part_of_meridians_and_region(make_chain: Chain
     assert stable.translation_cone() is None
 
 
-@pytest.mark.parametrize("tree", [False, True])
+@pytest.mark.parametrize("name", ["ecof", "ecof in a tree", "cof", "stable", "robust", "both"])
 @pytest.mark.parametrize("seed", range(3))
-def test_cor_region_holds_exactly_the_stable_cors(make_chain: ChainMaker, seed: int, tree: bool) -> None:
+def test_cor_region_holds_exactly_the_stable_cors(make_chain: ChainMaker, name: str, seed: int) -> None:
     """Random CORs, in a window that cuts the regions, are in the region exactly if their twists are stable."""
-    stable = stable_set(make_chain.random(seed, 1 + seed % 4, tree=tree, feet=seed % 3 == 2))
+    count = 2_000 if name == "robust" else 20_000
+    chain = make_chain.random(seed, 1 + seed % 4, tree="tree" in name, feet=seed % 3 == 2)
+    stable = stable_set(chain, "ecof" if name == "both" else name.split()[0])
+    if name == "both":
+        stable = IntersectionSet(stable, stable_set(chain, "stable"))
     size = 5.0 * stable.chain.characteristic_length
     window = (-size, -0.8 * size, size, size)
     rng = np.random.default_rng(seed)
-    cors = rng.uniform(window[:2], window[2:], size=(20_000, 2)) * rng.choice(
-        [0.1, 0.3, 1.0], size=(20_000, 1)
-    )
+    cors = rng.uniform(window[:2], window[2:], (count, 2)) * rng.choice([0.1, 0.3, 1.0], (count, 1))
     found = 0
     for sense in (-1, 1):
         region = stable.cor_region(sense, window)
@@ -183,7 +144,7 @@ def test_cor_region_holds_exactly_the_stable_cors(make_chain: ChainMaker, seed: 
         if wrong.any():
             assert shapely.distance(region.boundary, shapely.points(cors[wrong])).max() < 1e-5 * size
         found += int(held.sum())
-    assert found > 100
+    assert found > (100 if name.startswith("ecof") else 0)
 
 
 @pytest.mark.parametrize("seed", range(6))

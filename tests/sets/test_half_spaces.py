@@ -233,6 +233,13 @@ def test_nothing_is_stable_without_friction(make_chain: ChainMaker, name: str) -
 AHEAD = np.array([[1.0, 0.0, 0.0]])
 
 
+def joined(make: ChainMaker, pushed: int, pusher: int) -> Chain:
+    chain = make.boxes(2)
+    return replace(
+        chain, contacts=(chain.contacts[0], replace(chain.contacts[1], pushed=pushed, pusher=pusher))
+    )
+
+
 def ranged(make: ChainMaker, **spans: Any) -> IntervalChain:
     return IntervalChain.from_ranges(make.boxes(2), **spans)
 
@@ -254,6 +261,8 @@ WRONG: dict[str, tuple[Callable[[ChainMaker], object], str]] = {
     "no map": (lambda m: PressureMapSupport(np.zeros((0, 2)), np.zeros(0)), "at least one point"),
     "no objects": (lambda m: Chain((), (), m.boxes(2).pusher), "a chain needs at least one object"),
     "no contact": (lambda m: replace(m.boxes(2), contacts=m.boxes(1).contacts), "need as many contacts, not 1"),
+    "itself": (lambda m: joined(m, 1, 1), "contact 1 pushes object 1 from 1; it must push object 1 from the plate"),
+    "another": (lambda m: joined(m, 0, -1), "contact 1 pushes object 0 from -1; it must push object 1 from the"),
     "backward": (lambda m: PushPath(np.zeros(3), AHEAD, np.array([-0.1])), "has a negative length"),
     "unscaled": (lambda m: PushPath(np.zeros(3), 2.0 * AHEAD, np.ones(1)), "must be scaled to a cost rate of 1 m/s"),
     "whose mass": (lambda m: ranged(m, mass={"bux": (1.0, 2.0)}), "no object is called 'bux'; there are box0, box1"),

@@ -184,16 +184,6 @@ def test_what_could_tip_is_refused_with_the_height_that_is_possible(
     assert -1e-4 < beyond[0] < 0.0 < room[0] < 1e-4
 
 
-def test_the_room_to_tip_is_what_the_shift_leaves_of_the_support(make_chain: ChainMaker) -> None:
-    chain = make_chain.boxes(2, contact_height=0.03)
-    half = 0.5 * np.array([np.ptp(obj.outline, axis=0).min() for obj in chain.objects])
-    shift = 0.03 * np.array([obj.floor_friction for obj in chain.objects])
-    room = tipping_room(chain)
-    assert room is not None
-    np.testing.assert_allclose(room, half - shift)
-    assert tipping_room(make_chain.boxes(2)) is None
-
-
 def test_numbers_are_intervals_of_no_width(make_chain: ChainMaker) -> None:
     chain = make_chain.boxes(2, contact_height=0.03, contact_friction=0.45)
     twists = np.array([1.0, 0.0, 0.0]) + np.random.default_rng(0).normal(size=(200, 3)) * [0.0, 0.2, 1.0]
