@@ -1,6 +1,5 @@
 """Collisions: the core's distances and sweeps, the independent checker and the clearance, against shapely."""
 
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -11,7 +10,6 @@ from conftest import there
 
 from pushplan.core import collision, problem
 from pushplan.core.collision import SLACK, Scene, separation, sweep_is_free
-from pushplan.errors import OutOfTimeError
 from pushplan.geometry import se2
 from pushplan.planners.clearance import SPACING, Motion, Room, densify, find_collision
 from pushplan.planners.planner import plan
@@ -114,12 +112,6 @@ def test_a_ragged_polygon_is_cut_into_convex_pieces_that_cover_it_exactly() -> N
     assert sum(piece.area for piece in pieces) == pytest.approx(shapely.Polygon(outline).area, rel=1e-12)
     assert all(piece.convex_hull.area <= piece.area * (1.0 + 1e-9) for piece in pieces)
     assert all(piece.exterior.is_ccw for piece in pieces)
-
-
-def test_cutting_up_stops_when_the_time_is_over() -> None:
-    concave = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]])
-    with pytest.raises(OutOfTimeError, match="the time limit ended while the problem was posed"):
-        list(convex_pieces([concave], until=time.perf_counter()))
 
 
 # The tree over obstacles finds what looking at every obstacle finds, and looks at few of them.

@@ -1,4 +1,4 @@
-"""The kinematic simulator: integration against an ODE solver, loss of stability where the margin ends."""
+"""The kinematic simulator: poses as commanded, loss of stability where the margin ends."""
 
 from dataclasses import replace
 from typing import Any
@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from conftest import there
 from plans_of import push_of
-from scipy.integrate import solve_ivp
 
 from pushplan.mechanics.chain import Limits
 from pushplan.planners.timing.arc_limits import Bounds
@@ -18,7 +17,6 @@ from pushplan.plans.trajectory import Trajectory
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.sim.kinematic import execute
-from pushplan.util.arrays import FloatArray
 
 
 @pytest.fixture(scope="module")
@@ -43,26 +41,11 @@ def _path(*arcs: tuple[float, float, float, float]) -> PushPath:
 STABLE_ARCS = [(1.0, 0.0, 0.0, 0.4), (1.0, -0.1, 0.8, 0.3), (1.0, 0.1, -0.8, 0.3)]
 
 
-def test_execution_integrates_what_was_commanded(stable: StableSet) -> None:
+def test_execution_follows_what_was_commanded(stable: StableSet) -> None:
     trajectory = time_path(_path(*STABLE_ARCS), Bounds(Limits()))
-
-    def rate(t: float, pose: FloatArray) -> FloatArray:
-        vx, vy, omega = trajectory.twists_at(np.array([t]))[0]
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        return np.array([c * vx - s * vy, s * vx + c * vy, omega])
-
     execution = executed(trajectory, stable)
-    solved = solve_ivp(
-        rate,
-        (0.0, trajectory.duration),
-        trajectory.start,
-        rtol=1e-9,
-        atol=1e-10,
-        max_step=0.02,
-        t_eval=execution.t,
-    )
-    np.testing.assert_allclose(execution.poses, solved.y.T, atol=1e-6)
     np.testing.assert_allclose(execution.poses, trajectory.poses, atol=1e-12)
+    assert execution.loss is None
 
 
 def test_the_loss_lies_between_the_samples_around_the_exact_end_of_the_set(stable: StableSet) -> None:

@@ -4,7 +4,6 @@ import json
 import pickle
 from dataclasses import replace
 from functools import cache
-from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -23,14 +22,10 @@ from pushplan.mechanics.dynamics import dynamic_margins
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.planners.clearance import find_collision
 from pushplan.planners.planner import Planner, plan
-from pushplan.planners.problem import build_problem
-from pushplan.planners.search.form import free_word
-from pushplan.planners.search.session import Budget, Session
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.validator import Validator
 from pushplan.plans.execution import Execution
-from pushplan.plans.judge import judging_set, planning_set
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
 from pushplan.plans.segment import Segment
@@ -117,24 +112,6 @@ def test_a_plan_is_the_first_plan_of_its_own_scenario(planner: Planner, clutter:
     assert asked.lower_bound == own.lower_bound
 
 
-def test_reach_is_the_cost_of_the_free_word_of_each_pair(planner: Planner, clutter: Scenario) -> None:
-    rng = np.random.default_rng(2)
-    poses = rng.uniform([0.0, 0.0, -3.0], [4.0, 4.0, 3.0], (60, 3))
-    free = [find_collision(clutter, pose[None]) is None for pose in poses]
-    poses = np.concatenate([poses[free][:12], poses[np.logical_not(free)][:2]])
-    starts, goals = poses[:7], poses[7:]
-    costs = planner.reach(starts, goals)
-    asked = clutter.with_margin(0.05)
-    stable, found = asked.stable_set(), 0
-    for (i, start), (j, goal) in product(enumerate(starts), enumerate(goals)):
-        session = Session(build_problem(_between(asked, start, goal), stable), start, Budget(1.0), seed=0)
-        ends = (find_collision(clutter, end[None]) is None for end in (start, goal))
-        word = free_word(session, start, goal) if all(ends) else None
-        assert costs[i, j] == pytest.approx(np.inf if word is None else word[:, 3].sum(), rel=1e-12)
-        found += word is not None
-    assert 1 < found < costs.size
-
-
 def test_other_obstacles_change_the_room_and_nothing_else(planner: Planner) -> None:
     free = planner.with_obstacles([])
     assert np.isfinite(free.reach([START], [GOAL])).all()
@@ -180,19 +157,6 @@ def test_a_plan_in_cof_is_cut_down_to_what_the_judge_accepts() -> None:
     found = dynamic_margins(scenario.chain, own.directions, own.rates_at(own.t))
     assert found.min() == pytest.approx(result.min_dynamic_margin)
     assert found.min() > 0.0
-
-
-def test_the_set_to_plan_in_is_what_both_sets_have_in_common() -> None:
-    scenario = load_scenario("one-box")
-    rng = np.random.default_rng(3)
-    twists = rng.normal(size=(3000, 3)) * [0.2, 0.4, 2.0] + [1.0, 0.0, 0.0]
-    cof, ecof = (stable_set(scenario.chain, name) for name in ("cof", "ecof"))
-    both = planning_set(scenario, "cof")
-    np.testing.assert_array_equal(both.margin(twists), np.minimum(cof.margin(twists), ecof.margin(twists)))
-    assert ((cof.margin(twists) > 0.0) & (ecof.margin(twists) <= 0.0)).sum() > 10  # there is something to cut
-    assert judging_set(scenario, "cof").name == "ecof"
-    for name in ("ecof", "stable", "robust"):
-        assert planning_set(scenario, name).name == name
 
 
 def test_the_command_says_so_in_words_in_json_in_the_log_and_by_its_exit_code(

@@ -10,24 +10,21 @@ import pytest
 from conftest import there
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
-from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from planned_by_hand import KINDS, made
 
 from pushplan.drawing import PICTURE_SUFFIXES, palette
 from pushplan.drawing import figure as plot_figure
-from pushplan.drawing.floor import draw_lines, draw_room
 from pushplan.drawing.plans import plot_plan, plot_scenario
 from pushplan.drawing.scene import PATH_SPACING, Scene
 from pushplan.drawing.sets import draw_drive, plot_stable_sets
 from pushplan.drawing.trials import plot_trials
 from pushplan.geometry import se2
-from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Drive
 from pushplan.plans.execution import TrialEnd
 from pushplan.plans.plan import Plan
-from pushplan.scenario.model import PolygonObstacle, Workspace
+from pushplan.scenario.model import Workspace
 from pushplan.sets.cor_window import default_window
 from pushplan.sets.named import stable_set
 
@@ -58,13 +55,6 @@ def test_a_scene_has_the_bodies_where_the_execution_has_them(kind: str, plans: d
         plate, objects = execution.poses_at(float(execution.t[k]))
         for body, pose in zip(scene.bodies, scene.at(float(execution.t[k])), strict=True):
             np.testing.assert_allclose(pose, objects.get(body.name, plate), atol=1e-12)
-    pusher = next(body for body in scene.bodies if body.kind is BodyKind.PLATE)
-    assert pusher.outline[:, 0].max() == pytest.approx(0.0)
-    starts = dict(zip((body.name for body in scene.bodies), scene.outlines(scene.start), strict=True))
-    for task in plan.scenario.tasks:
-        for obj in task.chain.objects:
-            outline = se2.transform_points(task.start, obj.outline_chain)
-            np.testing.assert_allclose(starts[obj.name], outline, atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", PUSHES)
@@ -94,36 +84,6 @@ def test_the_path_has_the_margins_of_the_execution_and_none_where_nothing_is_pus
     untimed = Scene.of(plan.scenario, replace(plan, execution=None))
     assert [len(rest.names) for rest in untimed.rests] == [len(rest.names) for rest in scene.rests]
     np.testing.assert_allclose(untimed.rests[-1].poses[:, :2], scene.rests[-1].poses[:, :2], atol=1e-9)
-
-
-def test_pieces_of_the_path_have_the_colour_of_their_smaller_margin(plans: dict[str, Plan]) -> None:
-    scene, axes = Scene.of(plans["rearrangement"].scenario, plans["rearrangement"]), Figure().add_subplot()
-    draw_lines(axes, scene.lines)
-    coloured = [one for one in axes.collections if isinstance(one, LineCollection)]
-    assert len(coloured) == sum(line.pushes for line in scene.lines)
-    for drawn, line in zip(coloured, (line for line in scene.lines if line.pushes), strict=True):
-        np.testing.assert_allclose(np.array([piece[0] for piece in drawn.get_segments()]), line.points[:-1])
-        colours = [to_hex(colour) for colour in np.asarray(drawn.get_colors())]
-        assert colours == [
-            palette.margin_colour(float(m)) for m in np.minimum(line.margins[:-1], line.margins[1:])
-        ]
-
-
-def test_obstacles_walls_and_unknown_space_are_drawn_where_they_are(plans: dict[str, Plan]) -> None:
-    unknown = PolygonObstacle(np.array([[0.6, -0.4], [0.8, -0.4], [0.8, -0.2]]), unknown=True)
-    scenario = replace(plans["push"].scenario, obstacles=(*plans["push"].scenario.obstacles, unknown))
-    axes = Figure().add_subplot()
-    draw_room(axes, Scene.of(scenario))
-    walls, *obstacles = axes.patches
-    area = there(scenario.workspace)
-    assert _extents(walls) == pytest.approx((area.xmin, area.ymin, area.xmax, area.ymax))
-    assert [bool(one.get_hatch()) for one in obstacles] == [False] * (len(obstacles) - 1) + [True]
-    assert _extents(obstacles[-1]) == pytest.approx((0.6, -0.4, 0.8, -0.2))
-    assert _extents(obstacles[4]) == pytest.approx((1.52, 0.1, 1.72, 0.3))  # a disc
-
-
-def _extents(patch: Any) -> tuple[float, ...]:
-    return tuple(patch.get_path().get_extents(patch.get_patch_transform()).extents)
 
 
 @pytest.mark.parametrize("suffix", PICTURE_SUFFIXES)

@@ -1,11 +1,10 @@
 """Costs and shortening: prices are what they stand for, paths end where a convex optimiser ends."""
 
-import importlib.util
 import math
+import runpy
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -54,6 +53,15 @@ def _random(seed: int) -> np.ndarray:
     return np.array([seed], dtype=np.uint64)
 
 
+def assert_exact_stable_and_free(scenario: Scenario, problem: Problem, path: FloatArray) -> None:
+    done = PushPath(scenario.start, path[:, :3], path[:, 3])
+    assert max(se2.pose_error(done.end, problem.goal)) < 1e-9
+    assert (path[:, 3] >= 0.0).all()
+    stable = stable_set(scenario.chain, scenario.stability.set)
+    assert stable.margin(path[:, :3]).min() > scenario.required_margin
+    assert find_collision(scenario, done.sampled(0.002)) is None
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_changed_paths_reach_the_goal_free_stable_and_never_dearer(name: str) -> None:
     scenario, problem = _posed(name)
@@ -66,12 +74,7 @@ def test_changed_paths_reach_the_goal_free_stable_and_never_dearer(name: str) ->
         kept += now < before
         path, before = new, now
     assert kept > 10
-    done = PushPath(scenario.start, path[:, :3], path[:, 3])
-    gap = se2.relative(done.end, problem.goal)
-    np.testing.assert_allclose([gap[0], gap[1], math.remainder(gap[2], 2.0 * math.pi)], 0.0, atol=1e-9)
-    assert (path[:, 3] > 0.0).all()
-    assert (stable_set(scenario.chain, scenario.stability.set).margin(path[:, :3]) > 0.0).all()
-    assert find_collision(scenario, done.sampled(0.002)) is None
+    assert_exact_stable_and_free(scenario, problem, path)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -89,13 +92,7 @@ def test_arcs_that_are_not_needed_are_left_out_and_the_path_stays_exact_free_and
         if len(new) < len(now):
             left_out += 1
             assert objective_value(problem.objective, new) < objective_value(problem.objective, now)
-            done = PushPath(scenario.start, new[:, :3], new[:, 3])
-            gap = se2.relative(done.end, problem.goal)
-            np.testing.assert_allclose([*gap[:2], math.remainder(gap[2], 2.0 * math.pi)], 0.0, atol=1e-9)
-            assert (new[:, 3] >= 0.0).all()
-            stable = stable_set(scenario.chain, scenario.stability.set)
-            assert stable.margin(new[:, :3]).min() > scenario.required_margin
-            assert find_collision(scenario, done.sampled(0.002)) is None
+            assert_exact_stable_and_free(scenario, problem, new)
         now = new
     assert left_out > len(path)
     assert len(now) < len(cut) - len(path)
@@ -171,14 +168,6 @@ def planned(cost: str, weight: float = 1.0, trajectory: str = "exact") -> Plan:
     return result
 
 
-def prices_of(scenario: Scenario) -> Objective:
-    return build_problem(scenario, stable_set(scenario.chain)).objective
-
-
-def path_price(objective: Objective, path: PushPath) -> float:
-    return float(objective_value(objective, np.column_stack([path.twists, path.lengths])))
-
-
 def rate(objective: Objective, twist: FloatArray, length: float = 1.0) -> float:
     return float(arc_value(objective, twist[0], twist[1], twist[2], length))
 
@@ -194,12 +183,11 @@ def test_the_rest_to_rest_time_is_ruckigs() -> None:
 
 
 def test_the_price_of_time_is_the_duration_of_the_exact_trajectory() -> None:
-    result, objective = planned("time"), prices_of(ranked("time"))
-    assert result.path is not None
-    for_arcs = objective.per_arc * len(result.path.lengths)
-    assert path_price(objective, result.path) - for_arcs == pytest.approx(
-        there(result.trajectory).duration, rel=0.02
-    )
+    scenario, result = ranked("time"), planned("time")
+    objective, path = build_problem(scenario, stable_set(scenario.chain)).objective, there(result.path)
+    price = objective_value(objective, np.column_stack([path.twists, path.lengths]))
+    for_arcs = objective.per_arc * len(path.lengths)
+    assert price - for_arcs == pytest.approx(there(result.trajectory).duration, rel=0.02)
 
 
 def test_ranking_by_margin_is_safer_the_more_the_higher_its_weight() -> None:
@@ -238,15 +226,10 @@ def test_the_soonest_of_both_is_taken_so_time_is_never_slower_than_travel(name: 
 # Rooms in series: easy ones that take many nodes, and narrow gaps, which searches never come through by chance.
 
 
-def _series() -> ModuleType:
-    path = Path(__file__).parent.parent / "benchmarks" / "series.py"
-    spec = there(importlib.util.spec_from_file_location("series", path))
-    module = importlib.util.module_from_spec(spec)
-    there(spec.loader).exec_module(module)
-    return module
+SERIES = runpy.run_path(str(Path(__file__).parents[1] / "benchmarks" / "series.py"))
 
 
-@pytest.mark.parametrize("scenario", list(_series().scenes(quick=True)), ids=lambda scenario: scenario.name)
+@pytest.mark.parametrize("scenario", list(SERIES["scenes"](quick=True)), ids=lambda scenario: scenario.name)
 def test_rooms_in_series_are_passed(scenario: Scenario) -> None:
     found = pushplan.plan(scenario, first=True, seed=1, iterations=100_000, time_limit=600.0)
     assert found.solved, found.reason

@@ -3,12 +3,16 @@
 from collections.abc import Callable
 from functools import cache
 
+import numpy as np
 import pytest
 from plain import load_plain
 
+from pushplan.mechanics.chain import Limits
 from pushplan.planners.planner import plan
 from pushplan.plans.path import PushPath
+from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
 
 MARGINS = {"carts": 0.02, "feet": 0.01}
 """Of paths that are not planned with a margin of 0."""
@@ -32,3 +36,18 @@ def _planned(name: str) -> tuple[Scenario, PushPath]:
 def planned() -> Planned:
     """Return the planner of packaged scenarios."""
     return _planned
+
+
+def use_by_differences(trajectory: Trajectory, limits: Limits, h: float = 2e-3) -> FloatArray:
+    """Return the largest share (3,) of the limits on speed, acceleration and jerk in the world.
+
+    Across breaks as well: where the acceleration is continuous, the third difference is a mean of the jerk.
+    """
+    poses = trajectory.poses_at(np.arange(0.0, trajectory.duration, h))
+    linear = (limits.speed, limits.acceleration, limits.jerk)
+    angular = (limits.angular_speed, limits.angular_acceleration, limits.angular_jerk)
+    use = []
+    for order, (a, b) in enumerate(zip(linear, angular, strict=True), start=1):
+        rates = np.diff(poses, n=order, axis=0) / h**order
+        use.append(max(np.hypot(rates[:, 0], rates[:, 1]).max() / a, np.abs(rates[:, 2]).max() / b))
+    return np.array(use)

@@ -1,6 +1,5 @@
 """Blended trajectories: they end on the goal, keep limits and margin, touch nothing, and save time."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 
@@ -9,6 +8,7 @@ import pytest
 import shapely
 from conftest import ChainMaker
 from plans_of import push_of, timed
+from timing.conftest import Planned, use_by_differences
 
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Limits
@@ -26,9 +26,6 @@ from pushplan.scenario.model import CircleObstacle, Scenario
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.sim.kinematic import execute
-from pushplan.util.arrays import FloatArray
-
-Planned = Callable[[str], tuple[Scenario, PushPath]]
 
 
 def _set(scenario: Scenario) -> StableSet:
@@ -45,24 +42,9 @@ def _blend(scenario: Scenario, path: PushPath, contacts: ContactDynamics | None 
     return blend_path(scenario, path, _set(scenario), Bounds(scenario.chain.pusher.limits, contacts))
 
 
-def _use_by_differences(trajectory: Trajectory, limits: Limits, h: float = 2e-3) -> FloatArray:
-    """Largest share (3,) of the limits on speed, acceleration and jerk in the world.
-
-    Across breaks as well: where the acceleration is continuous, the third difference is a mean of the jerk.
-    """
-    poses = trajectory.poses_at(np.arange(0.0, trajectory.duration, h))
-    linear = (limits.speed, limits.acceleration, limits.jerk)
-    angular = (limits.angular_speed, limits.angular_acceleration, limits.angular_jerk)
-    use = []
-    for order, (a, b) in enumerate(zip(linear, angular, strict=True), start=1):
-        rates = np.diff(poses, n=order, axis=0) / h**order
-        use.append(max(np.hypot(rates[:, 0], rates[:, 1]).max() / a, np.abs(rates[:, 2]).max() / b))
-    return np.array(use)
-
-
 def _check(scenario: Scenario, path: PushPath, stable: StableSet, blend: Blend) -> None:
     trajectory, limits = blend.trajectory, scenario.chain.pusher.limits
-    assert _use_by_differences(trajectory, limits).max() <= 1.0 + 1e-4
+    assert use_by_differences(trajectory, limits).max() <= 1.0 + 1e-4
     np.testing.assert_allclose(trajectory.poses[-1], path.end, atol=1e-9)
     pusher = replace(stable.chain.pusher, limits=replace(limits, contact="quasi-static"))
     pushed = push_of(replace(stable.chain, pusher=pusher), trajectory)

@@ -6,6 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 from conftest import ChainMaker
+from timing.conftest import use_by_differences
 
 import pushplan
 from pushplan.errors import TimingError
@@ -27,25 +28,11 @@ def _path(rng: np.random.Generator, arcs: int) -> PushPath:
     return PushPath(rng.normal(size=3), twists / cost_rate(twists)[:, None], rng.uniform(0.05, 1.0, arcs))
 
 
-def _within(values: np.ndarray, limit: float) -> bool:
-    return float(np.abs(values).max()) <= limit * (1.0 + 1e-4)
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_speed_acceleration_and_jerk_in_the_world_stay_within_the_limits(seed: int) -> None:
-    trajectory = time_path(
-        _path(np.random.default_rng(seed), 6), Bounds(Limits(0.2, 0.5, 5.0, 1.0, 2.0, 20.0))
-    )
-    h = 1e-3
-    for begin, end in zip(trajectory.breaks[:-1], trajectory.breaks[1:], strict=True):
-        if end - begin < 5 * h:
-            continue
-        t = np.arange(begin, end, h)
-        poses = trajectory.poses_at(t)
-        for columns, bounds in ((poses[:, :2], (0.2, 0.5, 5.0)), (poses[:, 2:], (1.0, 2.0, 20.0))):
-            for order, bound in enumerate(bounds, start=1):
-                derivative = np.diff(columns, n=order, axis=0) / h**order
-                assert _within(np.linalg.norm(derivative, axis=1), bound)
+    limits = Limits(0.2, 0.5, 5.0, 1.0, 2.0, 20.0)
+    trajectory = time_path(_path(np.random.default_rng(seed), 6), Bounds(limits))
+    assert use_by_differences(trajectory, limits, 1e-3).max() <= 1.0 + 1e-4
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -57,14 +44,6 @@ def test_a_timed_path_ends_where_the_path_ends_and_stops_at_every_corner(seed: i
     assert len(corners) == 6
     assert np.abs(trajectory.twists_at(corners)).max() < 1e-9
     assert np.abs(trajectory.twists[[0, -1]]).max() < 1e-9
-
-
-def test_a_long_straight_push_takes_the_time_of_the_textbook() -> None:
-    """Length/v + v/a + a/j for a profile that reaches its speed and its acceleration."""
-    path = PushPath(np.zeros(3), np.array([[1.0, 0.0, 0.0]]), np.array([2.0]))
-    assert time_path(path, Bounds(Limits())).duration == pytest.approx(
-        2.0 / 0.2 + 0.2 / 0.5 + 0.5 / 5.0, abs=1e-9
-    )
 
 
 # Profiles of one parameter: Ruckig's answers, cut where arcs end.
@@ -201,8 +180,3 @@ def test_plans_keep_the_limits_and_the_mirrored_scenario_takes_as_long(trajector
         assert excess(result.trajectory, scenario.chain.pusher.limits) == ""
         durations.append(result.trajectory.duration)
     assert durations[0] == pytest.approx(durations[1], rel=0.05)  # two searches of one room differ by 2 %
-
-
-def test_units_are_read_in_pairs() -> None:
-    limits = _room("{angular_speed: [-30 deg/s, 60 deg/s]}", "[1, 0, 0]").chain.pusher.limits
-    assert limits.angular_speed == pytest.approx((-np.pi / 6.0, np.pi / 3.0))

@@ -8,9 +8,9 @@ import shapely
 from conftest import ChainMaker
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
+from timing.conftest import use_by_differences
 
 import pushplan.core.timing as timing
 from pushplan.geometry import se2
@@ -71,34 +71,16 @@ def test_the_motion_agrees_with_an_ode_solver(seed: int) -> None:
 LIMITS = Limits(0.3, 0.7, 3.0, 1.5, 2.5, 30.0)
 
 
-def _pieces(durations: ArrayLike, coefficients: FloatArray) -> Pieces:
-    return Pieces(np.array(durations), coefficients, np.zeros(len(coefficients), dtype=np.int64))
-
-
-def _differences(poses: FloatArray, h: float) -> list[FloatArray]:
-    """Share (m,) of the limits used by the first three derivatives of sampled poses."""
-    shares = []
-    linear = (LIMITS.speed, LIMITS.acceleration, LIMITS.jerk)
-    angular = (LIMITS.angular_speed, LIMITS.angular_acceleration, LIMITS.angular_jerk)
-    for order, (a, b) in enumerate(zip(linear, angular, strict=True), start=1):
-        rates = np.diff(poses, n=order, axis=0) / h**order
-        shares.append(np.maximum(np.hypot(rates[:, 0], rates[:, 1]) / a, np.abs(rates[:, 2]) / b))
-    return shares
-
-
 @pytest.mark.parametrize("seed", range(8))
 def test_bounds_hold_and_are_tight_on_short_pieces(seed: int) -> None:
     rng = np.random.default_rng(seed)
     coefficients = rng.normal(size=(1, 3, 3)) * [[1.0, 1.0, 3.0]] * [[1.0], [2.0], [5.0]]
     duration = 0.02
     trajectory = Trajectory(np.zeros(3), np.array([0.0, duration]), coefficients, np.zeros(1))
-    use = limit_use(_pieces([duration], coefficients), LIMITS)[0]
-    h = 1e-3
-    for bound, share in zip(
-        use, _differences(trajectory.poses_at(np.arange(0, duration, h)), h), strict=True
-    ):
-        assert share.max() <= bound * (1.0 + 1e-3)
-        assert share.max() >= bound * 0.9
+    pieces = Pieces(np.array([duration]), coefficients, np.zeros(1, dtype=np.int64))
+    share = use_by_differences(trajectory, LIMITS, 1e-3) / limit_use(pieces, LIMITS)[0]
+    assert (share <= 1.0 + 1e-3).all()
+    assert (share >= 0.9).all()
 
 
 # How far a blended motion gets from the constant twists between its samples.
