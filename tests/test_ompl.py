@@ -91,12 +91,11 @@ def test_propagation_is_exact_and_stable_and_marks_collisions(scenario: Scenario
 
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_every_planner_solves_the_problem_and_leaves_controls(planner: str, scenario: Scenario) -> None:
-    _information, definition = _solved(scenario, planner)  # which owns the states
+    _information, definition = _solved(scenario, planner)  # which owns its states
     solution = definition.getSolutionPath()
     assert isinstance(solution, oc.PathControl)
     assert solution.check()
     path = push_path(definition, scenario)
-    assert max(se2.pose_error(path.end, pose_of(solution.getStates()[-1]))) < 1e-9
     assert max(se2.pose_error(path.end, scenario.goal.pose_chain)) < 1e-9
     assert find_collision(scenario, path.sampled(0.01)) is None
     assert scenario.stable_set().margin(path.twists).min() > 0.0
