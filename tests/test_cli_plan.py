@@ -1,6 +1,7 @@
 """The commands plan and replay, end to end: numbers, files, exit codes."""
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -44,14 +45,10 @@ def planned(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Any]:
     return {"code": done.returncode, "out": done.stdout, "err": done.stderr, **files}
 
 
-def test_plan_prints_one_json_object_and_nothing_else_on_stdout(planned: Mapping[str, Any]) -> None:
+def test_plan_prints_one_json_object_whose_numbers_fit_together(planned: Mapping[str, Any]) -> None:
     assert planned["code"] == 0, planned["err"]
     assert planned["out"].count("\n") == 1
-    assert isinstance(json.loads(planned["out"]), dict)
     assert "two-crates: solved" in planned["err"]
-
-
-def test_plan_tells_all_numbers_and_they_fit_together(planned: Mapping[str, Any]) -> None:
     found = json.loads(planned["out"])
     assert found["solved"] is True
     settings = load_scenario("two-crates").planner.name, "ecof", 3
@@ -133,9 +130,14 @@ def test_a_plan_not_found_is_logged_all_the_same(
     file.write_text(text)
     words = ["plan", str(file), "--time-limit", "60", "--iterations", "300", "-o", str(log), "--json"]
     assert main(words) == 3
-    found = json.loads(capsys.readouterr().out)
+    out, err = capsys.readouterr()
+    found = json.loads(out)
     assert found["solved"] is False
     assert found["reason"].startswith(reason)
+    assert found["diagnosis"][0]["cause"] == "gap"
+    nearest = found["nearest"]
+    assert nearest["path_cost"] == pytest.approx(sum(arc["length"] for arc in nearest["arcs"]))
+    assert re.search(rf"nearest path .*ends {nearest['position']:.3g} m and ", err)
     assert found["arcs"] == []
     assert found["path_cost"] is found["goal_error"] is found["duration_s"] is None
     assert main(["replay", str(log), "--verify", "--plot", str(tmp_path / "p.png")]) == 0

@@ -1,8 +1,6 @@
 """Why it failed: every cause, nothing called impossible that is possible, the nearest path kept."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +8,6 @@ from conftest import there
 from plain import load_plain, plain
 
 import pushplan
-from pushplan.cli.main import main
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
 from pushplan.planners.controls import straight_pushes
@@ -121,15 +118,8 @@ def test_no_turning_and_a_goal_beside_the_straight_pushes_is_proven() -> None:
         goal = replace(scenario.goal, pose_chain=scenario.start + away)
         found = diagnosed(replace(scenario, goal=goal, obstacles=()), segments)
         assert [item.cause for item in found if item.proven] == expected
-    assert (
-        f"straight pushes go {np.degrees(-edge):.4g} to {np.degrees(edge):.4g} deg"
-        in diagnosed(
-            replace(
-                scenario, goal=replace(goal, pose_chain=np.add(scenario.start, [0.0, 0.5, 0.0])), obstacles=()
-            ),
-            segments,
-        )[0].text
-    )
+        words = f"straight pushes go {np.degrees(-edge):.4g} to {np.degrees(edge):.4g} deg"
+        assert [words in item.text for item in found if item.proven] == [True] * len(expected)
 
 
 @pytest.mark.parametrize(("end", "x", "text"), [
@@ -159,25 +149,6 @@ def test_an_end_with_something_just_in_the_way_is_perhaps_boxed_in(
     assert 0.0 < boxed[0].numbers[f"free_from_{end}"] < 0.02
     assert not boxed[0].proven
     assert boxed[0].blocking == (0,)
-
-
-def test_the_command_tells_reason_and_nearest_path(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = tmp_path / "gap.yaml"
-    file.write_text(example_text("narrow-gap").replace("1.33", "1.20"))
-    assert main(["plan", str(file), "--iterations", "600", "--time-limit", "60", "--json"]) == 3
-    out, err = capsys.readouterr()
-    found = json.loads(out)
-    assert [item["cause"] for item in found["diagnosis"]] == ["gap"]
-    assert found["diagnosis"][0]["proven"] is True
-    assert found["nearest"]["position"] > 0.1
-    assert found["nearest"]["path_cost"] == pytest.approx(
-        sum(arc["length"] for arc in found["nearest"]["arcs"])
-    )
-    line = next(line for line in err.splitlines() if "nearest path" in line)
-    assert f"ends {found['nearest']['position']:.3g} m and " in line
-    assert "the chain cannot pass" in err
 
 
 # Drives that turn wide: a goal that is out of reach is proven to be, and the drive's radius is blamed.

@@ -17,12 +17,12 @@ from pushplan.identify import read_push
 from pushplan.logging.writer import RunLogWriter
 from pushplan.mechanics.support import FeetSupport
 from pushplan.planners.planner import plan
-from pushplan.plans.execution import Execution
 from pushplan.scenario.file import scenario_from_document
 from pushplan.sim.identify.identify import identify_pushes
 from pushplan.sim.identify.measured_push import Identification, MeasuredPush, piece_of, with_learned
 from pushplan.sim.identify.posterior import Near, sample
 from pushplan.sim.identify.unknowns import PressedOutline, Unknowns
+from pushplan.sim.report import ContactReport
 from pushplan.sim.slip.simulator import simulate_poses
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
@@ -42,19 +42,23 @@ def crates() -> pushplan.Scenario:
     return replace(scenario, obstacles=(), workspace=None)
 
 
+def moved(world: World, twist: FloatArray) -> ContactReport:
+    """Return a push with a constant body twist (3,), m and rad, as the simulator with slip has it."""
+    shares = np.linspace(0.0, 1.0, SAMPLES)
+    return simulate_poses(shares, se2.compose(world.start, se2.exp(shares[:, None] * twist)), world)
+
+
 def pushed(
     world: World, twist: FloatArray, noise: float, seed: int, force_noise: float | None = None
 ) -> MeasuredPush:
-    """What is measured of a push with a constant body twist (3,), m and rad; forces only with a noise (N)."""
-    shares = np.linspace(0.0, 1.0, SAMPLES)
-    report = simulate_poses(shares, se2.compose(world.start, se2.exp(shares[:, None] * twist)), world)
+    """Return what is measured of such a push; forces only with a noise (N)."""
+    report = moved(world, twist)
     off = noise * np.random.default_rng(seed).standard_normal(report.objects.shape) * [1.0, 1.0, 5.0]
     if force_noise is None:
         return MeasuredPush(report.poses, report.objects + off)
-    wrenches = np.array(report.wrenches)
     size = force_noise * np.array([1.0, 1.0, 0.05])
-    wrenches += size * np.random.default_rng([seed, 1]).standard_normal(wrenches.shape)
-    return MeasuredPush(report.poses, report.objects + off, wrenches=wrenches)
+    noisy = report.wrenches + size * np.random.default_rng([seed, 1]).standard_normal(report.wrenches.shape)
+    return MeasuredPush(report.poses, report.objects + off, wrenches=noisy)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -159,34 +163,15 @@ def test_measured_forces_tell_the_size_of_floor_friction() -> None:
     assert low <= 0.48 <= high
 
 
-def slipped(course: MeasuredPush, names: tuple[str, ...]) -> Execution:
-    """A course as the simulator with slip would have recorded it."""
-    times, count = np.linspace(0.0, 1.0, SAMPLES), len(names)
-    wrenches = np.zeros((SAMPLES, 3)) if course.wrenches is None else course.wrenches
-    return Execution(
-        names,
-        "ecof",
-        times,
-        course.plate_poses,
-        np.zeros((SAMPLES, 3)),
-        course.object_poses,
-        np.zeros(SAMPLES, dtype=np.int64),
-        np.full((SAMPLES, count), np.nan),
-        None,
-        (0.0, 0.0),
-        wrenches=wrenches,
-    )
-
-
 def test_logs_with_slip_are_courses_and_those_of_the_rigid_chain_are_not(tmp_path: Path) -> None:
     scenario = crates()
-    course = pushed(World.from_scenario(scenario), np.array([0.05, 0.02, 0.3]), 0.0, 1, 0.1)
+    course = moved(World.from_scenario(scenario), np.array([0.05, 0.02, 0.3]))
     with RunLogWriter.create(tmp_path / "slip.mcap", scenario, {}) as log:
-        log.execution(slipped(course, tuple(scenario.poses)))
+        log.execution(course.execution)
         log.finish("arrived")
     _, read = read_push(tmp_path / "slip.mcap")
-    np.testing.assert_array_equal(read.object_poses, course.object_poses)
-    np.testing.assert_array_equal(there(read.wrenches), there(course.wrenches))
+    np.testing.assert_array_equal(read.object_poses, course.objects)
+    np.testing.assert_array_equal(there(read.wrenches), course.wrenches)
     with RunLogWriter.create(tmp_path / "none.mcap", scenario, {}) as log:
         log.finish("unsolved")
     with pytest.raises(RunLogError, match="nobody measured where the objects went"):

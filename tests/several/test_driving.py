@@ -96,21 +96,3 @@ def test_ways_around_things_are_free_by_the_independent_check(problem: Problem, 
     assert shorter[:, 3].sum() <= arcs[:, 3].sum()
     assert max(se2.pose_error(driven(start, shorter), goal)) < 1e-9
     assert transit_is_free(around, start, shorter)
-
-
-def test_there_is_no_way_out_of_a_closed_yard(problem: Problem) -> None:
-    yard = [
-        {"box": [0.1, 3.0], "pose": [-1.0, 0.0, 0.0]},
-        {"box": [0.1, 3.0], "pose": [1.0, 0.0, 0.0]},
-        {"box": [3.0, 0.1], "pose": [0.0, -1.0, 0.0]},
-        {"box": [3.0, 0.1], "pose": [0.0, 1.0, 0.0]},
-    ]
-    scenario = problem(
-        "omnidirectional", obstacles=yard, start=[3.0, 3.0, 0.0], robot={"start": [0.0, 0.0, 0.0]}
-    )
-    robot, load = _scenes(scenario)
-    around = Surroundings(robot, load, scenario.start)
-    wheels = wheels_of(scenario.chain.pusher.drive, np.array([-0.2, 0.0]))
-    state = np.array([1], dtype=np.uint64)
-    goal, box = np.array([2.0, 0.0, 0.0]), (-2.0, -2.0, 4.0, 4.0)
-    assert find_transit(around, wheels, np.zeros(3), goal, box, 1.0, state, 300) is None

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import there
-from several.conftest import DRIVES, Problem, problem_document
+from several.conftest import DRIVES, Problem
 
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
@@ -17,7 +17,6 @@ from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
 from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer
-from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import CircleObstacle
 from pushplan.sim.control.rest import CAREFUL, RestPlanner
@@ -121,23 +120,6 @@ def test_a_goal_that_no_robot_can_back_off_from_is_said_so(problem: Problem) -> 
     assert found.diagnosis[0].proven
     assert "at the goal, the robot has no room" in found.reason
     assert found.blocking == {0, 1, 2, 3}
-
-
-@pytest.mark.parametrize("kind", ["multi-push", "rearrangement", "row"])
-def test_a_robot_in_a_cage_is_said_to_be_boxed_in_and_by_what(kind: str) -> None:
-    cage = [{"box": [1.4, 0.05], "pose": [-0.2, 1.0 + y, 0.0]} for y in (-0.6, 0.6)]
-    cage += [{"box": [0.05, 1.1], "pose": [-0.2 + x, 1.0, 0.0]} for x in (-0.67, 0.67)]
-    document = problem_document("car", obstacles=[*cage, {"circle": 0.2, "center": [2.5, 3.0]}])
-    if kind != "multi-push":
-        del document["start"], document["goal"]
-        (shape,) = document.pop("objects")
-        document["objects"] = [{**shape, "name": f"b{k}", "pose": [1.5, k, 0.0]} for k in (1, 2)]
-        row = {"row": {"of": ["b1", "b2"], "wall": "xmax"}}
-        document["goals"] = row if kind == "row" else {"b1": [2.5, 1.0, 0.0]}
-    found = plan(scenario_from_document(document), iterations=3, time_limit=60.0)
-    assert not found.solved
-    assert found.blocking == {0, 1, 2, 3}
-    assert kind == "row" or found.diagnosis[0].proven
 
 
 @pytest.mark.parametrize("option", [{"planner": "rrt"}, {"cost": "time"}])

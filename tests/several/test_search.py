@@ -8,13 +8,12 @@ import pytest
 from conftest import there
 from several.conftest import Problem, problem_document
 
-from pushplan.core.pushes import ARCS, approaches_are_free, find_push, word_costs
+from pushplan.core.pushes import ARCS, find_push, word_costs
 from pushplan.core.samples import descend
 from pushplan.core.sequences import cheapest_sequence
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import places
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes
-from pushplan.planners.multi.graph import PushSequence
 from pushplan.planners.multi.multi_push import MultiPushSearch
 from pushplan.planners.multi.room import Question, lower_bounds
 from pushplan.planners.multi.search import Limits, search
@@ -170,21 +169,6 @@ def test_more_search_never_makes_a_plan_worse_and_none_beats_the_bound(problem: 
     for step in found.best.steps:
         to, on = lower_bounds(room, question, step.after[None])
         assert float(to[0] + on[0]) <= found.best.cost + 1e-9
-
-
-@pytest.mark.parametrize("drive", ["car", "differential", "omnidirectional"])
-def test_no_push_ends_where_the_robot_cannot_back_off(problem: Problem, drive: str) -> None:
-    """A pillar stands behind where the robot is at the goal: it gets there by a turn, but not straight back."""
-    pillar = [{"circle": 0.05, "center": [2.0, 1.0]}]
-    blocked = {"goal": {"pose": [3.0, 1.0, 0.0], "of": "b0"}, "pushes": {"retreat": 0.6}, "obstacles": pillar}
-    room = (prepared := prepared_of(problem(drive, **blocked))).room(0)
-    found: list[PushSequence] = []
-    limits = Limits(time.perf_counter() + 60.0, iterations=8)
-    search(room, question_of(prepared), limits, 1, lambda best, _: found.append(best))
-    assert found
-    for step in (step for best in found for step in best.steps):
-        mode = room.contacts[step.contact].packed
-        assert approaches_are_free(room.robot, mode, step.after[None], True)[0]
 
 
 def test_two_pushes_move_a_box_aside_where_one_takes_six_metres(problem: Problem) -> None:
