@@ -56,8 +56,8 @@ def pushed(
     off = noise * np.random.default_rng(seed).standard_normal(report.objects.shape) * [1.0, 1.0, 5.0]
     if force_noise is None:
         return MeasuredPush(report.poses, report.objects + off)
-    size = force_noise * np.array([1.0, 1.0, 0.05])
-    noisy = report.wrenches + size * np.random.default_rng([seed, 1]).standard_normal(report.wrenches.shape)
+    wrenches, size = there(report.wrenches), force_noise * np.array([1.0, 1.0, 0.05])
+    noisy = wrenches + size * np.random.default_rng([seed, 1]).standard_normal(wrenches.shape)
     return MeasuredPush(report.poses, report.objects + off, wrenches=noisy)
 
 
