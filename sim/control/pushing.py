@@ -53,6 +53,8 @@ LITTLE, SETTLE = 0.5, 0.02
 """Travel (m) that any error beyond the tolerances is worth, and after which contacts are closed that were open."""
 REFIT = 0.25
 """Time between two fits, s."""
+LONGER, UNDECIDED = 2.0, 3.0
+"""Time (s) for which it is looked where an error is at its tolerance, to so many standard deviations of a look."""
 ASIDE = (1e-3, math.radians(0.3))
 """By how much (m, rad) the plate has to have met a load aside so that another approach may do better."""
 FOUND = 3.0
@@ -170,7 +172,6 @@ class PushLoop:
             self.plate = self.estimator.plate(now)
 
     def _sample(self, time: float, poses: FloatArray) -> Sample:
-        """Return what was measured of the load (n, 3), with the places and the noise that are believed now."""
         return Sample(time, poses, self._replanner.chain.places, self._sightings.noise)
 
     def learn(self, time: float, poses: FloatArray) -> None:
@@ -265,22 +266,18 @@ class PushLoop:
 
     def _look(self) -> None:
         """Once there are enough measurements at rest, decide."""
-        estimator = self.estimator
-        self.plate = estimator.plate(self._now)
-        expected = compose(self.plate, self.places)
-        measured = self._sightings.mean(
-            expected, self.settings.looks, self._since + estimator.late, self._job.columns
-        )
+        self.plate = self.estimator.plate(self._now)
+        since = self._since + self.estimator.late
+        around, looks = compose(self.plate, self.places), self.settings.looks
+        measured = self._sightings.mean(around, looks, since, self._job.columns)
         if measured is None:
             return
         if self._touching:
             self._touch(measured)
             self._stall.restart()
-            estimator = self.estimator
-        chain = self._replanner.chain
-        poses = measured  # where a contact tells where the plate is, goals are where the camera sees them
-        if self._job.settle == 0.0:
-            poses = estimator.unbiased(measured, chain.places, self._normals)
+        elif self._now < since + LONGER and self._is_undecided(measured):
+            return
+        poses = self._unbiased(measured)
         self.places = places = relative(self.plate, poses)
         contacts = contacts_at(self.scenario.chain, places)
         off = words(*self._replanner.aim.errors(poses))
@@ -308,6 +305,16 @@ class PushLoop:
         else:
             self._replan(contacts, measured, off)
 
+    def _unbiased(self, measured: FloatArray) -> FloatArray:
+        if self._job.settle > 0.0:
+            return measured  # where a contact tells where the plate is, goals are where the camera sees them
+        return self.estimator.unbiased(measured, self._replanner.chain.places, self._normals)
+
+    def _is_undecided(self, measured: FloatArray) -> bool:
+        """Tell whether the noise of a look (n, 3) leaves open on which side of the tolerances the errors are."""
+        noise = self.estimator.noise([self._sample(self._now, measured)])[0] / math.sqrt(self.settings.looks)
+        return self._replanner.aim.at_limit(self._unbiased(measured), UNDECIDED * noise)
+
     def _closed(self) -> tuple[float, float]:
         """Return the gap (m) and turn (rad) up to which contacts count as closed, by all that is not known."""
         share = SIGMAS / math.sqrt(self.settings.looks)
@@ -324,15 +331,12 @@ class PushLoop:
         gap, turn = self._closed()
         same = np.abs(contacts.opening - before.opening) <= gap
         same &= np.abs(contacts.rotation - before.rotation) <= turn
-        # What is pushed on and seems as open as before is in contact, however far off the plate has driven up to it.
-        most = (
-            (LONGEST, math.inf)
-            if self._job.settle > 0.0
-            else (SIGMAS * value for value in self.settings.bias)
-        )
+        most, cause = [SIGMAS * value for value in self.settings.bias], "cameras err so"
+        if self._job.settle > 0.0:
+            # Pushed on and as open as before it is in contact, however far off the plate has driven up to it.
+            most, cause = [LONGEST, math.inf], "the plate is elsewhere"
         if not (same.all() and contacts.flush(*most)):
             return False
-        cause = "the plate is elsewhere" if self._job.settle > 0.0 else "cameras err so"
         self._tell("sensor", f"a push does not change that contacts seem open by {open_by}: {cause}")
         return True
 
@@ -365,7 +369,7 @@ class PushLoop:
             self._path, self.places = result.path, places
             self._take_for_closed(measured)
             self._drive_on(result)
-        elif self._share <= BARELY:
+        elif self._share <= 1.0:
             self._end(Phase.ARRIVED, "within the tolerances, and there is no plan to come nearer")
         else:
             self._give_up(f"{off} remain to the goal, and there is no plan from here: {replan.reason}")

@@ -97,6 +97,11 @@ class Aim:
         """Return what share (...) of the tolerances the errors are, the larger one: up to 1 the goal is reached."""
         return np.asarray((self.errors(object_poses) / self.tolerance).max(axis=-1))
 
+    def at_limit(self, object_poses: FloatArray, unsure: FloatArray) -> bool:
+        """Tell whether errors that are known to so much (2,), m and rad, may be within or may be beyond."""
+        errors = self.errors(object_poses)
+        return bool((errors <= self.tolerance + unsure).all() and (errors >= self.tolerance - unsure).any())
+
     def exact(self, chain: Chain) -> FloatArray:
         """Return the pose (3,) of the chain frame that brings the objects nearest to where they shall be.
 

@@ -173,12 +173,12 @@ class Sightings:
         """Return when each of some objects was seen last (n,), or `since` where that is later or it never was."""
         return np.maximum(self._last[columns], since) if len(self._last) else np.array([since])
 
-    def mean(self, around: FloatArray, last: int, since: float, columns: list[int]) -> FloatArray | None:
-        """Return the mean poses (n, 3) of the last measurements of some objects; None when there are less than that.
+    def mean(self, around: FloatArray, least: int, since: float, columns: list[int]) -> FloatArray | None:
+        """Return the mean poses (n, 3) of measurements of some objects; None when there are too few of one of them.
 
         Args:
             around: (n, 3) poses about which angles are taken.
-            last: Number of measurements.
+            least: Number of measurements that it takes.
             since: Only those from this time on count.
             columns: Numbers of the objects among all.
         """
@@ -186,10 +186,9 @@ class Sightings:
         off = np.array(counted).reshape(-1, *around.shape) - around
         off[..., 2] = wrap_angle(off[..., 2])
         there = ~np.isnan(off[..., 0])
-        if (there.sum(axis=0) < last).any():
+        if (there.sum(axis=0) < least).any():
             return None
-        latest = [off[there[:, i], i][-last:].mean(axis=0) for i in range(len(around))]
-        return np.asarray(around + latest)
+        return np.asarray(around + [off[there[:, i], i].mean(axis=0) for i in range(len(around))])
 
 
 class Odometry:

@@ -109,7 +109,7 @@ def test_measurements_are_averaged_object_by_object_and_those_ahead_wait() -> No
     np.testing.assert_allclose(sightings.unseen(0.0, [0, 1]), [0.4, 0.4])
     assert sightings.mean(around, 4, -np.inf, [0, 1]) is None
     seen = there(sightings.mean(around, 3, -np.inf, [0, 1]))
-    np.testing.assert_allclose(seen, [[0.03, 0.0, 0.0], [1.0, 0.0, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(seen, [[0.02, 0.0, 0.0], [1.0, 0.0, 0.0]], atol=1e-12)
     assert sightings.mean(around, 2, 0.25, [0, 1]) is None
 
 
