@@ -125,9 +125,6 @@ def test_code_that_a_file_names_is_told_before_its_import_or_refused(
     assert error.index("one-box: imports the module no_such_module") < error.index("cannot load")
 
 
-# Completion scripts: every command, option and example, run by the shells there are.
-
-
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_the_shell_can_read_its_script(shell: str, tmp_path: Path, capsys: Captured) -> None:
     assert main(["completion", shell]) == 0
@@ -154,9 +151,6 @@ def test_words_are_completed(
     with pytest.raises(SystemExit):
         main([])
     assert set(capsys.readouterr().out.split()) == offered
-
-
-# The first own scenario: a commented file that loads, plans and is never overwritten.
 
 
 @pytest.fixture(autouse=True)

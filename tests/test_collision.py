@@ -114,8 +114,6 @@ def test_a_ragged_polygon_is_cut_into_convex_pieces_that_cover_it_exactly() -> N
     assert all(piece.exterior.is_ccw for piece in pieces)
 
 
-# The tree over obstacles finds what looking at every obstacle finds, and looks at few of them.
-
 SQUARE = 0.5 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 BODY = [np.array([0.3, 0.2]) * SQUARE, np.array([0.3, 0.0]) + 0.2 * SQUARE]
 WALLS = np.array([0.0, 0.0, 20.0, 20.0])
@@ -157,8 +155,6 @@ def test_the_tree_changes_no_answer(count: int) -> None:
         free, blocked = free + sweeps[0], blocked + (not sweeps[0])
     assert min(free, blocked) > 5
 
-
-# The independent checker: it finds what is there, whoever hits it, and refines coarse motions.
 
 TEXT = """
 format: pushplan/1
@@ -240,8 +236,6 @@ def test_gaps_are_the_distances_of_every_body_from_everything_up_to_what_is_enou
     expected = np.clip(np.minimum(gaps_of(scenario, poses), room), 0.0, enough)
     np.testing.assert_allclose(Room.of(scenario).gaps(poses, enough), expected, atol=1e-12)
 
-
-# The clearance is a hard minimum: of every pose of a path, of start and goal, and nobody comes nearer by chance.
 
 LANE = """
 format: pushplan/1

@@ -92,8 +92,6 @@ def test_what_files_say_never_reaches_the_terminal_as_a_command(
     assert err == f"{SHOWN}\n"
 
 
-# What a terminal would obey is escaped; everything else stays as it is.
-
 BIDIRECTIONAL = {"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"}
 
 

@@ -81,8 +81,6 @@ def test_contact_state_describes_the_same_forces(make_chain: ChainMaker) -> None
         np.testing.assert_allclose(moment, state.wrenches[:, k, 2], atol=1e-9)
 
 
-# The sphere of twist directions: its angles, its centres of rotation, and the rows of stable intervals.
-
 LENGTH = 0.4
 
 

@@ -151,8 +151,6 @@ def test_an_end_with_something_just_in_the_way_is_perhaps_boxed_in(
     assert boxed[0].blocking == (0,)
 
 
-# Drives that turn wide: a goal that is out of reach is proven to be, and the drive's radius is blamed.
-
 WIDE_ROOM = """
 format: pushplan/1
 name: wide
@@ -189,8 +187,6 @@ def test_a_goal_beside_the_wall_is_proven_out_of_reach_and_the_drive_is_to_blame
     assert (found.cause, found.proven) == ("boxed in", True)
     assert "the tightest turn that the car drive can make has a radius of 2.38 m (without" in found.text
 
-
-# Turning radii that the drive can make: against a dense scan of its own family of twists, and in what users read.
 
 TURNING = (
     Drive("differential", np.array([-0.45, 0.0, 0.0])),

@@ -186,8 +186,6 @@ def test_what_a_benchmark_imports_of_the_project_is_there(script: Path) -> None:
                 assert found, f"{node.module} has no {name.name}"
 
 
-# The README shows what its commands print; that all of them run is the business of `test_docs`.
-
 README = ROOT / "README.md"
 Captured = pytest.CaptureFixture[str]
 
@@ -233,8 +231,6 @@ def test_the_message_about_a_mistake_is_the_one_that_is_printed(
     assert capsys.readouterr().err == _blocks(README, "text")[1]
 
 
-# The scripts in examples/ run, are one screen long, and say what they do.
-
 SCRIPTS = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 
 
@@ -247,8 +243,6 @@ def test_an_example_runs_and_prints(
     runpy.run_path(str(script), run_name="__main__")
     assert capsys.readouterr().out.strip()
 
-
-# The example that makes the paper's figures anew.
 
 EXAMPLE = ROOT / "examples" / "harada2006"
 

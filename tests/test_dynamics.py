@@ -92,9 +92,6 @@ def test_the_worst_case_is_below_every_pressure_with_the_same_centre_and_near_th
     assert np.median(least - bound) < 0.1 * np.median(np.abs(bound))
 
 
-# Contact conditions with inertia over intervals: below every world that is built anew, and reached at vertices.
-
-
 def motions(chain: Chain, seed: int, count: int = 60) -> tuple[FloatArray, FloatArray]:
     """Twists (k, 3), m/s and rad/s, and their rates (k, 3)."""
     rng, length = np.random.default_rng(seed), chain.characteristic_length

@@ -133,8 +133,6 @@ def test_leaving_the_path_or_losing_an_object_aborts_and_says_so() -> None:
     assert follower.step().reason == "operator"
 
 
-# The ROS 2 node of the examples drives a robot to the goal, and its messages are those of ROS 2.
-
 NODE = Path(__file__).parents[1] / "examples" / "ros2" / "follower_node.py"
 
 

@@ -106,8 +106,6 @@ def test_the_sweep_and_the_checker_agree_with_shapely_about_the_robot(scenario: 
     assert min(found.values()) >= 8
 
 
-# The chain that the plate pushes from another face is the one that a scenario file would state there.
-
 LENGTHS = (0.10, 0.20, 0.14)
 CAR = {"car": {"axle": [-0.3, 0.01, 0.1], "min_radius": 1.0}}
 

@@ -49,8 +49,6 @@ def test_a_chain_of_poses_is_composed_pose_by_pose(start: FloatArray, steps: lis
     np.testing.assert_allclose(se2.chained(start, np.array(steps).reshape(-1, 3)), expected, atol=1e-12)
 
 
-# Contacts and overlaps of outlines against shapely, and laws of rigid motion.
-
 ANGLES = st.floats(-math.pi, math.pi)
 COORDINATES = st.floats(-2.0, 2.0)
 SIZES = st.floats(0.02, 1.0)

@@ -75,8 +75,6 @@ def test_no_path_beats_the_bound(name: str) -> None:
     assert result.gap < 0.5
 
 
-# The bound by turns: no stable path beats it, and where nothing is in the way the best ones nearly reach it.
-
 ORIGIN = np.zeros(3)
 CAR = np.array([[1.0, 0.0, -2.0, 1.0, 0.0, 2.0]])
 """Dubins' car with a turning radius of 0.5 m at the chain frame's origin."""

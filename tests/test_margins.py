@@ -192,8 +192,6 @@ def test_a_margin_of_zero_needs_quasi_static_contacts() -> None:
     assert result.margin == result.margin_asked == 0.0
 
 
-# What a plan tolerates: true just below and just above, by chains that are built anew; closed forms; words.
-
 MOST = {
     "contact_friction": 1.0, "floor_friction": MOST_SHARE, "load": MOST_SHARE, "position": np.inf,
     "angle": MOST_ANGLE,

@@ -52,8 +52,6 @@ def test_pythons_own_logging_is_found_from_the_checkout() -> None:
     assert ROOT not in Path(done.stdout.strip()).parents
 
 
-# The house: imports point downwards as docs/contributing.md draws them, and no modules form a circle.
-
 PAGE = (ROOT / "docs" / "contributing.md").read_text(encoding="utf-8").partition("\n## Structure\n")[2]
 ROWS = [re.findall(r"`(\w+)`", line.split("|")[1]) for line in PAGE.splitlines() if line.startswith("| `")]
 LAYER = {room: len(ROWS) - i for i, row in enumerate(ROWS) for room in row}
@@ -114,8 +112,6 @@ def test_imports_point_downwards_and_form_no_circle() -> None:
     assert upwards == []
     tuple(TopologicalSorter(found).static_order())  # raises where modules import one another
 
-
-# The field's words: none of those that were left behind is in README, docs, help and messages.
 
 LEFT_BEHIND = {
     r"bears|bearing on": "tolerates",

@@ -158,9 +158,6 @@ def test_a_missing_engine_is_named_with_its_extra(
         simulate_twist(make_chain.boxes(1), [1.0, 0.0, 0.0])
 
 
-# Worlds that differ from what a plan believes: what changes, what stays, and how the engine counts.
-
-
 @pytest.fixture
 def chain(make_chain: ChainMaker) -> Chain:
     return make_chain.boxes(3, support=on_corners)
@@ -232,8 +229,6 @@ def test_creep_of_the_engine_is_not_a_slip(chain: Chain, monkeypatch: pytest.Mon
     assert report.kept
     assert report.displacement.max() == pytest.approx(most[1])
 
-
-# `--physics` of `plan` and `replay`: what is executed, what is refused, and the exit code.
 
 SCENARIO = """\
 format: pushplan/1

@@ -84,8 +84,6 @@ def test_a_limit_that_ends_while_the_problem_is_posed_is_an_ordinary_failure() -
     assert (result.path, result.trajectory, result.improvements) == (None, None, ())
 
 
-# Many questions in one room: each answer is what a plan of its own would say.
-
 START, GOAL = np.array([0.3, 0.3, 0.8]), np.array([3.5, 3.4, 0.5])
 
 
@@ -133,8 +131,6 @@ def test_poses_that_are_none_or_blocked_are_refused(planner: Planner) -> None:
         planner.plan(START, START)
 
 
-# Solved means executed: a plan that loses a contact when it is driven is no solution, whoever asks.
-
 ITERATIONS = 4000
 FAST = Limits(5.0, 50.0, 2000.0, 50.0, 500.0, 2e4)
 
@@ -176,9 +172,6 @@ def test_the_command_says_so_in_words_in_json_in_the_log_and_by_its_exit_code(
     assert "two-crates: not solved" in capsys.readouterr().out
 
 
-# Judges of results can say no: good plans and executions spoilt in one way are refused, with the reason.
-
-
 @cache
 def good() -> tuple[Plan, Execution]:
     found = plan(load_scenario("free-space"), time_limit=60.0, first=True)
@@ -204,9 +197,6 @@ def test_a_margin_at_what_is_asked_for_is_too_small() -> None:
     smallest = float(found.scenario.stable_set().margin(path().twists).min())
     said = flaw(found.scenario, replace(push, margin=smallest))
     assert said.endswith(f"the path's smallest margin is {smallest:.3g}; it must be above {smallest:g}")
-
-
-# Plans and what makes them go to other processes, and are there what they were here.
 
 
 @pytest.fixture(scope="module")

@@ -150,8 +150,6 @@ def _place(segments: FloatArray, twist: FloatArray) -> tuple[float, float]:
     return float(i), float(shares[b])
 
 
-# The costs to choose: objectives agree with what they stand for, and each planner's path is best by its own.
-
 ITERATIONS = 3_000
 
 
@@ -221,9 +219,6 @@ def test_the_soonest_of_both_is_taken_so_time_is_never_slower_than_travel(name: 
     short = plan(scenario, seed=1, time_limit=120.0, iterations=4000, cost="travel")
     assert (fast.objective, short.objective) == ("time", "travel")
     assert there(fast.trajectory).duration <= there(short.trajectory).duration + 1e-9
-
-
-# Rooms in series: easy ones that take many nodes, and narrow gaps, which searches never come through by chance.
 
 
 SERIES = runpy.run_path(str(Path(__file__).parents[1] / "benchmarks" / "series.py"))

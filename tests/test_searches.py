@@ -113,8 +113,6 @@ def _dijkstra(free: np.ndarray[Any, Any], cell: float, goal: np.ndarray[Any, Any
     return np.asarray(found.reshape(free.shape))
 
 
-# The sparse tree keeps its promises.
-
 HEADING_LENGTH = 0.4
 RADII = (HEADING_LENGTH, 0.5, 0.25)
 
@@ -134,9 +132,6 @@ def test_every_branch_is_a_free_arc_with_the_right_cost(problem: Problem, scenar
         assert node[3] == pytest.approx(parent[3] + node[8], abs=1e-12)
         assert sweep_is_free(problem.scene, *parent[:3], *node[5:9])
         assert to_go[row] <= np.hypot(*(problem.goal[:2] - node[:2])) + 0.1 * np.pi + 1e-12
-
-
-# Exact connections: every word ends on the goal; for Dubins' car the shortest one is OMPL's.
 
 
 def _turning(cor: tuple[float, float], sense: float) -> FloatArray:
@@ -191,8 +186,6 @@ def test_the_shortest_word_of_a_symmetric_car_is_that_of_dubins() -> None:
         shortest = min(word[4:7] @ travel[word[1:4].astype(int)] for word in words)
         assert shortest == pytest.approx(space.distance(a, b), abs=1e-7)
 
-
-# The controls of a planner lie in the stable set and within what the drive can do.
 
 AXLE = np.array([-0.25, 0.02, 0.0])
 DRIVES = [Drive(), Drive("differential", AXLE), Drive("car", AXLE, min_radius=0.8)]

@@ -158,9 +158,6 @@ def test_what_is_simulated_and_set_is_refused(made: Any, value: Any) -> None:
         made(value)
 
 
-# What is no number or cannot be ends in an error of pushplan's own that says so.
-
-
 @cache
 def crates() -> pushplan.Plan:
     return pushplan.plan(pushplan.load_scenario("two-crates"), first=True, time_limit=60.0)

@@ -56,8 +56,6 @@ def test_wrong_pressure_maps_name_file_and_line(text: str, finding: str) -> None
     assert finding in str(caught.value)
 
 
-# What is known of a load: where it may rest, how far a push above the floor moves it, and what supports hold.
-
 POSE = np.array([0.5, 0.1, 0.7])
 
 
@@ -73,9 +71,6 @@ def test_elements_of_an_affine_pressure_have_its_centre_and_spread(center: list[
     assert len(places) == 5000
     turned = transform_points(-POSE * [0, 0, 1], places - POSE[:2])
     np.testing.assert_allclose(turned.min(axis=0), moved.min(axis=0) + 0.002, atol=1e-12)  # squares of 4 mm
-
-
-# Feet that stand for a pressure: positive, inside, with the same moments and the same friction.
 
 
 def outlines(make_chain: ChainMaker) -> list[FloatArray]:

@@ -130,8 +130,6 @@ def test_one_job_and_two_resumed_jobs_give_the_same_costs_and_arcs(tmp_path: Pat
     assert (tmp_path / "1" / "problems" / "one-box.yaml").read_bytes() == suite.problems[0].source
 
 
-# One process a run: each end has its status, nothing is left behind, nothing leaks into the next run.
-
 MESSAGES = {
     "ok": "^$", "no plan": "it is", "invalid": "it is", "error": "planted\nTraceback|SystemExit: 3",
     "crash": "killed by SIG|by itself with exit code [17]$", "timeout": "killed after 3 s", "out of memory": "100 MB",

@@ -209,9 +209,6 @@ def test_the_command_tells_regressions_with_exit_code_4(tmp_path: Path, capsys: 
     assert [one["effect"] for one in comparisons if one["respect"] == "cost"] == [None, None]
 
 
-# The report is right at first sight: nothing overlaps or spills on a phone or a desk, on light and dark ground.
-
-
 def test_nothing_overlaps_or_spills(tmp_path: Path) -> None:
     write_report(make(tmp_path / "results"), tmp_path / "report.html", with_pictures=False)
     with chromium(tmp_path) as browser:
@@ -220,9 +217,6 @@ def test_nothing_overlaps_or_spills(tmp_path: Path) -> None:
             assert_tidy(browser, "h1, h2, body > p, .scroll, .note, .plots img, figure, pre", width)
             ground = browser.evaluate("getComputedStyle(document.body).backgroundColor")
             assert ground == ("rgb(23, 25, 28)" if dark else "rgb(255, 255, 255)")
-
-
-# Statistics against closed forms, against scipy, and against their own promises.
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 12])

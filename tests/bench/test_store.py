@@ -197,8 +197,6 @@ def test_an_execution_is_validated_by_where_the_objects_are() -> None:
     assert str(hit.scenario.obstacles[0]) in validation_error(hit, result.execution)
 
 
-# Random problems: the same text for the same seed, accepted by the loader, and as the parameters say.
-
 VARIED = ProblemParameters(drives=DRIVES, supports=("uniform", "feet"))
 
 

@@ -153,8 +153,6 @@ def test_a_part_of_every_packaged_suite_can_be_run(name: str, tmp_path: Path) ->
     assert tally.counts == {"ok": 1}
 
 
-# `pushplan bench`: what it prints, what it leaves, how it ends.
-
 Captured = pytest.CaptureFixture[str]
 SUITE = """\
 format: pushplan-suite/1

@@ -135,8 +135,6 @@ def test_sets_that_cannot_take_intervals_say_so() -> None:
     assert check_scenario(scenario()) == ()
 
 
-# `uncertainty` in one line: the same as writing every interval, and it holds for all worlds within it.
-
 LINE = "uncertainty: {contact_friction: 20 %, floor_friction: 0.2, load: 10 %}\n"
 FEET = "support: {feet: [[-0.04, -0.03, 0.2], [0.04, -0.03, 0.3], [0.04, 0.03, 0.25], [-0.04, 0.03, 0.25]]}"
 UNCERTAIN = f"""\

@@ -96,9 +96,6 @@ def test_the_goal_of_an_object_brings_that_object_there(x: float, y: float, thet
     np.testing.assert_array_equal(scenario.goal.pose, [x, y, theta])
 
 
-# Measured poses: objects are moved onto the contacts that they nearly have, or it is told why not.
-
-
 def text(objects: list[str], snap: str = "snap: 5 mm") -> str:
     """Return a scenario with measured poses."""
     return chain_file(*objects, pusher="width: 0.6, friction: 0.5") + snap + "\n"

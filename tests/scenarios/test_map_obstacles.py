@@ -163,8 +163,6 @@ def test_a_map_of_specks_is_refused_with_their_number(
         read_ros_map(_map(tmp_path, np.where(blocked, OCCUPIED, FREE).astype(np.uint8)))
 
 
-# Outlines and maps of others: right sizes and places, nothing uncovered, clear words for what cannot be read.
-
 SVG = """<svg xmlns="http://www.w3.org/2000/svg" width="200mm" height="100mm" viewBox="0 0 400 200">
 <g transform="translate(20,20)">{}</g></svg>"""
 

@@ -119,8 +119,6 @@ def _plain(array: FloatArray | None) -> Any:
     return None if array is None else np.asarray(array, dtype=np.float64).tolist()
 
 
-# Numbers with units: values, dimensions, ranges, and the sentences about wrong ones.
-
 LENGTH = Quantity("a length", units.LENGTH, 1e-3, 1e3, "5 mm")
 ANGLE = Quantity("an angle", units.ANGLE, -10.0, 10.0, "90 deg")
 
@@ -159,8 +157,6 @@ def test_wrong_ones_are_named_with_what_is_allowed(quantity: Stated, value: obje
     assert caught.value.message().startswith(f"{found}; allowed: ")
 
 
-# The reference page of the scenario file agrees with what the loader takes.
-
 PAGE = Path(__file__).parents[2] / "docs" / "scenario-file.md"
 SECTIONS: dict[str, type[BaseModel]] = {
     "Top level": schema.ScenarioFile, "`objects`": bodies.Object, "`contacts`": bodies.Contacts,
@@ -194,8 +190,6 @@ def test_every_key_is_described_with_its_default(section: str) -> None:
         if isinstance(field.default, str | float | int):
             assert re.search(rf"(^|[\s`]){re.escape(str(field.default))}($|[\s`])", last), key
 
-
-# The JSON Schema of scenario files: packaged as generated, and of one mind with the loader.
 
 VARIED = ("two-crates", "feet", "carts", "hook")
 BEYOND_A_SCHEMA = re.compile(

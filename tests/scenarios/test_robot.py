@@ -68,8 +68,6 @@ def test_findings_name_the_place_and_what_helps(valid: Changed, stated: str, fin
     assert finding in valid.findings(with_robot(stated))
 
 
-# Several pushes in a scenario file: what is read, what a file without them means, and what is wrong with it.
-
 FILE = """\
 format: pushplan/1
 name: behind

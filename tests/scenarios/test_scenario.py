@@ -106,9 +106,6 @@ def assert_reads_or_refuses(text: str) -> None:
         assert finding.text("f.yaml").isprintable()
 
 
-# A scenario file is read once, and reading needs no compiled code.
-
-
 @pytest.fixture
 def parsed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The texts that were parsed."""
@@ -209,8 +206,6 @@ def test_work_grows_as_the_file_does(form: str, make: Callable[[str, int], str])
     few, many = (calls_of(partial(scenario_from_text, make(form, count))) for count in (100, 200))
     assert many < 2.2 * few
 
-
-# Scenarios made in Python are those that a file states, with the same checks.
 
 TRIANGLE = np.array([[0.5, 0.2], [0.7, 0.2], [0.6, 0.5]])
 TEXT = """\

@@ -65,8 +65,6 @@ def test_a_pressure_map_stays_in_the_folder_of_the_scenario(valid: Changed, tmp_
         ]
 
 
-# Numbers that a file may state but hardly means are asked about; with a unit they never are.
-
 IN_MILLIMETRES = """\
 format: pushplan/1
 name: mm
@@ -110,9 +108,6 @@ def test_speeds_and_axles_are_asked_about(pusher: str, question: str) -> None:
     found = asked(text.replace("limits: {speed: 200}", pusher))
     assert len(found) == bool(question)
     assert question in "".join(found)
-
-
-# YAML text to located plain data: what is taken, and where and why the rest is refused.
 
 
 def findings_of(data: bytes) -> tuple[Finding, ...]:

@@ -61,9 +61,6 @@ def test_a_narrow_cone_of_translations_is_found(make_chain: ChainMaker) -> None:
     assert len(stable_set(chain, "translation").meridians(count=2048)) == 3
 
 
-# Stable sets: boundaries on the twist sphere, COR regions, cones and radii against the margin alone.
-
-
 @pytest.mark.parametrize("minimum", [0.0, 0.05])
 @pytest.mark.parametrize("seed", range(4))
 def test_meridian_ends_enclose_the_boundary(make_chain: ChainMaker, seed: int, minimum: float) -> None:
@@ -164,9 +161,6 @@ def test_translation_cone_agrees_with_the_paper(make_chain: ChainMaker, seed: in
     if cone is not None:
         np.testing.assert_allclose(np.arctan2(cone[:, 1], cone[:, 0]), [low, high], atol=1e-11)
         assert stable_set(chain).contains(np.column_stack([cone, [0.0, 0.0]])).all()
-
-
-# Algorithm 1 on a grid against the exact set.
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 3])

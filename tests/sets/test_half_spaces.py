@@ -151,8 +151,6 @@ def test_unknown_loads_are_refused_where_they_matter(make_chain: ChainMaker, nam
         assert stable_set(chain, other).contains([[1.0, 0.0, 0.0]]).all()
 
 
-# Odd chains and odd questions: every set has a defined answer, never nan, or a clear error.
-
 INTERVALS = tuple(f"{name} of intervals" for name in STABLE_SETS if name != "cof")
 
 
@@ -227,8 +225,6 @@ def test_nothing_is_stable_without_friction(make_chain: ChainMaker, name: str) -
             assert stable.cor_region(-1).is_empty
             assert stable.turning_radii() == (np.inf, np.inf)
 
-
-# What mechanics and sets cannot answer, and what they say then.
 
 AHEAD = np.array([[1.0, 0.0, 0.0]])
 

@@ -121,8 +121,6 @@ def on_feet(chain: Chain, feet: FloatArray, fractions: FloatArray) -> Chain:
     return replace(chain, objects=(chain.objects[0], standing))
 
 
-# Pressures that are a little off: none takes more from a row than is counted, and the worst takes about as much.
-
 SHARE = 0.1
 SQUARE = np.array([[-0.05, -0.05], [0.05, -0.05], [0.05, 0.05], [-0.05, 0.05]])
 OUTLINES = {

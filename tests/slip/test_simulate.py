@@ -141,8 +141,6 @@ def test_worlds_differ_as_asked_for_one_object_or_all() -> None:
         world.with_mass(0.0)
 
 
-# Pushes with round fingers, also some that were measured.
-
 SQUARE = 0.045 * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 TIP = np.array([[0.0, 0.0, 4.75e-3]])
 REAL = np.array(

@@ -140,9 +140,6 @@ def test_what_is_no_file_is_refused(what: str, tmp_path: Path) -> None:
     assert str(caught.value).startswith(f"{path}: ")
 
 
-# A run is recorded as it grows; what keeps the log from being written never costs the plan.
-
-
 def test_a_recorded_run_is_found_in_the_folder_and_verified(cases: dict[str, Case], tmp_path: Path) -> None:
     plan = cases["rearrangement"].plan
     with Recording(plan.scenario, {"seed": 7, "planner": plan.planner}, runs=tmp_path) as recording:
@@ -178,9 +175,6 @@ def test_a_log_that_cannot_be_written_is_an_error_only_where_it_was_named(
     with pytest.raises(IncompleteLogError, match=r"what was written .*run\.mcap\.partial") as caught:
         recording.finished(plan)
     assert caught.value.run.plan is plan
-
-
-# Where runs are recorded without being told where.
 
 
 @pytest.mark.parametrize("value", [None, "", ".", "state", "../state", "~/state"])

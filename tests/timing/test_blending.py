@@ -161,9 +161,6 @@ def test_blends_keep_contacts_that_inertia_would_open(planned: Planned) -> None:
     assert least[0] < 0.0 < least[1]
 
 
-# The scenario chooses how a path is timed and which limits count.
-
-
 @pytest.mark.parametrize("word", ["exact", "blended"])
 def test_the_word_chooses(planned: Planned, word: str) -> None:
     scenario, path = planned("two-crates")

@@ -46,8 +46,6 @@ def test_a_timed_path_ends_where_the_path_ends_and_stops_at_every_corner(seed: i
     assert np.abs(trajectory.twists[[0, -1]]).max() < 1e-9
 
 
-# Profiles of one parameter: Ruckig's answers, cut where arcs end.
-
 LIMITS = ArcLimits(0.2, 0.5, 0.3, 5.0)
 
 
@@ -88,8 +86,6 @@ def test_a_cut_profile_is_the_same_motion_and_begins_phases_where_it_is_told(len
     assert (np.diff(passed) >= 0).all()
 
 
-# Limits of an arc from the contacts: all of them hold within, and never at the cost of a stall unsaid.
-
 FAST = Limits(speed=2.0, acceleration=20.0, jerk=1e3, angular_speed=20.0, angular_acceleration=90.0)
 
 
@@ -124,8 +120,6 @@ def test_a_twist_without_room_is_refused_with_the_way_out(make_chain: ChainMaker
     with pytest.raises(TimingError, match=r"no room for inertia.*raise stability\.margin"):
         contact_limits(inside / cost_rate(inside), 1.0, Bounds(Limits(), contacts))
 
-
-# Limits that differ between the directions: read, kept by every motion, mirrored with the scenario.
 
 SIDED_ROOM = """
 format: pushplan/1

@@ -66,8 +66,6 @@ def test_the_motion_agrees_with_an_ode_solver(seed: int) -> None:
     np.testing.assert_allclose(pieces.motion, solved.y[:, -1], atol=2e-7)
 
 
-# Bounds on speed, acceleration and jerk in the world against finite differences of the poses.
-
 LIMITS = Limits(0.3, 0.7, 3.0, 1.5, 2.5, 30.0)
 
 
@@ -81,9 +79,6 @@ def test_bounds_hold_and_are_tight_on_short_pieces(seed: int) -> None:
     share = use_by_differences(trajectory, LIMITS, 1e-3) / limit_use(pieces, LIMITS)[0]
     assert (share <= 1.0 + 1e-3).all()
     assert (share >= 0.9).all()
-
-
-# How far a blended motion gets from the constant twists between its samples.
 
 
 @pytest.fixture(scope="module")
@@ -112,8 +107,6 @@ def test_half_way_between_samples_the_body_is_no_farther_from_the_constant_twist
         worst = max(worst, float(found.fun))
     assert 1e-6 < worst < off_chords(trajectory, reach)
 
-
-# Touches of a timed motion against dense sampling with shapely.
 
 FREE = (-np.inf, -np.inf, np.inf, np.inf)
 CLEARANCE = 1e-3
