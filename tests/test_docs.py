@@ -16,6 +16,7 @@ from pathlib import Path
 import click
 import numpy as np
 import pytest
+from conftest import there
 from PIL import Image
 from rough import first_plans, rough_identification, slow_controllers
 
@@ -113,13 +114,10 @@ def test_every_command_that_is_named_exists_with_its_options(page: Path) -> None
             continue
         assert command in cli.COMMANDS | cli.MORE, words
         options = re.findall(r"(?<!\S)--?[a-z][a-z0-9-]*", " ".join(rest))
-        assert set(options) <= _options(command), words
-
-
-def _options(command: str) -> set[str]:
-    found = cli.pushplan.get_command(click.Context(cli.pushplan), command)
-    assert found is not None
-    return {"-h", "--help", *(word for param in found.params for word in param.opts)}
+        found = there(cli.pushplan.get_command(click.Context(cli.pushplan), command))
+        assert set(options) <= {"-h", "--help", *(word for param in found.params for word in param.opts)}, (
+            words
+        )
 
 
 @pytest.mark.parametrize("page", PAGES, ids=_id)
@@ -138,13 +136,10 @@ def test_pictures_show_the_present_scenarios_and_plans(monkeypatch: pytest.Monke
     refresh = importlib.import_module("refresh")
     pictures = {path.name for path in (ROOT / "docs").glob("*.png")}
     assert pictures == refresh.PICTURES.keys() | {"player.png", "view.png"}
-    searched = {name for name, command in refresh.PICTURES.items() if "--iterations" in command} | {
-        "pencils.png"
-    }
-    present = {name: refresh.content(name) for name in refresh.PICTURES.keys() - searched}
-    for name in present:
+    searched = {name for name, command in refresh.PICTURES.items() if "--iterations" in command}
+    for name in refresh.PICTURES.keys() - searched - {"pencils.png"}:
         with Image.open(ROOT / "docs" / name) as image:
-            assert image.info.get("Content") == present[name], name
+            assert image.info.get("Content") == refresh.content(name), name
 
 
 def test_all_public_names_are_in_the_reference() -> None:
@@ -190,15 +185,12 @@ README = ROOT / "README.md"
 Captured = pytest.CaptureFixture[str]
 
 
-def _words(block: str) -> list[str]:
-    """The words of the `pushplan` command at the end of a line of shell."""
-    words: list[str] = shlex.split(block.rpartition("/pushplan ")[2])
-    return words
-
-
 def _shape(output: str) -> str:
     """Output with every number replaced, and whether it is a bound, for what is the same in every run."""
     output = output.replace("at least ", "")  # what a plan bears is looked at so far and no farther
+    output = re.sub(
+        r"contact [\w-]+", "contact", output
+    )  # how far the search comes says which has the least margin
     return re.sub(r"[-+]?\d[\d.]*(e[-+]\d+)?( ms| s|\b)", "#", output)
 
 
@@ -206,16 +198,11 @@ def test_the_first_command_plans_draws_records_and_prints_what_the_readme_shows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(_words(_blocks(README, "sh")[0])) == 0
+    assert main(shlex.split(_blocks(README, "sh")[0].rpartition("/pushplan ")[2])) == 0
     printed, shown = capsys.readouterr().out.splitlines(), _blocks(README, "text")[0].splitlines()
     assert printed[0] == shown[0]
     assert [line.split("  ")[:2] for line in printed] == [line.split("  ")[:2] for line in shown]
-    contacts = re.compile(
-        r"contact [\w-]+"
-    )  # which one has the least margin depends on how far the search comes
-    assert [_shape(contacts.sub("contact", line)) for line in printed] == [
-        _shape(contacts.sub("contact", line)) for line in shown
-    ]
+    assert [_shape(line) for line in printed] == [_shape(line) for line in shown]
     assert (tmp_path / "run.mcap").exists()
     assert (tmp_path / "run.png").stat().st_size > 10_000
 

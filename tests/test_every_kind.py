@@ -13,8 +13,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 from conftest import there
+from kinds import MULTI, ROW, SWAP
 from matplotlib import image
-from planned_by_hand import MULTI, ROW, SWAP
 from rough import rough_identification
 
 import pushplan

@@ -156,18 +156,12 @@ def test_all_margins_share_one_time_limit(monkeypatch: pytest.MonkeyPatch) -> No
     assert 1.2 < result.planning_s < 3.0
 
 
-@pytest.fixture(scope="module")
-def u_turn_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("margins") / "u-turn.json"
-    path.write_text(u_turn().to_json())
-    return path
-
-
 def test_the_output_and_the_json_say_that_the_margin_was_lowered(
-    u_turn_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    log = str(tmp_path / "run.mcap")
-    words = f"plan {u_turn_file} --iterations {ITERATIONS} --time-limit 60 --json -o {log}".split()
+    file, log = tmp_path / "u-turn.json", str(tmp_path / "run.mcap")
+    file.write_text(u_turn().to_json())
+    words = f"plan {file} --iterations {ITERATIONS} --time-limit 60 --json -o {log}".split()
     assert main(words) == 0
     said = capsys.readouterr()
     found, result = json.loads(said.out), u_turned()

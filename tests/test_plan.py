@@ -9,8 +9,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import there
+from conftest import ChainMaker, there
 from plain import load_plain
+from plans_of import push_of
 
 import pushplan
 from pushplan.bench.validation import validation_error
@@ -30,11 +31,13 @@ from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
 from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer
+from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Goal, PolygonObstacle, Scenario
 from pushplan.sets.interval_set import stable_set_over
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
+from pushplan.sim.kinematic import execute
 from pushplan.util.names import PLANNERS
 
 PATIENT = 60.0
@@ -224,3 +227,18 @@ def test_sets_and_planners_answer_as_before(crates: pushplan.Plan) -> None:
 def test_a_controller_goes_on_where_it_was(crates: pushplan.Plan) -> None:
     controller = pickle.loads(pickle.dumps(pushplan.Controller(crates)))
     assert controller.step(0.0).any()
+
+
+def test_the_loss_lies_between_the_samples_around_the_exact_end_of_the_set(make_chain: ChainMaker) -> None:
+    """The twist turns steadily out of the set; the exact time at which the margin ends is found by bisection."""
+    stable = stable_set(make_chain.boxes(2, size=(0.1, 0.2)))
+    coefficients = np.array([[[0.1, 0.0, 0.0], [0.0, 0.0, 0.2], [0.0, 0.0, 0.0]]])
+    trajectory = Trajectory(np.zeros(3), np.array([0.0, 10.0]), coefficients, np.zeros(1))
+    low, high = 0.0, 10.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        inside = stable.margin(trajectory.twists_at(np.array([middle])))[0] > 0.0
+        low, high = (middle, high) if inside else (low, middle)
+    pushed = push_of(stable.chain, trajectory)
+    loss = there(execute(pushed.scenario, pushed.segments, "ecof").loss)
+    assert low <= loss.time <= low + 1.0 / trajectory.rate + 1e-9

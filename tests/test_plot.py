@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import there
+from kinds import KINDS, made
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from planned_by_hand import KINDS, made
 
 from pushplan.drawing import PICTURE_SUFFIXES, palette
 from pushplan.drawing import figure as plot_figure

@@ -1,7 +1,7 @@
 """What is seen of every kind of run, in picture, page, film and window, on phones and desks, light and dark.
 
-Nothing overlaps or spills, no console has an error, and one thing has one colour everywhere. Most plans are made by
-hand; one browser shows everything. `PUSHPLAN_SCREENS=FOLDER` keeps pictures of all that is shown, to be looked at.
+Nothing overlaps or spills, no console has an error, and one thing has one colour everywhere. One browser
+shows everything. `PUSHPLAN_SCREENS=FOLDER` keeps pictures of all that is shown, to be looked at.
 """
 
 import json
@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 import pytest
 from boxes import SCREENS, assert_tidy, boxes, chromium, keep, overlapping, show
+from kinds import KINDS, made
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.image import imsave
 from matplotlib.patches import Polygon
 from matplotlib.text import Text
-from planned_by_hand import KINDS, made
 from test_view import Seen
 
 from pushplan.drawing import palette

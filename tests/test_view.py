@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from conftest import there
 from interrupts import heed_interrupts
-from planned_by_hand import MULTI, SWAP, pushes
+from kinds import MULTI, SWAP, made
 
 import pushplan
 from pushplan.drawing import palette
@@ -127,12 +127,14 @@ def test_the_stage_shows_bodies_goals_and_path_where_the_scene_has_them(
         np.testing.assert_allclose(world.min(axis=0), outline.min(axis=0), atol=1e-6)
         np.testing.assert_allclose(world.max(axis=0), outline.max(axis=0), atol=1e-6)
     if kind == "rearrangement":
-        plan = pushes(scenarios[kind], (("red-box", "rear", 0.4), ("other", "rear", 0.3)))
-        stage.draw_plan(Scene.of(plan.scenario, plan))
-        pushed = seen.lines["/plan/pushed"]
+        plan = made(kind).plan
         drawn = Scene.of(plan.scenario, plan)
+        stage.draw_plan(drawn)
+        pushed, first = seen.lines["/plan/pushed"], next(line for line in drawn.lines if line.pushes)
         assert len(pushed.points) == sum(len(line.points) - 1 for line in drawn.lines if line.pushes)
-        assert tuple(pushed.colors[0, 0]) == of_line(palette.margin_colour(0.3) or "")
+        assert tuple(pushed.colors[0, 0]) == of_line(
+            palette.margin_colour(float(first.margins[:2].min())) or ""
+        )
         stage.show_played(drawn.end)
         np.testing.assert_allclose(there(stage.played)[:, :2], drawn.end[:, :2], atol=1e-12)
         stage.draw_plan(None)
@@ -234,17 +236,7 @@ def test_the_command_says_where_it_is_in_json_and_ends_quietly_with_ctrl_c() -> 
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    words = [
-        sys.executable,
-        "-m",
-        "pushplan",
-        "view",
-        "one-box",
-        "--json",
-        "--no-browser",
-        "--port",
-        str(port),
-    ]
+    words = [sys.executable, *f"-m pushplan view one-box --json --no-browser --port {port}".split()]
     with subprocess.Popen(
         words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=heed_interrupts
     ) as process:
@@ -268,7 +260,7 @@ def test_in_a_browser_what_is_dragged_is_planned_saved_played_or_refused(
     with boxes.chromium(tmp_path / "view") as browser, closing(Window(scenario, 8473)) as window:
         viewed.open_window(browser, window)
         goal, start = window.draft.poses["goal"], window.draft.poses["start"]
-        viewed.drag(browser, window, goal, goal + np.array([-0.1, -0.1, 0.0]), steps=3)
+        viewed.drag(browser, window, goal, goal + np.array([-0.1, -0.1, 0.0]))
         viewed.shown_after(browser, "polished")
         good = window.answer
         browser.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(downloads))
@@ -276,7 +268,7 @@ def test_in_a_browser_what_is_dragged_is_planned_saved_played_or_refused(
         file.write_text(viewed.downloaded(downloads))
         viewed.click(browser, "Play")
         played = np.array([pose for _ in range(25) if (pose := viewed.next_played(window)) is not None])
-        viewed.drag(browser, window, start, start + np.array([0.3, -0.35, 0.0]), steps=3)  # into an obstacle
+        viewed.drag(browser, window, start, start + np.array([0.3, -0.35, 0.0]))  # into an obstacle
         viewed.wait_for(browser, "document.body.innerText.includes('no plan')")
         assert viewed.next_played(window) is None
         bad = window.answer

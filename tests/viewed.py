@@ -45,9 +45,7 @@ def wait_for(browser: Any, condition: str, seconds: float = 60.0) -> None:
         time.sleep(0.05)
 
 
-def drag(
-    browser: Any, window: Window, begin: FloatArray, end: FloatArray, steps: int = 6, rest: bool = True
-) -> None:
+def drag(browser: Any, window: Window, begin: FloatArray, end: FloatArray, steps: int = 3) -> None:
     """Drag a handle from its pose (3,) to another of the same heading, in steps; tried again if nothing was taken.
 
     The mouse rests for two pictures before the handle is let go, or lets it go in the very move that ends there.
@@ -55,14 +53,14 @@ def drag(
     draft = window.draft
     browser.evaluate("window.before = Number(document.querySelector('#pushplan-answer').dataset.number)")
     for _ in range(3):
-        _drag(browser, window, begin, end, steps, rest)
+        _drag(browser, window, begin, end, steps)
         for _ in range(100):
             time.sleep(0.05)
             if window.draft is not draft:
                 return
 
 
-def _drag(browser: Any, window: Window, begin: FloatArray, end: FloatArray, steps: int, rest: bool) -> None:
+def _drag(browser: Any, window: Window, begin: FloatArray, end: FloatArray, steps: int) -> None:
     size = _GRIP * window.stage.handle_size
     points = [se2.compose(pose, [size, size, 0.0])[:2] for pose in np.linspace(begin, end, steps + 1)]
     places = [on_screen(window, point) for point in points]
@@ -71,8 +69,7 @@ def _drag(browser: Any, window: Window, begin: FloatArray, end: FloatArray, step
         browser.call(
             "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=min(i, 1), clickCount=1
         )
-        if rest or i < steps + 1:
-            painted(browser)
+        painted(browser)
 
 
 def click(browser: Any, label: str) -> None:

@@ -13,8 +13,8 @@ from typing import Any
 import yaml
 from attacking.measured import Attack, Row, commanded, measured
 from google.protobuf.message import Message as ProtobufMessage
+from kinds import MULTI
 from mcap import records
-from planned_by_hand import MULTI
 from store.conftest import REARRANGEMENT, record_names, rewritten
 
 import pushplan

@@ -113,9 +113,9 @@ def _go_wrong(fate: str) -> None:
             sys.exit(3)
 
 
-def suite_text(seeds: Iterable[int]) -> str:
+def suite_text(seeds: Iterable[int], seconds: float = SECONDS) -> str:
     """Return a suite of planted runs."""
     return (
         "format: pushplan-suite/1\nname: planted\nproblems: [one-box]\n"
-        f"seeds: {[*seeds]}\nlimits: {{run: {SECONDS} s, memory: 100 MB}}\n"
+        f"seeds: {[*seeds]}\nlimits: {{run: {seconds} s, memory: 100 MB}}\n"
     )

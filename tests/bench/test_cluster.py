@@ -118,7 +118,7 @@ def test_a_cluster_gives_the_same_rows_also_when_a_worker_is_killed(
             cluster.add_worker("--nanny")
 
     seeds = range(5)
-    text = planted.suite_text(seeds).replace("run: 3 s", "run: 60 s")
+    text = planted.suite_text(seeds, 60)
     with cluster_engine(cluster.address, planted.work) as dask:
         _run(text, tmp_path / "planted", dask, observer=kill_one)
     assert [(row["seed"], row["outcome"]) for row in rows(tmp_path / "planted")] == [

@@ -7,16 +7,13 @@ import pytest
 from conftest import there
 
 import pushplan
-from pushplan.errors import ChainError
 from pushplan.geometry.se2 import compose, exp, inverse, relative, twist_of
 from pushplan.mechanics.perturb import slid
-from pushplan.planners.clearance import excess, find_collision
-from pushplan.planners.multi.room import TOLERANCE_USED
+from pushplan.planners.clearance import find_collision
 from pushplan.planners.planner import Planner
 from pushplan.planners.planner import plan as plan_in
 from pushplan.plans.path import cost_rate
 from pushplan.plans.settings import Observer
-from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.parts import CircleObstacle, Goal
 from pushplan.sim.control.closing import GAP, ClosingPush, Spread, closing_push, contacts_at
 from pushplan.sim.control.departures import find_slide
@@ -57,30 +54,6 @@ def test_a_stop_keeps_to_the_path_and_the_limits_wherever_it_begins(crates: push
         speeds = np.hypot(*np.diff(np.array(poses)[:, :2], axis=0).T) / dt
         speeds = np.append(speeds, 0.0)
         assert np.abs(np.diff(speeds)).max() / dt < 1.1 * limits.both("acceleration")[0]
-
-
-def test_sliding_objects_moves_contacts_along_and_what_they_carry_too(crates: pushplan.Scenario) -> None:
-    chain = slid(crates.chain, [4e-3, -2e-3])
-    found = contacts_at(crates.chain, chain.places)
-    np.testing.assert_allclose(found.slide, [4e-3, -2e-3], atol=1e-12)
-    np.testing.assert_allclose(found.opening, 0.0, atol=1e-12)
-    assert found.flush(1e-9, 1e-9)
-    shift = chain.places - crates.chain.places
-    np.testing.assert_allclose(shift[:, 1], [4e-3, 2e-3], atol=1e-12)
-    for before, after in zip(crates.chain.contacts, chain.contacts, strict=True):
-        assert after.normal == pytest.approx(before.normal)
-    with pytest.raises(ChainError, match="has slid off what pushes it"):
-        slid(crates.chain, [0.0, 0.5])
-
-
-def test_goals_within_the_tolerances_are_within_them(crates: pushplan.Scenario) -> None:
-    for goal in (crates.goal, Goal(crates.goal.pose_chain, None, crates.goal.pose_chain, 2e-3, 0.01)):
-        aim = Aim.of(goal, crates.chain, 5e-3, 0.02)
-        assert aim.best(crates.chain) == pytest.approx(0.0, abs=1e-12)
-        poses = aim.candidates(crates.chain)
-        errors = aim.errors(compose(poses[:, None], crates.chain.places))
-        assert len(poses) > 10
-        assert (errors <= TOLERANCE_USED * aim.tolerance + 1e-9).all()
 
 
 @pytest.mark.parametrize(
@@ -336,23 +309,6 @@ def test_where_no_path_leads_to_the_goal_one_ends_as_near_as_it_can(aside: float
     others = carts.goal.pose_chain + random
     shares = replanner.aim.share(compose(others[:, None], carts.chain.places))
     assert shares[np.isfinite(reach(start, others)[0])].min() > share - 0.2
-
-
-def test_trajectories_of_replans_keep_the_limits(crates: pushplan.Scenario) -> None:
-    from pushplan.sim.control.replanner import Replanner
-
-    # The way that a time limit leaves may pass obstacles closely; beside it, a chain would stand in them.
-    replanner = Replanner(replace(crates, obstacles=()), ControlSettings(), Observer())
-    first = replanner.first()
-    assert first.path is not None
-    start = compose(first.path.poses_at([0.2 * first.path.cost])[0], [0.0, 4e-3, 0.03])
-    found = replanner.replan(0.0, start, first.path, np.array([6e-3, -8e-3]))
-    assert found.solved
-    assert found.result is not None
-    assert isinstance(found.result.trajectory, Trajectory)
-    assert not excess(found.result.trajectory, crates.chain.pusher.limits)
-    ends = compose(found.result.segments[0].contact_trajectory.poses[-1], replanner.chain.places)
-    assert replanner.aim.share(ends) <= 1.0
 
 
 @pytest.mark.parametrize(("length", "slides"), [(0.25, 0.05), (3.0, 0.0)])

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from planned_by_hand import MULTI, SWAP
+from kinds import MULTI, SWAP
 
 import pushplan
 from pushplan.plans.plan import Plan

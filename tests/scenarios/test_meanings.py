@@ -178,11 +178,7 @@ def test_every_key_is_described_with_its_default(section: str) -> None:
     fields = dict(SECTIONS[section].model_fields)
     if section == "`pusher`":
         fields |= bodies.MotionLimits.model_fields
-    elsewhere = {
-        "limits",
-        "goals",
-        "gather",
-    }  # files with `goals` state several problems, and are read by themselves
+    elsewhere = {"limits", "goals", "gather"}  # files with `goals` are read by themselves
     assert set(described) - elsewhere == set(fields) - elsewhere
     for key, field in fields.items():
         last = described.get(key, "").rsplit("|", 1)[-1]
@@ -231,13 +227,7 @@ def test_packaged_suites_are_valid_and_mistakes_are_not(name: str) -> None:
     checker = jsonschema.Draft202012Validator(suite_schema())
     suite = _document(suite_text(name))
     checker.validate(suite)
-    mistakes: list[dict[str, Any]] = [
-        {"planers": ["auto"]},
-        {"planners": ["autobahn"]},
-        {"seeds": 0},
-        {"problems": []},
-    ]
-    for wrong in mistakes:
+    for wrong in ({"planers": ["auto"]}, {"planners": ["autobahn"]}, {"seeds": 0}, {"problems": []}):
         assert not checker.is_valid(suite | wrong)
 
 

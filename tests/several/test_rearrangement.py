@@ -14,11 +14,9 @@ from pushplan.planners.multi.room import TOLERANCE_USED
 from pushplan.planners.planner import Planner, plan
 from pushplan.planners.validator import Validator
 from pushplan.plans.goals import worst_at_goal
-from pushplan.plans.judge import planning_set
 from pushplan.plans.plan import Plan
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
-from pushplan.sets.stable_set import StableSet
 
 LIMIT = 60.0
 HERE, THERE = (1.0, 1.0), (1.0, 2.0)
@@ -110,20 +108,3 @@ def test_an_object_ends_within_the_tolerance_where_that_saves_a_detour(stated: d
     assert found.pushed_distance is not None
     assert (found.pushed_distance < 0.25) == (not stated)  # else aside first, or around
     assert off < 1e-9 if stated else 1e-3 < off <= TOLERANCE_USED * math.radians(2.0)
-
-
-def test_like_objects_share_what_is_known_and_others_do_not() -> None:
-    """Each push holds by the set of its own object: of the two that are alike, and of one that slips more easily."""
-    ways = {"a": (HERE, THERE), "b": ((2.0, 1.0), (2.0, 2.0)), "c": ((3.0, 1.0), (3.0, 2.0))}
-    slippery = {"between": [{"objects": ["c", "pusher"], "friction": 0.2}]}
-    found = plan(boxes(ways, contacts=slippery), first=True, time_limit=LIMIT)
-    require(found.scenario, found)
-    sets = dict[str, StableSet]()
-    for push in found.pushes:
-        assert push.load is not None
-        (name,) = push.load.names
-        sets[name] = push.load.stable_set()
-        own = planning_set(push.load.problem, None)
-        np.testing.assert_array_equal(sets[name].margin(push.path.twists), own.margin(push.path.twists))
-    assert sets["a"] is sets["b"]
-    assert sets["a"] is not sets["c"]

@@ -115,17 +115,6 @@ def test_the_plate_takes_no_place_where_it_would_overlap(problem: Problem) -> No
         assert ((outline - place.contact[:2]) @ ahead).min() > -1e-9
 
 
-def test_a_contact_is_the_push_problem_that_the_same_box_would_state(problem: Problem) -> None:
-    """A square box is the same from every side: so are its stable sets, and the robot stands as far behind."""
-    scenario = problem()
-    stated = scenario.stable_set()
-    twists = np.random.default_rng(1).normal(size=(200, 3))
-    for mode in modes_of(scenario):
-        np.testing.assert_allclose(mode.stable.margin(twists), stated.margin(twists), atol=1e-9)
-        axle = there(mode.load.chain.pusher.drive.axle)
-        np.testing.assert_allclose(axle, [-0.3, 0.0, 0.0], atol=1e-12)
-
-
 def question_of(prepared: MultiPushSearch) -> Question:
     scenario = prepared.scenario
     goals = np.array([goal.pose_chain for goal in there(scenario.pushes).goals])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from planned_by_hand import SWAP
+from kinds import SWAP
 from scenarios.conftest import Changed
 
 from pushplan.cli.main import main

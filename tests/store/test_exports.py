@@ -3,7 +3,6 @@
 import csv
 import json
 import math
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -123,17 +122,12 @@ def test_tables_hold_every_number(kind: str, runs: dict[str, RecordedRun], tmp_p
     assert [segment["kind"] for segment in told["segments"]] == [s.kind for s in run.plan.segments]
 
 
-@cache
-def messages_of_ros() -> Any:
-    typesys = pytest.importorskip("rosbags.typesys")
-    return typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-
-
 @EXECUTED
 def test_rosbags_reads_the_bag_and_rviz_finds_its_topics(
     kind: str, runs: dict[str, RecordedRun], tmp_path: Path
 ) -> None:
-    rosbag2, (run, store) = pytest.importorskip("rosbags.rosbag2"), (runs[kind], messages_of_ros())
+    rosbag2, typesys = (pytest.importorskip(f"rosbags.{name}") for name in ("rosbag2", "typesys"))
+    run, store = runs[kind], typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     execution = there(run.execution)
     write_ros2(run, tmp_path / "bag.mcap", frames=Frames("world", "odom", "robot"), epoch=1000.5)
     found: dict[str, list[Any]] = {}
