@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from conftest import there
 
 from pushplan.cli.main import main
 from pushplan.scenario.file import example_names, load_scenario
@@ -33,8 +34,7 @@ def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captur
     found = json.loads(capsys.readouterr().out)
     stable = stable_set(load_scenario("two-crates").chain, "ecof")
     each = found["sets"]["ecof"]
-    cone = stable.translation_cone()
-    assert cone is not None
+    cone = there(stable.translation_cone())
     assert np.allclose(each["translation_cone"], cone)
     assert each["min_turning_radius"]["left"] == pytest.approx(stable.turning_radii().left)
     assert each["seconds"] > 0.0

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import there
 
 from pushplan.cli.main import main
 from pushplan.logging.writer import RunLogWriter
@@ -89,8 +90,7 @@ def test_replay_reports_a_mismatch_with_exit_code_4(
     planned: Mapping[str, Any], monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
     def shifted(*words: Any) -> Execution:
-        execution = execute_again(*words)
-        assert execution is not None
+        execution = there(execute_again(*words))
         return replace(execution, poses=execution.poses + 1e-3)
 
     monkeypatch.setattr("pushplan.verification.execute_again", shifted)

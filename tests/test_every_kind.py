@@ -188,19 +188,19 @@ def test_trials_arrive_in_a_world_as_planned_and_can_be_looked_at(kind: str, tmp
     assert trials.success == 1.0
     write_trial(trials, 0, tmp_path / "trial.mcap")
     read = pushplan.load_run(tmp_path / "trial.mcap")
-    assert read.execution is not None
-    np.testing.assert_allclose(read.execution.objects[-1, :, :2], trials.object_poses[0][:, :2], atol=1e-12)
+    np.testing.assert_allclose(
+        there(read.execution).objects[-1, :, :2], trials.object_poses[0][:, :2], atol=1e-12
+    )
 
 
 @CLOSED
 def test_a_closed_loop_is_a_run_that_can_be_repeated_shown_and_verified(kind: str, tmp_path: Path) -> None:
     loop = there(made(kind).loop)
     assert pushplan.trial(loop.plan, 2).samples == 2
-    assert loop.log is not None
-    report = verify_log(loop.log)
+    report = verify_log(there(loop.log))
     assert report.matches, [check.text for check in report.mismatches]
     assert {"twist", "number of events"} <= {check.quantity for check in report.checks}
-    back = pushplan.load_run(loop.log)
+    back = pushplan.load_run(there(loop.log))
     write_csv(back, tmp_path / "loop.csv")
     columns = np.genfromtxt(tmp_path / "loop.csv", delimiter=",", names=True)
     np.testing.assert_allclose(columns["t"], loop.simulated.t, atol=1e-9)

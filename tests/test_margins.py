@@ -271,15 +271,13 @@ def test_what_is_stated_is_the_box_of_the_joint_robustness() -> None:
     document = yaml.safe_load(example_text("two-crates")) | {"uncertainty": stated}
     found = plan(scenario_from_document(document), first=True, seed=1, time_limit=60.0)
     push = found.segments[0]
-    assert push.load is not None
-    box = ErrorBox.of(push.load)
+    box = ErrorBox.of(there(push.load))
     assert box.contact_friction == pytest.approx(0.2)
     assert box.widths == pytest.approx(np.tile([0.1, 0.0, 0.05, 0.05, 0.0, 0.0], (2, 1)))
     assert [c.friction for c in box.chain.contacts] == pytest.approx(
-        [c.friction / 0.8 for c in push.load.chain.contacts]
+        [c.friction / 0.8 for c in there(push.load).chain.contacts]
     )
-    assert found.robustness is not None
-    assert 1.0 <= (found.robustness.joint or 0.0) < 2.0
+    assert 1.0 <= (there(found.robustness).joint or 0.0) < 2.0
     assert found.robustness_words.endswith(" times what is stated")
 
 

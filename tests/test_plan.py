@@ -61,12 +61,10 @@ def test_every_planner_solves_and_shortens(planner: str) -> None:
     first = plan(scenario, planner=planner, time_limit=PATIENT, first=True)
     result = plan(scenario, planner=planner, time_limit=PATIENT, iterations=2 * first.iterations + 5_000)
     _check(scenario, result)
-    assert first.path is not None
-    assert result.path is not None
-    assert result.path.cost <= first.path.cost + 1e-9
+    assert there(result.path).cost <= there(first.path).cost + 1e-9
     assert result.improvements[0].cost == pytest.approx(first.improvements[0].cost)
-    assert first.path.cost <= first.improvements[0].cost
-    assert result.improvements[-1].cost == pytest.approx(result.path.cost, abs=1e-9)
+    assert there(first.path).cost <= first.improvements[0].cost
+    assert result.improvements[-1].cost == pytest.approx(there(result.path).cost, abs=1e-9)
 
 
 def test_improvements_are_told_as_they_happen() -> None:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import shapely
+from conftest import there
 from plain import load_plain, plain
 
 from pushplan.bench.random_problems import generate
@@ -44,8 +45,7 @@ def _found(scenario: Scenario, stable: StableSet, problem: Problem) -> Pocket | 
 )
 def test_what_is_shut_in_is_found(is_goal: bool, seed: int) -> None:
     scenario, stable, problem = _random(seed)
-    found = _found(scenario, stable, problem)
-    assert found is not None
+    found = there(_found(scenario, stable, problem))
     assert found.is_goal == is_goal
     away = scenario.goal.pose_chain[:2] - scenario.start[:2]
     assert 0.0 < found.radius < np.hypot(*away)

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from boxes import SCREENS, assert_tidy, boxes, chromium, keep, overlapping, show
+from conftest import there
 from kinds import KINDS, made
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
@@ -121,8 +122,7 @@ def test_one_thing_has_one_colour_everywhere(kind: str) -> None:
     if isinstance(film, Film):
         shown = [to_hex(one.get_facecolor()) for one in film.floor.patches if isinstance(one, Polygon)]
         assert shown[-len(scene.bodies) :] == [body.colour for body in scene.bodies]
-    found = re.search(r'application/json">(.*?)</script>', render(run), re.DOTALL)
-    assert found is not None
+    found = there(re.search(r'application/json">(.*?)</script>', render(run), re.DOTALL))
     page = json.loads(found[1])
     assert {body["name"]: body["colour"] for body in page["bodies"]} == expected
     assert [one["colour"] for one in page["obstacles"]] == [one.colour for one in scene.obstacles]

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from conftest import there
 
 from pushplan.bench.batch import Selection, Tally, run_suite
 from pushplan.bench.executor import local_engine
@@ -88,8 +89,7 @@ def test_a_batch_killed_at_random_and_resumed_has_the_same_rows(
         shutil.rmtree(folder, ignore_errors=True)
         for sign in (signal.SIGKILL, signal.SIGTERM):
             with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as program:
-                assert program.stdout is not None
-                program.stdout.readline()  # the first run is done
+                there(program.stdout).readline()  # the first run is done
                 time.sleep(rng.uniform(0.0, 0.7))
                 program.send_signal(sign)
         before = rows(folder)
@@ -155,7 +155,7 @@ def test_each_fate_has_its_status_and_message_and_ends_no_other_run(planted: Any
         assert untold or re.search(MESSAGES[outcome.status], outcome.message)
         assert outcome.log == (b"half" if fate == "half a log" else None)
         assert not outcome.whole
-        assert "hang" not in fate or 0.0 <= outcome.values["total_time"] - planted.SECONDS < 12.0  # type: ignore[operator]
+        assert "hang" not in fate or 0.0 <= outcome.values["total_time"] - planted.SECONDS < 12.0
     assert {outcome.status for outcome in found.values()} == set(STATUSES)
     assert not list(tmp_path.iterdir())
 

@@ -63,8 +63,9 @@ def database(tmp_path: Path) -> Path:
 
 def _ompl_reader() -> ModuleType:
     (folder,) = importlib.util.find_spec("ompl").submodule_search_locations or []  # type: ignore[union-attr]
-    specification = importlib.util.spec_from_file_location("reader", f"{folder}/_benchmark_statistics.py")
-    assert specification is not None
+    specification = there(
+        importlib.util.spec_from_file_location("reader", f"{folder}/_benchmark_statistics.py")
+    )
     module = importlib.util.module_from_spec(specification)
     there(specification.loader).exec_module(module)
     return module
@@ -174,11 +175,12 @@ def test_the_outcome_of_a_run_has_its_margins(done: Run) -> None:
     found = validated("", done.scenario, done, Stopwatch())
     assert (found.status, found.message) == ("ok", "")
     assert done.execution is not None
-    assert done.execution.dynamic_margins is not None
     assert found.values["margin"] == done.plan.margin
     assert found.values["min_margin"] == done.execution.margins.min()
-    assert found.values["min_dynamic_margin"] == done.execution.dynamic_margins.min()
-    slipping = replace(done.execution, dynamic_margins=np.full_like(done.execution.dynamic_margins, -0.1))
+    assert found.values["min_dynamic_margin"] == there(done.execution.dynamic_margins).min()
+    slipping = replace(
+        done.execution, dynamic_margins=np.full_like(there(done.execution.dynamic_margins), -0.1)
+    )
     lost = validated("", done.scenario, replace(done, execution=slipping), Stopwatch())
     assert (lost.status, lost.values["min_dynamic_margin"]) == ("invalid", -0.1)
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from conftest import there
 from interrupts import heed_interrupts
 
 from pushplan.bench.batch import Selection, run_suite
@@ -195,8 +196,7 @@ def test_ctrl_c_stops_it_and_says_how_to_go_on(tmp_path: Path) -> None:
     with subprocess.Popen(
         command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, preexec_fn=heed_interrupts
     ) as program:
-        assert program.stderr is not None
-        while "small ..." not in program.stderr.readline():
+        while "small ..." not in there(program.stderr).readline():
             pass
         program.send_signal(signal.SIGINT)
         _, rest = program.communicate(timeout=30.0)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import there
 from mcap.reader import make_reader
 from rough import first_plans, slow_controllers
 
@@ -94,7 +95,6 @@ def test_a_loop_that_is_killed_leaves_what_has_happened(
         finally:
             os._exit(0)
     os.waitpid(child, 0)
-    assert back.execution is not None
     cut = load_run(tmp_path / "cut.mcap.partial")
     assert cut.plan is not None
     assert cut.execution is not None
@@ -102,29 +102,30 @@ def test_a_loop_that_is_killed_leaves_what_has_happened(
     count = len(cut.execution.t)
     assert cut.execution.t[-1] > 1.9
     for array in ("t", "poses", "objects", "wrenches"):
-        np.testing.assert_array_equal(getattr(cut.execution, array), getattr(back.execution, array)[:count])
+        np.testing.assert_array_equal(
+            getattr(cut.execution, array), getattr(there(back.execution), array)[:count]
+        )
     # margins of a few twists and of many at once are rounded differently
-    np.testing.assert_allclose(cut.execution.margins, back.execution.margins[:count], atol=1e-12)
+    np.testing.assert_allclose(cut.execution.margins, there(back.execution).margins[:count], atol=1e-12)
     np.testing.assert_array_equal(
         cut.feedback.measured.t, run.simulated.measured.t[: len(cut.feedback.measured.t)]
     )
     assert cut.feedback.measured.t[-1] > 1.9
-    assert back.feedback is not None
     stopped = cut.feedback.events
     assert [event.kind for event in stopped[:2]] == [
         "plan",
         "deviation",
     ]  # contacts are less rough than believed
-    assert stopped == back.feedback.events[: len(stopped)]
+    assert stopped == there(back.feedback).events[: len(stopped)]
 
 
 def test_a_log_that_was_tampered_with_does_not_verify(back: RecordedRun) -> None:
-    assert back.execution is not None
-    assert back.feedback is not None
-    twists = np.array(back.execution.twists)
+    twists = np.array(there(back.execution).twists)
     twists[100] += [0.01, 0.0, 0.0]
-    told = replace(back.feedback, events=back.feedback.events[:-1])
-    found = check_closed_loop(replace(back, execution=replace(back.execution, twists=twists), feedback=told))
+    told = replace(there(back.feedback), events=there(back.feedback).events[:-1])
+    found = check_closed_loop(
+        replace(back, execution=replace(there(back.execution), twists=twists), feedback=told)
+    )
     wrong = {check.quantity for check in found if not check.matches}
     assert wrong == {"twist", "path of the plate", "number of events"}
     with pytest.raises(RunLogError, match="the settings of the closed loop cannot be read"):

@@ -72,11 +72,10 @@ def test_an_exporter_writes_what_a_run_holds(tmp_path: Path, capsys: Captured) -
     assert main(["plan", "two-crates", "--first", "-o", str(log)]) == 0
     assert main(["replay", str(log), "--export", f"places={table}"]) == 0
     run = pushplan.load_run(log)
-    assert run.execution is not None
     rows = [line.split("\t") for line in table.read_text().splitlines()]
-    assert [row[0] for row in rows] == list(run.execution.names)
+    assert [row[0] for row in rows] == list(there(run.execution).names)
     read = np.array([[float(word) for word in row[1:]] for row in rows])
-    np.testing.assert_allclose(read, run.execution.objects[-1], atol=1e-4)
+    np.testing.assert_allclose(read, there(run.execution).objects[-1], atol=1e-4)
     assert main(["replay", str(log), "--export", f"nobody={table}"]) == 2
     assert "'nobody' is not known; allowed: module:attribute" in capsys.readouterr().err
 

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import shapely
+from conftest import there
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
@@ -95,16 +96,14 @@ def test_each_mode_reads_grey_values_as_map_server_does() -> None:
 def test_no_plan_goes_through_the_unknown_unless_it_is_said_to_be_free(tmp_path: Path) -> None:
     scenario = pushplan.load_scenario(_write(tmp_path))
     around = pushplan.plan(scenario, seed=1, iterations=2_000, time_limit=60.0)
-    assert around.path is not None
-    swept = shapely.MultiPoint(around.path.sampled(0.02)[:, :2])
+    swept = shapely.MultiPoint(there(around.path).sampled(0.02)[:, :2])
     assert shapely.distance(swept, shapely.box(1.0, -1.95, 4.0, 0.0)) > 0.2
     said = (tmp_path / "push.yaml").read_text().replace("yaml}", "yaml, unknown: free}")
     (tmp_path / "free.yaml").write_text(said)
     free = pushplan.load_scenario(tmp_path / "free.yaml")
     assert shapely.is_empty(_polygons(free, unknown=True))
     through = pushplan.plan(free, seed=1, iterations=2_000, time_limit=60.0)
-    assert through.path is not None
-    assert through.path.cost < 0.7 * around.path.cost
+    assert there(through.path).cost < 0.7 * there(around.path).cost
 
 
 def test_a_log_holds_the_map_and_is_verified_without_its_files(tmp_path: Path) -> None:

@@ -227,8 +227,8 @@ def test_packaged_suites_are_valid_and_mistakes_are_not(name: str) -> None:
     checker = jsonschema.Draft202012Validator(suite_schema())
     suite = _document(suite_text(name))
     checker.validate(suite)
-    for wrong in ({"planers": ["auto"]}, {"planners": ["autobahn"]}, {"seeds": 0}, {"problems": []}):
-        assert not checker.is_valid(suite | wrong)
+    for key, value in (("planers", ["auto"]), ("planners", ["autobahn"]), ("seeds", 0), ("problems", [])):
+        assert not checker.is_valid(suite | {key: value})
 
 
 @pytest.mark.parametrize("name", example_names())

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from conftest import there
 from ompl import base
 from several.conftest import Problem
 
@@ -83,8 +84,7 @@ def test_ways_around_things_are_free_by_the_independent_check(problem: Problem, 
     around = Surroundings(robot, load, scenario.start)
     start, goal = np.zeros(3), np.array([1.4, 0.1, 2.0])
     state = np.array([1], dtype=np.uint64)
-    arcs = find_transit(around, wheels, start, goal, (-2.0, -2.0, 4.0, 4.0), 1.0, state, 2000)
-    assert arcs is not None
+    arcs = there(find_transit(around, wheels, start, goal, (-2.0, -2.0, 4.0, 4.0), 1.0, state, 2000))
     assert len(arcs) > 1
     path = PushPath(start, arcs[:, :3], arcs[:, 3])
     assert max(se2.pose_error(path.end, goal)) < 1e-9

@@ -154,9 +154,8 @@ def test_objects_are_pushed_together_one_by_one_or_as_costs_decide(made: tuple[S
     ]
     assert max(len(names) for _, names in kinds(apart)) == 1
     assert sum(kind == "retreat" for kind, _ in kinds(apart)) == 3
-    assert together.cost is not None
-    assert together.cost < 0.7 * there(apart.cost)
-    assert there(chosen.cost) <= together.cost + 1e-9
+    assert there(together.cost) < 0.7 * there(apart.cost)
+    assert there(chosen.cost) <= there(together.cost) + 1e-9
 
 
 def test_where_one_by_one_costs_least_that_is_what_is_planned() -> None:
@@ -307,8 +306,7 @@ def test_a_closing_is_simulated(
     flush: bool,
 ) -> None:
     monkeypatch.setattr(closing, "OFF", off)
-    load = made[1].segments[-1].load
-    assert load is not None
+    load = there(made[1].segments[-1].load)
     assert closing.closes(load.chain, 0.02, push, 0.5) is flush
 
 

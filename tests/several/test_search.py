@@ -106,8 +106,7 @@ def test_the_plate_takes_no_place_where_it_would_overlap(problem: Problem) -> No
     document = problem_document(goal={"pose": [1.0, 2.0, 0.0], "of": "b0"})
     document["objects"][0]["shape"] = {"polygon": notched}
     scenario = scenario_from_document(document)
-    assert scenario.pushes is not None
-    found = list(places(scenario.chain, scenario.pushes.faces, scenario.pushes.offsets))
+    found = list(places(scenario.chain, there(scenario.pushes).faces, there(scenario.pushes).offsets))
     assert sorted(place.face for place in found) == ["front", "left", "rear", "right"]
     outline = scenario.chain.objects[0].outline_chain
     for place in found:

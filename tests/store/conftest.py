@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import there
 from mcap import records
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
@@ -73,8 +74,7 @@ class Case:
 
 def _closed_loop(plan: Plan) -> Case:
     """Return a closed loop: the objects end up a little aside, measured with noise."""
-    execution = plan.execution
-    assert execution is not None
+    execution = there(plan.execution)
     rng = np.random.default_rng(3)
     aside = np.linspace(0.0, 0.01, len(execution.t))[:, None, None] * rng.normal(size=3)
     moved = replace(

@@ -117,9 +117,9 @@ def test_tables_hold_every_number(kind: str, runs: dict[str, RecordedRun], tmp_p
     np.testing.assert_array_equal(table(run)["base_x"], base[:, 0])
     write_trajectory(run, tmp_path / "run.json")
     told = json.loads((tmp_path / "run.json").read_text())
-    assert run.plan is not None
-    assert np.array(told["samples"]["plate_poses"]).tobytes() == there(run.plan.trajectory).poses.tobytes()
-    assert [segment["kind"] for segment in told["segments"]] == [s.kind for s in run.plan.segments]
+    plan = there(run.plan)
+    assert np.array(told["samples"]["plate_poses"]).tobytes() == there(plan.trajectory).poses.tobytes()
+    assert [segment["kind"] for segment in told["segments"]] == [s.kind for s in plan.segments]
 
 
 @EXECUTED
@@ -158,8 +158,7 @@ def test_rosbags_reads_the_bag_and_rviz_finds_its_topics(
 
 
 def _last(run: RecordedRun) -> dict[str, Any]:
-    assert run.execution is not None
-    return dict(zip(run.execution.names, run.execution.objects[-1], strict=True))
+    return dict(zip(there(run.execution).names, there(run.execution).objects[-1], strict=True))
 
 
 @pytest.mark.parametrize("kind", KINDS)

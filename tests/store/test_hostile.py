@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import zstandard
+from conftest import there
 from store.conftest import Case
 from work import calls_of
 
@@ -147,9 +148,8 @@ def test_a_recorded_run_is_found_in_the_folder_and_verified(cases: dict[str, Cas
             recording.improved(improvement)
         recording.end(plan)
     run = recording.finished(plan)
-    assert run.log is not None
-    assert run.log.parent == tmp_path
-    assert verify_log(run.log).matches
+    assert there(run.log).parent == tmp_path
+    assert verify_log(there(run.log)).matches
     (entry,) = runs_of(tmp_path)
     assert (entry.outcome, entry.seed, entry.cost) == ("solved", "7", plan.cost)
 

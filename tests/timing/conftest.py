@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from conftest import there
 from plain import load_plain
 
 from pushplan.mechanics.chain import Limits
@@ -27,8 +28,7 @@ Planned = Callable[[str], tuple[Scenario, PushPath]]
 @cache
 def _planned(name: str) -> tuple[Scenario, PushPath]:
     scenario = load_plain(name).with_margin(MARGINS.get(name, 0.0))
-    path = plan(scenario, seed=SEEDS.get(name, 1), time_limit=60.0, iterations=20_000).path
-    assert path is not None
+    path = there(plan(scenario, seed=SEEDS.get(name, 1), time_limit=60.0, iterations=20_000).path)
     return scenario, path
 
 

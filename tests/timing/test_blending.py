@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import shapely
-from conftest import ChainMaker
+from conftest import ChainMaker, there
 from plans_of import push_of, timed
 from timing.conftest import Planned, use_by_differences
 
@@ -139,8 +139,7 @@ def _needle(place: shapely.Point) -> CircleObstacle:
 def test_blends_keep_contacts_that_inertia_would_open(planned: Planned) -> None:
     scenario, _ = planned("two-crates")
     scenario = replace(scenario, stability=replace(scenario.stability, margin=0.05))
-    path = plan(scenario, seed=1, time_limit=60.0, iterations=20_000).path
-    assert path is not None
+    path = there(plan(scenario, seed=1, time_limit=60.0, iterations=20_000).path)
     fast = Limits(
         speed=0.5, acceleration=2.0, jerk=20.0, angular_speed=2.0, angular_acceleration=8.0, angular_jerk=80.0
     )

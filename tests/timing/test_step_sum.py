@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from conftest import ChainMaker
+from conftest import ChainMaker, there
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -83,8 +83,7 @@ def test_bounds_hold_and_are_tight_on_short_pieces(seed: int) -> None:
 
 @pytest.fixture(scope="module")
 def motion() -> Trajectory:
-    trajectory = plan(load_scenario("two-crates"), first=True).trajectory
-    assert trajectory is not None
+    trajectory = there(plan(load_scenario("two-crates"), first=True).trajectory)
     return trajectory
 
 
