@@ -311,7 +311,7 @@ class Steps:
         hand, name = self.hands.hand(now.members), now.members[0][0]
         assert hand is not None
         goal = se2.compose(now.plate, [away, 0.0, 0.0])
-        standing = self._standing(now.left, {})
+        standing = self._standing(now.left, now.delivered)
         push = self.floor.push(hand, now.plate, goal, standing)
         if not math.isfinite(push.cost) or not self.floor.retreats(hand, goal, standing):
             return None

@@ -205,6 +205,19 @@ def test_a_row_goes_on_from_those_that_are_placed(row: dict[str, Any]) -> None:
         assert "100 mm and 0 deg off where it shall be" in told
 
 
+@pytest.mark.parametrize("drive", [{}, {"drive": CAR}], ids=["omnidirectional", "car"])
+def test_what_is_moved_first_keeps_off_those_that_are_placed(drive: dict[str, Any]) -> None:
+    """A plate that is wider than what stands close behind the row, aside, cannot push that out past the row."""
+    at_rear = {"of": ["b", "c"], "pose": [3.0, 2.0, 0.0], "placed": ["c"]}
+    stated = document({**at_rear, "tolerance": {"position": "10 mm", "angle": "2 deg"}})
+    objects = [dict(obj) for obj in stated["objects"] if obj["name"] != "a"]
+    objects[0]["pose"], objects[1]["pose"] = [3.045, 2.015, 0.0], [3.225, 2.0, 0.0]
+    scenario = scenario_from_document({**stated, "objects": objects, "robot": {**stated["robot"], **drive}})
+    plan = pushplan.plan(scenario, seed=1, iterations=200, time_limit=60.0, first=True)
+    assert not plan.solved
+    assert "no way was found" in plan.reason  # not: a plan was found that is none
+
+
 def test_unequal_boxes_and_polygons_stand_flush() -> None:
     stated = document(gather="always")
     shapes = (
