@@ -76,6 +76,22 @@ def tolerance_of(scenario: Scenario, position: float, angle: float) -> tuple[flo
     )
 
 
+def in_row(scenario: Scenario, tolerance: tuple[float, float]) -> tuple[float, float]:
+    """Return how far (m) and by what angle (rad) objects of a row may be off in it, and others likewise.
+
+    Each stands flush with the one in front: where that is turned within its tolerance, the others are aside by it.
+
+    Args:
+        scenario: With a goal for every object.
+        tolerance: Of one object that stands for itself.
+    """
+    if scenario.row is None:
+        return tolerance
+    there = np.array([scenario.goals[name][0].pose[:2] for name in scenario.row.of])
+    position, angle = tolerance
+    return position + angle * float(np.linalg.norm(np.ptp(there, axis=0))), angle
+
+
 def with_places(scenario: Scenario, plan: Plan) -> Scenario:
     """Return the scenario with a goal for each object: in a row the plan says what place each one has."""
     return plan.scenario if scenario.row is not None else scenario

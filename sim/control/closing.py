@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.geometry.se2 import compose, exp, inverse, relative, rotate, transform_points, wrap_angle
+from pushplan.geometry.se2 import compose, exp, inverse, relative
 from pushplan.mechanics.chain import Chain
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.report import contact_motion
@@ -58,25 +58,6 @@ def contacts_at(chain: Chain, places: FloatArray) -> Contacts:
     plate = np.zeros((len(many), 1, 3))
     found = contact_motion(chain, np.concatenate([motions, plate], axis=1), None)
     return Contacts(*(values.reshape(places.shape[:-1]) for values in found))
-
-
-def shift_at_contact(chain: Chain, plate: FloatArray, object_poses: FloatArray) -> FloatArray:
-    """Return by what body motion (3,) the plate is off if the first object that it pushes is flush.
-
-    Along the contact, where that cannot be told, the plate is where it is believed to be.
-
-    Args:
-        chain: With all contacts closed.
-        plate: (3,) pose of the chain frame in the world, as believed.
-        object_poses: (n, 3) as measured.
-    """
-    k = chain.first_pushed
-    contact = chain.contacts[k]
-    carried = relative(plate, compose(object_poses[k], inverse(chain.places[k])))
-    middle, turned = 0.5 * (contact.right + contact.left), float(wrap_angle(carried[2]))
-    there = transform_points(carried, middle[None])[0]
-    slide = float(rotate(-turned, there - middle) @ contact.tangent)
-    return np.append(there - rotate(turned, middle + slide * contact.tangent), turned)
 
 
 @dataclass(frozen=True, eq=False)

@@ -102,6 +102,7 @@ class Controller:
         self._delivered = Deliveries(scenario, settings, self._standing)
         self._rest_planner = RestPlanner(scenario, plan, self._delivered.tolerance, observer)
         self._plate = self._told = np.array(scenario.plate_start)
+        self._alone = 0.0, 0.0  # how far (m, rad) the plate has driven and turned since it pushed something
         self._odometry = Odometry(self._plate)
         self._wheels = relative(scenario.pusher.plate_pose, scenario.pusher.wheels_pose)
         self._now, self._began, self._since, self._late = 0.0, math.inf, 0.0, False
@@ -111,9 +112,8 @@ class Controller:
         self._push: PushLoop | None = None
         self._legs: deque[Leg] = deque()
         self._following: Following | None = None
-        self._tell(
-            "plan", f"{plan.cost if plan.path is None else plan.path.cost:.3f} m in {plan.duration:.1f} s"
-        )
+        cost = plan.cost if plan.path is None else plan.path.cost
+        self._tell("plan", f"{cost:.3f} m in {plan.duration:.1f} s")
 
     @property
     def phase(self) -> Phase:
@@ -214,6 +214,8 @@ class Controller:
             if self._estimator is not None:
                 twist = self._estimator.scaled(twist, self._wheels)
             self._plate = compose(self._plate, exp(twist))
+            driven, turned = self._alone
+            self._alone = driven + math.hypot(twist[0], twist[1]), turned + abs(float(twist[2]))
         self._told = self._odometry.pose
 
     def _twist(self) -> FloatArray:
@@ -324,9 +326,8 @@ class Controller:
         if not left:
             self._end(Phase.ARRIVED, f"{words(*worst_at_goal(self.scenario, standing.poses))} off the goal")
             return
-        ahead = {
-            name for s in segments[self._at :] if s.pushes and s.load is not None for name in s.load.names
-        }
+        loads = [segment.load for segment in segments[self._at :] if segment.pushes]
+        ahead = {name for load in loads if load is not None for name in load.names}
         why = self._lost or (
             "" if left <= ahead else f"{', '.join(sorted(left - ahead))} is to be pushed once more"
         )
@@ -391,7 +392,7 @@ class Controller:
         else:
             job = PushJob(self.scenario, self.plan, self._standing.columns(load.names), self._most)
         self._push = PushLoop(
-            replace(job, again=self._again < AGAIN),
+            replace(job, again=self._again < AGAIN, alone=self._alone),
             replanner,
             self.settings,
             self._sightings,
@@ -409,7 +410,7 @@ class Controller:
     def _end_push(self, push: PushLoop) -> None:
         """Go on after a push that is over: with the next segment, or with a look at what is left."""
         self._push, self._estimator, names = None, push.estimator, push.load.names
-        self._plate = compose(push.plate, inverse(push.load.frame_plate))
+        self._plate, self._alone = compose(push.plate, inverse(push.load.frame_plate)), (0.0, 0.0)
         if self._replanner is not None:
             self._end(push.phase, push.text)
             return

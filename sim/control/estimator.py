@@ -34,6 +34,7 @@ from pushplan.geometry.se2 import (
     twist_of,
     wrap_angle,
 )
+from pushplan.sim.control.sensing import errors_in_words
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
@@ -113,6 +114,9 @@ class Estimator:
         count: Number of objects.
         wheels: (3,) pose of what the wheels move in the frame that is told of and in which the places are.
         known: Of a push before: what it found of clock and wheels is the prior.
+        aside: Standard deviation of where the load is along the plate, m: the plate has come up to it. That is no
+            error of the camera, and the plate stands elsewhere by as much.
+        tangents: (n, 2) direction along the plate in each object's frame.
 
     Attributes:
         settings: See there.
@@ -121,7 +125,14 @@ class Estimator:
     """
 
     def __init__(
-        self, settings: ControlSettings, count: int, wheels: FloatArray, known: Estimator | None = None
+        self,
+        settings: ControlSettings,
+        count: int,
+        wheels: FloatArray,
+        known: Estimator | None = None,
+        *,
+        aside: float = 0.0,
+        tangents: FloatArray | None = None,
     ) -> None:
         self.settings, self._count, self._wheels = settings, count, wheels
         gauge = [settings.start_error[0]] * 2 + [settings.start_error[1]]
@@ -132,13 +143,22 @@ class Estimator:
         if known is not None:
             self._center[OWN] = known.values[OWN]
             self._prior[OWN] = np.maximum(np.sqrt(np.diag(known.covariance)[OWN]), DOUBT * self._prior[OWN])
+        self._along = np.zeros(3 * count)  # how offsets change if the load stands 1 m farther to the left
+        if aside > 0.0 and tangents is not None:
+            self._along.reshape(-1, 3)[:, :2] = tangents
+        self._shift = aside * np.array([0.0, 1.0, *np.zeros(COMMON - 2), *-self._along])  # of all values
         self.values: FloatArray = self._center.copy()
-        self.covariance: FloatArray = np.diag(self._prior**2)
+        self.covariance: FloatArray = self._likely
         self._found = np.zeros(2)
-        self._precision: FloatArray = np.diag(self._prior**-2.0)
+        self._precision: FloatArray = _inverse(self._likely)
         self._history, self._count_moved = np.zeros((1024, 4)), 0
         self._knots: list[FloatArray] = []
         self._samples: list[Sample] = []
+
+    @property
+    def _likely(self) -> FloatArray:
+        """(p, p) covariance of the values before anything was measured."""
+        return np.asarray(np.diag(self._prior**2) + np.outer(self._shift, self._shift))
 
     @property
     def count(self) -> int:
@@ -160,7 +180,7 @@ class Estimator:
         late = self.settings.late
         self._center[3], self._prior[3] = late, late
         self.values[3], self.covariance[3, 3] = late, late**2
-        self._precision = np.diag(self._prior**-2.0)
+        self._precision = _inverse(self._likely)
 
     def moved(self, time: float, plate: FloatArray) -> None:
         """Take down where the plate is by what it was told, or by odometry (3,)."""
@@ -186,6 +206,16 @@ class Estimator:
     def plate(self, time: float) -> FloatArray:
         """Return where the plate is or was at a time (3,), as the measured poses have it."""
         return np.asarray(self._plates(self.values, *self._moments(np.array([time])))[0])
+
+    def astray(self, driven: float, turned: float) -> float:
+        """Return how far the plate may have gone astray, a standard deviation in m, on a way that nothing watched.
+
+        Args:
+            driven: m.
+            turned: rad, to either side.
+        """
+        heading, _, along, aside, turns = (math.sqrt(self.covariance[p, p]) for p in range(2, COMMON))
+        return math.hypot(heading, along, aside, 0.5 * turns * turned) * driven
 
     def scaled(self, twist: FloatArray, wheels: FloatArray) -> FloatArray:
         """Return the body twist (3,) that a frame does when it is told another.
@@ -215,6 +245,16 @@ class Estimator:
         bias = self.values[COMMON:].reshape(-1, 3)
         return compose(poses, inverse(bias - self._aside(places, normals)))
 
+    def aside(self, places: FloatArray, normals: FloatArray) -> float:
+        """Return how far the load stands along the plate from where it is taken to, m; to the left is positive.
+
+        Args:
+            places: (n, 3) X_i.
+            normals: See `unbiased`.
+        """
+        bias = self.values[COMMON:].reshape(-1, 3)
+        return float((bias[:, :2] * tangents_of(places, normals)).sum(axis=1).mean())
+
     def take_for_closed(self, resting: Sample, recent: Iterable[Sample], normals: FloatArray) -> None:
         """Begin once more from objects at rest that have slid to new places, where contacts are closed.
 
@@ -230,9 +270,11 @@ class Estimator:
         self.values[COMMON:] -= self._aside(resting.places, normals).reshape(-1)
         (rest,) = self.residuals([resting])
         self.values[COMMON:] += rest.reshape(-1)
-        common = self.covariance[:COMMON, :COMMON] + np.diag((DOUBT * self._prior[:COMMON]) ** 2)
-        self._precision = np.diag(self._prior**-2.0)
-        self._precision[:COMMON, :COMMON] = np.linalg.inv(common)
+        likely = self._likely
+        likely[:COMMON], likely[:, :COMMON] = 0.0, 0.0
+        doubted = np.diag((DOUBT * self._prior[:COMMON]) ** 2)
+        likely[:COMMON, :COMMON] = self.covariance[:COMMON, :COMMON] + doubted
+        self._precision = _inverse(likely)
         self._center, self._samples = self.values, []
         for one in recent:
             self.add(replace(one, places=resting.places))
@@ -240,8 +282,7 @@ class Estimator:
 
     def _aside(self, places: FloatArray, normals: FloatArray) -> FloatArray:
         """Return what of the errors (n, 3) in the objects' frames is along the contacts."""
-        along = np.arctan2(normals[:, 1], normals[:, 0]) + 0.5 * np.pi - places[:, 2]
-        t = np.stack([np.cos(along), np.sin(along)], axis=-1)
+        t = tangents_of(places, normals)
         bias = self.values[COMMON:].reshape(-1, 3)
         tangential = (bias[:, :2] * t).sum(axis=1, keepdims=True) * t
         return np.concatenate([tangential, np.zeros((len(bias), 1))], axis=1)
@@ -266,7 +307,7 @@ class Estimator:
             return
         self._look_at_noise(samples)
         linear = self.linear(samples)  # one Gauss-Newton step on from the last fit
-        self.covariance = np.asarray(np.linalg.inv(linear.hessian), dtype=np.float64)
+        self.covariance = _inverse(linear.hessian)
         self.values = self.values - self.covariance @ linear.gradient
 
     def doubt(self, now: float) -> None:
@@ -321,37 +362,10 @@ class Estimator:
 
     def words(self) -> str:
         """Return what was found, and what was not."""
-        sigma, found, open_yet = np.sqrt(np.diag(self.covariance)), [], []
-        x, y, theta, tau, s, c, w = self.values[:COMMON]
-        far = float(np.hypot(x, y))
-        bias = self.values[COMMON:].reshape(-1, 3)
-        offset, turned = float(np.hypot(*bias[:, :2].T).max()), float(np.abs(bias[:, 2]).max())
-        for value, unsure, prior, text in (
-            (far, sigma[0], self._prior[0], f"plate's start {1e3 * far:.1f} mm off"),
-            (abs(theta), sigma[2], self._prior[2], f"directions {math.degrees(theta):.2f} deg off"),
-            (offset, sigma[COMMON], self._prior[COMMON], f"camera offset {1e3 * offset:.1f} mm"),
-            (
-                turned,
-                sigma[COMMON + 2],
-                self._prior[COMMON + 2],
-                f"headings {math.degrees(turned):.2f} deg off",
-            ),
-            (abs(tau), sigma[3], self._prior[3], f"delay {1e3 * tau:.0f} ms"),
-            (
-                abs(s),
-                sigma[4],
-                self._prior[4],
-                f"odometry {100 * abs(s):.1f} % {'short' if s > 0 else 'long'}",
-            ),
-            (abs(c), sigma[5], self._prior[5], f"drift aside {100 * abs(c):.1f} %"),
-            (abs(w), sigma[6], self._prior[6], f"turns {100 * abs(w):.1f} % {'short' if w > 0 else 'long'}"),
-        ):
-            if value > 4.0 * unsure and value > 0.2 * prior:
-                found.append(text)
-            elif unsure > 0.8 * prior and value < prior:
-                open_yet.append(text.split(" ")[0])
-        told = ", ".join(found)
-        return told + (f"; not observable yet: {', '.join(open_yet)}" if found and open_yet else "")
+        values, along = self.values.copy(), self._along
+        if along.any():  # a load that stands elsewhere on the plate is no offset of the camera
+            values[COMMON:] -= along * (values[COMMON:] @ along) / (along @ along)
+        return errors_in_words(values, np.sqrt(np.diag(self.covariance)), self._prior)
 
     def _look_at_noise(self, samples: list[Sample]) -> None:
         """Estimate the noise from what differs from one measurement to the next."""
@@ -416,6 +430,16 @@ class Estimator:
         begin = compose(self._history[0, 1:], values[:3])
         chain = chained(begin, exp(_scaled(np.array(self._knots).reshape(-1, 3), values, self._wheels)))
         return compose(chain[knot], exp(_scaled(rest, values, self._wheels)))
+
+
+def tangents_of(places: FloatArray, normals: FloatArray) -> FloatArray:
+    """Return the directions (n, 2) along the contacts in the frames of objects at places (n, 3), see `unbiased`."""
+    along = np.arctan2(normals[:, 1], normals[:, 0]) + 0.5 * np.pi - places[:, 2]
+    return np.stack([np.cos(along), np.sin(along)], axis=-1)
+
+
+def _inverse(matrix: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
 
 
 def _arrays(samples: list[Sample]) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -17,6 +17,8 @@ from pushplan.util.arrays import FloatArray
 
 PASSING = 2.0
 """Factor of the tolerances for a push after which the load is pushed on from elsewhere."""
+SQUARE = 0.5
+"""Share of the angle's tolerance by which a load may be turned that closes onto the row: that is turned as much."""
 PRESSED = 1e-3
 """A load that closes onto an object is pushed on by so much, m, and by what its face is off square."""
 
@@ -43,6 +45,8 @@ class PushJob:
         settle: Length of the straight push that closes the contacts after an approach, m; 0 where they are closed.
         most: Travel of the plate that it may take, m.
         again: Whether the plate may back off and come up to the load once more.
+        alone: How far the plate has driven (m) and turned (rad) since it pushed something.
+        will_do: How far off its goal it may end where no plan leads nearer, m and rad.
         straight: Whether it is over after that straight push, wherever it ends: it closes onto an object that rests.
         onto: Name of the object that the load is pushed up to; empty where there is none.
     """
@@ -53,6 +57,8 @@ class PushJob:
     most: float
     settle: float = 0.0
     again: bool = False
+    alone: tuple[float, float] = (0.0, 0.0)
+    will_do: tuple[float, float] = (0.0, 0.0)
     straight: bool = False
     onto: str = ""
 
@@ -82,6 +88,9 @@ def push_job(
     assert scenario.pushes is not None
     problem, last = segment.problem(scenario), is_last(plan, segment)
     position, turn = tolerance if last else (PASSING * value for value in tolerance)
+    will_do = position, turn
+    if not last and any(is_last(plan, close) for close in closes_after(plan, segment)):
+        position, turn = tolerance[0], SQUARE * tolerance[1]
     of = scenario.goal.of if last and not scenario.bodies else None
     goal = replace(problem.goal, of=of, position_tolerance=position, angle_tolerance=turn)
     around = standing_obstacles(scenario, obstacles, poses, (*load.names, segment.onto))
@@ -93,6 +102,7 @@ def push_job(
         [list(scenario.poses).index(name) for name in load.names],
         most,
         scenario.pushes.settle if length is None else length,
+        will_do=will_do,
         straight=length is not None,
         onto=segment.onto,
     )
@@ -114,6 +124,12 @@ def straight_onto(
         return None
     face = max(contact.length for contact in segment.load.chain.contacts) if segment.load else 0.0
     return max(ahead, 0.0) + 0.5 * face * abs(math.sin(turn)) + PRESSED
+
+
+def closes_after(plan: Plan, segment: Segment) -> tuple[Segment, ...]:
+    """Return the close that a push leads up to; nothing where it leads to another end."""
+    after = plan.segments[plan.segments.index(segment) + 1 :][:1]
+    return tuple(one for one in after if one.onto)
 
 
 def is_last(plan: Plan, segment: Segment) -> bool:

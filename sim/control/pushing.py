@@ -31,16 +31,16 @@ from pushplan.sim.control.closing import (
     Spread,
     closing_push,
     contacts_at,
-    shift_at_contact,
 )
 from pushplan.sim.control.departures import Slide, find_slide, off_place
-from pushplan.sim.control.estimator import HOLD, Estimator, Sample
+from pushplan.sim.control.estimator import HOLD, Estimator, Sample, tangents_of
 from pushplan.sim.control.following import Following
 from pushplan.sim.control.jobs import Phase, PushJob
 from pushplan.sim.control.replanner import BARELY, BOLD, Replanner
 from pushplan.sim.control.sensing import Odometry, Sightings
 from pushplan.sim.control.settings import SIGMAS, ControlSettings, words
 from pushplan.sim.control.stall import StallWatch
+from pushplan.sim.control.touching import Touch
 from pushplan.sim.follower import Steering
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
@@ -55,10 +55,6 @@ REFIT = 0.25
 """Time between two fits, s."""
 LONGER, UNDECIDED = 2.0, 3.0
 """Time (s) for which it is looked where an error is at its tolerance, to so many standard deviations of a look."""
-ASIDE = (1e-3, math.radians(0.3))
-"""By how much (m, rad) the plate has to have met a load aside so that another approach may do better."""
-FOUND = 3.0
-"""A contact that is found by approach is off where it is believed to be by so many times what is likely, at most."""
 
 
 class PushLoop:
@@ -113,6 +109,7 @@ class PushLoop:
         self.estimator = Estimator(settings, len(scenario.chain.objects), self._wheels, known)
         self._normals = np.array([contact.normal for contact in scenario.chain.contacts])
         self._odometry, self._before = odometry, odometry.travel
+        self._astray = self.estimator.astray(*job.alone)
         self._take_place(plate)
         self._now, self._began, self._fitted = now, now, -math.inf
         self._recent: deque[Sample] = deque(maxlen=max(2, 3 * settings.looks // 4))
@@ -121,11 +118,12 @@ class PushLoop:
         self._slide: Slide | None = None
         self._since, self._closings, self._settled = now, 0, False
         self._path: PushPath = plan.path
-        self._touching, self._off = job.settle > 0.0, (0.0, 0.0)
+        self._touch = Touch(scenario.chain, job.settle, job.straight, settings)
+        self._ahead = plan.path.twists[0]
         self.met_aside, self.stalled = False, False
         self._stall = StallWatch([obj.name for obj in scenario.chain.objects], job.onto)
-        if self._touching:
-            self._straight(plan.path.twists[0], job.settle)
+        if not self._touch.over:
+            self._straight(self._ahead, self._touch.length)
         else:
             self._drive_on(plan)
 
@@ -216,7 +214,11 @@ class PushLoop:
         if self.over or self._following.drive.over:
             return np.zeros(3)
         period = 1.0 / self.settings.rate
-        twist = self._following.twist(self.plate)
+        led = self.plate
+        if self._job.settle > 0.0:  # where the load stands along the plate is only seen: so it is what is led
+            aside = self.estimator.aside(self._replanner.chain.places, self._normals)
+            led = compose(self.plate, [0.0, aside, 0.0])
+        twist = self._following.twist(led)
         self.plate = compose(self.plate, exp(twist * period))
         self._stall.driven(self._now, twist * period, self.plate)
         return self.estimator.asked(twist, self._wheels)
@@ -224,7 +226,7 @@ class PushLoop:
     def decide(self) -> None:
         """Stop where something is not as it should be, and decide what to do once it has been looked at."""
         # While it comes up to the load the plate, millimetres off where it believes to be, may not have met it.
-        heavy = () if self._touching else self._stall.stalled(self.places)
+        heavy = self._stall.stalled(self.places) if self._touch.over else ()
         if heavy:
             self._end_stall(heavy)
             return
@@ -272,8 +274,10 @@ class PushLoop:
         measured = self._sightings.mean(around, looks, since, self._job.columns)
         if measured is None:
             return
-        if self._touching:
-            self._touch(measured)
+        if not self._touch.over:
+            self._come_up(measured)
+            if not self._touch.over:
+                return
             self._stall.restart()
         elif self._now < since + LONGER and self._is_undecided(measured):
             return
@@ -289,7 +293,7 @@ class PushLoop:
         if not flush and self._persists(contacts, open_by):
             flush = True
             if self._job.settle > 0.0:
-                self._touch(measured, sure=True)
+                self._come_up(measured, sure=True)
                 self.places = relative(self.plate, measured)
                 contacts = contacts_at(self.scenario.chain, self.places)
         if self._job.straight:
@@ -369,8 +373,8 @@ class PushLoop:
             self._path, self.places = result.path, places
             self._take_for_closed(measured)
             self._drive_on(result)
-        elif self._share <= 1.0:
-            self._end(Phase.ARRIVED, "within the tolerances, and there is no plan to come nearer")
+        elif self._share <= 1.0 or (self._replanner.aim.errors(measured) <= self._job.will_do).all():
+            self._end(Phase.ARRIVED, f"{off} off the goal, and there is no plan to come nearer")
         else:
             self._give_up(f"{off} remain to the goal, and there is no plan from here: {replan.reason}")
 
@@ -379,8 +383,7 @@ class PushLoop:
         if travel <= self._most:
             return False
         why = f"coming nearer takes {travel:.1f} m, and may take {max(self._most, 0.0):.1f} m"
-        aside = self._off[0] > ASIDE[0] or self._off[1] > ASIDE[1]
-        self.met_aside = self._job.again and aside and self._replans == 1
+        self.met_aside = self._job.again and self._touch.aside and self._replans == 1
         if self._share <= 1.0 and not self.met_aside:
             self._end(Phase.ARRIVED, f"{off} off the goal; {why}")
         else:
@@ -393,23 +396,21 @@ class PushLoop:
         resting = self._sample(self._now, measured)
         self.estimator.take_for_closed(resting, self._recent, self._normals)
 
-    def _touch(self, measured: FloatArray, sure: bool = False) -> None:
-        """Take the first object that the plate pushes, measured like all (n, 3) at rest after a push, for flush.
-
-        So the contact tells where the plate is across it and how it is turned; along it, what was believed holds.
-        Where that is far from what was believed, and not sure, the object is taken not to be flush.
-        """
-        self._touching = False
-        shift = shift_at_contact(self.scenario.chain, self.plate, measured)
-        off = float(np.hypot(shift[0], shift[1])), abs(float(shift[2]))
-        most = FOUND * np.array(self.settings.approach_error)
-        if not sure and (off[0] > most[0] or off[1] > most[1]):
+    def _come_up(self, measured: FloatArray, sure: bool = False) -> None:
+        """Go on from where the load, measured like all (n, 3), tells that the plate is; see `Touch.told`."""
+        told = self._touch.told(self.plate, measured, sure)
+        if told is None:
             return
-        self._off, first = off, self.load.names[self.load.chain.first_pushed]
-        self._tell("touch", f"{first} tells that the plate is {words(*off)} off")
+        shift, text = told
+        self._tell("touch", text)
         self._take_place(compose(self.plate, shift))
-        self.estimator = Estimator(self.settings, len(self.load.names), self._wheels, self.estimator)
+        tangents = tangents_of(self.scenario.chain.places, self._normals)
+        self.estimator = Estimator(
+            self.settings, len(tangents), self._wheels, self.estimator, aside=self._astray, tangents=tangents
+        )
         self.moved(self._now)
+        if not self._touch.over:
+            self._straight(self._ahead, self._touch.length)
 
     def _drive_on(self, plan: Plan) -> None:
         """Follow a plan, with corrections that its contacts bear."""

@@ -16,6 +16,7 @@ from pushplan.planners.multi.room import find_drive
 from pushplan.planners.planner import Planner
 from pushplan.planners.timing.segments import time_segments
 from pushplan.plans.events import Replan
+from pushplan.plans.goals import in_row
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
@@ -136,14 +137,12 @@ class RestPlanner:
         self, scenario: Scenario, plan: Plan, tolerance: tuple[float, float], observer: Observer
     ) -> None:
         self._scenario, self._observer = scenario, observer
-        self._row, (position, angle) = scenario.row, tolerance
+        self._row = scenario.row
         if self._row is not None:  # the places of its objects are those that the plan gave them
             last = plan.segments[-1]
             order = scenario.row_order(last.after, float(last.path.end[2]))
-            # A row goes on from what stands there, and ends off its place by what that is turned, too.
-            there = np.array([scenario.goals[name][0].pose[:2] for name in order])
-            reach = float(np.linalg.norm(np.ptp(there, axis=0)))
-            off = position + angle * reach, angle
+            # A row goes on from what stands there.
+            off = in_row(scenario, tolerance)
             self._row = replace(self._row, of=order, order="given", tolerance=off)
 
     def plan(

@@ -191,6 +191,37 @@ class Sightings:
         return np.asarray(around + [off[there[:, i], i].mean(axis=0) for i in range(len(around))])
 
 
+def errors_in_words(values: FloatArray, sigma: FloatArray, prior: FloatArray) -> str:
+    """Return what errors of sensors and wheels were found, and what is not observable yet.
+
+    Args:
+        values: (7 + 3 n,) as those of `estimator.Estimator`.
+        sigma: Their standard deviations.
+        prior: Likewise, before anything was measured.
+    """
+    found, open_yet = [], []
+    x, y, theta, tau, s, c, w = values[:7]
+    far = float(np.hypot(x, y))
+    bias = values[7:].reshape(-1, 3)
+    offset, turned = float(np.hypot(*bias[:, :2].T).max()), float(np.abs(bias[:, 2]).max())
+    for value, k, text in (
+        (far, 0, f"plate's start {1e3 * far:.1f} mm off"),
+        (abs(theta), 2, f"directions {math.degrees(theta):.2f} deg off"),
+        (offset, 7, f"camera offset {1e3 * offset:.1f} mm"),
+        (turned, 9, f"headings {math.degrees(turned):.2f} deg off"),
+        (abs(tau), 3, f"delay {1e3 * tau:.0f} ms"),
+        (abs(s), 4, f"odometry {100 * abs(s):.1f} % {'short' if s > 0 else 'long'}"),
+        (abs(c), 5, f"drift aside {100 * abs(c):.1f} %"),
+        (abs(w), 6, f"turns {100 * abs(w):.1f} % {'short' if w > 0 else 'long'}"),
+    ):
+        if value > 4.0 * sigma[k] and value > 0.2 * prior[k]:
+            found.append(text)
+        elif sigma[k] > 0.8 * prior[k] and value < prior[k]:
+            open_yet.append(text.split(" ")[0])
+    told = ", ".join(found)
+    return told + (f"; not observable yet: {', '.join(open_yet)}" if found and open_yet else "")
+
+
 class Odometry:
     """Where the plate is: by what it was told, by its wheels where they tell, and by its measured pose.
 

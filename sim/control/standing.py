@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from pushplan.geometry.se2 import pose_error, wrap_angle
-from pushplan.plans.goals import errors_at_goal, tolerance_of
+from pushplan.plans.goals import errors_at_goal, in_row, tolerance_of
 from pushplan.plans.segment import Poses
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.departures import SLOW
@@ -19,6 +19,10 @@ from pushplan.util.arrays import FloatArray
 
 PATIENT = 4.0
 """So many times the patience of the settings is waited for objects that are not seen."""
+
+
+TURNED = 2.0
+"""So many times its tolerance an object of a row may be turned while others are yet to close onto it."""
 
 
 class Standing:
@@ -135,6 +139,13 @@ class Deliveries:
     def left(self) -> set[str]:
         """Return the objects that have to be pushed yet; one that was delivered and moved is one of them."""
         standing, settings = self._standing, self._settings
+        wanted = set()
+        for task in self._scenario.tasks:
+            for goal in task.goals:
+                wanted |= set(goal.objects or (obj.name for obj in task.chain.objects))
+        most = np.array(in_row(self._scenario, self.tolerance))
+        if self._scenario.row is not None and wanted - set(self._there):
+            most[1] *= TURNED  # what is pushed flush onto it turns it
         errors = errors_at_goal(self._scenario, standing.poses)
         slack = settings.position_slack, settings.angle_slack
         for name, error in zip(standing.names, errors, strict=True):
@@ -143,10 +154,6 @@ class Deliveries:
                 continue
             if np.isnan(before[0]):
                 self._there[name] = pose
-            elif (np.array(pose_error(pose, before)) > slack).any() and (error > self.tolerance).any():
+            elif (np.array(pose_error(pose, before)) > slack).any() and (error > most).any():
                 del self._there[name]
-        wanted = set()
-        for task in self._scenario.tasks:
-            for goal in task.goals:
-                wanted |= set(goal.objects or (obj.name for obj in task.chain.objects))
         return wanted - set(self._there)

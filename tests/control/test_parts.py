@@ -17,7 +17,7 @@ from pushplan.plans.settings import Observer
 from pushplan.scenario.parts import CircleObstacle, Goal
 from pushplan.sim.control.closing import GAP, ClosingPush, Spread, closing_push, contacts_at
 from pushplan.sim.control.departures import find_slide
-from pushplan.sim.control.estimator import Estimator, Sample
+from pushplan.sim.control.estimator import Estimator, Sample, tangents_of
 from pushplan.sim.control.replanner import Aim
 from pushplan.sim.control.sensing import Measurements, Sensor, Sightings
 from pushplan.sim.control.settings import ControlSettings
@@ -159,6 +159,29 @@ def test_measurements_count_by_the_noise_that_each_is_stated_with() -> None:
         estimator.fit(k / 30.0)
     left = estimator.residuals([Sample(200 / 30.0, places, places, NOISE)])
     assert np.hypot(left[0, 0, 0], left[0, 0, 1]) < 4e-4
+
+
+def test_where_a_load_stands_on_the_plate_is_no_drift_of_the_wheels() -> None:
+    """The plate stands 9 mm farther to the right along the load than it believes; it shows in a bend."""
+    places, aside = np.array([[0.075, 0.0, 0.0]]), -9e-3
+    tangents = tangents_of(places, np.array([[1.0, 0.0]]))
+    random, found = np.random.default_rng(2), []
+    for known in (0.0, 0.02):
+        estimator = Estimator(ControlSettings(), 1, np.zeros(3), aside=known, tangents=tangents)
+        believed, true, period = np.zeros(3), np.array([0.0, aside, 0.0]), 1.0 / 30.0
+        for k in range(400):
+            estimator.moved(k * period, believed)
+            seen = compose(compose(true, [0.0, -aside, 0.0]), places)
+            estimator.add(
+                Sample(k * period, seen + random.normal(size=(1, 3)) * NOISE[[0, 0, 1]], places, NOISE)
+            )
+            if k % 8 == 0:
+                estimator.fit(k * period)
+            moved = exp(np.array([0.2, 0.0, 0.2 if k > 280 else 0.0]) * period)
+            believed, true = compose(believed, moved), compose(true, moved)
+        assert estimator.aside(places, np.array([[1.0, 0.0]])) == pytest.approx(-aside, abs=1e-3)
+        found.append(abs(estimator.values[5]))
+    assert found[1] < 1e-3 < 4e-3 < found[0]
 
 
 SLIDES = {

@@ -27,9 +27,12 @@ from pushplan.plans.settings import Observer
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.sim import closing
-from pushplan.sim.control.jobs import straight_onto
+from pushplan.sim.control.jobs import push_job, straight_onto
 from pushplan.sim.control.rest import RestPlanner
+from pushplan.sim.control.sensing import Sightings
+from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import SENSOR
+from pushplan.sim.control.standing import Deliveries, Standing
 from pushplan.sim.slip.simulator import simulate
 from pushplan.sim.world import World
 
@@ -388,6 +391,25 @@ def test_what_was_lost_on_the_way_is_brought_to_what_stands_in_the_row() -> None
     assert ClosedLoopRun(*made).goal_errors == pytest.approx(
         (0.0, 0.0), abs=1e-12
     )  # of the last plan's places
+
+
+def test_what_closes_onto_the_row_comes_squarely_and_what_it_turns_may_wait_for_the_next() -> None:
+    plan = solved(document(gather="never"))
+    closes = [k for k, segment in enumerate(plan.segments) if segment.kind == "close"]
+    start, tolerance = plan.segments[closes[0] - 1], (5e-3, np.radians(1.0))
+    job = push_job(plan, start, start.path.start, start.before, (), tolerance, np.inf)
+    assert job.scenario.goal.angle_tolerance == pytest.approx(0.5 * tolerance[1])
+    assert job.will_do == pytest.approx((2.0 * tolerance[0], 2.0 * tolerance[1]))
+    standing = Standing(plan.segments[-1].after, ControlSettings(), Sightings(np.ones(2)))
+    delivered = Deliveries(plan.scenario, ControlSettings(), standing)
+    first = plan.segments[closes[0]].onto
+    others = set(standing.names) - {first}
+    delivered.take([first])
+    assert delivered.left() == others
+    standing.poses[standing.columns([first])] += [0.0, 0.0, np.radians(1.5)]
+    assert delivered.left() == others
+    delivered.take(others)
+    assert delivered.left() == {first}
 
 
 @pytest.mark.parametrize(
