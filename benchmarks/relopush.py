@@ -230,6 +230,8 @@ def main() -> None:
     parser.add_argument("--walls", default="loose", choices=WALLS)
     parser.add_argument("--scenarios", type=Path, help="write the blocks as scenario files here, and end")
     args = parser.parse_args()
+    if args.instances < 1:
+        parser.error(f"--instances is {args.instances}; allowed: 1 or more")
     if args.scenarios is not None:
         for name in args.files:
             instances = _instances(args.folder, name, args.instances)

@@ -23,7 +23,7 @@ from pushplan.geometry import se2
 from pushplan.planners.infeasible.reaching import beyond_reach
 from pushplan.planners.multi.hands import MARGIN, Floor, Hand, Hands
 from pushplan.planners.multi.multi_push import plan_cost
-from pushplan.planners.multi.row_steps import Chance, Situation, Steps
+from pushplan.planners.multi.row_steps import Chance, Node, Steps
 from pushplan.planners.outcome import Improvements, Outcome, Segments
 from pushplan.plans.plan import Diagnosis, Nearest
 from pushplan.plans.segment import Poses, Segment
@@ -32,7 +32,7 @@ from pushplan.scenario.model import Scenario
 from pushplan.util.names import APPROACH, AUTO, RETREAT
 
 WIDTHS = (1, 4, 16, 64, 256, 1024)
-"""Situations that are kept for each number of objects taken, in one pass after the other."""
+"""Nodes that are kept for each number of objects taken, in one pass after the other."""
 
 AT_FIRST = 3
 """So many of them are tried with one margin before a lower one."""
@@ -162,7 +162,7 @@ class _Beams:
         self._turn = self._until, self._most
         self.best = math.inf
         self._one_by_one = math.inf
-        self.farthest: Situation | None = None
+        self.farthest: Node | None = None
 
     def after(self, steps: Steps) -> _Beams:
         """Return beams of other steps."""
@@ -212,22 +212,22 @@ class _Beams:
                 break
         return found
 
-    def _surely_closes(self, end: Situation) -> bool:
+    def _surely_closes(self, end: Node) -> bool:
         """Tell whether every contact of a plan closes though what is closed onto may stand off."""
-        one: Situation | None = end
+        one: Node | None = end
         while one is not None:
             if len(one.members) > 1 and not self.steps.hands.surely_closes(one.members):
                 return False
             one = one.before
         return True
 
-    def _taken(self, end: Situation) -> Segments:
+    def _taken(self, end: Node) -> Segments:
         self.best = end.cost
         segments = _segments_of(self.steps, end)
         self._improvements.add(plan_cost(self.steps.scenario, segments), self.steps.floor.looked_at, segments)
         return segments
 
-    def _beam(self, width: int, closes: bool, delivers: bool) -> tuple[Situation | None, bool]:
+    def _beam(self, width: int, closes: bool, delivers: bool) -> tuple[Node | None, bool]:
         """Return the end of the best plan of a beam that is better than those like it, and whether it was cut."""
         begin, best = self.steps.begin, self.best if closes else self._one_by_one
         chances = list(self.steps.first())
@@ -251,16 +251,16 @@ class _Beams:
 
     def _chosen(
         self, chances: list[tuple[float, Chance]], width: int, best: float
-    ) -> tuple[list[Situation], bool]:
-        """Return situations that chances lead to and that may be better than the best, priced by their bounds."""
+    ) -> tuple[list[Node], bool]:
+        """Return nodes that chances lead to and that may be better than the best, priced by their bounds."""
         count = itertools.count()
-        queue: list[tuple[float, int, float, Chance, Situation | None]] = [
+        queue: list[tuple[float, int, float, Chance, Node | None]] = [
             (least, next(count), bound, chance, None)
             for bound, chance in chances
             if (least := self.steps.least(bound, chance)) < best
         ]
         heapq.heapify(queue)
-        kept: list[Situation] = []
+        kept: list[Node] = []
         seen: set[tuple[object, ...]] = set()
         while queue and len(kept) < width and not self._turn_over():
             least, _, bound, chance, priced = heapq.heappop(queue)
@@ -276,15 +276,15 @@ class _Beams:
             if found is not None:
                 rest = self.steps.estimate(found)
                 heapq.heappush(queue, (max(least, rest), next(count), bound, chance, found))
-            elif chance.situation is not None and not chance.by_way:
+            elif chance.node is not None and not chance.by_way:
                 # No single word is free: a way around costs more than the bound by an unknown amount.
-                detour = bound + 0.5 * (bound - chance.situation.cost)
+                detour = bound + 0.5 * (bound - chance.node.cost)
                 again = replace(chance, by_way=True)
                 heapq.heappush(queue, (max(least, detour), next(count), bound, again, None))
         return kept, bool(queue) and queue[0][0] < best
 
 
-def _segments_of(steps: Steps, end: Situation) -> Segments:
+def _segments_of(steps: Steps, end: Node) -> Segments:
     """Return the moves that lead to the end of a plan as its segments, not timed."""
     found: list[Segment] = []
     now: Poses = steps.scenario.poses
@@ -314,8 +314,8 @@ def _with_one_moved_first(tried: Sequence[_Beams]) -> tuple[Segments, _Beams]:
     return (), tried[0]
 
 
-def _same(one: Situation) -> tuple[object, ...]:
-    """Return what makes two situations the same, whatever came before."""
+def _same(one: Node) -> tuple[object, ...]:
+    """Return what makes two nodes the same, whatever came before."""
     return one.left, one.members, tuple(np.round(one.plate, 6)), frozenset(one.delivered), one.place
 
 

@@ -48,12 +48,12 @@ class PushSequence:
     """A plan: its pushes and what it costs, m.
 
     The robot's ways, changes of the contact, `room.DETOUR` for an end beside the goal and what comes after the plan,
-    `onward`, are included.
+    `cost_to_go`, are included.
     """
 
     steps: tuple[Step, ...]
     cost: float
-    onward: float = 0.0
+    cost_to_go: float = 0.0
 
 
 EFFORT = (30, 200, 1000)
@@ -104,7 +104,7 @@ class Graph:
         self.goals = len(question.goals)
         self.contacts = len(room.contacts)
         nothing = np.zeros((self.contacts, self.goals))
-        self._onward = nothing if question.onward is None else question.onward
+        self._cost_to_go = nothing if question.cost_to_go is None else question.cost_to_go
         self.poses = np.zeros((0, 3))
         m = self.contacts
         self._push = np.zeros((m, 0, 0))
@@ -125,7 +125,7 @@ class Graph:
         self._first = np.array([self._assumed(k) for k in range(m)])
         least = float(self._first.min()) + self._pushes.settle + self._weighed(self._pushes.retreat)
         self.bound = max(
-            float(self.lower_bounds(start)[1][0]), least + float(self._onward.min(initial=np.inf))
+            float(self.lower_bounds(start)[1][0]), least + float(self._cost_to_go.min(initial=np.inf))
         )
 
     def _assumed(self, taken: int) -> float:
@@ -173,7 +173,7 @@ class Graph:
         leaves, arrives, fresh = np.arange(new) > self.goals, np.arange(new) > 0, np.arange(new) >= old
         leaves[0] = True  # nothing is pushed from a goal, nor back to the start
         after = np.zeros((self.contacts, new))
-        after[:, 1 : 1 + self.goals] = self._onward
+        after[:, 1 : 1 + self.goals] = self._cost_to_go
         for k, contact in enumerate(self._room.contacts):
             starts, ends = can_begin[k] & leaves, can_end[k] & arrives
             for rows, columns in ((starts & fresh, ends), (starts & ~fresh, ends & fresh)):
@@ -189,7 +189,7 @@ class Graph:
     def lower_bounds(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what no plan costs less than until the load is at poses (k, 3), and from there with what follows."""
         to, on = lower_bounds(self._room, self._question, poses)
-        return to, on + self._onward.min(initial=np.inf)
+        return to, on + self._cost_to_go.min(initial=np.inf)
 
     @property
     def stuck(self) -> bool:
@@ -249,9 +249,9 @@ class Graph:
             for end, price, goal in self._near(contact.packed, step.before):
                 cost, arcs = find_push(contact.scene, contact.packed, step.before, end)
                 steps = (*before, replace(step, after=end, arcs=arcs, cost=cost))
-                onward = self._after(step.contact, goal)
-                if self._cost(steps) + price + onward < best.cost:
-                    best = PushSequence(steps, self._cost(steps) + price + onward, onward)
+                cost_to_go = self._after(step.contact, goal)
+                if self._cost(steps) + price + cost_to_go < best.cost:
+                    best = PushSequence(steps, self._cost(steps) + price + cost_to_go, cost_to_go)
         return best
 
     def _first_steps(self, below: float) -> Iterator[Step]:
@@ -338,7 +338,7 @@ class Graph:
 
     def _after(self, m: int, v: int) -> float:
         """Return what comes after a plan that ends with a contact at a node, m; nothing where no plan ends."""
-        return float(self._onward[m, v - 1]) if 1 <= v <= self.goals else 0.0
+        return float(self._cost_to_go[m, v - 1]) if 1 <= v <= self.goals else 0.0
 
     def _look_at_transit(self, change: Change, level: int) -> bool:
         """Find the way of a change, return whether it costs what was assumed; one that is not found is put off."""

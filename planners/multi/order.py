@@ -139,7 +139,7 @@ class Order:
         begun = self._tours_from(now).begun(now.plate, now.left)
         return sorted((begun.get(piece, math.inf), piece) for piece in now.left)
 
-    def onward(self, now: Situation, piece: int) -> Callable[[FloatArray], FloatArray]:
+    def cost_to_go(self, now: Situation, piece: int) -> Callable[[FloatArray], FloatArray]:
         """Return a function from the plate's poses (k, 3) after a piece was brought to what the rest costs (k,)."""
         tours, left = self._tours_from(now), now.left - {piece}
         return lambda plates: tours.after(left, plates)
@@ -203,10 +203,12 @@ class Order:
                 break
             one = kept[k]
             step = self._delivery(one.here, piece, effort)
-            if step is not None and one.cost + step.with_onward < below:
+            if step is not None and one.cost + step.with_cost_to_go < below:
                 after = situation_after(self._pieces, step, one.here)
                 plans.append(
-                    PartialPlan(one.cost + step.with_onward, one.cost + step.cost, (*one.steps, step), after)
+                    PartialPlan(
+                        one.cost + step.with_cost_to_go, one.cost + step.cost, (*one.steps, step), after
+                    )
                 )
                 plans.sort(key=lambda one: one.whole)
         return plans
@@ -282,8 +284,11 @@ class Order:
             first = self._delivery(now, piece, 0) if effort else None
             if first is not None and first.beyond_bound < SPARE:
                 return first
-            goals, onward = self._pieces[piece].goals, None if effort is None else self.onward(now, piece)
-            self._known[key] = self._search(now, piece, goals, onward=onward, effort=effort or 0)
+            goals, cost_to_go = (
+                self._pieces[piece].goals,
+                None if effort is None else self.cost_to_go(now, piece),
+            )
+            self._known[key] = self._search(now, piece, goals, cost_to_go=cost_to_go, effort=effort or 0)
         return self._known[key]
 
     def _search(
@@ -292,14 +297,14 @@ class Order:
         piece: int,
         goals: tuple[Goal, ...],
         delivers: bool = True,
-        onward: Callable[[FloatArray], FloatArray] | None = None,
+        cost_to_go: Callable[[FloatArray], FloatArray] | None = None,
         effort: int = 0,
     ) -> Transfer | None:
         self.looked_at += 1
         limits = Limits(
             self._until, first=not effort, iterations=max(self._patience, effort), stop=self._cancelled
         )
-        return find_transfer(self._pieces, now, piece, limits, self._seed, goals, delivers, onward)
+        return find_transfer(self._pieces, now, piece, limits, self._seed, goals, delivers, cost_to_go)
 
     def _is_open(self, now: Situation, piece: int) -> bool:
         """Tell whether a piece has a plan, or only waits for others that are left to leave all its goals."""

@@ -165,9 +165,9 @@ class RearrangementSearch:
                 time.perf_counter() + left * spare[0] / max(sum(spare), GAIN),
                 stop=settings.observer.cancelled,
             )
-            goals, onward = (self._aim(one),), order.onward(now, one.piece) if one.delivers else None
+            goals, cost_to_go = (self._aim(one),), order.cost_to_go(now, one.piece) if one.delivers else None
             again = find_transfer(
-                self.pieces, now, one.piece, limits, settings.seed, goals, one.delivers, onward
+                self.pieces, now, one.piece, limits, settings.seed, goals, one.delivers, cost_to_go
             )
             if again is None:
                 return None

@@ -153,14 +153,14 @@ class Question:
         load: (3,) pose of the load.
         goals: (g, 3) poses of the load, any of which will do.
         within: (2,) how far (m, rad) the first object may end beside a goal where that saves `DETOUR`.
-        onward: (m, g) what comes after a plan that ends with a contact at a goal costs, m; None: nothing.
+        cost_to_go: (m, g) what comes after a plan that ends with a contact at a goal costs, m; None: nothing.
     """
 
     robot: FloatArray
     load: FloatArray
     goals: FloatArray
     within: FloatArray = field(default_factory=lambda: np.zeros(2))
-    onward: FloatArray | None = None
+    cost_to_go: FloatArray | None = None
 
 
 def lower_bounds(room: PushRoom, question: Question, through: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,4 +1,4 @@
-"""What may come next while a row is made, and what it costs: closes, deliveries and transits between situations."""
+"""What may come next while a row is made, and what it costs: closes, deliveries and transits between nodes."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ AWAY = (0.3, 0.6, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Situation:
-    """The plate holds something, and how it came about.
+class Node:
+    """A node of the search: what the plate holds, and how it came about.
 
     Attributes:
         cost: Of all moves until here, m.
@@ -37,7 +37,7 @@ class Situation:
         front: (3,) where the next one that is delivered ends; None before a place was chosen.
         place: Index of the row's place; -1 likewise.
         last: Name of the object that was delivered last, "" before.
-        moves: Since the situation before.
+        moves: Since the node before.
         before: That one.
     """
 
@@ -50,7 +50,7 @@ class Situation:
     place: int
     last: str
     moves: tuple[Move, ...]
-    before: Situation | None
+    before: Node | None
 
     @cached_property
     def key(self) -> tuple[object, ...]:
@@ -68,14 +68,14 @@ class Chance:
     """A step that may be taken next: what it is assumed to cost, priced exactly when it is its turn.
 
     Attributes:
-        situation: From which.
+        node: From which.
         taken: The object that is closed onto or driven to, and its face; None where the row is complete.
         delivers: The hand is brought to the row at first.
         place: Index of the row's place, where it is delivered to.
         by_way: The push leads through a pose in between.
     """
 
-    situation: Situation | None
+    node: Node | None
     taken: Member | None
     delivers: bool
     place: int = -1
@@ -83,7 +83,7 @@ class Chance:
 
 
 class Steps:
-    """The steps that lead from a situation to others.
+    """The steps that lead from a node to others.
 
     Args:
         hands: What the plate may hold, with the margins to plan with.
@@ -93,7 +93,7 @@ class Steps:
     """
 
     def __init__(
-        self, hands: Hands, floor: Floor, begin: Situation | None = None, starts: Poses | None = None
+        self, hands: Hands, floor: Floor, begin: Node | None = None, starts: Poses | None = None
     ) -> None:
         scenario = hands.scenario
         assert scenario.row is not None
@@ -108,17 +108,17 @@ class Steps:
         }
         front = self.begin.front
         self.places = row_places(scenario, hands) if front is None else (RowPlace(front, None),)
-        self._priced: dict[tuple[object, ...], tuple[Situation, float] | None] = {}
+        self._priced: dict[tuple[object, ...], tuple[Node, float] | None] = {}
 
-    def _first(self) -> Situation:
-        """Return the situation in which nothing was done yet."""
+    def _first(self) -> Node:
+        """Return the node in which nothing was done yet."""
         row, front, last = self.row, None, ""
         if row.placed:
             front, last = front_of_placed(self.scenario, self.hands)
         delivered = {name: self.starts[name] for name in row.placed}
         left = frozenset(row.of) - frozenset(row.placed)
         place = 0 if row.placed else -1
-        return Situation(0.0, (), self.scenario.plate_start, left, delivered, front, place, last, (), None)
+        return Node(0.0, (), self.scenario.plate_start, left, delivered, front, place, last, (), None)
 
     # --- what may come next ---
 
@@ -137,8 +137,8 @@ class Steps:
         way = shortest_drive(self.floor.wheels, plate, before) + self.choice.approach
         return self.choice.transit_weight * way
 
-    def next(self, now: Situation, closes: bool, delivers: bool) -> Iterator[tuple[float, Chance]]:
-        """Yield what may come after a situation, with bounds of the cost until the end."""
+    def next(self, now: Node, closes: bool, delivers: bool) -> Iterator[tuple[float, Chance]]:
+        """Yield what may come after a node, with bounds of the cost until the end."""
         hand = self.hands.hand(now.members)
         assert hand is not None
         if closes:
@@ -146,7 +146,7 @@ class Steps:
         if delivers:
             yield from self._deliveries(now, hand)
 
-    def _closings(self, now: Situation, hand: Hand) -> Iterator[tuple[float, Chance]]:
+    def _closings(self, now: Node, hand: Hand) -> Iterator[tuple[float, Chance]]:
         members = [m for m in self.members if m[0] in now.left and self._follows(now.members[-1][0], m[0])]
         if hand.across is None or not hand.closes or not members:
             return
@@ -156,7 +156,7 @@ class Steps:
             if math.isfinite(cost):
                 yield now.cost + float(cost) + SHORT, Chance(now, member, False)
 
-    def _deliveries(self, now: Situation, hand: Hand) -> Iterator[tuple[float, Chance]]:
+    def _deliveries(self, now: Node, hand: Hand) -> Iterator[tuple[float, Chance]]:
         members = [m for m in self.members if m[0] in now.left]
         for place, goal, cost in self._end_costs(now, hand):
             back = se2.compose(goal, [-self.choice.retreat, 0.0, 0.0])
@@ -164,7 +164,7 @@ class Steps:
             for member in members:
                 yield sofar + self._least_drive(back, member), Chance(now, member, True, place)
 
-    def last(self, now: Situation) -> Iterator[tuple[float, Chance]]:
+    def last(self, now: Node) -> Iterator[tuple[float, Chance]]:
         """Yield how a hand that has all that is left may be brought to the row."""
         hand = self.hands.hand(now.members)
         assert hand is not None
@@ -175,7 +175,7 @@ class Steps:
             if self._fills(place, goal):
                 yield now.cost + cost, Chance(now, None, True, place)
 
-    def _end_costs(self, now: Situation, hand: Hand) -> Iterator[tuple[int, FloatArray, float]]:
+    def _end_costs(self, now: Node, hand: Hand) -> Iterator[tuple[int, FloatArray, float]]:
         """Yield places for the row, where the plate is with the hand there (3,), and what the push costs at least."""
         for place, goal, onto in self._ends(now, hand):
             short = SHORT if onto else 0.0
@@ -184,7 +184,7 @@ class Steps:
             if math.isfinite(cost):
                 yield place, goal, cost
 
-    def _stays(self, now: Situation) -> bool:
+    def _stays(self, now: Node) -> bool:
         """Tell whether the row may stand anywhere, and all of it is in hand."""
         return not self.places and not now.delivered
 
@@ -198,7 +198,7 @@ class Steps:
         assert hand.across is not None
         return se2.compose(self.entries[member], se2.inverse(hand.across))
 
-    def _ends(self, now: Situation, hand: Hand) -> Iterator[tuple[int, FloatArray, str]]:
+    def _ends(self, now: Node, hand: Hand) -> Iterator[tuple[int, FloatArray, str]]:
         """Yield places for the row, where the plate is with the hand there (3,), and what it comes to touch."""
         if hand.across is None or not self._may_end(now):
             return
@@ -207,7 +207,7 @@ class Steps:
         for k, place in enumerate(self.places if now.front is None else ()):
             yield k, se2.compose(place.front, se2.inverse(hand.across)), ""
 
-    def _may_end(self, now: Situation) -> bool:
+    def _may_end(self, now: Node) -> bool:
         """Tell whether a hand comes next in the row, counted from its front."""
         if self.row.order == "any":
             return True
@@ -223,8 +223,8 @@ class Steps:
         rear = self.places[place].rear
         return rear is None or max(se2.pose_error(rear, goal)) < AT_PLACE
 
-    def estimate(self, now: Situation) -> float:
-        """Return what a plan costs about that goes on from a situation, m.
+    def estimate(self, now: Node) -> float:
+        """Return what a plan costs about that goes on from a node, m.
 
         Once all is taken, what the last push costs where nothing is in the way; before, at least how far it is to the
         nearest other one from each object that is left.
@@ -243,18 +243,18 @@ class Steps:
 
     def least(self, bound: float, chance: Chance) -> float:
         """Return the least estimate of a plan that goes on with a chance whose bound is known, m."""
-        now, taken = chance.situation or self.begin, chance.taken
+        now, taken = chance.node or self.begin, chance.taken
         if taken is None or now.left == {taken[0]}:
             return bound
-        hand = None if chance.situation is None or chance.delivers else self.hands.hand(now.members)
+        hand = None if chance.node is None or chance.delivers else self.hands.hand(now.members)
         plate = self.entries[taken] if hand is None else self._closed(hand, taken)
         return bound + self._between(now.left - {taken[0]}, plate)
 
     # --- what it costs ---
 
-    def priced(self, chance: Chance) -> Situation | None:
-        """Return the situation that a chance leads to, None where it is not possible."""
-        now = chance.situation
+    def priced(self, chance: Chance) -> Node | None:
+        """Return the node that a chance leads to, None where it is not possible."""
+        now = chance.node
         if now is None:
             assert chance.taken is not None
             return self._next_taken(self.begin, chance.taken)
@@ -269,7 +269,7 @@ class Steps:
         kept = self._priced[key]
         return None if kept is None else replace(kept[0], cost=now.cost + kept[1], before=now)
 
-    def _worked_out(self, now: Situation, chance: Chance) -> Situation | None:
+    def _worked_out(self, now: Node, chance: Chance) -> Node | None:
         hand = self.hands.hand(now.members)
         assert hand is not None
         if not chance.delivers:
@@ -293,7 +293,7 @@ class Steps:
 
     def with_one_moved(self) -> Iterator[Steps]:
         """Yield the steps once an object was pushed straight ahead and left: the least accessible ones first."""
-        taken: dict[str, list[Situation]] = {name: [] for name in self.row.of}
+        taken: dict[str, list[Node]] = {name: [] for name in self.row.of}
         for member in self.members:
             if member[0] in self.row.placed:
                 continue
@@ -306,7 +306,7 @@ class Steps:
                 if moved is not None:
                     yield moved
 
-    def _moved(self, now: Situation, away: float) -> Steps | None:
+    def _moved(self, now: Node, away: float) -> Steps | None:
         """Return the steps once what is held was pushed straight ahead and left there."""
         hand, name = self.hands.hand(now.members), now.members[0][0]
         assert hand is not None
@@ -326,8 +326,8 @@ class Steps:
         starts = {**self.starts, name: self._poses_in(now.members, goal)[name]}
         return Steps(self.hands, self.floor, begin, starts)
 
-    def _next_taken(self, now: Situation, member: Member) -> Situation | None:
-        """Return the situation in which the robot, which holds nothing, has driven to an object."""
+    def _next_taken(self, now: Node, member: Member) -> Node | None:
+        """Return the node in which the robot, which holds nothing, has driven to an object."""
         hand, name = self.hands.hand((member,)), member[0]
         assert hand is not None
         at, pose = self.entries[member], self.starts[name]
@@ -351,7 +351,7 @@ class Steps:
             moves=(*now.moves, *moves),
         )
 
-    def _closing(self, now: Situation, hand: Hand, member: Member, by_way: bool) -> Situation | None:
+    def _closing(self, now: Node, hand: Hand, member: Member, by_way: bool) -> Node | None:
         end = self._closed(hand, member)
         short = se2.compose(end, [-SHORT, 0.0, 0.0])
         standing = self._standing(now.left, now.delivered)
@@ -374,8 +374,8 @@ class Steps:
             before=now,
         )
 
-    def _delivery(self, now: Situation, hand: Hand, place: int, by_way: bool) -> Situation | None:
-        """Return the situation in which a hand was left in the row, and the robot has backed off."""
+    def _delivery(self, now: Node, hand: Hand, place: int, by_way: bool) -> Node | None:
+        """Return the node in which a hand was left in the row, and the robot has backed off."""
         goal, onto = next((goal, onto) for k, goal, onto in self._ends(now, hand) if k == place)
         short = SHORT if onto else 0.0
         at = se2.compose(goal, [-short, 0.0, 0.0])
@@ -392,8 +392,8 @@ class Steps:
             moves.append(Move.straight(CLOSE, now.members, at, short, onto))
         return self._backed_off(now, hand, goal, moves, push.cost + short, place)
 
-    def _left_there(self, now: Situation, hand: Hand) -> Situation | None:
-        """Return the situation in which a row that may stand anywhere was pushed flush and left."""
+    def _left_there(self, now: Node, hand: Hand) -> Node | None:
+        """Return the node in which a row that may stand anywhere was pushed flush and left."""
         settle = hand.packed.settling * hand.packed.settle
         end = se2.compose(now.plate, settle)
         arcs = np.append(hand.packed.settling, hand.packed.settle)[None]
@@ -403,14 +403,14 @@ class Steps:
         return self._backed_off(now, hand, end, moves, hand.packed.settle, -1)
 
     def _backed_off(
-        self, now: Situation, hand: Hand, goal: FloatArray, moves: list[Move], cost: float, place: int
-    ) -> Situation | None:
+        self, now: Node, hand: Hand, goal: FloatArray, moves: list[Move], cost: float, place: int
+    ) -> Node | None:
         if not self.floor.retreats(hand, goal, self._standing(now.left, now.delivered)):
             return None
         retreat = self.choice.retreat
         moves.append(Move.straight(RETREAT, now.members, goal, -retreat))
         delivered = {**now.delivered, **self._poses_in(now.members, goal)}
-        return Situation(
+        return Node(
             now.cost + cost + self.choice.transit_weight * retreat,
             (),
             se2.compose(goal, [-retreat, 0.0, 0.0]),

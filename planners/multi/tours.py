@@ -159,7 +159,7 @@ class Tours:
         self._left, self._whole = now.left, now.left == frozenset(ends)
         self._bit = {piece: 1 << k for k, piece in enumerate(ends)}
         self._exits = np.concatenate([end.exits for end in ends.values()])
-        self._onward = self._solved()
+        self._cost_to_go = self._solved()
 
     @classmethod
     def of(cls, pieces: tuple[Piece, ...], now: Situation) -> Tours:
@@ -193,7 +193,7 @@ class Tours:
         among = sum(self._bit[piece] for piece in left if piece in self._bit)
         off = np.hypot(*np.moveaxis(plates[:, None, :2] - self._exits[:, :2], -1, 0))
         turned = np.abs(se2.wrap_angle(plates[:, None, 2] - self._exits[:, 2]))
-        return np.asarray(self._onward[among, np.argmin(off + turned, axis=1)])
+        return np.asarray(self._cost_to_go[among, np.argmin(off + turned, axis=1)])
 
     def _drives(self, plates: FloatArray, piece: int) -> FloatArray:
         """What the ways from poses (k, 3) to the entries of a body cost, (k, m), m."""
@@ -217,9 +217,9 @@ class Tours:
 
     def _solved(self) -> FloatArray:
         """Return what the cheapest tours cost through each set of bodies (by bits) from each end of a push, m."""
-        onward = np.full((1 << len(self._ends), len(self._exits)), math.inf)
-        onward[0] = 0.0
-        sets = np.arange(len(onward))
+        cost_to_go = np.full((1 << len(self._ends), len(self._exits)), math.inf)
+        cost_to_go[0] = 0.0
+        sets = np.arange(len(cost_to_go))
         sizes = np.array([int(one).bit_count() for one in sets])
         ways = {piece: self._drives(self._exits, piece) for piece in self._ends}
         begins = np.cumsum([0, *(len(ends.exits) for ends in self._ends.values())])
@@ -227,8 +227,8 @@ class Tours:
             for begin, (piece, bit) in zip(begins[:-1], self._bit.items(), strict=True):
                 with_it = sets[(sizes == size) & (sets & bit > 0)]
                 own = slice(begin, begin + len(self._ends[piece].exits))
-                rest = onward[with_it ^ bit, own]
+                rest = cost_to_go[with_it ^ bit, own]
                 push = (self._costs(piece, with_it) + rest[:, None]).min(axis=2)
                 found = (ways[piece] + push[:, None]).min(axis=2)
-                onward[with_it] = np.minimum(onward[with_it], found)
-        return onward
+                cost_to_go[with_it] = np.minimum(cost_to_go[with_it], found)
+        return cost_to_go

@@ -94,10 +94,10 @@ class Transfer:
     def cost(self) -> float:
         """Of its plan, m."""
         assert self.found.best is not None
-        return self.found.best.cost - self.found.best.onward
+        return self.found.best.cost - self.found.best.cost_to_go
 
     @property
-    def with_onward(self) -> float:
+    def with_cost_to_go(self) -> float:
         """Cost of its plan and, about, of what comes after it, m."""
         assert self.found.best is not None
         return self.found.best.cost
@@ -105,7 +105,7 @@ class Transfer:
     @property
     def beyond_bound(self) -> float:
         """What its plan, with what comes after it, costs beyond what none costs less than, m."""
-        return self.with_onward - self.found.lower_bound
+        return self.with_cost_to_go - self.found.lower_bound
 
     @cached_property
     def end(self) -> FloatArray:
@@ -145,7 +145,7 @@ def find_transfer(
     seed: int,
     goals: tuple[Goal, ...],
     delivers: bool = True,
-    onward: Callable[[FloatArray], FloatArray] | None = None,
+    cost_to_go: Callable[[FloatArray], FloatArray] | None = None,
 ) -> Transfer | None:
     """Return a transfer of one piece to one of some goals, or to places out of the way; None where none was found.
 
@@ -157,7 +157,7 @@ def find_transfer(
         seed: Of the random numbers.
         goals: Any of which will do.
         delivers: They are goals of the piece.
-        onward: Returns what comes after it costs, m, (k,) for poses (k, 3) of the plate; None: nothing.
+        cost_to_go: Returns what comes after it costs, m, (k,) for poses (k, 3) of the plate; None: nothing.
     """
     own = pieces[piece].search.scenario
     assert own.pushes is not None
@@ -184,7 +184,9 @@ def find_transfer(
     room = searching.room(0)
     within = _within(pieces, now, piece) if delivers else np.zeros(2)
     after = (
-        None if onward is None else onward(plates_after(room, free)).reshape(len(room.contacts), len(free))
+        None
+        if cost_to_go is None
+        else cost_to_go(plates_after(room, free)).reshape(len(room.contacts), len(free))
     )
     question = Question(backed_off(room, scenario), np.array(scenario.start), free, within, after)
     found = search(room, question, limits, seed)
