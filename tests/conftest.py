@@ -1,6 +1,7 @@
 """Chains that many tests need, built directly, without scenario files."""
 
 import os
+import signal
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
+from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose, rotate, transform_points
 from pushplan.mechanics.chain import PLATE, Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
@@ -67,6 +69,30 @@ def there(value: Value | None) -> Value:
     """Return what has to be there."""
     assert value is not None
     return value
+
+
+def heed_interrupts() -> None:
+    """Let Ctrl-C end the program that follows; for `preexec_fn`, as shells let what they start ignore it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def calls_of(work: Callable[[], object]) -> int:
+    """Return how many functions are called until the work is done, or refused."""
+    count = 0
+
+    def note(frame: object, event: str, argument: object) -> None:
+        nonlocal count
+        count += event in ("call", "c_call")
+
+    before = sys.getprofile()
+    sys.setprofile(note)
+    try:
+        work()
+    except PushplanError:
+        pass
+    finally:
+        sys.setprofile(before)
+    return count
 
 
 PLATE_OUTLINE = np.array([[-0.03, -0.1], [0.0, -0.1], [0.0, 0.1], [-0.03, 0.1]])

@@ -1,4 +1,4 @@
-"""Plans made by hand: of one push of a chain along a path or a trajectory."""
+"""Scenarios without what the defaults add, and plans made by hand, for tests of searches and timing by themselves."""
 
 from dataclasses import replace
 
@@ -40,3 +40,30 @@ def timed(
     """Return a path of the chain frame timed as the scenario says; the trajectory is of the chain frame, too."""
     push = Segment.push(Load.of(scenario), path, scenario.poses, scenario.required_margin)
     return time_segments(scenario, (push,), rate, stable_set)[0].contact_trajectory
+
+
+ARC_PRICE = 0.002
+"""What an arc counts beside its length, m."""
+
+
+def plain(scenario: Scenario) -> Scenario:
+    """Return a scenario ranked by travel, with a margin of 0, quasi-static contacts and exact timing.
+
+    Its paths are the hardest to time: few metres, sharp corners, twists on the boundary of the stable set.
+    """
+    pusher, stated = scenario.chain.pusher, scenario.stated["pusher"]
+    limits = replace(pusher.limits, contact="quasi-static")
+    words = {**stated, "limits": {**stated["limits"], "contact": "quasi-static"}}
+    return replace(
+        scenario,
+        chain=replace(scenario.chain, pusher=replace(pusher, limits=limits)),
+        stability=replace(scenario.stability, margin=0.0),
+        planner=replace(scenario.planner, cost="travel", arc_price=ARC_PRICE),
+        trajectory="exact",
+        stated={**scenario.stated, "pusher": words},
+    )
+
+
+def load_plain(name: str) -> Scenario:
+    """Return a packaged scenario, made `plain`."""
+    return plain(pushplan.load_scenario(name))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import there
-from plain import load_plain, plain
+from plans_of import load_plain, plain
 
 import pushplan
 from pushplan.geometry import se2

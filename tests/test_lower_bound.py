@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import there
-from plain import load_plain
+from plans_of import load_plain
 
 from pushplan.core.problem import find_words
 from pushplan.planners.controls import control_segments, steering_families

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from conftest import ChainMaker, there
-from plain import load_plain
+from plans_of import load_plain
 
 from pushplan.cli.main import main
 from pushplan.errors import PlanningError

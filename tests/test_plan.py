@@ -10,8 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from conftest import ChainMaker, there
-from plain import load_plain
-from plans_of import push_of
+from plans_of import load_plain, push_of
 
 import pushplan
 from pushplan.bench.validation import validation_error

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 from conftest import there
-from plain import load_plain, plain
+from plans_of import load_plain, plain
 
 from pushplan.bench.random_problems import generate
 from pushplan.bench.schema import ProblemParameters

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 from conftest import there
-from plain import load_plain
+from plans_of import load_plain
 
 import pushplan
 from pushplan.core.improve import objective_value, shorten, vary

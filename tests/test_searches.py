@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from ompl import base as ob
-from plain import load_plain
+from plans_of import load_plain
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 

@@ -9,15 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import there
 
 import pushplan
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose
 from pushplan.planners.search.planners import planner_named
-from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
-from pushplan.plans.trajectory import Trajectory
 from pushplan.sets.known_load_sets import EcofSet
 from pushplan.sets.named import add_set
 from pushplan.sim.control.controller import Controller
@@ -25,6 +22,7 @@ from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance
 from pushplan.sim.follower import PATIENCE, Follower
+from pushplan.sim.world import World
 
 NUMBERS = [math.nan, -math.inf, 1e300, "word", [], object()]
 PERIOD = 0.02
@@ -147,10 +145,10 @@ def test_a_follower_neither_answers_nan_nor_goes_on(key: str, value: Any) -> Non
         lambda v: Follower(plan(), slipped=(0.1, v)),
         lambda v: Follower(plan(), period=v),
         lambda v: Follower(plan(), speed=v),
-        lambda v: pushplan.World.from_scenario(plan().scenario).with_contact_friction(v),
-        lambda v: replace(pushplan.World.from_scenario(plan().scenario), other_friction=v),
-        lambda v: pushplan.SlipSimulator(pushplan.World.from_scenario(plan().scenario)).move([v, 0, 0], 1.0),
-        lambda v: pushplan.SlipSimulator(pushplan.World.from_scenario(plan().scenario)).move([1, 0, 0], v),
+        lambda v: World.from_scenario(plan().scenario).with_contact_friction(v),
+        lambda v: replace(World.from_scenario(plan().scenario), other_friction=v),
+        lambda v: pushplan.SlipSimulator(World.from_scenario(plan().scenario)).move([v, 0, 0], 1.0),
+        lambda v: pushplan.SlipSimulator(World.from_scenario(plan().scenario)).move([1, 0, 0], v),
     ],
 )
 def test_what_is_simulated_and_set_is_refused(made: Any, value: Any) -> None:
@@ -158,80 +156,47 @@ def test_what_is_simulated_and_set_is_refused(made: Any, value: Any) -> None:
         made(value)
 
 
-@cache
-def crates() -> pushplan.Plan:
-    return pushplan.plan(pushplan.load_scenario("two-crates"), first=True, time_limit=60.0)
+api: Any = pushplan
 
 
-def path() -> PushPath:
-    found = there(crates().path)
-    return found
+def world(plan: Plan) -> Any:
+    return World.from_scenario(plan.scenario)
 
 
-def trajectory() -> Trajectory:
-    found = there(crates().trajectory)
-    return found
-
-
-def world() -> pushplan.World:
-    return pushplan.World.from_scenario(crates().scenario)
-
-
-CALLS: dict[str, tuple[Callable[[], Any], str]] = {
-    "path": (lambda: path().poses_at([math.nan]), "costs hold NaN"),
-    "trajectory": (lambda: trajectory().poses_at([math.nan]), "times hold NaN"),
-    "huge": (lambda: trajectory().poses_at([10**400]), "times cannot be read"),
-    "margin": (lambda: crates().scenario.stable_set().margin("ab"), "twists cannot be read as numbers"),
-    "window": (lambda: crates().scenario.stable_set().cor_region(1, (1.0, 2.0)), "window is"),  # type: ignore[arg-type]
-    "start": (lambda: pushplan.Planner(crates().scenario).plan(start="ab"), "start cannot be read"),
-    "obstacle": (
-        lambda: pushplan.Planner(crates().scenario).with_obstacles([1.0]),  # type: ignore[list-item]
-        r"obstacle 0 is 1\.0; allowed: PolygonObstacle and CircleObstacle",
-    ),
-    "cost": (
-        lambda: pushplan.plan(crates().scenario, cost="fuel"),
-        "no cost is called 'fuel'; there are travel,",
-    ),
-    "margin asked": (
-        lambda: pushplan.plan(crates().scenario, margin=1.0),
-        "allowed: 'auto' or a number from 0",
-    ),
-    "no margin": (lambda: pushplan.plan(crates().scenario, margin=0.9), "no push has a margin above 0.9"),
-    "no room": (lambda: pushplan.plan(crates().scenario, margin=0.0), "leaves the contacts nothing to spare"),
-    "no trials": (lambda: pushplan.trial(crates(), 0), "must be a whole number from 1"),
-    "period": (lambda: pushplan.Follower(crates(), period=0.0), "period is 0"),
-    "no logs": (lambda: pushplan.identify([]), "there is no log"),
-    "samples": (lambda: pushplan.trial(crates(), 0.5), "the number of samples is 0.5"),  # type: ignore[arg-type]
-    "seed": (lambda: pushplan.trial(crates(), 2, seed=-1), "the seed is -1"),
-    "iterations": (
-        lambda: pushplan.plan(crates().scenario, iterations=10**400),
-        "allowed: a whole number from 1",
-    ),
-    "simulator": (lambda: pushplan.trial(crates(), 2, simulator=7), "7 is no simulator"),  # type: ignore[arg-type]
-    "follower": (lambda: pushplan.Follower(7), "nothing to follow in 7"),  # type: ignore[arg-type]
-    "no planner": (
-        lambda: planner_named("nobody"),
-        "no planner is called 'nobody'; there are auto, rrt, est",
-    ),
-    "no module": (
-        lambda: planner_named("no_such_module:Planner"),
-        "cannot load 'no_such_module:Planner': No module",
-    ),
-    "no attribute": (lambda: planner_named("math:nothing"), "module 'math' has no attribute 'nothing'"),
-    "a number": (lambda: planner_named("math:pi"), "the planner 'math:pi' is a float"),
-    "no set": (lambda: add_set("math:pi"), "'math:pi' is no stable set; allowed: a subclass of"),
-    "misspelt": (lambda: add_set("stabel"), "no stable set is called 'stabel'; there are ecof, cof"),
-    "a name taken": (
-        lambda: add_set(type("False_", (EcofSet,), {"name": "cof"})),
-        "has the name 'cof'; allowed: a text other than ecof, cof",
-    ),
-    "move": (lambda: pushplan.SlipSimulator(world()).move({}, 1.0), "twist cannot be read"),  # type: ignore[arg-type]
-    "poses": (lambda: world().with_object_poses(np.array([["a"] * 3])), "cannot be read as numbers"),
-}
+CALLS: dict[str, tuple[Callable[[Any], Any], str]] = {
+    "path": (lambda p: p.path.poses_at([math.nan]), "costs hold NaN"),
+    "trajectory": (lambda p: p.trajectory.poses_at([math.nan]), "times hold NaN"),
+    "huge": (lambda p: p.trajectory.poses_at([10**400]), "times cannot be read"),
+    "margin": (lambda p: p.scenario.stable_set().margin("ab"), "twists cannot be read as numbers"),
+    "window": (lambda p: p.scenario.stable_set().cor_region(1, (1.0, 2.0)), "window is"),
+    "start": (lambda p: api.Planner(p.scenario).plan(start="ab"), "start cannot be read"),
+    "obstacle": (lambda p: api.Planner(p.scenario).with_obstacles([1.0]), r"obstacle 0 is 1\.0; allowed: Polygon"),
+    "cost": (lambda p: api.plan(p.scenario, cost="fuel"), "no cost is called 'fuel'; there are travel,"),
+    "margin asked": (lambda p: api.plan(p.scenario, margin=1.0), "allowed: 'auto' or a number from 0"),
+    "no margin": (lambda p: api.plan(p.scenario, margin=0.9), "no push has a margin above 0.9"),
+    "no room": (lambda p: api.plan(p.scenario, margin=0.0), "leaves the contacts nothing to spare"),
+    "no trials": (lambda p: api.trial(p, 0), "must be a whole number from 1"),
+    "period": (lambda p: api.Follower(p, period=0.0), "period is 0"),
+    "no logs": (lambda p: api.identify([]), "there is no log"),
+    "samples": (lambda p: api.trial(p, 0.5), "the number of samples is 0.5"),
+    "seed": (lambda p: api.trial(p, 2, seed=-1), "the seed is -1"),
+    "iterations": (lambda p: api.plan(p.scenario, iterations=10**400), "allowed: a whole number from 1"),
+    "simulator": (lambda p: api.trial(p, 2, simulator=7), "7 is no simulator"),
+    "follower": (lambda p: api.Follower(7), "nothing to follow in 7"),
+    "no planner": (lambda p: planner_named("nobody"), "no planner is called 'nobody'; there are auto, rrt, est"),
+    "no module": (lambda p: planner_named("no_such_module:Planner"), "cannot load 'no_such_module:Planner'"),
+    "no attribute": (lambda p: planner_named("math:nothing"), "module 'math' has no attribute 'nothing'"),
+    "a number": (lambda p: planner_named("math:pi"), "the planner 'math:pi' is a float"),
+    "no set": (lambda p: add_set("math:pi"), "'math:pi' is no stable set; allowed: a subclass of"),
+    "misspelt": (lambda p: add_set("stabel"), "no stable set is called 'stabel'; there are ecof, cof"),
+    "a name taken": (lambda p: add_set(type("False_", (EcofSet,), {"name": "cof"})), "has the name 'cof'; allowed"),
+    "move": (lambda p: api.SlipSimulator(world(p)).move({}, 1.0), "twist cannot be read"),
+    "poses": (lambda p: world(p).with_object_poses([["a"] * 3]), "cannot be read as numbers"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", CALLS)
 def test_a_silly_call_is_told_so(name: str) -> None:
     call, said = CALLS[name]
     with pytest.raises(PushplanError, match=said):
-        call()
+        call(plan())

@@ -16,8 +16,7 @@ from typing import Any
 import boxes
 import numpy as np
 import pytest
-from conftest import there
-from interrupts import heed_interrupts
+from conftest import heed_interrupts, there
 from kinds import MULTI, SWAP, made
 
 import pushplan

@@ -9,8 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from conftest import there
-from interrupts import heed_interrupts
+from conftest import heed_interrupts, there
 
 from pushplan.bench.batch import Selection, run_suite
 from pushplan.bench.executor import local_engine

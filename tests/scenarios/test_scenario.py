@@ -12,10 +12,9 @@ from typing import Any
 import mutators
 import numpy as np
 import pytest
-from conftest import there
+from conftest import calls_of, there
 from kinds import SWAP
 from scenarios.conftest import Changed
-from work import calls_of
 
 import pushplan
 from pushplan.errors import ScenarioError

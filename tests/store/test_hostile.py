@@ -10,9 +10,8 @@ from pathlib import Path
 
 import pytest
 import zstandard
-from conftest import there
+from conftest import calls_of, there
 from store.conftest import Case
-from work import calls_of
 
 from pushplan.errors import OutputError, RunLogError
 from pushplan.logging.codec import CodecError, decode
@@ -49,6 +48,7 @@ CHANNELS = record(SCHEMA, struct.pack("<H", 1) + text("a") + text("protobuf") + 
 )
 TINY = record(MESSAGE, struct.pack("<HIQQ", 1, 0, 0, 0))
 ZEROS = zstandard.compress(bytes(32 << 20))
+MANY = chunk(zstandard.compress(TINY * 500_000), 500_000 * len(TINY))
 FILES: dict[str, tuple[Callable[[], bytes], str]] = {
     "empty": (lambda: b"", "not an MCAP file"),
     "another kind": (lambda: b"%PDF-1.7" + bytes(99), "not an MCAP file"),
@@ -63,15 +63,9 @@ FILES: dict[str, tuple[Callable[[], bytes], str]] = {
     "a wrong checksum": (lambda: mcap(chunk(b"1234", 4, "", 7)), "checksum of a chunk does not fit"),
     "a cut record in a chunk": (lambda: mcap(chunk(record(MESSAGE, b"", 99), 9, "")), "ends inside a record"),
     "a message of nobody": (lambda: mcap(chunk(TINY, len(TINY), "")), "channel 1, which is not declared"),
-    "a million messages": (
-        lambda: mcap(CHANNELS, *[chunk(zstandard.compress(TINY * 500_000), 500_000 * len(TINY))] * 5),
-        "far more records than its size allows",
-    ),
+    "a million messages": (lambda: mcap(CHANNELS, *[MANY] * 5), "far more records than its size allows"),
     "a million records": (lambda: mcap(record(128, b"") * 300_000), "far more records than its size allows"),
-    "text that is none": (
-        lambda: mcap(record(METADATA, struct.pack("<I", 2) + b"\xff\xff")),
-        "damaged metadata",
-    ),
+    "text that is none": (lambda: mcap(record(METADATA, b"\2\0\0\0\xff\xff")), "damaged metadata"),
     "a field beyond its record": (lambda: mcap(record(METADATA, struct.pack("<I", 999))), "damaged metadata"),
     "metadata of megabytes": (lambda: mcap(record(METADATA, bytes(2 << 20))), "metadata of 2097152 bytes"),
     "no run": (lambda: mcap(), "without the metadata 'pushplan.run'"),

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from conftest import there
-from plain import load_plain
+from plans_of import load_plain
 
 from pushplan.mechanics.chain import Limits
 from pushplan.planners.planner import plan
