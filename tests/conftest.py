@@ -151,36 +151,11 @@ class ChainMaker:
 
     def moved(self, chain: Chain, pose: FloatArray) -> Chain:
         """Return the chain with every object and contact moved by a pose (3,)."""
-        objects = [replace(obj, pose_chain=compose(pose, obj.pose_chain)) for obj in chain.objects]
-        ends = [(transform_points(pose, c.right), transform_points(pose, c.left)) for c in chain.contacts]
-        return self._changed(chain, objects, ends)
-
-    def mirrored(self, chain: Chain) -> Chain:
-        """Return the chain mirrored in the x axis; uniform supports only."""
-        flip = np.array([1.0, -1.0])
-        ends = [(c.left * flip, c.right * flip) for c in chain.contacts]
-        return self._changed(chain, self._shaped(chain, lambda o: o[::-1] * flip, [1.0, -1.0, -1.0]), ends)
-
-    def scaled(self, chain: Chain, factor: float) -> Chain:
-        """Return the chain with all lengths multiplied; uniform supports only."""
-        ends = [(c.right * factor, c.left * factor) for c in chain.contacts]
-        return self._changed(chain, self._shaped(chain, lambda o: o * factor, [factor, factor, 1.0]), ends)
-
-    def _shaped(
-        self, chain: Chain, shape: Callable[[FloatArray], FloatArray], factors: list[float]
-    ) -> list[PushedObject]:
-        made = [(obj, shape(obj.outline)) for obj in chain.objects]
-        return [
-            replace(
-                obj, outline=outline, support=UniformSupport(outline), pose_chain=obj.pose_chain * factors
-            )
-            for obj, outline in made
-        ]
-
-    def _changed(
-        self, chain: Chain, objects: list[PushedObject], ends: list[tuple[FloatArray, FloatArray]]
-    ) -> Chain:
-        contacts = [replace(c, right=a, left=b) for c, (a, b) in zip(chain.contacts, ends, strict=True)]
+        objects = (replace(obj, pose_chain=compose(pose, obj.pose_chain)) for obj in chain.objects)
+        contacts = (
+            replace(c, right=transform_points(pose, c.right), left=transform_points(pose, c.left))
+            for c in chain.contacts
+        )
         return Chain(tuple(objects), tuple(contacts), chain.pusher)
 
 

@@ -6,9 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from conftest import there
 
-from pushplan.bench.validation import clearance
 from pushplan.core.collision import sweep_is_free
 from pushplan.errors import ChainError
 from pushplan.geometry import se2
@@ -16,7 +14,6 @@ from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.faces import places, pushed_at, pushed_from
 from pushplan.planners.clearance import find_collision
 from pushplan.planners.scene import build_scene
-from pushplan.plans.execution import Execution
 from pushplan.plans.path import cost_rate
 from pushplan.scenario.file import scenario_from_document, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Scenario
@@ -62,15 +59,6 @@ def stated_bodies(scenario: Scenario) -> shapely.Geometry:
     return shapely.affinity.translate(union, 0.0, float(scenario.chain.pusher.outline[:, 1].mean()))
 
 
-def executed(scenario: Scenario, poses: FloatArray) -> Execution:
-    chain, m = scenario.chain, len(poses)
-    plate, box = se2.compose(poses, chain.pusher.plate_pose), se2.compose(poses, chain.objects[0].pose_chain)
-    t, segment = np.arange(float(m)), np.zeros(m, int)
-    return Execution(
-        ("box",), "ecof", t, plate, 0.0 * plate, box[:, None], segment, np.zeros((m, 1)), None, (0.0, 0.0)
-    )
-
-
 def gap_along(body: shapely.Geometry, poses: FloatArray, obstacle: shapely.Geometry) -> float:
     """Smallest distance (m) of a body at poses (m, 3) from an obstacle."""
     corners = shapely.get_coordinates(obstacle)[:-1] - poses[:, None, :2]
@@ -91,14 +79,14 @@ def test_the_sweep_and_the_checker_agree_with_shapely_about_the_robot(scenario: 
         scene = build_scene(scenario.chain, [triangle], np.zeros((0, 3)), NOWHERE, scenario.clearance)
         free = bool(sweep_is_free(scene, 0.0, 0.0, 0.0, twist[0], twist[1], twist[2], length))
         one = replace(scenario, obstacles=(PolygonObstacle(triangle),))
-        hit = there(find_collision(one, poses))
+        hit = find_collision(one, poses)
         if gap > 1.3 * scenario.clearance:
             assert free
             assert hit is None
             found["free"] += 1
-            assert clearance(one, executed(one, poses)) == pytest.approx(gap, abs=0.006)
         elif gap < 0.9 * scenario.clearance:
             assert not free
+            assert hit is not None
             found["hit"] += 1
             if find_collision(bare(one), poses) is None:
                 assert hit.body == "robot"

@@ -18,14 +18,12 @@ from pushplan.drawing import PICTURE_SUFFIXES, palette
 from pushplan.drawing import figure as plot_figure
 from pushplan.drawing.plans import plot_plan, plot_scenario
 from pushplan.drawing.scene import PATH_SPACING, Scene
-from pushplan.drawing.sets import draw_drive, plot_stable_sets
+from pushplan.drawing.sets import plot_stable_sets
 from pushplan.drawing.trials import plot_trials
 from pushplan.geometry import se2
-from pushplan.mechanics.chain import Drive
 from pushplan.plans.execution import TrialEnd
 from pushplan.plans.plan import Plan
 from pushplan.scenario.model import Workspace
-from pushplan.sets.cor_window import default_window
 from pushplan.sets.named import stable_set
 
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
@@ -124,36 +122,6 @@ def test_the_legend_of_stable_sets_covers_nothing(
     figures, chain = _kept_figures(monkeypatch), plans["push"].scenario.chain
     plot_stable_sets(chain, [stable_set(chain, "ecof")] * count, tmp_path / "s.png")
     _assert_nothing_covered(figures[0])
-
-
-@pytest.mark.parametrize(
-    "drive",
-    [
-        Drive(),
-        Drive("differential", np.zeros(3)),
-        Drive("car", np.array([0.01, 0.02, 0.1]), 0.55),
-    ],
-    ids=lambda drive: drive.kind,
-)
-def test_what_a_drive_can_turn_about_is_drawn_and_strong_where_it_is_stable(
-    drive: Drive, plans: dict[str, Plan]
-) -> None:
-    chain = plans["push"].scenario.chain
-    chain = replace(chain, pusher=replace(chain.pusher, drive=drive))
-    stable, axes = stable_set(chain, "ecof"), Figure().add_subplot()
-    window = default_window(chain, [stable])
-    draw_drive(axes, chain, stable, window)
-    dashed = [line for line in axes.lines if line.is_dashed()]
-    strong = [np.asarray(line.get_xydata()) for line in axes.lines if not line.is_dashed()]
-    assert (len(dashed), bool(strong)) == ((0, False) if drive.axle is None else (2, True))
-    for ends in [*strong, *(np.asarray(line.get_xydata()) for line in dashed)]:
-        x, y, heading = there(drive.axle)
-        for off in ends - np.array([x, y]):
-            assert off @ [np.cos(heading), np.sin(heading)] == pytest.approx(0.0, abs=1e-9)
-            assert np.hypot(*off) >= drive.min_radius - 1e-9
-    for ends in strong:
-        for px, py in ends[0] + np.outer([0.02, 0.5, 0.98], ends[-1] - ends[0]):
-            assert max(stable.margin([[py, -px, 1.0], [-py, px, -1.0]])) > 0.0
 
 
 def _kept_figures(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:

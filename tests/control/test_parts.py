@@ -19,7 +19,7 @@ from pushplan.sim.control.closing import GAP, ClosingPush, Spread, closing_push,
 from pushplan.sim.control.departures import find_slide
 from pushplan.sim.control.estimator import Estimator, Sample, tangents_of
 from pushplan.sim.control.replanner import Aim
-from pushplan.sim.control.sensing import Measurements, Sensor, Sightings
+from pushplan.sim.control.sensing import Measurements, Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance, disturbed
 from pushplan.sim.follower import Drive
@@ -68,22 +68,6 @@ def test_no_pose_brings_objects_that_have_slid_nearer_to_their_goals(
     assert aim.best(chain) <= min(best, 0.5 * abs(slides[1]) / 5e-3)
     off = np.random.default_rng(1).uniform(-1.0, 1.0, (40_000, 3)) * [5e-3, 5e-3, np.radians(1.0)]
     assert aim.share(compose((aim.exact(chain) + off)[:, None], chain.places)).min() > aim.best(chain) - 0.01
-
-
-def test_measurements_are_averaged_object_by_object_and_those_ahead_wait() -> None:
-    sightings, around = Sightings(np.array([1e-3, 5e-3])), np.zeros((2, 3))
-    for k in range(6):
-        pose = np.array([[0.01 * k, 0.0, 2.0 * np.pi], [1.0, 0.0, 0.0]])
-        if k % 2:
-            pose[1] = np.nan
-        sightings.see(0.1 * k, pose)
-        sightings.come(0.1 * k - 0.05, np.zeros(3))
-    assert sightings.latest() == pytest.approx(0.5)
-    np.testing.assert_allclose(sightings.unseen(0.0, [0, 1]), [0.4, 0.4])
-    assert sightings.mean(around, 4, -np.inf, [0, 1]) is None
-    seen = there(sightings.mean(around, 3, -np.inf, [0, 1]))
-    np.testing.assert_allclose(seen, [[0.02, 0.0, 0.0], [1.0, 0.0, 0.0]], atol=1e-12)
-    assert sightings.mean(around, 2, 0.25, [0, 1]) is None
 
 
 TRUTHS = {

@@ -13,8 +13,6 @@ from pushplan.scenario.check import questions
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.source import MOST_BYTES, MOST_DEPTH, MOST_NODES, DocumentError, Source, resolve
 
-MASS = 'a mass in kg from 1e-06 to 1000000, or with a unit, e.g. "800 g"'
-
 
 def mistakes() -> list[tuple[str, str, str]]:
     """Return what is replaced in the valid scenario, by what, and the finding that this gives."""
@@ -40,14 +38,12 @@ def test_findings_of_all_stages_are_told_at_once_in_the_order_of_the_file(valid:
         ("margin: auto", "margin: &m auto"),
         ("seed: 1", "seed: one"),
     ]
-    assert valid.findings(*changes) == [
-        "f.yaml:3:25: floor.colour: unknown key; allowed: friction",
-        f"f.yaml:7:11: objects[0].mass: is -1.2; allowed: {MASS}",
-        "f.yaml:9:5: objects[1]: 'far' overlaps 'near' by 3.2 mm; move them apart",
-        "f.yaml:24:7: goal.of: no object is called 'nowhere'; allowed: near, far",
-        "f.yaml:31:32: stability.margin: anchors (&m) are not supported; leave it out",
-        "f.yaml:32:45: planner.seed: is the text 'one'; allowed: a whole number from 0 to 2147483647",
-    ]
+    places = [
+        "3:25: floor.colour", "7:11: objects[0].mass", "9:5: objects[1]", "24:7: goal.of", "31:32: stability.margin",
+        "32:45: planner.seed",
+    ]  # fmt: skip
+    found = [": ".join(line.split(": ")[:2]) for line in valid.findings(*changes)]
+    assert found == [f"f.yaml:{place}" for place in places]
 
 
 def test_a_pressure_map_stays_in_the_folder_of_the_scenario(valid: Changed, tmp_path: Path) -> None:

@@ -145,16 +145,13 @@ def test_worst_case_is_a_pressure_that_does_it(make_chain: ChainMaker) -> None:
     assert tried > 20
 
 
-def test_symmetries_of_the_worst_case(make_chain: ChainMaker) -> None:
-    """Mirroring and scaling a chain mirrors and scales its set; turning it about the origin turns the set."""
+def test_sets_turn_with_their_chains(make_chain: ChainMaker) -> None:
+    """Turning a chain about the origin turns its set."""
     chain = make_chain.random(3, 3)
     twists = np.random.default_rng(0).normal(size=(60, 3)) * [0.4, 0.4, 2.0] + [1.0, 0.0, 0.0]
     for name in ("ecof", "cof", "stable", "robust"):
         margin = stable_set(chain, name).margin(twists)
-        mirrored = stable_set(make_chain.mirrored(chain), name).margin(twists * [1.0, -1.0, -1.0])
-        scaled = stable_set(make_chain.scaled(chain, 3.0), name).margin(twists * [3.0, 3.0, 1.0])
         c, s = np.cos(0.7), np.sin(0.7)
         turned = np.column_stack([twists[:, :2] @ np.array([[c, s], [-s, c]]), twists[:, 2]])
         moved = stable_set(make_chain.moved(chain, np.array([0.0, 0.0, 0.7])), name).margin(turned)
-        for other in (mirrored, scaled, moved):
-            np.testing.assert_allclose(other, margin, atol=1e-4 if name == "robust" else 1e-8)
+        np.testing.assert_allclose(moved, margin, atol=1e-4 if name == "robust" else 1e-8)

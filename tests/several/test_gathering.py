@@ -27,7 +27,7 @@ from pushplan.plans.settings import Observer
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.sim import closing
-from pushplan.sim.control.jobs import push_job, straight_onto
+from pushplan.sim.control.jobs import push_job
 from pushplan.sim.control.rest import RestPlanner
 from pushplan.sim.control.sensing import Sightings
 from pushplan.sim.control.settings import ControlSettings
@@ -128,19 +128,6 @@ def test_rows_are_made_and_pass_the_checks_of_other_hands(row: dict[str, Any], d
     report = simulate(plan, World.from_scenario(plan.scenario))
     assert report.kept
     assert report.arrived(plan.scenario)
-
-
-def test_the_checks_of_other_hands_see_what_is_spoiled(made: tuple[Scenario, Plan]) -> None:
-    told = json.loads(json.dumps(made[1].to_dict(), default=float))
-    closes = next(k for k, one in enumerate(told["segments"]) if one["kind"] == "close")
-    for k, key, value in (
-        (closes, "onto", "c"),
-        (closes + 1, "robot_after", [0.0, 0.0, 0.0]),
-        (closes - 1, "load", []),
-    ):
-        spoiled = json.loads(json.dumps(told))
-        spoiled["segments"][k][key] = value
-        assert list(wrong_in(document(), spoiled, 0.1))
 
 
 def test_objects_are_pushed_together_one_by_one_or_as_costs_decide(made: tuple[Scenario, Plan]) -> None:
@@ -280,9 +267,7 @@ def test_the_validator_refuses_closes_that_are_none(made: tuple[Scenario, Plan])
     aside = np.array([[np.cos(0.01), np.sin(0.01), 0.0]])
     bent = replace(segments[close].path, twists=aside)
     assert "not straight" in judge.flaw_of(replace(segments[close], path=bent, trajectory=None))
-    assert "does not follow" in judge.flaw((*segments[: close + 1], *segments[close + 2 :]), None) or (
-        "begin" in judge.flaw((*segments[: close + 1], *segments[close + 2 :]), None)
-    )
+    assert judge.flaw((*segments[: close + 1], *segments[close + 2 :]), None)
     elsewhere = scenario_from_document(document({"pose": [3.0, 2.0, 0.1]}))
     assert "rear" in Validator(elsewhere).flaw(segments, None)
     at_wall = scenario_from_document(document({"wall": "xmin"}))
@@ -410,20 +395,3 @@ def test_what_closes_onto_the_row_comes_squarely_and_what_it_turns_may_wait_for_
     assert delivered.left() == others
     delivered.take(others)
     assert delivered.left() == {first}
-
-
-@pytest.mark.parametrize(
-    ("ahead", "aside", "turn", "length"),
-    [(0.02, 0.0, 0.0, 0.021), (0.024, 0.004, 0.02, 0.0265), (0.02, 0.02, 0.0, None), (0.02, 0.0, 0.2, None)],
-)
-def test_a_load_closes_straight_onto_an_object_where_that_was_measured(
-    made: tuple[Scenario, Plan], ahead: float, aside: float, turn: float, length: float | None
-) -> None:
-    plan = made[1]
-    k = next(k for k, segment in enumerate(plan.segments) if segment.kind == "close")
-    close = plan.segments[k]
-    away = se2.relative(close.path.end, close.before[close.onto])
-    flush = se2.compose(close.path.start, [ahead, aside, turn])
-    poses = {**close.before, close.onto: se2.compose(flush, away)}
-    found = straight_onto(close, close.path.start, poses, (5e-3, np.radians(1.0)))
-    assert found == (None if length is None else pytest.approx(length, abs=1e-4))
