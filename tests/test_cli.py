@@ -84,6 +84,8 @@ def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captur
     (["plan", "two-crates", "--plot", "p.bmp"], "this one ends in .bmp; allowed for a picture: .png, .svg, .pdf"),
     (["plan", "two-crates", "-o", "/no/such/folder/r.mcap"], "there is no folder /no/such/folder"),
     (["plan", "two-crates", "--html", "x", "-o", "./x"], "this file is read or written already"),
+    (["simulate", "one-box", "--no-log", "-o", "x"], "--no-log does not go together with -o and --runs"),
+    (["trial", "one-box", "--no-log", "--runs", "x"], "--no-log does not go together with -o and --runs"),
     (["plan", "no-such.yaml"], "no-such.yaml: cannot read the file: No such file"),
     (["replay", "no-such.mcap"], "no-such.mcap"),
 ])  # fmt: skip

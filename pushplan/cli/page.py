@@ -5,16 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
 from pushplan.cli.console import Console
 from pushplan.errors import OutputError
 
 if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
     from pushplan.plans.run import Run
-
-no_page_option = click.option("--no-page", is_flag=True, help="Write no page beside the log.")
 
 
 def write_page(done: Run | RecordedRun, html: Path | None, log: Path | None, console: Console) -> Path | None:

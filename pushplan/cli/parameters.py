@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import update_wrapper
 from math import inf, isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import click
 from click.shell_completion import CompletionItem
@@ -300,9 +300,6 @@ runs_option = click.option(
     metavar="DIR",
     help="Folder of the recorded runs.",
 )
-no_log_option = click.option(
-    "--no-log", is_flag=True, help="Write no log; else one is recorded without -o, too."
-)
 no_code_option = click.option(
     "--no-code", is_flag=True, help="Refuse planners and stable sets that a file names as module:attribute."
 )
@@ -311,6 +308,61 @@ physics_option = click.option(
     is_flag=True,
     help="Execute the plan in MuJoCo, too, at its own speed with all inertia; exit code 4 when a contact moved.",
 )
+
+
+class LogChoice(NamedTuple):
+    """Where a command writes its log and the log's page.
+
+    Attributes:
+        output: The file that the user has named.
+        runs: Folder of the recorded runs.
+        no_log: Write none; else one is recorded in that folder where no file is named.
+        no_page: Write no page beside the file that is named.
+    """
+
+    output: Path | None
+    runs: Path | None
+    no_log: bool
+    no_page: bool
+
+    @property
+    def where(self) -> Path | Literal[False] | None:
+        """The file; None for one among the recorded runs, False for none."""
+        return False if self.no_log else self.output
+
+    @property
+    def paged(self) -> Path | None:
+        """The log that gets a page beside it."""
+        return None if self.no_page else self.output
+
+
+def log_options(help: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
+    """Return the options of a command that writes a log, which takes them as one `LogChoice` called `log`.
+
+    Args:
+        help: What `-o` writes.
+    """
+
+    def decorated(function: Callable[..., int]) -> Callable[..., int]:
+        def called(*args: Any, **words: Any) -> int:
+            log = LogChoice(*(words.pop(name) for name in LogChoice._fields))
+            if log.no_log and (log.output or log.runs):
+                raise UsageError("--no-log does not go together with -o and --runs; leave one of them out")
+            return function(*args, log=log, **words)
+
+        update_wrapper(called, function)
+        for option in (
+            runs_option,
+            click.option(
+                "--no-log", is_flag=True, help="Write no log; else one is recorded without -o, too."
+            ),
+            click.option("--no-page", is_flag=True, help="Write no page beside the log."),
+            file_option("-o", "--output", help=help),
+        ):
+            called = option(called)
+        return called
+
+    return decorated
 
 
 # --- checks before the work -------------------------------------------------------------------------------------

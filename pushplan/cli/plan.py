@@ -11,7 +11,7 @@ import click
 from pushplan.cli import parameters as p
 from pushplan.cli.console import Console
 from pushplan.cli.main import DEFECT, MISMATCH, error_document
-from pushplan.cli.page import no_page_option, write_page
+from pushplan.cli.page import write_page
 from pushplan.drawing import PANELS
 from pushplan.util.interruption import INTERRUPTED, Interruption, leaving_at_once
 from pushplan.util.names import COSTS
@@ -27,12 +27,7 @@ if TYPE_CHECKING:
 @p.command
 @p.scenario_argument
 @p.map_option
-@p.file_option(
-    "-o", "--output", help="Write the run's log (MCAP), solved or not, here, and its page beside it."
-)
-@no_page_option
-@p.no_log_option
-@p.runs_option
+@p.log_options("Write the run's log (MCAP), solved or not, here, and its page beside it.")
 @click.option("--planner", type=p.PLANNER, help="Name of the planner, or module:attribute.")
 @click.option("--set", "stable_set", type=p.STABLE_SET, help="Name of the stable set, or module:attribute.")
 @click.option("--time-limit", type=p.SECONDS, metavar="S", help="Seconds of planning, at most.")
@@ -53,10 +48,7 @@ def plan(
     console: Console,
     scenario: str,
     maps: tuple[Path, ...],
-    output: Path | None,
-    no_page: bool,
-    no_log: bool,
-    runs: Path | None,
+    log: p.LogChoice,
     plot: Path | None,
     panels: tuple[str, ...] | None,
     html: Path | None,
@@ -71,17 +63,14 @@ def plan(
     """
     from pushplan.cli.render import exit_code, headline, plan_document, plan_rows, remarks_on
 
-    if no_log and (output or runs):
-        raise p.UsageError("--no-log does not go together with -o and --runs; leave one of them out")
-    p.check_outputs([scenario, *maps], plot, html, log=output)
-    log: Path | bool | None = False if no_log else output
+    p.check_outputs([scenario, *maps], plot, html, log=log.output)
     with p.code_of(scenario, console.note, no_code):
         with leaving_at_once():  # nothing is lost yet
             stated = _load(scenario, maps, console)
             _prepare(stated, search, physics, console)
         interruption = Interruption()
-        done, incomplete = _run(stated, search, log, runs, interruption, console)
-    page = write_page(done, html, None if no_page else output, console)
+        done, incomplete = _run(stated, search, log, interruption, console)
+    page = write_page(done, html, log.paged, console)
     document = plan_document(done.plan, done.log)
     document |= {"page": page, "interrupted": interruption.requested}
     headline(document, console)
@@ -138,8 +127,7 @@ def _prepare(scenario: Scenario, search: dict[str, Any], physics: bool, console:
 def _run(
     scenario: Scenario,
     search: dict[str, Any],
-    log: Path | bool | None,
-    runs: Path | None,
+    log: p.LogChoice,
     interruption: Interruption,
     console: Console,
 ) -> tuple[Run, IncompleteLogError | None]:
@@ -157,8 +145,8 @@ def _run(
         try:
             done = run(
                 scenario,
-                log=log,  # type: ignore[arg-type]
-                runs=runs,
+                log=log.where,
+                runs=log.runs,
                 observer=Observer(progress.announce, improved, interruption),
                 **search,
             )

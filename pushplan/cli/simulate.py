@@ -10,7 +10,7 @@ import click
 from pushplan.cli import parameters as p
 from pushplan.cli.console import Console, angle_text, length_text
 from pushplan.cli.main import DEFECT, DONE, MISMATCH, NO_PLAN, error_document
-from pushplan.cli.page import no_page_option, write_page
+from pushplan.cli.page import write_page
 from pushplan.cli.trial import UNCERTAINTY
 from pushplan.errors import PlanningError
 from pushplan.scenario import units
@@ -82,10 +82,7 @@ MOST_DISPLACED = 1.0
     help="Seed of friction, loads and noise.",
 )
 @click.option("--physics", is_flag=True, help="Let MuJoCo simulate the world: full speed, all inertia.")
-@p.file_option("-o", "--output", help="Write the run's log (MCAP) here, and its page beside it.")
-@no_page_option
-@p.no_log_option
-@p.runs_option
+@p.log_options("Write the run's log (MCAP) here, and its page beside it.")
 @p.file_option("--html", help="Write a page that plays the run.")
 @p.no_code_option
 def simulate(
@@ -97,10 +94,7 @@ def simulate(
     sensor: Any,
     seed: int,
     physics: bool,
-    output: Path | None,
-    no_page: bool,
-    no_log: bool,
-    runs: Path | None,
+    log: p.LogChoice,
     html: Path | None,
     no_code: bool,
 ) -> int:
@@ -108,12 +102,12 @@ def simulate(
     from pushplan.logging.recording import IncompleteLogError
     from pushplan.scenario.file import load_scenario
 
-    p.check_outputs([scenario], None, html, log=output)
+    p.check_outputs([scenario], None, html, log=log.output)
     with p.code_of(scenario, console.note, no_code):
         stated = load_scenario(scenario)
         displaced = _disturbances(stated, disturbances)
         incomplete = None
-        how: dict[str, Any] = {"log": False if no_log else output, "runs": runs}
+        how: dict[str, Any] = {"log": log.where, "runs": log.runs}
         if physics:
             from pushplan.cli.physics import require_executable
             from pushplan.sim.physics.stepping import PhysicsSimulator
@@ -128,7 +122,7 @@ def simulate(
             return NO_PLAN
         except IncompleteLogError as error:
             done, incomplete = error.run, error
-    page = write_page(done.recorded, html, None if no_page else output, console)
+    page = write_page(done.recorded, html, log.paged, console)
     _tell(done, page, incomplete, console)
     over = float(done.simulated.t[-1])
     for late in (one.time for one in displaced if one.time > over):

@@ -12,7 +12,7 @@ import click
 from pushplan.cli import parameters as p
 from pushplan.cli.console import Console, angle_text, length_text
 from pushplan.cli.main import DEFECT, DONE, NO_PLAN, error_document
-from pushplan.cli.page import no_page_option, write_page
+from pushplan.cli.page import write_page
 from pushplan.errors import PlanningError
 from pushplan.scenario import units
 from pushplan.util.names import SIMULATORS
@@ -69,10 +69,7 @@ UNCERTAINTY = p.Named(_UNITS, _uncertainty)
     show_default=True,
     help="What executes the plan.",
 )
-@p.file_option("-o", "--output", help="Write the log (MCAP) here: plan and ends; beside it the plan's page.")
-@no_page_option
-@p.no_log_option
-@p.runs_option
+@p.log_options("Write the log (MCAP) here: plan and ends; beside it the plan's page.")
 @p.plot_option
 @p.file_option("--worst", help="Write the log (MCAP) of the sample that ends farthest off.")
 @p.no_code_option
@@ -84,10 +81,7 @@ def trial(
     seed: int,
     jobs: int | None,
     simulator: str,
-    output: Path | None,
-    no_page: bool,
-    no_log: bool,
-    runs: Path | None,
+    log: p.LogChoice,
     plot: Path | None,
     worst: Path | None,
     no_code: bool,
@@ -97,10 +91,8 @@ def trial(
     The plan is that of a log, or is made first. A log is recorded without -o, too, in the folder of the recorded
     runs; it grows as samples end.
     """
-    if no_log and (output or runs):
-        raise p.UsageError("--no-log does not go together with -o and --runs; leave one of them out")
     p.check_outputs([source], None, log=worst)
-    p.check_outputs([source], plot, worst, log=output)
+    p.check_outputs([source], plot, worst, log=log.output)
     incomplete = None
     with p.code_of(source, console.note, no_code):
         what = _read(source, console)
@@ -119,8 +111,8 @@ def trial(
                     seed=seed,
                     simulator=simulator,
                     jobs=jobs,
-                    log=False if no_log else output,
-                    runs=runs,
+                    log=log.where,
+                    runs=log.runs,
                     observer=Observer(message=progress.announce),
                     progress=lambda end: progress.tell_share(end.sample + 1, samples),
                 )
@@ -136,7 +128,7 @@ def trial(
     from pushplan.plans.run import Run
 
     planned = Run(trials.scenario, trials.plan, trials.plan.execution)
-    page = write_page(planned, None, None if no_page else output, console)
+    page = write_page(planned, None, log.paged, console)
     console.table([*_rows(trials), *([] if page is None else [("page", str(page))])])
     if plot is not None:
         draw_trials(trials.plan, trials.ends, plot, console)
