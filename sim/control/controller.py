@@ -214,8 +214,7 @@ class Controller:
             if self._estimator is not None:
                 twist = self._estimator.scaled(twist, self._wheels)
             self._plate = compose(self._plate, exp(twist))
-            driven, turned = self._alone
-            self._alone = driven + math.hypot(twist[0], twist[1]), turned + abs(float(twist[2]))
+            self._alone = self._alone[0] + math.hypot(*twist[:2]), self._alone[1] + abs(float(twist[2]))
         self._told = self._odometry.pose
 
     def _twist(self) -> FloatArray:

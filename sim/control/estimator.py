@@ -36,6 +36,7 @@ from pushplan.geometry.se2 import (
 )
 from pushplan.sim.control.sensing import errors_in_words
 from pushplan.sim.control.settings import ControlSettings
+from pushplan.sim.control.touching import tangents_of
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 ROOM = 320
@@ -266,13 +267,11 @@ class Estimator:
             recent: Measurements at rest; with what comes next, they tell the delay.
             normals: See `unbiased`.
         """
-        self.values = self.values.copy()
-        self.values[COMMON:] -= self._aside(resting.places, normals).reshape(-1)
+        self.values = self.values - np.append(np.zeros(COMMON), self._aside(resting.places, normals))
         (rest,) = self.residuals([resting])
         self.values[COMMON:] += rest.reshape(-1)
-        likely = self._likely
+        likely, doubted = self._likely, np.diag((DOUBT * self._prior[:COMMON]) ** 2)
         likely[:COMMON], likely[:, :COMMON] = 0.0, 0.0
-        doubted = np.diag((DOUBT * self._prior[:COMMON]) ** 2)
         likely[:COMMON, :COMMON] = self.covariance[:COMMON, :COMMON] + doubted
         self._precision = _inverse(likely)
         self._center, self._samples = self.values, []
@@ -430,12 +429,6 @@ class Estimator:
         begin = compose(self._history[0, 1:], values[:3])
         chain = chained(begin, exp(_scaled(np.array(self._knots).reshape(-1, 3), values, self._wheels)))
         return compose(chain[knot], exp(_scaled(rest, values, self._wheels)))
-
-
-def tangents_of(places: FloatArray, normals: FloatArray) -> FloatArray:
-    """Return the directions (n, 2) along the contacts in the frames of objects at places (n, 3), see `unbiased`."""
-    along = np.arctan2(normals[:, 1], normals[:, 0]) + 0.5 * np.pi - places[:, 2]
-    return np.stack([np.cos(along), np.sin(along)], axis=-1)
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:

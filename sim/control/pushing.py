@@ -33,14 +33,14 @@ from pushplan.sim.control.closing import (
     contacts_at,
 )
 from pushplan.sim.control.departures import Slide, find_slide, off_place
-from pushplan.sim.control.estimator import HOLD, Estimator, Sample, tangents_of
+from pushplan.sim.control.estimator import HOLD, Estimator, Sample
 from pushplan.sim.control.following import Following
 from pushplan.sim.control.jobs import Phase, PushJob
 from pushplan.sim.control.replanner import BARELY, BOLD, Replanner
 from pushplan.sim.control.sensing import Odometry, Sightings
 from pushplan.sim.control.settings import SIGMAS, ControlSettings, words
 from pushplan.sim.control.stall import StallWatch
-from pushplan.sim.control.touching import Touch
+from pushplan.sim.control.touching import Touch, tangents_of
 from pushplan.sim.follower import Steering
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
@@ -109,7 +109,6 @@ class PushLoop:
         self.estimator = Estimator(settings, len(scenario.chain.objects), self._wheels, known)
         self._normals = np.array([contact.normal for contact in scenario.chain.contacts])
         self._odometry, self._before = odometry, odometry.travel
-        self._astray = self.estimator.astray(*job.alone)
         self._take_place(plate)
         self._now, self._began, self._fitted = now, now, -math.inf
         self._recent: deque[Sample] = deque(maxlen=max(2, 3 * settings.looks // 4))
@@ -404,10 +403,9 @@ class PushLoop:
         shift, text = told
         self._tell("touch", text)
         self._take_place(compose(self.plate, shift))
-        tangents = tangents_of(self.scenario.chain.places, self._normals)
-        self.estimator = Estimator(
-            self.settings, len(tangents), self._wheels, self.estimator, aside=self._astray, tangents=tangents
-        )
+        known, along = self.estimator, tangents_of(self.scenario.chain.places, self._normals)
+        off = known.astray(*self._job.alone)
+        self.estimator = Estimator(self.settings, len(along), self._wheels, known, aside=off, tangents=along)
         self.moved(self._now)
         if not self._touch.over:
             self._straight(self._ahead, self._touch.length)

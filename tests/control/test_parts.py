@@ -17,11 +17,12 @@ from pushplan.plans.settings import Observer
 from pushplan.scenario.parts import CircleObstacle, Goal
 from pushplan.sim.control.closing import GAP, ClosingPush, Spread, closing_push, contacts_at
 from pushplan.sim.control.departures import find_slide
-from pushplan.sim.control.estimator import Estimator, Sample, tangents_of
+from pushplan.sim.control.estimator import Estimator, Sample
 from pushplan.sim.control.replanner import Aim
 from pushplan.sim.control.sensing import Measurements, Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance, disturbed
+from pushplan.sim.control.touching import tangents_of
 from pushplan.sim.follower import Drive
 
 SPREAD = Spread(0.2, 2.5e-4, 1e-3)
