@@ -60,6 +60,8 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 
 Value = TypeVar("Value")
+Captured = pytest.CaptureFixture[str]
+Patch = pytest.MonkeyPatch
 
 LONG = ("test_docs", "test_every_kind", "test_screens", "test_controller", "test_run", "test_view")
 """Files that take 45 to 10 s of a processor; others less, or as long as their processes sleep."""

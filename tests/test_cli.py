@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from conftest import there
+from conftest import Captured, Patch, there
 
 from pushplan.cli import console as console_module
 from pushplan.cli.console import Console, Progress
@@ -24,8 +24,6 @@ from pushplan.errors import PlanningError
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.sets.named import stable_set
 from pushplan.util.printable import printable
-
-Captured = pytest.CaptureFixture[str]
 
 
 @pytest.mark.parametrize("name", example_names())
@@ -123,7 +121,7 @@ def test_wrong_words_are_data_in_json_mode(capsys: Captured) -> None:
 
 
 def test_code_that_a_file_names_is_told_before_its_import_or_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
+    tmp_path: Path, monkeypatch: Patch, capsys: Captured
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "suite.yaml").write_text(
@@ -156,9 +154,7 @@ def test_the_shell_can_read_its_script(shell: str, tmp_path: Path, capsys: Captu
     ("plan two-crates --pl", {"plain,--planner", "plain,--plot"}),
     ("examples narr", {"plain,narrow-gap", "file,narr"}), ("completion f", {"plain,fish"}),
 ])  # fmt: skip
-def test_words_are_completed(
-    typed: str, offered: set[str], monkeypatch: pytest.MonkeyPatch, capsys: Captured
-) -> None:
+def test_words_are_completed(typed: str, offered: set[str], monkeypatch: Patch, capsys: Captured) -> None:
     words = f"pushplan {typed}"
     monkeypatch.setenv("_PUSHPLAN_COMPLETE", "bash_complete")
     monkeypatch.setenv("COMP_WORDS", words)
@@ -169,7 +165,7 @@ def test_words_are_completed(
 
 
 @pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
@@ -217,7 +213,7 @@ class Terminal(io.StringIO):
 
 
 @pytest.mark.parametrize("live", [False, True])
-def test_slow_work_shows_a_line_with_the_latest_news(live: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slow_work_shows_a_line_with_the_latest_news(live: bool, monkeypatch: Patch) -> None:
     monkeypatch.setattr(console_module, "DELAY", 0.02)
     monkeypatch.setenv("TERM", "xterm")
     stream = Terminal() if live else io.StringIO()
@@ -250,12 +246,7 @@ def _wait_for(condition: Callable[[], bool]) -> None:
     (KeyError("k"), 1, "error: KeyError: 'k'\nThis is a defect of pushplan"),
 ])  # fmt: skip
 def test_every_failure_has_its_exit_code_and_message_and_a_defect_its_traceback_where_asked_for(
-    error: BaseException,
-    code: int,
-    message: str,
-    verbose: bool,
-    capsys: Captured,
-    monkeypatch: pytest.MonkeyPatch,
+    error: BaseException, code: int, message: str, verbose: bool, capsys: Captured, monkeypatch: Patch
 ) -> None:
     def fail(name: str) -> str:
         raise error
@@ -268,9 +259,7 @@ def test_every_failure_has_its_exit_code_and_message_and_a_defect_its_traceback_
     assert ("Traceback" in err) == (verbose and code == 1)
 
 
-def test_what_files_say_never_reaches_the_terminal_as_a_command(
-    capsys: Captured, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_files_say_never_reaches_the_terminal_as_a_command(capsys: Captured, monkeypatch: Patch) -> None:
     console = Console()
     console.say((EVIL, "bold"), f": {EVIL}")
     console.note(EVIL)

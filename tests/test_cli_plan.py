@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import there
+from conftest import Captured, Patch, there
 
 from pushplan.cli.main import main
 from pushplan.logging.writer import RunLogWriter
@@ -20,7 +20,6 @@ from pushplan.plans.path import cost_rate
 from pushplan.scenario.file import example_text, load_scenario
 from pushplan.verification import execute_again
 
-Captured = pytest.CaptureFixture[str]
 REPEATED = ("--time-limit", "60", "--iterations", "2000")
 """Ends a search at the same place on every machine."""
 WALLS = """
@@ -87,7 +86,7 @@ def test_replay_verifies_and_exports_a_log(
 
 
 def test_replay_reports_a_mismatch_with_exit_code_4(
-    planned: Mapping[str, Any], monkeypatch: pytest.MonkeyPatch, capsys: Captured
+    planned: Mapping[str, Any], monkeypatch: Patch, capsys: Captured
 ) -> None:
     def shifted(*words: Any) -> Execution:
         execution = there(execute_again(*words))
@@ -157,9 +156,7 @@ def test_a_log_is_no_scenario_and_replaces_none(
     assert mine.read_text() == example_text("one-box")
 
 
-def test_what_a_log_says_is_shown_escaped_and_told_exactly(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_a_log_says_is_shown_escaped_and_told_exactly(tmp_path: Path, capsys: Captured) -> None:
     evil = "\x1b]0;owned\x07 \u202eno plan"
     path = tmp_path / "run.mcap"
     with RunLogWriter.create(path, load_scenario("free-space"), {}) as writer:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import there
+from conftest import Patch, there
 from plans_of import load_plain, plain
 
 import pushplan
@@ -127,7 +127,7 @@ def test_no_turning_and_a_goal_beside_the_straight_pushes_is_proven() -> None:
     ("goal", -0.033 - 0.02, "none of 300 pushes tried leads to the goal from farther away than "),
 ])  # fmt: skip
 def test_an_end_with_something_just_in_the_way_is_perhaps_boxed_in(
-    end: str, x: float, text: str, monkeypatch: pytest.MonkeyPatch
+    end: str, x: float, text: str, monkeypatch: Patch
 ) -> None:
     """A bar before the front box at the start; a bar behind the plate at the goal; proven, if looked at closely."""
     scenario = load_plain("narrow-gap")

@@ -16,7 +16,7 @@ from pathlib import Path
 import click
 import numpy as np
 import pytest
-from conftest import there
+from conftest import Captured, Patch, there
 from PIL import Image
 from rough import first_plans, rough_identification, slow_controllers
 
@@ -58,7 +58,7 @@ def _run(line: str, recorded: bool) -> None:
 
 
 @pytest.fixture
-def _quick(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def _quick(monkeypatch: Patch) -> Iterator[None]:
     """Only the form of what comes out is looked at: what searches do with their time is tested elsewhere."""
     rough_identification(monkeypatch)
     monkeypatch.setattr("pushplan.drawing.figure._DPI", 50)
@@ -77,7 +77,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.usefixtures("_quick")
 @pytest.mark.parametrize("page", PAGES, ids=_id)
 def test_every_command_and_all_code_run_in_the_order_of_the_page(
-    page: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    page: Path, recorded: Path, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     shutil.copy(recorded, "run.mcap")
@@ -127,7 +127,7 @@ def test_links_and_pictures_exist(page: Path) -> None:
             assert (page.parent / target).is_file(), target
 
 
-def test_pictures_show_the_present_scenarios_and_plans(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pictures_show_the_present_scenarios_and_plans(monkeypatch: Patch) -> None:
     """`docs/refresh.py` and `docs/screens.py` make them and write a hash of what they show into them.
 
     Those are looked at whose plan does not take long to find again.
@@ -158,7 +158,7 @@ def test_all_commands_planners_and_sets_are_described() -> None:
 
 
 def test_the_steps_are_a_scenario_and_its_mistake_is_told_as_printed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: Patch, capsys: Captured
 ) -> None:
     monkeypatch.chdir(tmp_path)
     page = ROOT / "docs" / "own-scenario.md"
@@ -182,7 +182,6 @@ def test_what_a_benchmark_imports_of_the_project_is_there(script: Path) -> None:
 
 
 README = ROOT / "README.md"
-Captured = pytest.CaptureFixture[str]
 
 
 def _shape(output: str) -> str:
@@ -195,7 +194,7 @@ def _shape(output: str) -> str:
 
 
 def test_the_first_command_plans_draws_records_and_prints_what_the_readme_shows(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
+    tmp_path: Path, monkeypatch: Patch, capsys: Captured
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(shlex.split(_blocks(README, "sh")[0].rpartition("/pushplan ")[2])) == 0
@@ -208,7 +207,7 @@ def test_the_first_command_plans_draws_records_and_prints_what_the_readme_shows(
 
 
 def test_the_message_about_a_mistake_is_the_one_that_is_printed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
+    tmp_path: Path, monkeypatch: Patch, capsys: Captured
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["new", "mine"]) == 0
@@ -224,7 +223,7 @@ SCRIPTS = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 @pytest.mark.usefixtures("_quick")
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
 def test_an_example_runs_and_prints(
-    script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    script: Path, tmp_path: Path, monkeypatch: Patch, capsys: Captured
 ) -> None:
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(script), run_name="__main__")
@@ -237,9 +236,7 @@ EXAMPLE = ROOT / "examples" / "harada2006"
 @pytest.mark.skipif(
     find_spec("mujoco") is None, reason="MuJoCo is not installed; the extra pushplan[physics] brings it"
 )
-def test_the_paper_s_figures_are_made(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
-) -> None:
+def test_the_paper_s_figures_are_made(tmp_path: Path, monkeypatch: Patch, capsys: Captured) -> None:
     """All centres of rotation are counted; the two blocks stay together on the way to the goal."""
     monkeypatch.syspath_prepend(str(EXAMPLE))
     monkeypatch.setattr(sys, "argv", ["make_figures.py", "--out", str(tmp_path), "--cors", "2"])

@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from conftest import there
+from conftest import Patch, there
 from kinds import MULTI, ROW, SWAP
 from matplotlib import image
 from rough import rough_identification
@@ -223,7 +223,7 @@ def test_a_closed_loop_pushes_what_the_plan_pushes_to_its_goals(kind: str) -> No
     assert {one.execution.names[k] for k in pushed} == {n for s in one.plan.pushes for n in names_of(s)}
 
 
-def test_what_was_pushed_is_learned_from(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_was_pushed_is_learned_from(tmp_path: Path, monkeypatch: Patch) -> None:
     rough_identification(monkeypatch)
     scenario = pushplan.scenario_from_text(re.sub("robot: .*\n", "", TEXTS["multi-push"]))
     assert scenario.kind == "push"

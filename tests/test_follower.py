@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import there
+from conftest import Patch, there
 from ros2_stand_ins import Messages, Robot, install
 
 import pushplan
@@ -156,9 +156,7 @@ def driven(robot: Robot, messages: Messages, told: SimpleNamespace) -> list[Floa
     return poses
 
 
-def test_the_node_drives_to_the_goal_with_messages_of_ros_2(
-    log: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_node_drives_to_the_goal_with_messages_of_ros_2(log: Path, monkeypatch: Patch) -> None:
     plan = there(pushplan.load_run(log).plan)
     trajectory = there(plan.trajectory)
     messages, robot = Messages(), Robot(trajectory.base_poses[0])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from conftest import ChainMaker, there
+from conftest import Captured, ChainMaker, there
 from several.conftest import problem_document
 from test_dynamics import motions, widened, world, worlds
 
@@ -183,7 +183,7 @@ def test_multi_push_plans_respect_the_force(force: float, reason: str) -> None:
     assert plan.force_words == "needs up to 7.65 N of 8 N"
 
 
-def test_output_log_and_page_tell_the_force(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_output_log_and_page_tell_the_force(tmp_path: Path, capsys: Captured) -> None:
     file, log = tmp_path / "crates.yaml", tmp_path / "crates.mcap"
     file.write_text(json.dumps(crates(force=10.0)))
     assert main(["plan", str(file), "-o", str(log), "--first"]) == 0

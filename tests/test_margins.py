@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from conftest import ChainMaker, there
+from conftest import Captured, ChainMaker, Patch, there
 from plans_of import load_plain
 
 from pushplan.cli.main import main
@@ -146,7 +146,7 @@ def test_a_stated_margin_is_never_lowered() -> None:
     assert kept.lowered == ""
 
 
-def test_all_margins_share_one_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_margins_share_one_time_limit(monkeypatch: Patch) -> None:
     """No margin helps, nothing proves it, and each of six searches would take as long as it is given."""
     looked = count()
     monkeypatch.setattr("time.perf_counter", lambda: 0.005 * next(looked))  # a clock that nothing else slows
@@ -156,9 +156,7 @@ def test_all_margins_share_one_time_limit(monkeypatch: pytest.MonkeyPatch) -> No
     assert 1.2 < result.planning_s < 3.0
 
 
-def test_the_output_and_the_json_say_that_the_margin_was_lowered(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_output_and_the_json_say_that_the_margin_was_lowered(tmp_path: Path, capsys: Captured) -> None:
     file, log = tmp_path / "u-turn.json", str(tmp_path / "run.mcap")
     file.write_text(u_turn().to_json())
     words = f"plan {file} --iterations {ITERATIONS} --time-limit 60 --json -o {log}".split()

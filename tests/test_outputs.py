@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from conftest import Captured, Patch
 from output_options import OPTIONS, words
 
 from pushplan.cli.main import main
@@ -20,7 +21,7 @@ def names(folder: Path) -> list[str]:
     return sorted(found.name for found in folder.iterdir())
 
 
-def test_nothing_is_written_behind_a_hole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_written_behind_a_hole(tmp_path: Path, monkeypatch: Patch) -> None:
     """After a write has failed, later ones must not go on behind the gap."""
     file = Output(tmp_path / "a")
     file.write(b"sound")
@@ -96,7 +97,7 @@ def _socket(path: Path) -> None:
     ("make", "expected"), [(Path.mkdir, "this is a folder; name a file in it"), (_socket, "this is a socket")]
 )
 def test_what_takes_no_bytes_is_refused_also_behind_a_link(
-    make: Callable[[Path], None], expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    make: Callable[[Path], None], expected: str, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     thing, link = tmp_path / "thing", tmp_path / "link"
@@ -158,7 +159,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def _short_films(monkeypatch: pytest.MonkeyPatch) -> None:
+def _short_films(monkeypatch: Patch) -> None:
     monkeypatch.setattr("pushplan.logging.film.PICTURES_PER_SECOND", 1)
 
 
@@ -171,8 +172,8 @@ def test_a_folder_or_a_full_disk_ends_in_a_clear_error_and_leaves_nothing(
     suffix: str,
     log: Path,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    monkeypatch: Patch,
+    capsys: Captured,
 ) -> None:
     """Whatever the command: a folder is refused before the work, and what is written in part is not published."""
     pytest.importorskip({"mp4": "av", "ros2": "rosbags"}.get(option, "json"))

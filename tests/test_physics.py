@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from conftest import ChainMaker
+from conftest import Captured, ChainMaker, Patch
 from plans_of import push_of
 
 from pushplan.cli.main import main
@@ -150,9 +150,7 @@ def test_predictions_and_simulations_agree(make_chain: ChainMaker) -> None:
     assert result.kept[result.depth(*SAFE_BAND) > 1.0].all()
 
 
-def test_a_missing_engine_is_named_with_its_extra(
-    make_chain: ChainMaker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_engine_is_named_with_its_extra(make_chain: ChainMaker, monkeypatch: Patch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(MissingEngineError, match=r"pip install 'pushplan\[physics\]'"):
         simulate_twist(make_chain.boxes(1), [1.0, 0.0, 0.0])
@@ -215,7 +213,7 @@ def curve(duration: float) -> Trajectory:
 
 
 @needs_engine
-def test_creep_of_the_engine_is_not_a_slip(chain: Chain, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_creep_of_the_engine_is_not_a_slip(chain: Chain, monkeypatch: Patch) -> None:
     """What passes for a slip in long time steps and not in short ones is looked at in short ones."""
     trajectory = curve(2.0)
     long, short = (
@@ -252,9 +250,7 @@ def written(folder: Path, support: str = FEET, acceleration: float = 0.5, goal: 
 
 
 @needs_engine
-def test_a_gentle_push_holds_in_plan_and_in_replay(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_gentle_push_holds_in_plan_and_in_replay(tmp_path: Path, capsys: Captured) -> None:
     log = str(tmp_path / "run.mcap")
     assert main(["plan", written(tmp_path), "--first", "--physics", "--json", "-o", log]) == 0
     planned = capsys.readouterr()
@@ -269,9 +265,7 @@ def test_a_gentle_push_holds_in_plan_and_in_replay(
 
 
 @needs_engine
-def test_a_push_that_brakes_too_hard_is_a_mismatch(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_push_that_brakes_too_hard_is_a_mismatch(tmp_path: Path, capsys: Captured) -> None:
     """It brakes with 6 m/s^2 where friction gives 2.94."""
     code = main(["plan", written(tmp_path, acceleration=6.0), "--first", "--physics"])
     out = capsys.readouterr().out

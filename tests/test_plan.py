@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import ChainMaker, there
+from conftest import Captured, ChainMaker, Patch, there
 from plans_of import load_plain, push_of
 
 import pushplan
@@ -156,7 +156,7 @@ def test_a_plan_in_cof_is_cut_down_to_what_the_judge_accepts() -> None:
 
 
 def test_the_command_says_so_in_words_in_json_in_the_log_and_by_its_exit_code(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    monkeypatch: Patch, tmp_path: Path, capsys: Captured
 ) -> None:
     """Where every path is driven much too fast for its contacts."""
     monkeypatch.setattr("pushplan.planners.timing.segments.blend_path", too_fast)

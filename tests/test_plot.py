@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import there
+from conftest import Patch, there
 from kinds import KINDS, made
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
@@ -97,9 +97,7 @@ def test_a_plan_is_drawn_in_every_form_with_the_same_bytes_each_time(
 
 
 @pytest.mark.parametrize("kind", [*KINDS, "long words", "wide", "tall"])
-def test_nothing_in_a_picture_covers_its_key_or_spills(
-    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_in_a_picture_covers_its_key_or_spills(kind: str, tmp_path: Path, monkeypatch: Patch) -> None:
     spaces = {"wide": Workspace(0.0, 4.0, 0.0, 0.5), "tall": Workspace(0.0, 0.5, 0.0, 4.0)}
     figures = _kept_figures(monkeypatch)
     run = made(kind if kind in KINDS else "unsolved" if kind == "long words" else "push")
@@ -117,14 +115,14 @@ def test_nothing_in_a_picture_covers_its_key_or_spills(
 
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_the_legend_of_stable_sets_covers_nothing(
-    count: int, plans: dict[str, Plan], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    count: int, plans: dict[str, Plan], tmp_path: Path, monkeypatch: Patch
 ) -> None:
     figures, chain = _kept_figures(monkeypatch), plans["push"].scenario.chain
     plot_stable_sets(chain, [stable_set(chain, "ecof")] * count, tmp_path / "s.png")
     _assert_nothing_covered(figures[0])
 
 
-def _kept_figures(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+def _kept_figures(monkeypatch: Patch) -> list[Figure]:
     figures: list[Figure] = []
 
     class Kept(Figure):
@@ -152,7 +150,7 @@ def _assert_nothing_covered(figure: Figure) -> None:
 
 
 def test_a_picture_without_a_plan_shows_tree_and_nearest_path_and_has_the_reason_as_title(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     figures, unsolved = _kept_figures(monkeypatch), made("unsolved").plan
     plot_plan(unsolved, tmp_path / "why.png")
@@ -169,7 +167,7 @@ def test_a_picture_without_a_plan_shows_tree_and_nearest_path_and_has_the_reason
 
 
 def test_trials_say_how_many_arrive_and_count_what_is_outside(
-    plans: dict[str, Plan], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plans: dict[str, Plan], tmp_path: Path, monkeypatch: Patch
 ) -> None:
     """Of four samples, of which the last ends 5 mm off."""
     figures, scenario = _kept_figures(monkeypatch), plans["push"].scenario

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from boxes import SCREENS, assert_tidy, boxes, chromium, keep, overlapping, show
-from conftest import there
+from conftest import Patch, there
 from kinds import KINDS, made
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
@@ -166,7 +166,7 @@ def test_a_colour_that_the_window_is_told_is_seen_as_the_palette_has_it() -> Non
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in ("closed loop", "not executed")])
-def test_the_window_is_tidy_on_every_screen(kind: str, browser: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_window_is_tidy_on_every_screen(kind: str, browser: Any, monkeypatch: Patch) -> None:
     """A push on all screens, other kinds, whose panel says other things, on a dark phone and a light desk."""
     pytest.importorskip("viser")
     from pushplan.view import answers

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from conftest import Patch
 
 import pushplan
 from pushplan.logging import shown
@@ -17,14 +18,14 @@ MOST_SAMPLES, MOST_VIEWED = 800, 600
 
 
 @pytest.fixture(autouse=True)
-def _fewer(monkeypatch: pytest.MonkeyPatch) -> None:
+def _fewer(monkeypatch: Patch) -> None:
     """Still more samples than viewers are shown."""
     monkeypatch.setattr(trajectories, "MOST_SAMPLES", MOST_SAMPLES)
     monkeypatch.setattr(shown, "MOST_VIEWED", MOST_VIEWED)
 
 
 def test_a_push_of_a_day_is_judged_by_a_bounded_number_of_poses_and_its_log_is_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     stated = yaml.safe_load(example_text("free-space"))
     stated["pusher"].setdefault("limits", {})["speed"] = 0.01

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from conftest import Patch
 
 HERE = Path(__file__).parent
 
@@ -14,7 +15,7 @@ Rows = list[dict[str, Any]]
 
 
 @pytest.fixture
-def planted(monkeypatch: pytest.MonkeyPatch) -> Any:
+def planted(monkeypatch: Patch) -> Any:
     """Return the module of planted runs."""
     monkeypatch.syspath_prepend(HERE)
     return import_module("planted_runs")

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from boxes import SCREENS, assert_tidy, chromium, show
+from conftest import Captured
 from scipy import stats
 
 from pushplan.bench.batch import run_suite
@@ -41,7 +42,6 @@ from pushplan.bench.suite import RunSpec, suite_from_text
 from pushplan.cli.main import main
 from pushplan.util.wilson import wilson
 
-Captured = pytest.CaptureFixture[str]
 Make = Callable[[RunSpec], Outcome]
 
 SUITE = """\

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from conftest import heed_interrupts, there
+from conftest import Captured, Patch, heed_interrupts, there
 
 from pushplan.bench.batch import Selection, run_suite
 from pushplan.bench.executor import local_engine
@@ -153,7 +153,6 @@ def test_a_part_of_every_packaged_suite_can_be_run(name: str, tmp_path: Path) ->
     assert tally.counts == {"ok": 1}
 
 
-Captured = pytest.CaptureFixture[str]
 SUITE = """\
 format: pushplan-suite/1
 name: small
@@ -233,7 +232,7 @@ def test_runs_that_broke_off_have_an_exit_code(suite: str, tmp_path: Path, capsy
     (["smoke", "-o", "x", "--rerun", "nokey"], "no run of this suite and version has a key that begins with"),
 ])  # fmt: skip
 def test_wrong_words_end_with_exit_code_2(
-    words: list[str], message: str, capsys: Captured, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    words: list[str], message: str, capsys: Captured, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["bench", *words]) == 2

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from conftest import Captured
 
 import pushplan
 from pushplan.cli.main import main
@@ -72,9 +73,7 @@ def test_a_world_may_be_disturbed_and_the_plate_taken_away(crates: pushplan.Scen
     assert np.hypot(way[0], way[1]) == pytest.approx(0.1, rel=0.2)
 
 
-def test_the_command_closes_the_loop_in_the_engine(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_closes_the_loop_in_the_engine(tmp_path: Path, capsys: Captured) -> None:
     stated = yaml.safe_load(example_text("one-box"))
     stated["pusher"]["limits"] = {"speed": 0.5, "acceleration": 1.5, "jerk": 30, "angular_speed": 2}
     stated |= {"goal": {"pose": [1.0, 0.2, 0.2]}, "obstacles": []}

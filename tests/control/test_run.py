@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import there
+from conftest import Captured, there
 from mcap.reader import make_reader
 from rough import first_plans, slow_controllers
 
@@ -133,7 +133,7 @@ def test_a_log_that_was_tampered_with_does_not_verify(back: RecordedRun) -> None
 
 
 def test_the_command_arrives_in_closed_loop_and_verifies(
-    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    file: Path, tmp_path: Path, capsys: Captured
 ) -> None:
     out, page, clear = (tmp_path / name for name in ("run.mcap", "run.html", "clear.yaml"))
     # Whichever plan the clock leaves, what is displaced meets no obstacle.
@@ -150,9 +150,7 @@ def test_the_command_arrives_in_closed_loop_and_verifies(
     assert load_run(out).outcome == "arrived"
 
 
-def test_the_command_says_what_does_not_arrive_and_what_is_wrong(
-    file: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_says_what_does_not_arrive_and_what_is_wrong(file: Path, capsys: Captured) -> None:
     far, aside = "time=3,object=far,x=0.5", "time=3,object=far,y=-2cm"
     with first_plans():
         assert main(["simulate", str(file), "--no-log", "--closed-loop", "--disturb", far]) == 4

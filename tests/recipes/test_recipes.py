@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import there
+from conftest import Captured, Patch, there
 from rough import first_plans
 
 import pushplan
@@ -21,11 +21,10 @@ from pushplan.mechanics.support import FeetSupport
 from pushplan.sim.slip.simulator import slip
 
 OUTSIDE = Path(__file__).with_name("outside")
-Captured = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(autouse=True)
-def installed(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def installed(monkeypatch: Patch) -> Iterator[None]:
     """The package is on the path as an installed one is; nothing of it is left over."""
     monkeypatch.syspath_prepend(OUTSIDE)
     yield

@@ -12,6 +12,7 @@ import jsonschema
 import mutators
 import numpy as np
 import pytest
+from conftest import Captured
 from pydantic import BaseModel
 from pydantic_core import PydanticCustomError
 
@@ -212,7 +213,7 @@ SCHEMAS = {"scenario": scenario_schema, "suite": suite_schema}
 
 
 @pytest.mark.parametrize("name", SCHEMAS)
-def test_the_packaged_schemas_are_those_of_the_models(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_packaged_schemas_are_those_of_the_models(name: str, capsys: Captured) -> None:
     text = schema_text(SCHEMAS[name]())
     assert schema_file(name).read_text(encoding="utf-8") == text, (
         f"the models have changed; run `pushplan schema {name} > pushplan/{name}.schema.json`"

@@ -12,7 +12,7 @@ from typing import Any
 import mutators
 import numpy as np
 import pytest
-from conftest import calls_of, there
+from conftest import Patch, calls_of, there
 from kinds import SWAP
 from scenarios.conftest import Changed
 
@@ -106,7 +106,7 @@ def assert_reads_or_refuses(text: str) -> None:
 
 
 @pytest.fixture
-def parsed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def parsed(monkeypatch: Patch) -> list[str]:
     """The texts that were parsed."""
     texts: list[str] = []
     decoded = source._decoded

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import ChainMaker
+from conftest import ChainMaker, Patch
 
 import pushplan.core.uncertain as uncertain
 from pushplan.mechanics import support as supports
@@ -160,7 +160,7 @@ def worst(pulls: FloatArray, parts: FloatArray, rows: FloatArray) -> FloatArray:
 
 @pytest.mark.parametrize("name", OUTLINES)
 def test_no_pressure_within_the_share_takes_more_and_the_worst_takes_about_as_much(
-    name: str, monkeypatch: pytest.MonkeyPatch
+    name: str, monkeypatch: Patch
 ) -> None:
     """The worst one found by sorting thirty times as many cells; centres of rotation inside, near and far."""
     chain, rng = chain_on(UniformSupport(OUTLINES[name]), OUTLINES[name]), np.random.default_rng(0)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from conftest import there
+from conftest import Patch, there
 from scenarios.conftest import Changed
 
 import pushplan
@@ -300,18 +300,14 @@ def test_loads_of_a_row_are_flush_and_have_the_intervals_of_their_objects() -> N
     ids=["as it may stand", "turned far", "pushed too little"],
 )
 def test_a_closing_is_simulated(
-    made: tuple[Scenario, Plan],
-    monkeypatch: pytest.MonkeyPatch,
-    off: tuple[float, float],
-    push: float,
-    flush: bool,
+    made: tuple[Scenario, Plan], monkeypatch: Patch, off: tuple[float, float], push: float, flush: bool
 ) -> None:
     monkeypatch.setattr(closing, "OFF", off)
     load = there(made[1].segments[-1].load)
     assert closing.closes(load.chain, 0.02, push, 0.5) is flush
 
 
-def test_no_plan_has_a_closing_that_is_not_sure(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_plan_has_a_closing_that_is_not_sure(monkeypatch: Patch) -> None:
     monkeypatch.setattr(closing, "closes", lambda chain, gap, push, friction: len(chain.objects) < 3)
     pairs = solved(document(gather="auto"))
     assert max(len(names) for _, names in kinds(pairs)) == 2

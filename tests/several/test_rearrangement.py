@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import there
+from conftest import Patch, there
 from several.conftest import problem_document
 
 from pushplan.core.driving import shortest_drive
@@ -85,7 +85,7 @@ def test_what_has_no_goal_is_moved_only_where_it_is_in_the_way() -> None:
     assert moves(found) == ["on it", "a"]
 
 
-def test_more_search_makes_the_same_transfers_cheaper(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_more_search_makes_the_same_transfers_cheaper(monkeypatch: Patch) -> None:
     scenario = boxes({"a": ((2.0, 2.0), (2.3, 2.5)), "b": ((2.0, 1.0), (2.0, 0.0))})
     planner = Planner(scenario)
     first, looked = planner.plan(time_limit=LIMIT, first=True), count()

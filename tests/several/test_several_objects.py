@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import Captured
 from kinds import SWAP
 from scenarios.conftest import Changed
 
 from pushplan.cli.main import main
 from pushplan.errors import PushplanError
 from pushplan.scenario.file import scenario_from_document, scenario_from_text
-
-Captured = pytest.CaptureFixture[str]
 
 
 @pytest.mark.parametrize(("wrong", "right", "told"), [

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import Captured
 
 import pushplan
 from pushplan.cli.main import main
@@ -115,7 +116,7 @@ def test_the_log_of_a_sample_is_verified_in_its_world(trials: Trials, tmp_path: 
 
 
 def test_the_command_tells_rates_draws_and_writes_the_worst(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], planned: Plan, trials: Trials
+    tmp_path: Path, capsys: Captured, planned: Plan, trials: Trials
 ) -> None:
     log, picture, worst = tmp_path / "run.mcap", tmp_path / "t.png", tmp_path / "w.mcap"
     write_trial(trials, 0, log)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import zstandard
-from conftest import calls_of, there
+from conftest import Patch, calls_of, there
 from store.conftest import Case
 
 from pushplan.errors import OutputError, RunLogError
@@ -149,7 +149,7 @@ def test_a_recorded_run_is_found_in_the_folder_and_verified(cases: dict[str, Cas
 
 
 def test_a_log_that_cannot_be_written_is_an_error_only_where_it_was_named(
-    cases: dict[str, Case], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    cases: dict[str, Case], tmp_path: Path, monkeypatch: Patch
 ) -> None:
     plan = cases["push"].plan
     with pytest.raises(OutputError, match="there is no folder"):
@@ -173,7 +173,7 @@ def test_a_log_that_cannot_be_written_is_an_error_only_where_it_was_named(
 
 @pytest.mark.parametrize("value", [None, "", ".", "state", "../state", "~/state"])
 def test_an_unset_empty_or_relative_folder_of_states_is_not_in_the_working_directory(
-    value: str | None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    value: str | None, monkeypatch: Patch, tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HOME", "/home/somebody")

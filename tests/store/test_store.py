@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import there
+from conftest import Patch, there
 from mcap import records
 from store.conftest import KINDS, Case, record_names, rewritten
 
@@ -76,7 +76,7 @@ def test_what_is_written_is_read_back_bit_for_bit(
 
 @EVERY
 def test_every_kind_of_log_is_verified_by_reading_it_once(
-    kind: str, logs: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+    kind: str, logs: dict[str, Path], monkeypatch: Patch
 ) -> None:
     opened = Counter[str]()
     items = McapFile.items
