@@ -30,14 +30,8 @@ def _convex(rng: np.random.Generator, size: float) -> FloatArray:
     return shapely.get_coordinates(hull)[:-1]
 
 
-def _scene(
-    body: list[FloatArray],
-    obstacles: list[FloatArray],
-    circles: list[list[float]] | None = None,
-    walls: FloatArray = INFINITE,
-) -> Scene:
-    discs = np.array(circles or [], dtype=np.float64).reshape(-1, 3)
-    return scene_of(body, obstacles, discs, walls, 5e-4)
+def _scene(body: list[FloatArray], obstacles: list[FloatArray], circles: list[list[float]] = []) -> Scene:  # noqa: B006
+    return scene_of(body, obstacles, np.array(circles, dtype=np.float64).reshape(-1, 3), INFINITE, 5e-4)
 
 
 def _distance(body: list[FloatArray], standing: Sequence[shapely.Geometry], poses: FloatArray) -> float:
@@ -45,10 +39,6 @@ def _distance(body: list[FloatArray], standing: Sequence[shapely.Geometry], pose
     at = poses.reshape(-1, 1, 3)
     placed = [shapely.polygons(at[..., :2] + se2.rotate(at[..., 2], piece[None])) for piece in body]
     return min(float(shapely.distance(some, other).min()) for some in placed for other in standing)
-
-
-def _separation(scene: Scene, pose: FloatArray) -> float:
-    return float(separation(scene, pose[0], pose[1], pose[2], 10.0))
 
 
 def test_separation_is_a_lower_bound_and_exact_when_near() -> None:
@@ -62,7 +52,7 @@ def test_separation_is_a_lower_bound_and_exact_when_near() -> None:
         standing = [*map(shapely.Polygon, obstacles)]
         exact = _distance(body, standing, pose)
         exact = min(exact, _distance(body, [shapely.Point(disc[:2])], pose) - disc[2])
-        found = _separation(_scene(body, obstacles, [disc]), pose)
+        found = separation(_scene(body, obstacles, [disc]), pose[0], pose[1], pose[2], 10.0)
         if exact > 0.0:
             assert found <= exact + 1e-12
             if found < 0.01:
@@ -128,20 +118,12 @@ def _world(rng: np.random.Generator, count: int) -> tuple[list[FloatArray], Floa
     return polygons, np.column_stack([places[n:], 0.5 * sizes[n:, 0]])
 
 
-def _both(polygons: list[FloatArray], circles: FloatArray) -> tuple[Scene, Scene]:
-    """Return the scene with its tree, and with all obstacles in one leaf."""
-    scene = scene_of(BODY, polygons, circles, WALLS, 5e-4)
-    return scene, scene.with_obstacles(scene.obstacles, scene.circles, _one_leaf(scene), WALLS)
-
-
-def _one_leaf(scene: Scene) -> FloatArray:
-    return np.array([[*scene.tree[0, :4], 1, 0, len(scene.obstacles.bounds), 0, len(scene.circles)]])
-
-
 @pytest.mark.parametrize("count", [2, 9, 40, 1000])
 def test_the_tree_changes_no_answer(count: int) -> None:
     rng = np.random.default_rng(count)
-    scene, brute = _both(*_world(rng, count))
+    scene = scene_of(BODY, *_world(rng, count), WALLS, 5e-4)
+    leaf = np.array([[*scene.tree[0, :4], 1, 0, len(scene.obstacles.bounds), 0, len(scene.circles)]])
+    brute = scene.with_obstacles(scene.obstacles, scene.circles, leaf, WALLS)
     free = blocked = 0
     for _ in range(800):
         x, y, theta = rng.uniform(0.3, 19.7, 3)

@@ -32,10 +32,6 @@ clearance: 0.01
 """The chain is a square of 0.2 m; a disc of radius 0.1 m around the chain frame's origin is the largest in it."""
 
 
-def blocked_by(obstacle: FloatArray) -> Scenario:
-    return replace(scenario_from_text(AHEAD, "ahead.yaml"), obstacles=(PolygonObstacle(obstacle),))
-
-
 def bound_of(scenario: Scenario, most: float = math.inf) -> float:
     controls = Posing().controls(scenario.with_margin(0.0), scenario.stable_set())
     return lower_bound(scenario, controls.segments, most)
@@ -59,7 +55,8 @@ def test_a_block_in_the_way_has_to_be_passed_on_its_short_side() -> None:
     tangent = math.sqrt(reach**2 - radius**2)
     turned = math.atan2(0.3, 0.9) + math.asin(radius / reach)
     exact = 2.0 * (tangent + radius * turned) + 0.2
-    found = bound_of(blocked_by(corners))
+    scenario = scenario_from_text(AHEAD, "ahead.yaml")
+    found = bound_of(replace(scenario, obstacles=(PolygonObstacle(corners),)))
     assert found <= exact
     assert found == pytest.approx(exact, rel=2e-3)
 

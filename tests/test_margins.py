@@ -304,12 +304,8 @@ def test_a_motion_that_loses_a_contact_as_stated_bears_nothing(make_chain: Chain
 )
 def test_nothing_is_said_where_loads_are_not_known(make_chain: ChainMaker, support: object) -> None:
     assert callable(support)
-    robustness = robustness_of(make_chain.boxes(2, support=support), _straight())
+    ahead = np.array([[[0.1, 0.0, 0.0], np.zeros(3), np.zeros(3)]])
+    straight = Trajectory(np.zeros(3), np.array([0.0, 1.0]), ahead, np.zeros(1))
+    robustness = robustness_of(make_chain.boxes(2, support=support), straight)
     assert robustness == Robustness()
     assert robustness.sentence() == "not known, as the loads on the floor are not, or may lift"
-
-
-def _straight() -> Trajectory:
-    coefficients = np.zeros((1, 3, 3))
-    coefficients[0, 0, 0] = 0.1
-    return Trajectory(np.zeros(3), np.array([0.0, 1.0]), coefficients, np.zeros(1))

@@ -16,7 +16,7 @@ from pushplan.planners.clearance import find_collision
 from pushplan.planners.controls import segment_ends
 from pushplan.planners.infeasible import pockets as pocket
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
-from pushplan.planners.infeasible.pockets import LEVELS, Pocket, find_pocket, make_steps, push_hull, reached
+from pushplan.planners.infeasible.pockets import LEVELS, find_pocket, make_steps, push_hull, reached
 from pushplan.planners.problem import build_problem
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
@@ -36,16 +36,12 @@ def _random(seed: int) -> tuple[Scenario, StableSet, Problem]:
     return scenario, stable, build_problem(scenario, stable)
 
 
-def _found(scenario: Scenario, stable: StableSet, problem: Problem) -> Pocket | None:
-    return next(filter(None, find_pocket(scenario, stable, problem)), None)
-
-
 @pytest.mark.parametrize(
     ("is_goal", "seed"), [(goal, seed) for goal, seeds in SHUT_IN.items() for seed in seeds]
 )
 def test_what_is_shut_in_is_found(is_goal: bool, seed: int) -> None:
     scenario, stable, problem = _random(seed)
-    found = there(_found(scenario, stable, problem))
+    found = there(next(filter(None, find_pocket(scenario, stable, problem))))
     assert found.is_goal == is_goal
     away = scenario.goal.pose_chain[:2] - scenario.start[:2]
     assert 0.0 < found.radius < np.hypot(*away)
@@ -126,17 +122,13 @@ def test_every_stable_twist_lies_in_the_hull(name: str) -> None:
     problem = build_problem(scenario, stable)
     middle = problem.scene.body_bound[:2]
     hull = push_hull(pocket._extreme_twists(scenario, stable, problem), middle)
-    twists = _boundary(stable, scenario.required_margin, 30_011)
+    found, length = (
+        stable.meridians(scenario.required_margin, count=30_011),
+        stable.chain.characteristic_length,
+    )
+    twists = np.concatenate([twists_at(found.longitude, ends, length) for ends in (found.lower, found.upper)])
     ahead = twists[:, 0] - twists[:, 2] * middle[1]
     points = np.stack([(twists[:, 1] + twists[:, 2] * middle[0]) / ahead, twists[:, 2] / ahead], axis=1)
     assert shapely.contains_xy(hull, points).all()
     exact = shapely.convex_hull(shapely.MultiPoint(points))
     assert hull.area < 1.1 * exact.area
-
-
-def _boundary(stable: StableSet, margin: float, count: int) -> FloatArray:
-    meridians = stable.meridians(margin, count=count)
-    latitudes = (meridians.lower, meridians.upper)
-    return np.concatenate(
-        [twists_at(meridians.longitude, lat, stable.chain.characteristic_length) for lat in latitudes]
-    )

@@ -33,10 +33,6 @@ SAMPLES = 41
 BOX = np.array([[-0.05, -0.04], [0.05, -0.04], [0.05, 0.04], [-0.05, 0.04]])
 
 
-def four_feet(outline: FloatArray) -> FeetSupport:
-    return FeetSupport(0.9 * outline, np.full(len(outline), 1.0 / len(outline)))
-
-
 def crates() -> pushplan.Scenario:
     scenario = pushplan.load_scenario("two-crates")
     return replace(scenario, obstacles=(), workspace=None)
@@ -145,7 +141,9 @@ def test_a_plan_with_what_was_learned_holds_where_one_with_the_stated_numbers_sl
 
 def test_measured_forces_tell_the_size_of_floor_friction() -> None:
     """Stated floor friction is 0.3, in truth it is 0.48."""
-    chain = ChainMaker().boxes(1, pusher_friction=0.5, support=four_feet)
+    chain = ChainMaker().boxes(
+        1, pusher_friction=0.5, support=lambda o: FeetSupport(0.9 * o, np.full(4, 0.25))
+    )
     stated = World.from_chain(chain)
     unknowns = Unknowns.from_world(stated, absolute=True)
     parts = np.full(len(unknowns.each), 0.5)

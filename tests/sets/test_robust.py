@@ -105,15 +105,17 @@ def test_feet_agree_with_enumeration(make_chain: ChainMaker) -> None:
             if (fractions > 1e-9).all():
                 loads.append(FeetSupport(feet[triple], fractions))
         twists = rng.normal(size=(200, 3)) * [0.5, 0.5, 10.0] + [1.0, 0.0, 0.0]
-        worst = np.min([stable_set(_on(chain, load)).margin(twists) for load in loads], axis=0)
+        worst = np.min(
+            [
+                stable_set(replace(chain, objects=(replace(chain.objects[0], support=load),))).margin(twists)
+                for load in loads
+            ],
+            axis=0,
+        )
         robust = stable_set(chain, "robust").margin(twists)
         assert ((robust > 0.0) == (worst > 0.0)).all()
         assert (robust > 0.0).any()
         assert (robust <= worst + 1e-9)[robust > 0.0].all()
-
-
-def _on(chain: Chain, support: FeetSupport) -> Chain:
-    return replace(chain, objects=tuple(replace(obj, support=support) for obj in chain.objects))
 
 
 def test_worst_case_is_a_pressure_that_does_it(make_chain: ChainMaker) -> None:

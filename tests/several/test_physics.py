@@ -47,12 +47,6 @@ def found(request: pytest.FixtureRequest, problem: Problem) -> Plan:
     return result
 
 
-def off_its_places(found: Plan) -> World:
-    """All objects 2 mm and half a degree off where they are believed to be."""
-    world = World.from_scenario(found.scenario)
-    return world.with_object_poses(se2.compose(world.object_poses, OFF))
-
-
 def test_a_world_of_other_objects_is_refused(found: Plan) -> None:
     other = World.from_scenario(pushplan.load_scenario("one-box"))
     with pytest.raises(PushplanError, match="the world has the objects box, and the plan"):
@@ -63,7 +57,9 @@ def test_a_world_of_other_objects_is_refused(found: Plan) -> None:
 
 
 def test_objects_off_their_places_come_home_too(found: Plan) -> None:
-    report = simulate(found, off_its_places(found))
+    """Which are all 2 mm and half a degree off where they are believed to be."""
+    world = World.from_scenario(found.scenario)
+    report = simulate(found, world.with_object_poses(se2.compose(world.object_poses, OFF)))
     assert report.jammed_at is None
     assert (report.goal_errors(found.scenario) <= NEAR).all()
     trials = execute_trials(found, 6, TrialUncertainty(contact_friction=0.1), seed=2)

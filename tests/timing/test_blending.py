@@ -32,11 +32,6 @@ def _set(scenario: Scenario) -> StableSet:
     return stable_set(scenario.chain, scenario.stability.set)
 
 
-def _with_limits(scenario: Scenario, limits: Limits) -> Scenario:
-    pusher = replace(scenario.chain.pusher, limits=limits)
-    return replace(scenario, chain=replace(scenario.chain, pusher=pusher))
-
-
 def _blend(scenario: Scenario, path: PushPath, contacts: ContactDynamics | None = None) -> Blend:
     """The blend within the limits of the pusher and, where they are given, of the contacts."""
     return blend_path(scenario, path, _set(scenario), Bounds(scenario.chain.pusher.limits, contacts))
@@ -106,7 +101,8 @@ def test_needles_in_the_way_of_the_cut_corners_move_the_way_or_make_a_stop(
 ) -> None:
     """Needles that the blend would hit and the exact motion passes at half a millimetre."""
     scenario, path = _free(make_chain, planned("one-box")[0], *TURNS, *TURNS[2:0:-1], *TURNS)
-    scenario = _with_limits(scenario, Limits(speed=0.4, angular_speed=2.0))
+    pusher = replace(scenario.chain.pusher, limits=Limits(speed=0.4, angular_speed=2.0))
+    scenario = replace(scenario, chain=replace(scenario.chain, pusher=pusher))
     stable, limits = _set(scenario), scenario.chain.pusher.limits
     plain = _blend(scenario, path).trajectory
     exact = time_path(path, Bounds(limits))
@@ -115,7 +111,9 @@ def test_needles_in_the_way_of_the_cut_corners_move_the_way_or_make_a_stop(
     assert len(places) >= 2
     stops = []
     for some in [*([place] for place in places), places]:
-        blocked = replace(scenario, obstacles=tuple(_needle(place) for place in some))
+        blocked = replace(
+            scenario, obstacles=tuple(CircleObstacle(np.array([place.x, place.y]), 1e-4) for place in some)
+        )
         assert find_collision(blocked, plain.poses) is not None
         assert find_collision(blocked, exact.poses) is None
         blend = _blend(blocked, path)
@@ -130,10 +128,6 @@ def _swept(trajectory: Trajectory) -> shapely.Geometry:
     body = np.array([[-0.03, -0.1], [0.2, -0.1], [0.2, 0.1], [-0.03, 0.1]])
     poses = trajectory.poses_at(np.arange(0.0, trajectory.duration, 5e-3))
     return shapely.union_all([shapely.Polygon(transform_points(pose, body)) for pose in poses])
-
-
-def _needle(place: shapely.Point) -> CircleObstacle:
-    return CircleObstacle(np.array([place.x, place.y]), 1e-4)
 
 
 def test_blends_keep_contacts_that_inertia_would_open(planned: Planned) -> None:

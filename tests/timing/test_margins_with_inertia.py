@@ -38,10 +38,6 @@ def motion(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
     return between[moving], rates[moving]
 
 
-def least_margin(chain: Chain, trajectory: Trajectory) -> float:
-    return float(dynamic_margins(chain, *motion(trajectory)).min())
-
-
 @cache
 def planned(name: str, trajectory: str, stable_set: str | None = None) -> tuple[Scenario, Plan]:
     scenario = replace(load_scenario(name), trajectory=trajectory)
@@ -53,7 +49,10 @@ def planned(name: str, trajectory: str, stable_set: str | None = None) -> tuple[
 def check(result: Plan, chains: Iterator[Chain]) -> None:
     assert there(result.min_dynamic_margin) > SHARE * there(result.margin) * (1.0 - 1e-6)
     for chain in chains:
-        assert least_margin(chain, there(result.trajectory)) > SHARE * there(result.margin) - ROUNDING
+        assert (
+            dynamic_margins(chain, *motion(there(result.trajectory))).min()
+            > SHARE * there(result.margin) - ROUNDING
+        )
 
 
 @pytest.mark.parametrize(
