@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from types import ModuleType, SimpleNamespace
 from typing import Any
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -103,30 +104,15 @@ def install(monkeypatch: pytest.MonkeyPatch, messages: Messages, robot: Robot) -
 
             return SimpleNamespace(info=tell, warning=tell)
 
-    def kind(name: str) -> Callable[..., Any]:
-        return lambda **fields: messages(name, **fields)
+    class Kinds(ModuleType):
+        def __getattr__(self, name: str) -> Callable[..., Any]:
+            return lambda **fields: messages(f"{self.__name__.replace('.', '/')}/{name}", **fields)
 
-    geometry = {
-        name: kind(f"geometry_msgs/msg/{name}")
-        for name in ("Point32", "PolygonStamped", "PoseStamped", "TwistStamped")
-    }
-    modules: dict[str, dict[str, Any]] = {
-        "rclpy": {"init": None, "spin": None},
-        "rclpy.node": {"Node": Node},
-        "rclpy.qos": {"DurabilityPolicy": SimpleNamespace(TRANSIENT_LOCAL=1), "QoSProfile": SimpleNamespace},
-        "rclpy.time": {"Time": SimpleNamespace},
-        "tf2_ros": {
-            "Buffer": lambda: robot,
-            "TransformException": TransformError,
-            "TransformListener": lambda buffer, node: None,
-        },
-        "geometry_msgs": {},
-        "geometry_msgs.msg": geometry,
-        "nav_msgs": {},
-        "nav_msgs.msg": {"Path": kind("nav_msgs/msg/Path")},
-    }
-    for name, content in modules.items():
-        module = ModuleType(name)
-        vars(module).update(content)
+    names = ("rclpy", "rclpy.node", "rclpy.qos", "rclpy.time", "tf2_ros", "geometry_msgs", "nav_msgs")
+    modules: dict[str, Any] = {name: MagicMock() for name in names}
+    modules |= {name: Kinds(name) for name in ("geometry_msgs.msg", "nav_msgs.msg")}
+    modules["rclpy.node"].Node, modules["tf2_ros"].Buffer = Node, lambda: robot
+    modules["tf2_ros"].TransformException = TransformError
+    for name, module in modules.items():
         monkeypatch.setitem(sys.modules, name, module)
     return told

@@ -18,7 +18,7 @@ import shapely
 from conftest import Captured, Patch, there
 
 from pushplan.cli import console as console_module
-from pushplan.cli.console import Console, Progress
+from pushplan.cli.console import Progress
 from pushplan.cli.main import main
 from pushplan.errors import PlanningError
 from pushplan.scenario.file import example_names, load_scenario
@@ -257,19 +257,6 @@ def test_every_failure_has_its_exit_code_and_message_and_a_defect_its_traceback_
     assert out == ""
     assert message in err
     assert ("Traceback" in err) == (verbose and code == 1)
-
-
-def test_what_files_say_never_reaches_the_terminal_as_a_command(capsys: Captured, monkeypatch: Patch) -> None:
-    console = Console()
-    console.say((EVIL, "bold"), f": {EVIL}")
-    console.note(EVIL)
-    console.table([(EVIL, EVIL), ("two\nlines", "[bold]two\nlines")])
-    out, err = capsys.readouterr()
-    first, second, third = out.splitlines()
-    assert first == f"{SHOWN}: {SHOWN}"
-    assert second == f"  {SHOWN}  {SHOWN}"
-    assert third.split() == [r"two\nlines", r"[bold]two\nlines"]
-    assert err == f"{SHOWN}\n"
 
 
 BIDIRECTIONAL = {"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"}

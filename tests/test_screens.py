@@ -7,7 +7,6 @@ shows everything. `PUSHPLAN_SCREENS=FOLDER` keeps pictures of all that is shown,
 import json
 import re
 import time
-from base64 import b64encode
 from collections.abc import Iterator
 from contextlib import closing
 from itertools import combinations
@@ -21,14 +20,12 @@ from conftest import Patch, there
 from kinds import KINDS, made
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
-from matplotlib.image import imsave
 from matplotlib.patches import Polygon
 from matplotlib.text import Text
 from test_view import Seen
 
 from pushplan.drawing import palette
 from pushplan.drawing.floor import draw_scene, set_view, view_of
-from pushplan.drawing.plans import plot_plan
 from pushplan.drawing.scene import Scene
 from pushplan.logging.film import Film, Still
 from pushplan.logging.page import render, write_html
@@ -66,29 +63,6 @@ def test_a_page_is_tidy_on_every_screen(kind: str, browser: Any, tmp_path: Path)
         keep(browser, f"page {kind} {width} {'dark' if dark else 'light'} notes")
         assert_tidy(browser, "h1, #facts, #notes, #why, #event, canvas, #legend > *, footer > *", width)
         assert browser.evaluate("document.documentElement.scrollHeight") <= 1300
-
-
-@EVERY
-def test_a_picture_and_a_frame_of_the_film_are_tidy(kind: str, browser: Any, tmp_path: Path) -> None:
-    run = made(kind)
-    plot_plan(run.plan, tmp_path / "run.svg", run.execution, run.events)
-    picture = re.sub(r'width="[\d.]+pt" height="[\d.]+pt"', "", (tmp_path / "run.svg").read_text(), count=1)
-    film = film_of(run)
-    imsave(tmp_path / "frame.png", film.picture())
-    frame = b64encode((tmp_path / "frame.png").read_bytes()).decode()
-    (tmp_path / "all.html").write_text(
-        '<!doctype html><meta name="viewport" content="width=device-width"><style>img, svg { width: 100% }</style>'
-        f'{picture[picture.index("<svg") :]}<img src="data:image/png;base64,{frame}">'
-    )
-    show(browser, tmp_path / "all.html", 1280)
-    assert_tidy(browser, "svg text, img", 1280)
-    keep(browser, f"picture {kind}")
-    words = boxes(browser, "svg text")
-    (around,) = boxes(browser, "svg")
-    for word in words:
-        assert around["left"] - 1.0 <= word["left"] <= word["right"] <= around["right"] + 1.0, word
-        assert around["top"] - 1.0 <= word["top"] <= word["bottom"] <= around["bottom"] + 1.0, word
-    assert browser.evaluate("document.querySelector('img').naturalWidth") == 1280
 
 
 @EVERY

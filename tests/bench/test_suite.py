@@ -19,7 +19,6 @@ from pushplan.bench.suite import (
     Suite,
     SuiteError,
     load_suite,
-    select,
     suite_from_text,
 )
 from pushplan.cli.main import main
@@ -128,15 +127,6 @@ def test_wrong_values_are_told_as_in_scenarios(row: str) -> None:
     with pytest.raises(SuiteError) as caught:
         suite_from_text(f"format: pushplan-suite/1\n{wrong.replace('; ', chr(10))}\n")
     assert message in str(caught.value)
-
-
-def test_filters_choose_by_patterns_that_must_all_fit() -> None:
-    runs = _runs(suite_from_text(SMALL))
-    some = select(runs, ["problem=gaps-*", "planner=auto", "seed=7"])
-    assert [str(run) for run in some] == [
-        f"problem=gaps-{i} planner=auto set={name} seed=7" for i in (5, 6) for name in ("ecof", "translation")
-    ]
-    assert select(runs, []) == runs
 
 
 @pytest.mark.parametrize("name", ["smoke", "paper"])
