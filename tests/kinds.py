@@ -1,5 +1,6 @@
 """Scenarios of every kind, and runs of them for pictures and windows."""
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -9,7 +10,7 @@ import pushplan
 from pushplan.plans.events import Event, Feedback, Measured
 from pushplan.plans.plan import Nearest
 from pushplan.plans.run import Run
-from pushplan.scenario.file import load_scenario, scenario_from_text
+from pushplan.scenario.file import example_text, load_scenario, scenario_from_text
 
 SWAP = """\
 format: pushplan/1
@@ -64,6 +65,14 @@ obstacles:
   - {polygon: [[0.8, -1.0], [0.9, -1.0], [0.9, 1.0], [0.8, 1.0]]}
   - {circle: 0.1, center: [0.3, 0.6]}
 """
+_FAST = r"\1, limits: {speed: 0.5, acceleration: 1.5, jerk: 30, angular_speed: 2}}"
+FAST = {
+    kind: re.sub(r"(pusher: {.*)}", _FAST, text)
+    for kind, text in (("multi-push", MULTI), ("rearrangement", SWAP), ("gathering", ROW))
+}
+FAST["push"] = example_text("two-crates").replace("speed: 0.2,", "speed: 0.5,")
+"""Scenarios of a faster robot: then there is less to simulate, to write and to read again."""
+
 KINDS = ("push", "multi-push", "rearrangement", "gathering", "closed loop", "unsolved", "not executed")
 EVENTS = (
     Event(0.0, "plan", "1.300 m in 6.5 s"),

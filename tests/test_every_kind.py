@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 from conftest import Patch, there
-from kinds import MULTI, ROW, SWAP
+from kinds import FAST
 from matplotlib import image
 from rough import rough_identification
 
@@ -34,7 +34,6 @@ from pushplan.plans.goals import worst_at_goal
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty
 from pushplan.plans.segment import Segment
-from pushplan.scenario.file import example_text
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance
@@ -46,9 +45,6 @@ from pushplan.view.draft import Draft
 
 KINDS = ("push", "multi-push", "rearrangement", "gathering")
 EVERY = pytest.mark.parametrize("kind", KINDS)
-FAST = r"\1, limits: {speed: 0.5, acceleration: 1.5, jerk: 30, angular_speed: 2}}"
-STATED = {"multi-push": MULTI, "rearrangement": SWAP, "gathering": ROW}
-TEXTS = {kind: re.sub(r"(pusher: {.*)}", FAST, text) for kind, text in STATED.items()}
 SETTINGS = ControlSettings(time_limit=60.0, rate=25.0)
 """Iterations end searches, whatever the machine does; half of the usual steps."""
 LOOPS = tuple(f"{kind} in closed loop" for kind in KINDS)
@@ -79,10 +75,7 @@ def made(kind: str) -> Made:
         )
         assert loop.outcome == "arrived", loop.reason
         return Made(whole.scenario, loop.plan, loop.execution, loop)
-    text = TEXTS.get(kind)
-    scenario = pushplan.scenario_from_text(
-        text or example_text("two-crates").replace("speed: 0.2,", "speed: 0.5,")
-    )
+    scenario = pushplan.scenario_from_text(FAST[kind])
     assert scenario.kind == ("rearrangement" if kind == "gathering" else kind)
     plan = pushplan.plan(scenario, seed=1, first=True, time_limit=60.0)
     assert plan.solved, plan.reason
@@ -225,7 +218,7 @@ def test_a_closed_loop_pushes_what_the_plan_pushes_to_its_goals(kind: str) -> No
 
 def test_what_was_pushed_is_learned_from(tmp_path: Path, monkeypatch: Patch) -> None:
     rough_identification(monkeypatch)
-    scenario = pushplan.scenario_from_text(re.sub("robot: .*\n", "", TEXTS["multi-push"]))
+    scenario = pushplan.scenario_from_text(re.sub("robot: .*\n", "", FAST["multi-push"]))
     assert scenario.kind == "push"
     run_closed_loop(scenario, settings=SETTINGS).write(tmp_path / "loop.mcap")
     assert len(pushplan.identify([tmp_path / "loop.mcap"], seed=1).estimates) > 0
@@ -236,12 +229,9 @@ def test_what_was_pushed_is_learned_from(tmp_path: Path, monkeypatch: Patch) -> 
 
 @EVERY
 def test_a_batch_runs_it(kind: str, tmp_path: Path) -> None:
-    text = TEXTS.get(kind)
-    if text is not None:
-        (tmp_path / "problem.yaml").write_text(text)
-    problem = "two-crates" if text is None else "problem.yaml"
+    (tmp_path / "problem.yaml").write_text(FAST[kind])
     suite = suite_from_text(
-        f"format: pushplan-suite/1\nproblems: [{problem}]\nplanners: [{{name: auto, first: true}}]\n"
+        "format: pushplan-suite/1\nproblems: [problem.yaml]\nplanners: [{name: auto, first: true}]\n"
         "seeds: 1\nlimits: {time: 60 s}\n",
         tmp_path / "suite.yaml",
     )

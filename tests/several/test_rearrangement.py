@@ -63,26 +63,16 @@ def off_goals(found: Plan) -> float:
     return max(worst_at_goal(found.scenario, np.stack([after[name] for name in found.scenario.poses])))
 
 
-def test_boxes_go_in_an_order_in_which_goals_are_free_when_they_are_needed() -> None:
-    """One box stands on the other's goal, and has a free goal of its own: nothing is put out of the way."""
-    scenario = boxes({"a": (HERE, THERE), "b": (THERE, (2.0, 2.0))})
+@pytest.mark.parametrize(("ways", "orders"), [
+    ({"a": (HERE, THERE), "b": (THERE, (2.0, 2.0))}, ["ba"]),  # b stands on a's goal, and has a free one
+    ({"a": (HERE, THERE), "b": (THERE, HERE)}, ["aba", "bab"]),  # one of both is put out of the way
+    ({"a": (HERE, THERE), "on": (THERE, None), "aside": ((3.0, 3.0), None)}, ["ona"]),
+])  # fmt: skip
+def test_goals_are_free_when_they_are_needed_and_nothing_else_moves(ways: Any, orders: list[str]) -> None:
+    scenario = boxes(ways)
     found = plan(scenario, first=True, time_limit=LIMIT)
     require(scenario, found)
-    assert moves(found) == ["b", "a"]
-
-
-def test_boxes_change_places_with_one_put_out_of_the_way() -> None:
-    scenario = boxes({"a": (HERE, THERE), "b": (THERE, HERE)})
-    found = plan(scenario, first=True, time_limit=LIMIT)
-    require(scenario, found)
-    assert len(moves(found)) == 3
-
-
-def test_what_has_no_goal_is_moved_only_where_it_is_in_the_way() -> None:
-    scenario = boxes({"a": (HERE, THERE), "on it": (THERE, None), "aside": ((3.0, 3.0), None)})
-    found = plan(scenario, first=True, time_limit=LIMIT)
-    require(scenario, found)
-    assert moves(found) == ["on it", "a"]
+    assert "".join(moves(found)) in orders
 
 
 def test_more_search_makes_the_same_transfers_cheaper(monkeypatch: Patch) -> None:

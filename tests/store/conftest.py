@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import there
+from kinds import FAST
 from mcap import records
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
-from several.conftest import problem_document
 
 from pushplan.logging.writer import RunLogWriter
 from pushplan.planners.planner import Planner
@@ -20,27 +20,9 @@ from pushplan.plans.events import Event, Feedback, Measured, Replan
 from pushplan.plans.execution import Execution, TrialEnd
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty
-from pushplan.scenario.file import example_text, load_scenario, scenario_from_document, scenario_from_text
+from pushplan.scenario.file import load_scenario, scenario_from_text
 from pushplan.sim.trials import execute_trials
 from pushplan.trial import TRIAL
-
-REARRANGEMENT = b"""\
-format: pushplan/1
-floor: {friction: 0.30}
-objects:
-  - {name: red, shape: {box: [0.30, 0.20]}, mass: 4.0, pose: [1.2, 1.0, 0.0]}
-  - {name: blue, shape: {box: [0.20, 0.20]}, mass: 3.0, pose: [1.2, 2.2, 90 deg]}
-pusher: {width: 0.28, friction: 0.50, limits: {speed: 0.5, acceleration: 1.5, jerk: 30, angular_speed: 2}}
-robot:
-  footprint: {box: [0.42, 0.285], pose: [-0.225, 0, 0]}
-  drive: {car: {axle: [-0.30, 0, 0], min_radius: 0.80}}
-  start: [2.4, 1.6, 0.0]
-goals: {red: {pose: [1.9, 1.0, 0.0]}, blue: [1.2, 2.8, 90 deg]}
-workspace: {x: [0.0, 3.6], y: [0.0, 3.6]}
-"""
-
-FAST = {"speed": 0.5, "acceleration": 1.5, "jerk": 30, "angular_speed": 2}
-"""Of the robot: then there is less to write, and to read again."""
 
 KINDS = ("push", "multi-push", "rearrangement", "closed loop", "trial", "no plan")
 
@@ -104,14 +86,11 @@ def _trial(plan: Plan) -> Case:
 
 @pytest.fixture(scope="session")
 def cases() -> dict[str, Case]:
-    scenarios = {
-        "push": scenario_from_text(example_text("two-crates").replace("speed: 0.2,", "speed: 0.5,")),
-        "multi-push": scenario_from_document(problem_document("omnidirectional", pusher={"limits": FAST})),
-        "rearrangement": scenario_from_text(REARRANGEMENT),
-    }
     plans = {
-        name: Planner(scenario, time_limit=60.0, iterations=3000, seed=1).plan(first=True)
-        for name, scenario in scenarios.items()
+        name: Planner(scenario_from_text(FAST[name]), time_limit=60.0, iterations=3000, seed=1).plan(
+            first=True
+        )
+        for name in ("push", "multi-push", "rearrangement")
     }
     assert all(plan.solved for plan in plans.values()), {name: plan.reason for name, plan in plans.items()}
     found = {name: Case(plan, plan.execution) for name, plan in plans.items()}
