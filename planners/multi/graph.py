@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from pushplan.core.driving import Surroundings, shortest_drive
-from pushplan.core.pushes import PackedMode, approaches_are_free, find_push, settles, word_costs
+from pushplan.core.pushes import approaches_are_free, find_push, settles, word_costs
 from pushplan.core.sequences import cheapest_sequence
 from pushplan.core.transit import find_transit, shortened, transit_is_free
-from pushplan.geometry import se2
-from pushplan.planners.multi.room import DETOUR, PushRoom, Question, lower_bounds
+from pushplan.planners.multi.near_goals import NearGoals
+from pushplan.planners.multi.room import PushRoom, Question, lower_bounds
 from pushplan.planners.problem import sampling_box
 from pushplan.plans.path import TURN_WEIGHT
 from pushplan.util.arrays import FloatArray
@@ -65,17 +65,6 @@ SHORTCUTS = 200
 LONG = 1.05
 """A way that is so much longer than the shortest one where nothing is in the way is looked for once more. In rooms of
 ReloPush that makes first plans 4 % shorter; more tries add 0.1 %."""
-
-BESIDE = np.array(
-    [(x, y, turn) for x, y in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)) for turn in (0, 1, -1)], dtype=float
-)
-"""Where an object may end: at the goal, and beside it, as shares of what may be used of its tolerance."""
-
-ALONG = 400
-"""Poses along a turn or a straight push, of which the nearest to a goal is looked for."""
-
-NEAR_TRIES = 4
-"""Poses within the tolerance that are tried for each push but the last, those first that cost least."""
 
 SAME = 1e-9
 """Costs that differ by less are what was assumed, m."""
@@ -241,12 +230,12 @@ class Graph:
         """Return a plan that ends within a goal's tolerance where one of its pushes, or another first one, can."""
         if not self._question.within.all():
             return best
-        firsts = self._first_steps(best.cost)
+        near, firsts = NearGoals(self._room, self._question), self._first_steps(best.cost)
         starts: list[tuple[tuple[Step, ...], Step]] = [((), first) for first in firsts]
         starts += [(best.steps[:k], step) for k, step in enumerate(best.steps) if k]
         for before, step in starts:
             contact = self._room.contacts[step.contact]
-            for end, price, goal in self._near(contact.packed, step.before):
+            for end, price, goal in near.to(contact.packed, step.before):
                 cost, arcs = find_push(contact.scene, contact.packed, step.before, end)
                 steps = (*before, replace(step, after=end, arcs=arcs, cost=cost))
                 cost_to_go = self._after(step.contact, goal)
@@ -269,39 +258,6 @@ class Graph:
             if change in self._known_transits:
                 way = self._known_transits[change]
                 yield Step(int(k), load, load, self._question.robot, way, np.zeros((0, 4)), 0.0)
-
-    def _near(self, mode: PackedMode, load: FloatArray) -> list[tuple[FloatArray, float, int]]:
-        """Return poses (3,) at goals and beside them to which pushes by a contact lead, what that costs, and goals.
-
-        They are on a grid, and where turns and straight pushes come nearest; those that cost least come first.
-        """
-        within, inner = self._question.within, self._room.scenario.chain.objects[0].pose_chain
-        goals = se2.compose(self._question.goals, inner)
-        begin = se2.compose(load, mode.contact)
-        begin = se2.compose(begin, se2.exp(mode.settling * mode.settle))
-        far = 1.5 * float(np.hypot(*(goals - load)[:, :2].T).max())
-        found = [se2.compose(goals[:, None], within[[0, 0, 1]] * BESIDE).reshape(-1, 3)]
-        at = [np.repeat(np.arange(len(goals)), len(BESIDE))]
-        twists = mode.families.reshape(-1, 1, 3)
-        arcs = se2.compose(begin, se2.exp(np.linspace(0.0, far, ALONG)[:, None] * twists))
-        poses = se2.compose(se2.compose(arcs, se2.inverse(mode.contact)), inner)
-        distance = np.hypot(*np.moveaxis(poses[:, :, None, :2] - goals[:, :2], -1, 0)) / within[0]
-        for along, away in zip(poses, distance, strict=True):
-            k, goal = np.nonzero(away <= 1.0)
-            angle = np.abs(se2.wrap_angle(along[k, 2] - goals[goal, 2])) / within[1]
-            share = np.maximum(away[k, goal], angle)
-            if share.min(initial=np.inf) <= 1.0:
-                found.append(along[k[share.argmin()], None])
-                at.append(goal[share.argmin(), None])
-        ends = se2.compose(np.concatenate(found), se2.inverse(inner))
-        prices = np.full(len(ends), DETOUR)
-        prices[: len(goals) * len(BESIDE) : len(BESIDE)] = 0.0
-        free = approaches_are_free(self._room.robot, mode, ends, True)
-        ends, prices, nodes = ends[free], prices[free], 1 + np.concatenate(at)[free]
-        costs = word_costs(mode, load[None], ends, np.zeros(1), prices, np.inf)[0] + prices
-        return [
-            (ends[k], float(prices[k]), int(nodes[k])) for k in np.argsort(costs, kind="stable")[:NEAR_TRIES]
-        ]
 
     def _cost(self, steps: tuple[Step, ...]) -> float:
         """What pushes cost in all, m."""

@@ -15,6 +15,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.faces import places
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes
 from pushplan.planners.multi.multi_push import MultiPushSearch
+from pushplan.planners.multi.near_goals import passing_distances
 from pushplan.planners.multi.room import Question, lower_bounds
 from pushplan.planners.multi.search import Limits, search
 from pushplan.planners.planner import plan
@@ -169,3 +170,15 @@ def test_two_pushes_move_a_box_aside_where_one_takes_six_metres(problem: Problem
     assert len(first.steps) == 1
     assert sum(step.cost for step in first.steps) > 3.0
     assert sum(step.cost for step in better.steps) < 0.6
+
+
+def test_the_whole_of_a_turn_or_a_straight_push_passes_by_a_point_as_near_as_is_said() -> None:
+    start, random = np.array([0.3, -0.2, 0.7]), np.random.default_rng(1)
+    twists = np.array([[1.0, 0.2, 0.0], [1.0, 0.0, 0.9], [0.8, -0.4, -2.0], [0.0, 0.0, 3.0]])
+    points = random.uniform(-2.0, 2.0, (20, 2))
+    lengths = np.linspace(-10.0, 10.0, 40_001)
+    along = se2.compose(
+        start, se2.exp(lengths[:, None, None] * twists)
+    )  # whole circles, and far along the line
+    away = np.hypot(*np.moveaxis(along[:, :, None, :2] - points, -1, 0)).min(axis=0)
+    np.testing.assert_allclose(passing_distances(start, twists, points), away, atol=1e-4)
