@@ -27,13 +27,16 @@ from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.names import AUTO
 
-Caution = tuple[float, float]
-"""Shares of what frictions may be off, and of the room beside obstacles, that a plan is made for."""
-BOLD: Caution = (0.0, 0.0)
-CAUTION: tuple[Caution, ...] = ((1.0, 0.4), (0.5, 0.2), BOLD)
+Caution = tuple[float, float, float]
+"""Shares of what frictions may be off, of the room beside obstacles, and of the margin, that a plan is made for."""
+BOLD: Caution = (0.0, 0.0, 1.0)
+CAUTION: tuple[Caution, ...] = ((1.0, 0.4, 1.0), (0.5, 0.2, 1.0), BOLD)
 """What plans on the way are made for, one after the other until there is one."""
-FIRST: Caution = (1.0, 1.0)
+NEARBY = tuple((friction, room, margin) for friction, room, _ in CAUTION for margin in (1.0, 0.5, 0.25))
+"""What plans that end beside the goal are made for: an automatic margin is halved as that of a first plan is."""
+FIRST: Caution = (1.0, 1.0, 1.0)
 """What the plan to begin with is made for before these; on the way, a load may be nearer to an obstacle than that."""
 MERIDIANS = 96
 """Meridians of the stable set that controls are taken from: plans without haste take five times as many."""
@@ -45,15 +48,15 @@ SAME = 5e-4
 """Slide (m) up to which it is the same chain: another one meets obstacles elsewhere. Its planners take 0.01 s."""
 ATTEMPTS = 24
 """Replans in a row that may find nothing."""
-BARELY = 0.95
-"""Share of the tolerances that is within them for all the noise."""
+BARELY = 0.9
+"""Share of the tolerances by which a plan beside the goal is to end within them: the rest is for what is off then."""
 GAIN = 0.2
 """Share of the tolerances that a plan which does not reach the goal has to come nearer to it by."""
-ROUNDS = 6
-"""Of finer steps to the nearest pose that can be reached."""
+FINER = (1.0, 1.0, 1.0, 0.5, 0.25, 0.125)
+"""Shares of the fine steps by which the nearest pose that can be reached is looked for, one after the other."""
 _GRID = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
 _WIDE = (np.linspace(-4.0, 4.0, 17),) * 2 + (np.linspace(-2.0, 2.0, 9),)
-_FINE = (np.linspace(-0.5, 0.5, 9),) * 3
+_FINE = np.linspace(-0.5, 0.5, 9)
 """Shares of the tolerances, of x, y and angle, by which poses about the goal are tried, and then about the best."""
 _TURNS = np.array(sorted(np.linspace(-1.0, 1.0, 161), key=abs))
 """Shares of the angle's tolerance by which headings at the goal are tried; none is the first."""
@@ -137,7 +140,7 @@ class Aim:
             reach: Returns costs of paths to poses (k, 3), infinite where there is none.
         """
         best = self.exact(chain)
-        for grids in (_WIDE, *[_FINE] * ROUNDS):
+        for grids in (_WIDE, *((share * _FINE,) * 3 for share in FINER)):
             poses = self._about(best, chain, grids)
             shares = self.share(compose(poses[:, None], chain.places))
             shares[~np.isfinite(reach(poses))] = np.inf
@@ -220,9 +223,10 @@ class Replanner:
         """
         if level not in self._planners:
             scenario = replace(self._careful(level), trajectory="exact")
-            margin = self._margins.get(
-                level
-            )  # what `auto` comes to is not worked out again for a chain that slid
+            # What `auto` comes to is not worked out again for a chain that slid.
+            margin = self._margins.get(level)
+            if margin is None and level[2] < 1.0:
+                margin = level[2] * self.planner((*level[:2], 1.0)).margin
             wanted = PlanSettings(margin=margin, observer=self._observer)
             made = Planner(scenario, settings=wanted, meridians=MERIDIANS, rate=self._settings.rate)
             self._planners[level], self._margins[level] = made, made.margin
@@ -251,7 +255,8 @@ class Replanner:
         if hit is not None:
             return f"the way is not free any more: {hit}"
         goals = self.aim.exact(self.chain)[None]
-        shortest = min(float(planner.reach(poses[0], goals)[0, 0]) for planner in self._planners.values())
+        planners = [planner for level, planner in self._planners.items() if level in CAUTION]
+        shortest = min(float(planner.reach(poses[0], goals)[0, 0]) for planner in planners)
         if shortest < (1.0 - BETTER) * rest - STOP:
             return f"there is a way of {shortest:.2f} m now instead of {rest:.2f} m"
         return ""
@@ -302,17 +307,21 @@ class Replanner:
         shortest = min(solved, key=lambda one: one[0], default=None)
         if shortest is not None and shortest[0] <= most:
             return [*missed, next(replan for travel, replan in solved if travel <= most)]
-        near = Near(most, min(left, float(self.aim.share(compose(start, self.chain.places))) - GAIN))
-        beside = [self.replan(now, start, previous, slides, k, near) for k in range(len(CAUTION))]
-        missed += [replan for replan in beside if not replan.solved]
-        ends = [
-            (float(self.aim.share(compose(replan.result.path.end, self.chain.places))), k)
-            for k, replan in enumerate(beside)
-            if replan.result is not None and replan.result.path is not None
-        ]
-        if ends:  # the most cautious that ends within the tolerances, or else the nearest
-            _, best = next((end for end in ends if end[0] <= BARELY), min(ends))
-            return [*missed, beside[best]]
+        here = float(self.aim.share(compose(start, self.chain.places)))
+        near, beside = Near(most, min(left, here - GAIN)), list[tuple[float, Replan]]()
+        # Contacts are risked where nothing else brings the objects within the tolerances.
+        risks = here > 1.0 and left > 1.0 and self._scenario.stability.margin == AUTO
+        for attempt in [k for k, level in enumerate(NEARBY) if risks or level in CAUTION]:
+            replan = self.replan(now, start, previous, slides, attempt, near)
+            if replan.result is None or replan.result.path is None:
+                missed.append(replan)
+                continue
+            end = compose(replan.result.path.end, self.chain.places)
+            beside.append((float(self.aim.share(end)), replan))
+            if beside[-1][0] <= BARELY:
+                break
+        if beside:  # the most cautious that ends within the tolerances, or else the nearest
+            return [*missed, min(beside, key=lambda one: one[0])[1]]
         return missed if shortest is None else [*missed, shortest[1]]
 
     def replan(
@@ -333,7 +342,7 @@ class Replanner:
             start: Where the plate is.
             previous: The rest of it is the first candidate.
             slides: (n,) how far the objects have slid, m.
-            attempt: Number of attempts from here so far: every one has another caution and, in the end, seed.
+            attempt: Number of attempts of this kind so far: every one has another caution and, in the end, seed.
             near: What will do in place of the goal: the plan ends as near to that as a steering path leads.
         """
         began = time.process_time()
@@ -347,7 +356,7 @@ class Replanner:
         return Replan(now, result, reason, time.process_time() - began)
 
     def _planned(self, start: FloatArray, previous: PushPath | None, attempt: int, near: Near | None) -> Plan:
-        planner = self.planner(CAUTION[attempt % len(CAUTION)])
+        planner = self.planner(CAUTION[attempt % len(CAUTION)] if near is None else NEARBY[attempt])
         return planner.plan(
             start,
             self._goal(planner, start) if near is None else self._beside(planner, start, near),

@@ -1,6 +1,7 @@
 """What the controller is made of."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -299,24 +300,40 @@ def test_what_has_slid_is_kept_off_obstacles(slide: float) -> None:
     assert found.solved == (slide < 0.0), found.reason
 
 
-@pytest.mark.parametrize("aside", [0.0, 0.053])
-def test_where_no_path_leads_to_the_goal_one_ends_as_near_as_it_can(aside: float) -> None:
-    """Half a metre before it, carts that stand aside, turned, would have to turn more tightly than they bear."""
-    from pushplan.sim.control.replanner import CAUTION, Replanner
+@pytest.mark.parametrize(
+    ("aside", "margin", "ends"),
+    [
+        (0.0, "auto", (-1.0, 1e-6)),
+        (0.053, "auto", (0.1, 0.9)),
+        (0.053, 0.05, (1.0, 4.0)),
+        (0.075, "auto", (1.0, 4.0)),
+    ],
+)
+def test_where_no_path_leads_to_the_goal_one_ends_as_near_as_it_can(
+    aside: float, margin: float | Literal["auto"], ends: tuple[float, float]
+) -> None:
+    """Half a metre before it, carts that stand aside, turned, would have to turn more tightly than they bear.
+
+    A margin that is stated is kept; an automatic one gives way where the goal can be met with less.
+    """
+    from pushplan.sim.control.replanner import BOLD, NEARBY, Replanner
 
     carts = pushplan.load_scenario("carts")
+    carts = replace(carts, stability=replace(carts.stability, margin=margin))
     replanner = Replanner(carts, ControlSettings(time_limit=60.0), Observer())
     start, still = compose(carts.goal.pose_chain, inverse([0.45, aside, 2.0 * aside])), np.zeros(2)
     given = 0.0, start, None, still, 1.0
     assert replanner.best(*given, left=0.9)[-1].solved == (aside == 0.0)
-    found = replanner.best(*given, left=np.inf)[-1]
-    end, reach = there(there(found.result).path).end, replanner.planner(CAUTION[-1]).reach
-    share = float(replanner.aim.share(compose(end, carts.chain.places)))
-    assert share < 1e-6 if aside == 0.0 else 1.0 < share < 4.0, share
-    random = np.random.default_rng(1).uniform(-1.0, 1.0, (40_000, 3)) * [4e-2, 4e-2, np.radians(2.0)]
-    others = carts.goal.pose_chain + random
-    shares = replanner.aim.share(compose(others[:, None], carts.chain.places))
-    assert shares[np.isfinite(reach(start, others)[0])].min() > share - 0.2
+    found = there(replanner.best(*given, left=np.inf)[-1].result)
+    share = float(replanner.aim.share(compose(there(found.path).end, carts.chain.places)))
+    assert ends[0] < share <= ends[1]
+    assert there(found.min_margin) > (0.05 if margin == 0.05 else 0.0125)
+    if share > 1.0:
+        random = np.random.default_rng(1).uniform(-1.0, 1.0, (40_000, 3)) * [4e-2, 4e-2, np.radians(2.0)]
+        others = carts.goal.pose_chain + random
+        shares = replanner.aim.share(compose(others[:, None], carts.chain.places))
+        reach = replanner.planner(BOLD if margin == 0.05 else NEARBY[-1]).reach
+        assert shares[np.isfinite(reach(start, others)[0])].min() > share - 0.2
 
 
 @pytest.mark.parametrize(("length", "slides"), [(0.25, 0.05), (3.0, 0.0)])
