@@ -18,6 +18,7 @@ from pushplan.mechanics.contacts import cof
 from pushplan.mechanics.dynamics import dynamic_margins, dynamic_rows
 from pushplan.mechanics.heights import load_areas
 from pushplan.mechanics.intervals import IntervalChain
+from pushplan.mechanics.perturb import slid
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
 from pushplan.plans.path import PushPath
@@ -259,6 +260,7 @@ WRONG: dict[str, tuple[Callable[[ChainMaker], object], str]] = {
     "no contact": (lambda m: replace(m.boxes(2), contacts=m.boxes(1).contacts), "need as many contacts, not 1"),
     "itself": (lambda m: joined(m, 1, 1), "contact 1 pushes object 1 from 1; it must push object 1 from the plate"),
     "another": (lambda m: joined(m, 0, -1), "contact 1 pushes object 0 from -1; it must push object 1 from the"),
+    "slid off": (lambda m: slid(m.boxes(2), [0.0, 0.5]), "has slid off what pushes it"),
     "backward": (lambda m: PushPath(np.zeros(3), AHEAD, np.array([-0.1])), "has a negative length"),
     "unscaled": (lambda m: PushPath(np.zeros(3), 2.0 * AHEAD, np.ones(1)), "must be scaled to a cost rate of 1 m/s"),
     "whose mass": (lambda m: ranged(m, mass={"bux": (1.0, 2.0)}), "no object is called 'bux'; there are box0, box1"),
