@@ -26,35 +26,25 @@ from pushplan.scenario.file import example_names, example_text, load_scenario, s
 from pushplan.scenario.model import CircleObstacle, PolygonObstacle, Scenario
 from pushplan.scenario.room import MOST_TOLD
 
+FEET = "support: {feet: [[0.04, 0.03], [-0.04, 0.03], [0, -0.03]]}"
 
-def test_supports_are_what_the_file_says(valid: Changed, tmp_path: Path) -> None:
+
+@pytest.mark.parametrize(("text", "kind", "center", "known"), [
+    ("support: uniform", UniformSupport, [0.0, 0.0], True), ("support: unknown", UnknownSupport, [0.0, 0.0], False),
+    ("center_of_mass: [0.01, 0.005]", UniformSupport, [0.01, 0.005], True),
+    ("support: {feet: [[0.04, 0.03, 25 %], [-0.04, 0.03, .55], [0, -0.03, .2]]}", FeetSupport, [-0.012, 0.018], True),
+    (FEET, FeetSupport, [0.0, 0.0], False),
+    (f"{FEET}\n    center_of_mass: [0, 1 cm]", FeetSupport, [0.0, 0.01], False),
+    ("support: {pressure_map: map.csv}", PressureMapSupport, [-0.005, 0.0], True),
+])  # fmt: skip
+def test_supports_are_what_the_file_says(
+    text: str, kind: type, center: list[float], known: bool, valid: Changed, tmp_path: Path
+) -> None:
     (tmp_path / "map.csv").write_text("x,y,pressure\n0.01,0,1\n-0.01,0,3\n")
-
-    def support(text: str) -> object:
-        file = tmp_path / "f.yaml"
-        file.write_text(valid(("support: uniform", text)))
-        return load_scenario(file).chain.objects[0].support
-
-    assert isinstance(support("support: uniform"), UniformSupport)
-    affine = support("center_of_mass: [0.01, 0.005]")
-    assert isinstance(affine, UniformSupport)
-    np.testing.assert_allclose(affine.center, [0.01, 0.005])
-    loaded = support("support: {feet: [[0.04, 0.03, 25 %], [-0.04, 0.03, 0.25], [0, -0.03, 0.5]]}")
-    assert isinstance(loaded, FeetSupport)
-    np.testing.assert_allclose(there(loaded.fractions), [0.25, 0.25, 0.5])
-    bare = support("support: {feet: [[0.04, 0.03], [-0.04, 0.03], [0, -0.03]]}")
-    assert isinstance(bare, FeetSupport)
-    assert not bare.known
-    np.testing.assert_allclose(bare.center, [0.0, 0.0], atol=1e-12)
-    shifted = support(
-        "support: {feet: [[0.04, 0.03], [-0.04, 0.03], [0, -0.03]]}\n    center_of_mass: [0, 1 cm]"
-    )
-    assert isinstance(shifted, FeetSupport)
-    np.testing.assert_allclose(shifted.center, [0.0, 0.01])
-    measured = support("support: {pressure_map: map.csv}")
-    assert isinstance(measured, PressureMapSupport)
-    np.testing.assert_allclose(measured.center, [-0.005, 0.0])
-    assert isinstance(support("support: unknown"), UnknownSupport)
+    (tmp_path / "f.yaml").write_text(valid(("support: uniform", text)))
+    support = load_scenario(tmp_path / "f.yaml").chain.objects[0].support
+    assert (type(support), support.known) == (kind, known)
+    np.testing.assert_allclose(support.center, center, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", example_names())
