@@ -34,7 +34,7 @@ from pushplan.util.arrays import FloatArray, frozen
 
 CELLS_MISS = (0.03, 0.012)
 """Share, and part of the load, added to what a pressure that is off changes for what varies inside cells; sums over
-30 times as many cells stay below (`tests/sets/test_pressure_error.py`)."""
+30 times as many cells stay below (`tests/sets/test_interval_sets.py`)."""
 
 _HALVINGS, _ROUNDING = 40, 1e-12
 
