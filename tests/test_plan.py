@@ -181,8 +181,7 @@ def good() -> tuple[Plan, Execution]:
 
 
 def path() -> PushPath:
-    found = there(good()[0].path)
-    return found
+    return there(good()[0].path)
 
 
 def flaw(scenario: Scenario, segment: Segment) -> str:

@@ -83,8 +83,7 @@ def test_bounds_hold_and_are_tight_on_short_pieces(seed: int) -> None:
 
 @pytest.fixture(scope="module")
 def motion() -> Trajectory:
-    trajectory = there(plan(load_scenario("two-crates"), first=True).trajectory)
-    return trajectory
+    return there(plan(load_scenario("two-crates"), first=True).trajectory)
 
 
 def test_half_way_between_samples_the_body_is_no_farther_from_the_constant_twist(motion: Trajectory) -> None:
@@ -96,11 +95,11 @@ def test_half_way_between_samples_the_body_is_no_farther_from_the_constant_twist
     worst = 0.0
     for begin, middle, end in zip(poses[:-2], between, poses[1:-1], strict=False):
         chord = se2.log(se2.relative(begin, end))
-        there = se2.transform_points(middle, points)
+        placed = se2.transform_points(middle, points)
 
-        def away(share: float, begin=begin, chord=chord, there=there) -> float:  # type: ignore[no-untyped-def]
+        def away(share: float, begin=begin, chord=chord, placed=placed) -> float:  # type: ignore[no-untyped-def]
             pose = se2.compose(begin, se2.exp(share * chord))
-            return float(np.hypot(*(se2.transform_points(pose, points) - there).T).max())
+            return float(np.hypot(*(se2.transform_points(pose, points) - placed).T).max())
 
         found = minimize_scalar(away, bounds=(0.0, 1.0), method="bounded", options={"xatol": 1e-7})
         worst = max(worst, float(found.fun))
