@@ -21,11 +21,9 @@ import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import pybind11
-
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
-from building import FLAGS  # noqa: E402
+from building import FLAGS, INCLUDE  # noqa: E402
 
 CORE = Path("pushplan/core")
 FILES = "friction.cpp,contacts.cpp,inertia.hpp,sphere.cpp,uncertain.cpp,centred.cpp,scene.cpp,steering.cpp"
@@ -65,7 +63,7 @@ class Checkout:
         project = tomllib.loads((folder / "pyproject.toml").read_text("utf-8"))
         (extension,) = project["tool"]["setuptools"]["ext-modules"]
         self.sources = [folder / name for name in extension["sources"]]
-        include = [f"-I{pybind11.get_include()}", f"-I{sysconfig.get_path('include')}"]
+        include = [f"-I{folder}" for folder in (*INCLUDE, sysconfig.get_path("include"))]
         self._compile = ["g++", *FLAGS, "-fPIC", "-MMD", *include, "-c"]
 
     def build(self, sources: list[Path]) -> bool:

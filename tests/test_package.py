@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from click.testing import CliRunner
@@ -38,6 +39,23 @@ def _modules_after(code: str) -> set[str]:
 @pytest.mark.parametrize("code", ["import pushplan", "from pushplan.cli.main import main; main(['--help'])"])
 def test_importing_the_package_and_its_help_load_nothing_heavy(code: str) -> None:
     assert not _modules_after(code).intersection(HEAVY)
+
+
+def test_all_that_the_core_is_called_with_has_a_kind_in_python() -> None:
+    from pushplan import core
+
+    def signatures(of: object) -> Iterator[str]:
+        for value in vars(of).values():
+            if "pushplan.core" in str(getattr(value, "__module__", "")) or isinstance(
+                value, property | ModuleType
+            ):
+                yield value.__doc__ or ""
+                if isinstance(value, type | ModuleType):
+                    yield from signatures(value)
+
+    found = list(signatures(core))
+    assert sum("(" in text for text in found) > 100
+    assert not [text for text in found if "std::" in text or "pushplan::" in text]
 
 
 def test_pythons_own_logging_is_found_from_the_checkout() -> None:

@@ -18,7 +18,7 @@ using GapArrays = std::tuple<Integers, Integers, Numbers>;
 MeridianTable meridian_table(const TableArrays &arrays) {
     const auto &[at, counts, ends, bend] = arrays;
     require_shape(at, {-1}, "at");
-    const py::ssize_t m = at.shape(0);
+    const std::ptrdiff_t m = at.shape(0);
     require_shape(counts, {m}, "counts");
     require_shape(ends, {m, -1, 2}, "ends");
     require_shape(bend, {m, ends.shape(1), 2}, "bend");
@@ -53,63 +53,56 @@ Samples samples_of(const Numbers &samples) {
     return {reinterpret_cast<const Sample *>(samples.data()), samples.shape(0)};
 }
 
-py::tuple arrays_of(Questions &&questions) {
-    const auto n = static_cast<py::ssize_t>(questions.x.size());
-    return py::make_tuple(to_numpy(std::move(questions.member), {n}), to_numpy(std::move(questions.x), {n}));
+nb::tuple arrays_of(Questions &&questions) {
+    return nb::make_tuple(to_numpy(std::move(questions.member)), to_numpy(std::move(questions.x)));
 }
 
-py::tuple arrays_of(Intervals &&intervals) {
+nb::tuple arrays_of(Intervals &&intervals) {
     static_assert(sizeof(Ends) == 8 * sizeof(double), "brackets (2, 4)");
-    const auto n = static_cast<py::ssize_t>(intervals.member.size());
-    py::array_t<double> ends({n, py::ssize_t{2}, py::ssize_t{4}});
-    std::copy_n(reinterpret_cast<const double *>(intervals.ends.data()), 8 * n, ends.mutable_data());
-    return py::make_tuple(to_numpy(std::move(intervals.member), {n}), ends);
+    const auto n = static_cast<std::ptrdiff_t>(intervals.member.size());
+    auto ends = new_array<double>({n, 2, 4});
+    std::copy_n(reinterpret_cast<const double *>(intervals.ends.data()), 8 * n, ends.data());
+    return nb::make_tuple(to_numpy(std::move(intervals.member)), ends);
 }
 
-py::tuple bends_of(const TableArrays &arrays, const GapArrays &between, const TableArrays &middle) {
+nb::tuple bends_of(const TableArrays &arrays, const GapArrays &between, const TableArrays &middle) {
     const MeridianTable table = meridian_table(arrays), found = meridian_table(middle);
     const Gaps gaps = gaps_in(table, between);
     if (found.at.size != gaps.size())
         throw std::invalid_argument("there must be one meridian for every gap");
     Bends known = bends(table, gaps, found);
-    py::array_t<bool> more(gaps.size());
-    std::copy(known.more.begin(), known.more.end(), more.mutable_data());
-    return py::make_tuple(to_numpy(std::move(known.bend), {gaps.size(), found.width, 2}), more);
+    auto more = new_array<bool>({gaps.size()});
+    std::copy(known.more.begin(), known.more.end(), more.data());
+    return nb::make_tuple(to_numpy(std::move(known.bend), {gaps.size(), found.width, 2}), more);
 }
 
 template <class Search> void take(Search &search, const Numbers &values) {
-    require_shape(values, {static_cast<py::ssize_t>(search.questions().x.size())}, "table of values");
+    require_shape(values, {static_cast<std::ptrdiff_t>(search.questions().x.size())}, "table of values");
     search.take(values.data());
 }
 
-template <class Search> void bind_questions(py::class_<Search> &bound) {
-    bound.def_property_readonly("member", [](const Search &search) {
-        const auto &member = search.questions().member;
-        return py::array_t<std::int64_t>(static_cast<py::ssize_t>(member.size()), member.data());
-    });
-    bound.def_property_readonly("x", [](const Search &search) {
-        const auto &x = search.questions().x;
-        return py::array_t<double>(static_cast<py::ssize_t>(x.size()), x.data());
-    });
-    bound.def("take", &take<Search>, py::arg("values"));
+template <class Search> void bind_questions(nb::class_<Search> &bound) {
+    bound.def_prop_ro("member", [](const Search &search) { return copied(search.questions().member); });
+    bound.def_prop_ro("x", [](const Search &search) { return copied(search.questions().x); });
+    bound.def("take", &take<Search>, nb::arg("values"));
     bound.def("__bool__", [](const Search &search) { return !search.questions().x.empty(); });
 }
 
-void bind_root_search(py::module_ &m) {
-    py::class_<RootSearch> bound(m, "RootSearch");
-    bound.def(py::init([](const Numbers &brackets) {
+void bind_root_search(nb::module_ &m) {
+    nb::class_<RootSearch> bound(m, "RootSearch");
+    bound.def(MadeBy(+[](const Numbers &brackets) {
                   require_shape(brackets, {-1, 4}, "brackets");
                   static_assert(sizeof(Bracket) == 4 * sizeof(double), "a row of a table");
                   const auto *first = reinterpret_cast<const Bracket *>(brackets.data());
                   return RootSearch(std::vector<Bracket>(first, first + brackets.shape(0)));
               }),
-              py::arg("brackets"));
+              nb::arg("brackets"));
     bind_questions(bound);
-    bound.def_property_readonly("ends", [](const RootSearch &search) {
+    bound.def_prop_ro("ends", [](const RootSearch &search) {
         std::vector<double> ends(search.count());
         for (std::size_t i = 0; i < ends.size(); ++i)
             ends[i] = search.end(i);
-        return to_numpy(std::move(ends), {static_cast<py::ssize_t>(search.count())});
+        return to_numpy(std::move(ends));
     });
 }
 
@@ -128,23 +121,22 @@ PeakSearch peak_search(const Numbers &low, const Numbers &high, double goal, int
     return search;
 }
 
-void bind_peak_search(py::module_ &m) {
-    py::class_<PeakSearch> bound(m, "PeakSearch");
-    bound.def(py::init(&peak_search), py::arg("low"), py::arg("high"), py::arg("goal"), py::arg("iterations"),
-              py::arg("ends") = py::none());
+void bind_peak_search(nb::module_ &m) {
+    nb::class_<PeakSearch> bound(m, "PeakSearch");
+    bound.def(MadeBy(&peak_search), nb::arg("low"), nb::arg("high"), nb::arg("goal"), nb::arg("iterations"),
+              nb::arg("ends") = nb::none());
     bind_questions(bound);
-    bound.def_property_readonly("best", [](const PeakSearch &search) {
+    bound.def_prop_ro("best", [](const PeakSearch &search) {
         std::vector<double> places, values;
         for (const Section &section : search.sections()) {
             places.push_back(section.fb >= section.fc ? section.b : section.c);
             values.push_back(section.fb >= section.fc ? section.fb : section.fc);
         }
-        const auto n = static_cast<py::ssize_t>(places.size());
-        return py::make_tuple(to_numpy(std::move(places), {n}), to_numpy(std::move(values), {n}));
+        return nb::make_tuple(to_numpy(std::move(places)), to_numpy(std::move(values)));
     });
 }
 
-void bind_functions(py::module_ &m) {
+void bind_functions(nb::module_ &m) {
     m.def(
         "fans",
         [](const TableArrays &arrays, const GapArrays &between, const Integers &chosen) {
@@ -152,7 +144,7 @@ void bind_functions(py::module_ &m) {
             const Gaps gaps = gaps_in(table, between);
             return arrays_of(fans(table, gaps, chosen_of(gaps, chosen)));
         },
-        py::arg("table"), py::arg("gaps"), py::arg("chosen"));
+        nb::arg("table"), nb::arg("gaps"), nb::arg("chosen"));
     m.def(
         "probes",
         [](const TableArrays &arrays, const GapArrays &between, const Integers &chosen, double wider) {
@@ -160,7 +152,7 @@ void bind_functions(py::module_ &m) {
             const Gaps gaps = gaps_in(table, between);
             return arrays_of(probes(table, gaps, chosen_of(gaps, chosen), wider));
         },
-        py::arg("table"), py::arg("gaps"), py::arg("chosen"), py::arg("wider"));
+        nb::arg("table"), nb::arg("gaps"), nb::arg("chosen"), nb::arg("wider"));
     m.def(
         "followed",
         [](const Numbers &x, const Numbers &value, const Integers &member) {
@@ -168,20 +160,18 @@ void bind_functions(py::module_ &m) {
                 throw std::invalid_argument("latitudes, values and members are not equally many");
             return arrays_of(followed(row(x), row(value), row(member)));
         },
-        py::arg("x"), py::arg("value"), py::arg("member"));
-    m.def("bends", &bends_of, py::arg("table"), py::arg("gaps"), py::arg("found"));
-    m.def("between", [](const Numbers &samples) { return arrays_of(between(samples_of(samples))); },
-          py::arg("samples"));
+        nb::arg("x"), nb::arg("value"), nb::arg("member"));
+    m.def("bends", &bends_of, nb::arg("table"), nb::arg("gaps"), nb::arg("found"));
+    m.def(
+        "between", [](const Numbers &samples) { return arrays_of(between(samples_of(samples))); }, nb::arg("samples"));
     m.def(
         "extremes",
         [](const Numbers &samples) {
             auto at = extremes(samples_of(samples));
-            const auto n = static_cast<py::ssize_t>(at.size());
-            return to_numpy(std::move(at), {n});
+            return to_numpy(std::move(at));
         },
-        py::arg("samples"));
-    m.def("runs", [](const Numbers &samples) { return arrays_of(runs(samples_of(samples))); },
-          py::arg("samples"));
+        nb::arg("samples"));
+    m.def("runs", [](const Numbers &samples) { return arrays_of(runs(samples_of(samples))); }, nb::arg("samples"));
 }
 
 } // namespace
@@ -190,9 +180,9 @@ void bind_functions(py::module_ &m) {
 
 namespace pushplan {
 
-void bind_boundary(py::module_ &core) {
+void bind_boundary(nb::module_ &core) {
     using namespace boundary;
-    py::module_ m = core.def_submodule("boundary", "The boundary of stable sets on and between meridians.");
+    nb::module_ m = core.def_submodule("boundary", "The boundary of stable sets on and between meridians.");
     m.attr("TOLERANCE") = TOLERANCE;
     m.attr("PROMISING") = PROMISING;
     m.attr("FLATNESS") = FLATNESS;

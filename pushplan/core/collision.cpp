@@ -7,7 +7,7 @@ namespace pushplan {
 
 namespace {
 
-constexpr py::ssize_t TREE_COLUMNS = 9;
+constexpr std::ptrdiff_t TREE_COLUMNS = 9;
 
 Circle to_circle(const Numbers &array) {
     if (array.size() != 3)
@@ -21,15 +21,15 @@ Area to_walls(const Numbers &array) {
     return {array.data()[0], array.data()[1], array.data()[2], array.data()[3]};
 }
 
-std::shared_ptr<Shapes> to_shapes(const Numbers &corners, const Integers &starts, const Numbers &bounds) {
-    auto shapes = std::make_shared<Shapes>();
-    shapes->corners = to_rows<Corner>(corners, "corners");
+Shapes to_shapes(const Numbers &corners, const Integers &starts, const Numbers &bounds) {
+    Shapes shapes;
+    shapes.corners = to_rows<Corner>(corners, "corners");
     const auto begins = row(starts);
-    shapes->starts.assign(begins.begin(), begins.end());
-    shapes->bounds = to_rows<Circle>(bounds, "bounds");
-    const auto last = static_cast<std::int64_t>(shapes->corners.size());
-    bool whole = begins.size == shapes->count() + 1 && begins[0] == 0 && begins[begins.size - 1] == last;
-    for (std::int64_t i = 0; whole && i < shapes->count(); ++i)
+    shapes.starts.assign(begins.begin(), begins.end());
+    shapes.bounds = to_rows<Circle>(bounds, "bounds");
+    const auto last = static_cast<std::int64_t>(shapes.corners.size());
+    bool whole = begins.size == shapes.count() + 1 && begins[0] == 0 && begins[begins.size - 1] == last;
+    for (std::int64_t i = 0; whole && i < shapes.count(); ++i)
         whole = begins[i] < begins[i + 1];
     if (!whole)
         throw std::invalid_argument("each polygon has corners from its start to the next one's, and a bound");
@@ -53,14 +53,14 @@ std::vector<TreeNode> to_tree(const Numbers &array, std::int64_t polygons, std::
     return tree;
 }
 
-py::array_t<double> from_tree(const std::vector<TreeNode> &tree) {
-    py::array_t<double> made({static_cast<py::ssize_t>(tree.size()), TREE_COLUMNS});
-    double *to = made.mutable_data();
+Made<double> from_tree(const std::vector<TreeNode> &tree) {
+    auto made = new_array<double>({static_cast<std::ptrdiff_t>(tree.size()), TREE_COLUMNS});
+    double *to = made.data();
     for (const TreeNode &node : tree) {
         for (const double value : {node.xmin, node.ymin, node.xmax, node.ymax})
             *to++ = value;
-        for (const auto value : {node.after, node.first_polygon, node.last_polygon, node.first_circle,
-                                 node.last_circle})
+        for (const auto value :
+             {node.after, node.first_polygon, node.last_polygon, node.first_circle, node.last_circle})
             *to++ = static_cast<double>(value);
     }
     return made;
@@ -74,41 +74,36 @@ std::shared_ptr<const Obstacles> to_obstacles(const std::shared_ptr<Shapes> &pol
                                               const Numbers &tree, const Numbers &walls) {
     auto discs = to_rows<Circle>(circles, "circles");
     auto nodes = to_tree(tree, polygons->count(), static_cast<std::int64_t>(discs.size()));
-    return std::make_shared<const Obstacles>(
-        Obstacles{polygons, std::move(discs), std::move(nodes), to_walls(walls)});
+    return std::make_shared<const Obstacles>(Obstacles{polygons, std::move(discs), std::move(nodes), to_walls(walls)});
 }
 
 std::shared_ptr<Shapes> shared(const std::shared_ptr<const Shapes> &shapes) {
     return std::const_pointer_cast<Shapes>(shapes); // Python only reads
 }
 
-py::array_t<double> circle_array(const Circle &circle) {
-    return py::array_t<double>(3, &circle.x);
-}
+Made<double> circle_array(const Circle &circle) { return copied(&circle.x, {3}); }
 
-void bind_shapes(py::module_ &m) {
-    py::class_<Shapes, std::shared_ptr<Shapes>>(m, "Shapes")
-        .def(py::init(&to_shapes), py::arg("corners"), py::arg("starts"), py::arg("bounds"))
-        .def_property_readonly("corners",
-                               [](const py::object &self) {
-                                   const auto &of = self.cast<const Shapes &>().corners;
-                                   return read_only(&of.data()->x, {static_cast<py::ssize_t>(of.size()), 4}, self);
-                               })
-        .def_property_readonly("starts",
-                               [](const Shapes &self) {
-                                   return py::array_t<std::int64_t>(self.starts.size(), self.starts.data());
-                               })
-        .def_property_readonly("bounds",
-                               [](const py::object &self) {
-                                   const auto &of = self.cast<const Shapes &>().bounds;
-                                   return read_only(&of.data()->x, {static_cast<py::ssize_t>(of.size()), 3}, self);
-                               })
-        .def(py::pickle(
-            [](const py::object &self) {
-                return py::make_tuple(self.attr("corners"), self.attr("starts"), self.attr("bounds"));
+void bind_shapes(nb::module_ &m) {
+    nb::class_<Shapes>(m, "Shapes")
+        .def(MadeBy(&to_shapes), nb::arg("corners"), nb::arg("starts"), nb::arg("bounds"))
+        .def_prop_ro("corners",
+                     [](const nb::object &self) {
+                         const auto &of = nb::cast<const Shapes &>(self).corners;
+                         return read_only(&of.data()->x, {static_cast<std::ptrdiff_t>(of.size()), 4}, self);
+                     })
+        .def_prop_ro("starts", [](const Shapes &self) { return copied(self.starts); })
+        .def_prop_ro("bounds",
+                     [](const nb::object &self) {
+                         const auto &of = nb::cast<const Shapes &>(self).bounds;
+                         return read_only(&of.data()->x, {static_cast<std::ptrdiff_t>(of.size()), 3}, self);
+                     })
+        .def(Pickled(
+            +[](const nb::object &self) {
+                return nb::make_tuple(self.attr("corners"), self.attr("starts"), self.attr("bounds"));
             },
-            [](const py::tuple &state) {
-                return to_shapes(state[0].cast<Numbers>(), state[1].cast<Integers>(), state[2].cast<Numbers>());
+            +[](const nb::tuple &state) {
+                return to_shapes(nb::cast<Numbers>(state[0]), nb::cast<Integers>(state[1]),
+                                 nb::cast<Numbers>(state[2]));
             }));
 }
 
@@ -117,58 +112,54 @@ Scene to_scene(const std::shared_ptr<Shapes> &body, const Numbers &body_bound, c
     return {to_body(body, body_bound), to_obstacles(obstacles, circles, tree, walls), clearance, kept};
 }
 
-py::tuple scene_state(const py::object &self) {
-    return py::make_tuple(self.attr("body"), self.attr("body_bound"), self.attr("obstacles"), self.attr("circles"),
+nb::tuple scene_state(const nb::object &self) {
+    return nb::make_tuple(self.attr("body"), self.attr("body_bound"), self.attr("obstacles"), self.attr("circles"),
                           self.attr("tree"), self.attr("walls"), self.attr("clearance"), self.attr("kept"));
 }
 
-Scene scene_from(const py::tuple &state) {
-    return to_scene(state[0].cast<std::shared_ptr<Shapes>>(), state[1].cast<Numbers>(),
-                    state[2].cast<std::shared_ptr<Shapes>>(), state[3].cast<Numbers>(), state[4].cast<Numbers>(),
-                    state[5].cast<Numbers>(), state[6].cast<double>(), state[7].cast<double>());
+Scene scene_from(const nb::tuple &state) {
+    return to_scene(nb::cast<std::shared_ptr<Shapes>>(state[0]), nb::cast<Numbers>(state[1]),
+                    nb::cast<std::shared_ptr<Shapes>>(state[2]), nb::cast<Numbers>(state[3]),
+                    nb::cast<Numbers>(state[4]), nb::cast<Numbers>(state[5]), nb::cast<double>(state[6]),
+                    nb::cast<double>(state[7]));
 }
 
-void bind_scene(py::module_ &m) {
-    py::class_<Scene>(m, "Scene")
-        .def(py::init(&to_scene), py::arg("body"), py::arg("body_bound"), py::arg("obstacles"), py::arg("circles"),
-             py::arg("tree"), py::arg("walls"), py::arg("clearance"), py::arg("kept"))
-        .def_property_readonly("body", [](const Scene &self) { return shared(self.body->pieces); })
-        .def_property_readonly("body_bound", [](const Scene &self) { return circle_array(self.body->bound); })
-        .def_property_readonly("obstacles", [](const Scene &self) { return shared(self.obstacles->polygons); })
-        .def_property_readonly("circles",
-                               [](const Scene &self) { return to_table(self.obstacles->circles); })
-        .def_property_readonly("tree", [](const Scene &self) { return from_tree(self.obstacles->tree); })
-        .def_property_readonly("walls",
-                               [](const Scene &self) {
-                                   return py::array_t<double>(4, &self.obstacles->walls.xmin);
-                               })
-        .def_readonly("clearance", &Scene::clearance)
-        .def_readonly("kept", &Scene::kept)
-        .def("with_distances", &Scene::with_distances, py::arg("clearance"), py::arg("kept"))
-        .def("with_gap", &scene_with_gap, py::arg("gap"), py::arg("clearance"))
+void bind_scene(nb::module_ &m) {
+    nb::class_<Scene>(m, "Scene")
+        .def(MadeBy(&to_scene), nb::arg("body"), nb::arg("body_bound"), nb::arg("obstacles"), nb::arg("circles"),
+             nb::arg("tree"), nb::arg("walls"), nb::arg("clearance"), nb::arg("kept"))
+        .def_prop_ro("body", [](const Scene &self) { return shared(self.body->pieces); })
+        .def_prop_ro("body_bound", [](const Scene &self) { return circle_array(self.body->bound); })
+        .def_prop_ro("obstacles", [](const Scene &self) { return shared(self.obstacles->polygons); })
+        .def_prop_ro("circles", [](const Scene &self) { return to_table(self.obstacles->circles); })
+        .def_prop_ro("tree", [](const Scene &self) { return from_tree(self.obstacles->tree); })
+        .def_prop_ro("walls", [](const Scene &self) { return copied(&self.obstacles->walls.xmin, {4}); })
+        .def_ro("clearance", &Scene::clearance)
+        .def_ro("kept", &Scene::kept)
+        .def("with_distances", &Scene::with_distances, nb::arg("clearance"), nb::arg("kept"))
+        .def("with_gap", &scene_with_gap, nb::arg("gap"), nb::arg("clearance"))
         .def(
             "with_body",
             [](const Scene &self, const std::shared_ptr<Shapes> &body, const Numbers &body_bound) {
                 return Scene{to_body(body, body_bound), self.obstacles, self.clearance, self.kept};
             },
-            py::arg("body"), py::arg("body_bound"))
+            nb::arg("body"), nb::arg("body_bound"))
         .def(
             "with_obstacles",
-            [](const Scene &self, const std::shared_ptr<Shapes> &obstacles, const Numbers &circles,
-               const Numbers &tree, const Numbers &walls) {
+            [](const Scene &self, const std::shared_ptr<Shapes> &obstacles, const Numbers &circles, const Numbers &tree,
+               const Numbers &walls) {
                 return Scene{self.body, to_obstacles(obstacles, circles, tree, walls), self.clearance, self.kept};
             },
-            py::arg("obstacles"), py::arg("circles"), py::arg("tree"), py::arg("walls"))
-        .def(py::pickle(&scene_state, &scene_from));
+            nb::arg("obstacles"), nb::arg("circles"), nb::arg("tree"), nb::arg("walls"))
+        .def(Pickled(&scene_state, &scene_from));
 }
 
-py::tuple tree_of(const Numbers &boxes, std::int64_t polygons) {
+nb::tuple tree_of(const Numbers &boxes, std::int64_t polygons) {
     auto [tree, order] = obstacle_tree(to_rows<Area>(boxes, "boxes"), polygons);
-    const auto count = static_cast<py::ssize_t>(order.size());
-    return py::make_tuple(from_tree(tree), to_numpy(std::move(order), {count}));
+    return nb::make_tuple(from_tree(tree), to_numpy(std::move(order)));
 }
 
-py::tuple rings_of(const Numbers &corners, const Integers &origin, const Integers &twin) {
+nb::tuple rings_of(const Numbers &corners, const Integers &origin, const Integers &twin) {
     const auto points = to_rows<Point>(corners, "corners");
     const auto begins = row(origin), twins = row(twin);
     const auto inside = [](Row<const std::int64_t> numbers, std::int64_t first, std::size_t last) {
@@ -181,27 +172,23 @@ py::tuple rings_of(const Numbers &corners, const Integers &origin, const Integer
         !inside(twins, -1, static_cast<std::size_t>(begins.size)))
         throw std::invalid_argument("triangles have three edges each, which begin at corners");
     Rings rings = join_triangles(points, begins, twins);
-    const auto corner_count = static_cast<py::ssize_t>(rings.corners.size());
-    const auto start_count = static_cast<py::ssize_t>(rings.starts.size());
-    return py::make_tuple(to_numpy(std::move(rings.corners), {corner_count}),
-                          to_numpy(std::move(rings.starts), {start_count}));
+    return nb::make_tuple(to_numpy(std::move(rings.corners)), to_numpy(std::move(rings.starts)));
 }
 
-py::array_t<double> separations(const Scene &scene, const Numbers &poses, double enough) {
+Made<double> separations(const Scene &scene, const Numbers &poses, double enough) {
     const auto rows = to_rows<Pose>(poses, "poses");
     std::vector<double> gaps(rows.size());
     {
-        py::gil_scoped_release free;
+        nb::gil_scoped_release free;
         for (std::size_t i = 0; i < rows.size(); ++i)
             gaps[i] = separation(scene, rows[i], enough);
     }
-    const auto count = static_cast<py::ssize_t>(gaps.size());
-    return to_numpy(std::move(gaps), {count});
+    return to_numpy(std::move(gaps));
 }
 
 } // namespace
 
-void bind_collision(py::module_ &core) {
+void bind_collision(nb::module_ &core) {
     auto m = core.def_submodule("collision");
     bind_shapes(m);
     bind_scene(m);
@@ -209,30 +196,30 @@ void bind_collision(py::module_ &core) {
     m.attr("SLACK") = SLACK;
     m.attr("ROUNDING") = ROUNDING;
     m.attr("CLEARANCE_ROOM") = CLEARANCE_ROOM;
-    m.def("obstacle_tree", &tree_of, py::arg("boxes"), py::arg("polygons"));
-    m.def("join_triangles", &rings_of, py::arg("corners"), py::arg("origin"), py::arg("twin"));
+    m.def("obstacle_tree", &tree_of, nb::arg("boxes"), nb::arg("polygons"));
+    m.def("join_triangles", &rings_of, nb::arg("corners"), nb::arg("origin"), nb::arg("twin"));
     m.def(
         "separation",
         [](const Scene &scene, double x, double y, double theta, double enough) {
             return separation(scene, {x, y, theta}, enough);
         },
-        py::arg("scene"), py::arg("x"), py::arg("y"), py::arg("theta"), py::arg("enough"));
-    m.def("separations", &separations, py::arg("scene"), py::arg("poses"), py::arg("enough"));
+        nb::arg("scene"), nb::arg("x"), nb::arg("y"), nb::arg("theta"), nb::arg("enough"));
+    m.def("separations", &separations, nb::arg("scene"), nb::arg("poses"), nb::arg("enough"));
     m.def(
         "step",
         [](double x, double y, double theta, double vx, double vy, double omega, double length) {
             const Pose pose = step({x, y, theta}, {vx, vy, omega}, length);
-            return py::make_tuple(pose.x, pose.y, pose.theta);
+            return nb::make_tuple(pose.x, pose.y, pose.theta);
         },
-        py::arg("x"), py::arg("y"), py::arg("theta"), py::arg("vx"), py::arg("vy"), py::arg("omega"),
-        py::arg("length"));
+        nb::arg("x"), nb::arg("y"), nb::arg("theta"), nb::arg("vx"), nb::arg("vy"), nb::arg("omega"),
+        nb::arg("length"));
     m.def(
         "sweep_is_free",
         [](const Scene &scene, double x, double y, double theta, double vx, double vy, double omega, double length) {
             return sweep_is_free(scene, {x, y, theta}, {vx, vy, omega}, length);
         },
-        py::arg("scene"), py::arg("x"), py::arg("y"), py::arg("theta"), py::arg("vx"), py::arg("vy"), py::arg("omega"),
-        py::arg("length"));
+        nb::arg("scene"), nb::arg("x"), nb::arg("y"), nb::arg("theta"), nb::arg("vx"), nb::arg("vy"), nb::arg("omega"),
+        nb::arg("length"));
 }
 
 } // namespace pushplan

@@ -68,38 +68,38 @@ double least_margin(const PackedChain &packed, const Twist &twist, double floor,
     return lowest;
 }
 
-py::array_t<double> margins_of(const PackedChain &packed, const Numbers &twists, double floor) {
+Made<double> margins_of(const PackedChain &packed, const Numbers &twists, double floor) {
     packed.require_contacts();
     const auto rows = twist_table(twists);
-    py::array_t<double> out(rows.rows);
-    double *margins = out.mutable_data();
-    py::gil_scoped_release free;
+    auto out = new_array<double>({rows.rows});
+    double *margins = out.data();
+    nb::gil_scoped_release free;
     std::vector<Wrench> carried(packed.count());
     for (std::ptrdiff_t i = 0; i < rows.rows; ++i)
         margins[i] = least_margin(packed, twist_at(rows[i]), floor, carried);
     return out;
 }
 
-py::array_t<double> wrenches_of(const PackedChain &packed, const Numbers &twists) {
+Made<double> wrenches_of(const PackedChain &packed, const Numbers &twists) {
     const auto rows = twist_table(twists);
     const std::ptrdiff_t n = packed.count();
-    py::array_t<double> out({rows.rows, n, std::ptrdiff_t{3}});
-    auto *wrenches = reinterpret_cast<Wrench *>(out.mutable_data());
-    py::gil_scoped_release free;
+    auto out = new_array<double>({rows.rows, n, 3});
+    auto *wrenches = reinterpret_cast<Wrench *>(out.data());
+    nb::gil_scoped_release free;
     for (std::ptrdiff_t i = 0; i < rows.rows; ++i)
         contact_wrenches(packed, twist_at(rows[i]), wrenches + i * n);
     return out;
 }
 
-py::array_t<double> contact_margins_of(const PackedChain &packed, const Numbers &wrenches) {
+Made<double> contact_margins_of(const PackedChain &packed, const Numbers &wrenches) {
     packed.require_contacts();
     const std::ptrdiff_t n = packed.count();
     require_shape(wrenches, {-1, n, 3}, "wrenches");
     const std::ptrdiff_t count = wrenches.shape(0);
-    py::array_t<double> out({count, n});
-    double *margins = out.mutable_data();
+    auto out = new_array<double>({count, n});
+    double *margins = out.data();
     const double *numbers = wrenches.data();
-    py::gil_scoped_release free;
+    nb::gil_scoped_release free;
     for (std::ptrdiff_t k = 0; k < n; ++k) {
         const Facets facets = packed.facets(k);
         for (std::ptrdiff_t i = 0; i < count; ++i) {
@@ -110,16 +110,16 @@ py::array_t<double> contact_margins_of(const PackedChain &packed, const Numbers 
     return out;
 }
 
-py::tuple facet_rows(const Numbers &facets, const Numbers &wrenches, double length) {
+nb::tuple facet_rows(const Numbers &facets, const Numbers &wrenches, double length) {
     require_shape(facets, {-1, 4, 3}, "facets");
     const std::ptrdiff_t n = facets.shape(0);
     require_shape(wrenches, {-1, n, 3}, "wrenches");
     const std::ptrdiff_t count = wrenches.shape(0);
-    py::array_t<double> rows({count, n, std::ptrdiff_t{4}}), size({count, n});
-    double *row = rows.mutable_data(), *sizes = size.mutable_data();
+    auto rows = new_array<double>({count, n, 4}), size = new_array<double>({count, n});
+    double *row = rows.data(), *sizes = size.data();
     const double *cones = facets.data(), *numbers = wrenches.data();
     {
-        py::gil_scoped_release free;
+        nb::gil_scoped_release free;
         for (std::ptrdiff_t i = 0; i < count * n; ++i) {
             Wrench w = read<Wrench>(numbers + 3 * i);
             w.m = w.m / length;
@@ -128,17 +128,17 @@ py::tuple facet_rows(const Numbers &facets, const Numbers &wrenches, double leng
                 *row++ = dot(g, w);
         }
     }
-    return py::make_tuple(rows, size);
+    return nb::make_tuple(rows, size);
 }
 
-py::array_t<double> moved_wrenches_of(const PackedChain &packed, const Numbers &twists, const Numbers &moves) {
+Made<double> moved_wrenches_of(const PackedChain &packed, const Numbers &twists, const Numbers &moves) {
     const auto rows = twist_table(twists);
     const std::ptrdiff_t n = packed.count();
     require_shape(moves, {rows.rows, n, 2}, "moves");
-    py::array_t<double> out({rows.rows, n, std::ptrdiff_t{3}});
-    auto *wrench = reinterpret_cast<Wrench *>(out.mutable_data());
+    auto out = new_array<double>({rows.rows, n, 3});
+    auto *wrench = reinterpret_cast<Wrench *>(out.data());
     const double *move = moves.data();
-    py::gil_scoped_release free;
+    nb::gil_scoped_release free;
     for (std::ptrdiff_t i = 0; i < rows.rows; ++i) {
         const Twist twist = twist_at(rows[i]);
         const Twist direction = scaled(twist, size_of(twist, packed.length));
@@ -148,11 +148,11 @@ py::array_t<double> moved_wrenches_of(const PackedChain &packed, const Numbers &
     return out;
 }
 
-py::array_t<double> object_wrenches_of(const PackedChain &packed, const Numbers &twists) {
+Made<double> object_wrenches_of(const PackedChain &packed, const Numbers &twists) {
     const auto rows = twist_table(twists);
-    py::array_t<double> out({rows.rows, std::ptrdiff_t{3}});
-    auto *wrenches = reinterpret_cast<Wrench *>(out.mutable_data());
-    py::gil_scoped_release free;
+    auto out = new_array<double>({rows.rows, 3});
+    auto *wrenches = reinterpret_cast<Wrench *>(out.data());
+    nb::gil_scoped_release free;
     for (std::ptrdiff_t i = 0; i < rows.rows; ++i) {
         const Twist twist = twist_at(rows[i]);
         wrenches[i] = carried_wrench(packed.supports(), 0, scaled(twist, size_of(twist, packed.length)));
@@ -163,16 +163,16 @@ py::array_t<double> object_wrenches_of(const PackedChain &packed, const Numbers 
 // Masses (n,), centres (n, 2) and moments of inertia (n,).
 using InertiaTable = std::tuple<Numbers, Numbers, Numbers>;
 
-py::array_t<double> inertia_per_object(const InertiaTable &inertia, const Numbers &twists, const Numbers &rates) {
+Made<double> inertia_per_object(const InertiaTable &inertia, const Numbers &twists, const Numbers &rates) {
     const auto &[masses, centers, moments] = inertia;
     const auto mass = row(masses), moment = row(moments);
     const auto center = table(centers), twist = twist_table(twists), rate = twist_table(rates);
     const std::ptrdiff_t n = mass.size;
     if (moment.size != n || center.rows != n || center.columns != 2 || rate.rows != twist.rows)
         throw std::invalid_argument("masses, centres and moments, or twists and rates, are not equally many");
-    py::array_t<double> out({twist.rows, n, std::ptrdiff_t{3}});
-    double *wrench = out.mutable_data();
-    py::gil_scoped_release free;
+    auto out = new_array<double>({twist.rows, n, 3});
+    double *wrench = out.data();
+    nb::gil_scoped_release free;
     for (std::ptrdiff_t i = 0; i < twist.rows; ++i) {
         const Twist v = twist_at(twist[i]), dv = twist_at(rate[i]);
         for (std::ptrdiff_t k = 0; k < n; ++k, wrench += 3) {
@@ -191,9 +191,9 @@ void sum_over_carried(Written &per_object, const Integers &pushers) {
     for (std::ptrdiff_t k = 0; k < n; ++k)
         if (pusher[k] >= k)
             throw std::invalid_argument("object " + std::to_string(k) + " is pushed by a later one");
-    double *wrenches = per_object.mutable_data();
+    double *wrenches = per_object.data();
     const std::ptrdiff_t count = per_object.shape(0);
-    py::gil_scoped_release free;
+    nb::gil_scoped_release free;
     for (std::ptrdiff_t i = 0; i < count; ++i, wrenches += 3 * n)
         for (std::ptrdiff_t k = n - 1; k >= 0; --k)
             if (pusher[k] >= 0)
@@ -215,25 +215,26 @@ PackedChain packed_chain(const Numbers &objects, const Numbers &parts, const Ser
     return packed;
 }
 
-void bind_packed_chain(py::module_ &m) {
-    py::class_<PackedChain> bound(m, "PackedChain");
-    bound.def(py::init(&packed_chain), py::kw_only(), py::arg("objects"), py::arg("parts"), py::arg("series"),
-              py::arg("links"), py::arg("rows"), py::arg("length"));
+void bind_packed_chain(nb::module_ &m) {
+    nb::class_<PackedChain> bound(m, "PackedChain");
+    bound.def(MadeBy(&packed_chain), nb::kw_only(), nb::arg("objects"), nb::arg("parts"), nb::arg("series"),
+              nb::arg("links"), nb::arg("rows"), nb::arg("length"));
     def_shown(bound, "objects", &PackedChain::objects);
     def_shown(bound, "parts", &PackedChain::parts);
     def_shown(bound, "series", &PackedChain::series);
     def_shown(bound, "links", &PackedChain::links);
     def_shown(bound, "rows", &PackedChain::rows);
-    bound.def_readonly("length", &PackedChain::length);
-    const auto state_of = [](const py::object &self) {
-        const auto &packed = self.cast<const PackedChain &>();
-        return py::make_tuple(packed.objects.shown(self), packed.parts.shown(self), packed.series.shown(self),
+    bound.def_ro("length", &PackedChain::length);
+    const auto state_of = +[](const nb::object &self) {
+        const auto &packed = nb::cast<const PackedChain &>(self);
+        return nb::make_tuple(packed.objects.shown(self), packed.parts.shown(self), packed.series.shown(self),
                               packed.links.shown(self), packed.rows.shown(self), packed.length);
     };
-    bound.def(py::pickle(state_of, [](const py::tuple &state) {
-        return packed_chain(state[0].cast<Numbers>(), state[1].cast<Numbers>(), state[2].cast<Series>(),
-                            state[3].cast<Integers>(), state[4].cast<Numbers>(), state[5].cast<double>());
-    }));
+    bound.def(Pickled(
+        state_of, +[](const nb::tuple &state) {
+            return packed_chain(nb::cast<Numbers>(state[0]), nb::cast<Numbers>(state[1]), nb::cast<Series>(state[2]),
+                                nb::cast<Integers>(state[3]), nb::cast<Numbers>(state[4]), nb::cast<double>(state[5]));
+        }));
 }
 
 } // namespace
@@ -242,9 +243,9 @@ void bind_packed_chain(py::module_ &m) {
 
 namespace pushplan {
 
-void bind_contacts(py::module_ &core) {
+void bind_contacts(nb::module_ &core) {
     using namespace mechanics;
-    py::module_ m = core.def_submodule("contacts", "Contacts of chains whose loads are known.");
+    nb::module_ m = core.def_submodule("contacts", "Contacts of chains whose loads are known.");
     bind_packed_chain(m);
     m.attr("ORDER") = ORDER;
     m.attr("REACH") = REACH;
@@ -252,16 +253,16 @@ void bind_contacts(py::module_ &core) {
     m.attr("UNIFORM") = UNIFORM;
     m.attr("AFFINE") = AFFINE;
     m.attr("POINTS") = POINTS;
-    m.def("margins_of", &margins_of, py::arg("packed"), py::arg("twists"), py::arg("floor") = -2.0);
-    m.def("wrenches_of", &wrenches_of, py::arg("packed"), py::arg("twists"));
-    m.def("contact_margins_of", &contact_margins_of, py::arg("packed"), py::arg("wrenches"));
-    m.def("facet_rows", &facet_rows, py::arg("facets"), py::arg("wrenches"), py::arg("length"));
-    m.def("object_wrenches_of", &object_wrenches_of, py::arg("packed"), py::arg("twists"));
-    m.def("moved_wrenches_of", &moved_wrenches_of, py::arg("packed"), py::arg("twists"), py::arg("moves"));
-    m.def("inertia_per_object", &inertia_per_object, py::arg("table"), py::arg("twists"), py::arg("rates"));
-    m.def("sum_over_carried", &sum_over_carried, py::arg("per_object").noconvert(), py::arg("pushers"));
-    m.def("edge_log", &edge_log, py::arg("d"), py::arg("length"), py::arg("rho_sum"));
-    m.def("in_reach", &in_reach, py::arg("speed"), py::arg("omega"), py::arg("radius"));
+    m.def("margins_of", &margins_of, nb::arg("packed"), nb::arg("twists"), nb::arg("floor") = -2.0);
+    m.def("wrenches_of", &wrenches_of, nb::arg("packed"), nb::arg("twists"));
+    m.def("contact_margins_of", &contact_margins_of, nb::arg("packed"), nb::arg("wrenches"));
+    m.def("facet_rows", &facet_rows, nb::arg("facets"), nb::arg("wrenches"), nb::arg("length"));
+    m.def("object_wrenches_of", &object_wrenches_of, nb::arg("packed"), nb::arg("twists"));
+    m.def("moved_wrenches_of", &moved_wrenches_of, nb::arg("packed"), nb::arg("twists"), nb::arg("moves"));
+    m.def("inertia_per_object", &inertia_per_object, nb::arg("table"), nb::arg("twists"), nb::arg("rates"));
+    m.def("sum_over_carried", &sum_over_carried, nb::arg("per_object").noconvert(), nb::arg("pushers"));
+    m.def("edge_log", &edge_log, nb::arg("d"), nb::arg("length"), nb::arg("rho_sum"));
+    m.def("in_reach", &in_reach, nb::arg("speed"), nb::arg("omega"), nb::arg("radius"));
     m.def(
         "series_pair",
         [](const Series &series, std::ptrdiff_t row, double vx, double vy, double spin) {
@@ -271,7 +272,7 @@ void bind_contacts(py::module_ &core) {
             const auto [first, second] = series_pair(rows, row, vx, vy, spin);
             return std::make_tuple(first, second);
         },
-        py::arg("series"), py::arg("row"), py::arg("vx"), py::arg("vy"), py::arg("spin"));
+        nb::arg("series"), nb::arg("row"), nb::arg("vx"), nb::arg("vy"), nb::arg("spin"));
 }
 
 } // namespace pushplan

@@ -150,22 +150,22 @@ namespace {
 Wheels to_wheels(WheelKind kind, const Numbers &axle, double radius) { return {kind, to_pose(axle), radius}; }
 
 // The words as pairs of their letters and lengths, each (k,).
-py::list reeds_shepp_as_arrays(double x, double y, double phi) {
+nb::list reeds_shepp_as_arrays(double x, double y, double phi) {
     ReedsSheppWords found;
     find_reeds_shepp(x, y, phi, found);
-    py::list out;
+    nb::list out;
     for (const ReedsSheppWord &word : found) {
-        out.append(py::make_tuple(py::array_t<double>(word.count, word.letters.data()),
-                                  py::array_t<double>(word.count, word.lengths.data())));
+        out.append(
+            nb::make_tuple(copied(word.letters.data(), {word.count}), copied(word.lengths.data(), {word.count})));
     }
     return out;
 }
 
 // The arcs (k, 4) of every word.
-py::list drives_as_arrays(const Wheels &wheels, const Numbers &start, const Numbers &goal) {
+nb::list drives_as_arrays(const Wheels &wheels, const Numbers &start, const Numbers &goal) {
     DrivenWords found;
     find_drives(wheels, to_pose(start), to_pose(goal), found);
-    py::list out;
+    nb::list out;
     for (const DrivenWord &word : found)
         out.append(to_table(word.arcs.data(), static_cast<std::size_t>(word.count)));
     return out;
@@ -173,39 +173,39 @@ py::list drives_as_arrays(const Wheels &wheels, const Numbers &start, const Numb
 
 } // namespace
 
-void bind_driving(py::module_ &core) {
+void bind_driving(nb::module_ &core) {
     auto m = core.def_submodule("driving");
-    py::enum_<WheelKind>(m, "WheelKind")
+    nb::enum_<WheelKind>(m, "WheelKind")
         .value("OMNIDIRECTIONAL", WheelKind::OMNIDIRECTIONAL)
         .value("DIFFERENTIAL", WheelKind::DIFFERENTIAL)
         .value("CAR", WheelKind::CAR);
-    py::class_<Wheels>(m, "Wheels")
-        .def(py::init(&to_wheels),
-             py::arg("kind"), py::arg("axle"), py::arg("radius"))
-        .def_readonly("kind", &Wheels::kind)
-        .def_property_readonly("axle", [](const Wheels &wheels) { return to_array(wheels.axle); })
-        .def_readonly("radius", &Wheels::radius)
-        .def(py::pickle(
-            [](const Wheels &wheels) { return py::make_tuple(wheels.kind, to_array(wheels.axle), wheels.radius); },
-            [](const py::tuple &state) {
-                return to_wheels(state[0].cast<WheelKind>(), state[1].cast<Numbers>(), state[2].cast<double>());
+    nb::class_<Wheels>(m, "Wheels")
+        .def(MadeBy(&to_wheels), nb::arg("kind"), nb::arg("axle"), nb::arg("radius"))
+        .def_ro("kind", &Wheels::kind)
+        .def_prop_ro("axle", [](const Wheels &wheels) { return to_array(wheels.axle); })
+        .def_ro("radius", &Wheels::radius)
+        .def(Pickled(
+            +[](const Wheels &wheels) { return nb::make_tuple(wheels.kind, to_array(wheels.axle), wheels.radius); },
+            +[](const nb::tuple &state) {
+                return to_wheels(nb::cast<WheelKind>(state[0]), nb::cast<Numbers>(state[1]),
+                                 nb::cast<double>(state[2]));
             }));
-    py::class_<Surroundings>(m, "Surroundings")
-        .def(py::init([](const Scene &room, const Scene &load, const Numbers &place) {
+    nb::class_<Surroundings>(m, "Surroundings")
+        .def(MadeBy(+[](const Scene &room, const Scene &load, const Numbers &place) {
                  return Surroundings{room, load, to_pose(place)};
              }),
-             py::arg("room"), py::arg("load"), py::arg("place"))
-        .def_readonly("room", &Surroundings::room)
-        .def_readonly("load", &Surroundings::load)
-        .def_property_readonly("place", [](const Surroundings &around) { return to_array(around.place); });
-    m.def("find_reeds_shepp", &reeds_shepp_as_arrays, py::arg("x"), py::arg("y"), py::arg("phi"));
-    m.def("find_drives", &drives_as_arrays, py::arg("wheels"), py::arg("start"), py::arg("goal"));
+             nb::arg("room"), nb::arg("load"), nb::arg("place"))
+        .def_ro("room", &Surroundings::room)
+        .def_ro("load", &Surroundings::load)
+        .def_prop_ro("place", [](const Surroundings &around) { return to_array(around.place); });
+    m.def("find_reeds_shepp", &reeds_shepp_as_arrays, nb::arg("x"), nb::arg("y"), nb::arg("phi"));
+    m.def("find_drives", &drives_as_arrays, nb::arg("wheels"), nb::arg("start"), nb::arg("goal"));
     m.def(
         "shortest_drive",
         [](const Wheels &wheels, const Numbers &start, const Numbers &goal) {
             return shortest_drive(wheels, to_pose(start), to_pose(goal));
         },
-        py::arg("wheels"), py::arg("start"), py::arg("goal"));
+        nb::arg("wheels"), nb::arg("start"), nb::arg("goal"));
 }
 
 } // namespace pushplan

@@ -7,27 +7,27 @@ namespace pushplan {
 
 namespace {
 
-py::array_t<double> bind_shorten(const Problem &problem, const Numbers &start, const Numbers &arcs, RandomState state,
-                                 std::int64_t attempts) {
+Made<double> bind_shorten(const Problem &problem, const Numbers &start, const Numbers &arcs, RandomState state,
+                          std::int64_t attempts) {
     const Pose pose = to_pose(start);
     std::vector<Arc> path = to_arcs(arcs);
     Random &random = random_of(state);
     {
-        py::gil_scoped_release free;
+        nb::gil_scoped_release free;
         path = shorten(problem, pose, path, random, attempts);
     }
     return to_table(path);
 }
 
-py::array_t<double> bind_vary(const Problem &problem, const Numbers &start, const Numbers &arcs, RandomState state,
-                              std::int64_t attempts) {
+Made<double> bind_vary(const Problem &problem, const Numbers &start, const Numbers &arcs, RandomState state,
+                       std::int64_t attempts) {
     const Pose pose = to_pose(start);
     std::vector<Arc> path = to_arcs(arcs);
     if (path.empty())
         throw std::invalid_argument("a path to change has an arc at least");
     Random &random = random_of(state);
     {
-        py::gil_scoped_release free;
+        nb::gil_scoped_release free;
         LocalChanges changes(problem);
         for (std::int64_t attempt = 0; attempt < attempts; ++attempt)
             changes.vary(pose, path, random);
@@ -35,17 +35,17 @@ py::array_t<double> bind_vary(const Problem &problem, const Numbers &start, cons
     return to_table(path);
 }
 
-py::array_t<double> bind_cut_short(const Problem &problem, const Numbers &start, const Numbers &arcs, double per_arc) {
+Made<double> bind_cut_short(const Problem &problem, const Numbers &start, const Numbers &arcs, double per_arc) {
     const Pose pose = to_pose(start);
     std::vector<Arc> path = to_arcs(arcs);
     {
-        py::gil_scoped_release free;
+        nb::gil_scoped_release free;
         path = cut_short(problem, pose, path, per_arc);
     }
     return to_table(path);
 }
 
-py::array_t<double> bind_random_family(const Numbers &segments, RandomState state) {
+Made<double> bind_random_family(const Numbers &segments, RandomState state) {
     const auto rows = to_rows<Segment>(segments, "segments");
     if (rows.empty())
         throw std::invalid_argument("a family is drawn from a segment at least");
@@ -54,20 +54,19 @@ py::array_t<double> bind_random_family(const Numbers &segments, RandomState stat
 
 } // namespace
 
-void bind_improve(py::module_ &core) {
+void bind_improve(nb::module_ &core) {
     auto m = core.def_submodule("improve");
     m.def(
         "objective_value",
         [](const Objective &objective, const Numbers &path) { return objective_value(objective, to_arcs(path)); },
-        py::arg("objective"), py::arg("path"));
-    m.def(
-        "merged", [](const Numbers &arcs) { return to_table(merged(to_arcs(arcs))); }, py::arg("arcs"));
-    m.def("random_family", &bind_random_family, py::arg("segments"), py::arg("state"));
-    m.def("vary", &bind_vary, py::arg("problem"), py::arg("start"), py::arg("arcs"), py::arg("state"),
-          py::arg("attempts") = 1);
-    m.def("shorten", &bind_shorten, py::arg("problem"), py::arg("start"), py::arg("arcs"), py::arg("state"),
-          py::arg("attempts"));
-    m.def("cut_short", &bind_cut_short, py::arg("problem"), py::arg("start"), py::arg("arcs"), py::arg("per_arc"));
+        nb::arg("objective"), nb::arg("path"));
+    m.def("merged", [](const Numbers &arcs) { return to_table(merged(to_arcs(arcs))); }, nb::arg("arcs"));
+    m.def("random_family", &bind_random_family, nb::arg("segments"), nb::arg("state"));
+    m.def("vary", &bind_vary, nb::arg("problem"), nb::arg("start"), nb::arg("arcs"), nb::arg("state"),
+          nb::arg("attempts") = 1);
+    m.def("shorten", &bind_shorten, nb::arg("problem"), nb::arg("start"), nb::arg("arcs"), nb::arg("state"),
+          nb::arg("attempts"));
+    m.def("cut_short", &bind_cut_short, nb::arg("problem"), nb::arg("start"), nb::arg("arcs"), nb::arg("per_arc"));
 }
 
 } // namespace pushplan

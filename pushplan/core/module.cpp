@@ -5,28 +5,29 @@
 #include "numpy.hpp"
 
 namespace pushplan {
-void bind_boundary(py::module_ &);
-void bind_collision(py::module_ &);
-void bind_contacts(py::module_ &);
-void bind_driving(py::module_ &);
-void bind_improve(py::module_ &);
-void bind_infeasible(py::module_ &);
-void bind_problem(py::module_ &);
-void bind_pushes(py::module_ &);
-void bind_robustness(py::module_ &);
-void bind_samples(py::module_ &);
-void bind_search(py::module_ &);
-void bind_sequences(py::module_ &);
-void bind_slip(py::module_ &);
-void bind_sphere(py::module_ &);
-void bind_timing(py::module_ &);
-void bind_transit(py::module_ &);
-void bind_uncertain(py::module_ &);
+void bind_boundary(nb::module_ &);
+void bind_collision(nb::module_ &);
+void bind_contacts(nb::module_ &);
+void bind_driving(nb::module_ &);
+void bind_improve(nb::module_ &);
+void bind_infeasible(nb::module_ &);
+void bind_problem(nb::module_ &);
+void bind_pushes(nb::module_ &);
+void bind_robustness(nb::module_ &);
+void bind_samples(nb::module_ &);
+void bind_search(nb::module_ &);
+void bind_sequences(nb::module_ &);
+void bind_slip(nb::module_ &);
+void bind_sphere(nb::module_ &);
+void bind_timing(nb::module_ &);
+void bind_transit(nb::module_ &);
+void bind_uncertain(nb::module_ &);
 
 extern const char *const SOURCES; // in sources.cpp, which alone is compiled anew with every change
 } // namespace pushplan
 
-PYBIND11_MODULE(core, m) {
+NB_MODULE(core, m) {
+    nanobind::set_leak_warnings(false); // what lives until the process ends is no news for users
     m.attr("__doc__") = "Compiled inner loops: collision, steering, search, timing, mechanics, driving, slip.";
     m.attr("SOURCES") = pushplan::SOURCES;
     pushplan::bind_boundary(m);

@@ -21,8 +21,8 @@ inline Twist to_twist(const Numbers &array) {
 }
 
 // Rows (n, columns) as structs of as many numbers: copied.
-template <class Struct> std::vector<Struct> to_rows(const Numbers &array, const char *what) {
-    constexpr auto columns = static_cast<py::ssize_t>(sizeof(Struct) / sizeof(double));
+template <class Struct, class Number> std::vector<Struct> to_rows(const Array<Number> &array, const char *what) {
+    constexpr auto columns = static_cast<std::ptrdiff_t>(sizeof(Struct) / sizeof(double));
     if (array.ndim() < 2 || array.size() != array.shape(0) * columns)
         throw std::invalid_argument(std::string(what) + " is no table of " + std::to_string(columns) +
                                     " numbers a row");
@@ -35,18 +35,18 @@ inline std::vector<Family> to_families(const Numbers &array) { return to_rows<Fa
 inline std::vector<Arc> to_arcs(const Numbers &array) { return to_rows<Arc>(array, "a path"); }
 
 // Rows as a table (n, numbers of a row) of the caller's own.
-template <class Struct> py::array_t<double> to_table(const Struct *rows, std::size_t count) {
-    constexpr auto columns = static_cast<py::ssize_t>(sizeof(Struct) / sizeof(double));
-    py::array_t<double> made({static_cast<py::ssize_t>(count), columns});
-    copy_bytes(made.mutable_data(), rows, count * sizeof(Struct));
+template <class Struct> Made<double> to_table(const Struct *rows, std::size_t count) {
+    constexpr auto columns = static_cast<std::ptrdiff_t>(sizeof(Struct) / sizeof(double));
+    auto made = new_array<double>({static_cast<std::ptrdiff_t>(count), columns});
+    copy_bytes(made.data(), rows, count * sizeof(Struct));
     return made;
 }
 
 template <class Rows> auto to_table(const Rows &rows) { return to_table(rows.data(), rows.size()); }
 
-inline py::array_t<double> to_array(const Pose &pose) {
-    py::array_t<double> made(3);
-    put(made.mutable_data(), pose);
+inline Made<double> to_array(const Pose &pose) {
+    auto made = new_array<double>({3});
+    put(made.data(), pose);
     return made;
 }
 

@@ -18,87 +18,92 @@ Objective to_objective(int kind, double per_arc, double lowest, double length, c
     std::vector<Objective::Entry> entries(static_cast<std::size_t>(table.shape(0) * table.shape(1)));
     copy_bytes(entries.data(), table.data(), entries.size() * sizeof(Objective::Entry));
     const double *of = box.data();
-    return {kind, per_arc, lowest, length, {of[0], of[1], of[2], of[3]}, table.shape(0),
+    return {kind,
+            per_arc,
+            lowest,
+            length,
+            {of[0], of[1], of[2], of[3]},
+            table.shape(0),
             std::make_shared<const std::vector<Objective::Entry>>(std::move(entries))};
 }
 
-void bind_objective(py::module_ &m) {
+void bind_objective(nb::module_ &m) {
     m.attr("TRAVEL") = TRAVEL;
     m.attr("MARGIN") = MARGIN;
     m.attr("REST_TO_REST") = REST_TO_REST;
     m.attr("PASSING") = PASSING;
     m.attr("GAIN") = GAIN;
-    py::class_<Objective>(m, "Objective")
-        .def(py::init(&to_objective), py::arg("kind"), py::arg("per_arc"), py::arg("lowest"), py::arg("length"),
-             py::arg("box"), py::arg("table"))
-        .def_readonly("kind", &Objective::kind)
-        .def_readonly("per_arc", &Objective::per_arc)
-        .def_readonly("lowest", &Objective::lowest)
-        .def_readonly("length", &Objective::length)
-        .def_property_readonly("box", [](const Objective &self) { return py::array_t<double>(4, self.box.data()); })
-        .def_property_readonly("table",
-                               [](const py::object &self) {
-                                   const auto &of = self.cast<const Objective &>();
-                                   return read_only(of.table->front().data(), {of.side, of.side, 3}, self);
-                               })
-        .def(py::pickle(
-            [](const py::object &self) {
-                return py::make_tuple(self.attr("kind"), self.attr("per_arc"), self.attr("lowest"),
-                                      self.attr("length"), self.attr("box"), self.attr("table"));
+    nb::class_<Objective>(m, "Objective")
+        .def(MadeBy(&to_objective), nb::arg("kind"), nb::arg("per_arc"), nb::arg("lowest"), nb::arg("length"),
+             nb::arg("box"), nb::arg("table"))
+        .def_ro("kind", &Objective::kind)
+        .def_ro("per_arc", &Objective::per_arc)
+        .def_ro("lowest", &Objective::lowest)
+        .def_ro("length", &Objective::length)
+        .def_prop_ro("box", [](const Objective &self) { return copied(self.box.data(), {4}); })
+        .def_prop_ro("table",
+                     [](const nb::object &self) {
+                         const auto &of = nb::cast<const Objective &>(self);
+                         return read_only(of.table->front().data(), {of.side, of.side, 3}, self);
+                     })
+        .def(Pickled(
+            +[](const nb::object &self) {
+                return nb::make_tuple(self.attr("kind"), self.attr("per_arc"), self.attr("lowest"), self.attr("length"),
+                                      self.attr("box"), self.attr("table"));
             },
-            [](const py::tuple &state) {
-                return to_objective(state[0].cast<int>(), state[1].cast<double>(), state[2].cast<double>(),
-                                    state[3].cast<double>(), state[4].cast<Numbers>(), state[5].cast<Numbers>());
+            +[](const nb::tuple &state) {
+                return to_objective(nb::cast<int>(state[0]), nb::cast<double>(state[1]), nb::cast<double>(state[2]),
+                                    nb::cast<double>(state[3]), nb::cast<Numbers>(state[4]),
+                                    nb::cast<Numbers>(state[5]));
             }));
-    m.def("rest_to_rest_time", &rest_to_rest_time, py::arg("length"), py::arg("speed"), py::arg("acceleration"),
-          py::arg("jerk"));
+    m.def("rest_to_rest_time", &rest_to_rest_time, nb::arg("length"), nb::arg("speed"), nb::arg("acceleration"),
+          nb::arg("jerk"));
     m.def(
         "arc_value",
         [](const Objective &objective, double vx, double vy, double omega, double length) {
             return arc_value(objective, Twist{vx, vy, omega}, length);
         },
-        py::arg("objective"), py::arg("vx"), py::arg("vy"), py::arg("omega"), py::arg("length"));
+        nb::arg("objective"), nb::arg("vx"), nb::arg("vy"), nb::arg("omega"), nb::arg("length"));
 }
 
 Problem to_problem(const Scene &scene, const Numbers &segments, const Numbers &families, const Numbers &goal,
                    double longest, const Objective &objective) {
-    Problem problem{scene,        to_rows<Segment>(segments, "segments"), to_families(families), to_pose(goal), longest,
+    Problem problem{scene,    to_rows<Segment>(segments, "segments"), to_families(families), to_pose(goal), longest,
                     objective};
     if (problem.segments.empty() || problem.families.empty())
         throw std::invalid_argument("a problem has a segment and a family at least");
     return problem;
 }
 
-void bind_problem_class(py::module_ &m) {
+void bind_problem_class(nb::module_ &m) {
     m.attr("NODE") = NODE;
     m.attr("LETTER_SHARE") = LETTER_SHARE;
     m.attr("END_SHARE") = END_SHARE;
     m.attr("TURN_WEIGHT") = TURN_WEIGHT;
-    py::class_<Problem, std::shared_ptr<Problem>>(m, "Problem")
-        .def(py::init(&to_problem), py::arg("scene"), py::arg("segments"), py::arg("families"), py::arg("goal"),
-             py::arg("longest"), py::arg("objective"))
-        .def_readonly("scene", &Problem::scene)
-        .def_property_readonly("segments",
-                               [](const py::object &self) {
-                                   const auto &of = self.cast<const Problem &>().segments;
-                                   return read_only(&of.data()->low.vx, {static_cast<py::ssize_t>(of.size()), 6}, self);
-                               })
-        .def_property_readonly("families",
-                               [](const py::object &self) {
-                                   const auto &of = self.cast<const Problem &>().families;
-                                   return read_only(&of.front().front().vx,
-                                                    {static_cast<py::ssize_t>(of.size()), 3, 3}, self);
-                               })
-        .def_property_readonly("goal", [](const Problem &self) { return to_array(self.goal); })
-        .def_readonly("longest", &Problem::longest)
-        .def_readonly("objective", &Problem::objective)
+    nb::class_<Problem>(m, "Problem")
+        .def(MadeBy(&to_problem), nb::arg("scene"), nb::arg("segments"), nb::arg("families"), nb::arg("goal"),
+             nb::arg("longest"), nb::arg("objective"))
+        .def_ro("scene", &Problem::scene)
+        .def_prop_ro("segments",
+                     [](const nb::object &self) {
+                         const auto &of = nb::cast<const Problem &>(self).segments;
+                         return read_only(&of.data()->low.vx, {static_cast<std::ptrdiff_t>(of.size()), 6}, self);
+                     })
+        .def_prop_ro("families",
+                     [](const nb::object &self) {
+                         const auto &of = nb::cast<const Problem &>(self).families;
+                         return read_only(&of.front().front().vx, {static_cast<std::ptrdiff_t>(of.size()), 3, 3}, self);
+                     })
+        .def_prop_ro("goal", [](const Problem &self) { return to_array(self.goal); })
+        .def_ro("longest", &Problem::longest)
+        .def_ro("objective", &Problem::objective)
         .def(
             "with_goal",
             [](Problem self, const Numbers &goal) {
                 self.goal = to_pose(goal);
                 return self;
             },
-            py::arg("goal"))
+            nb::arg("goal"))
         .def(
             "with_segments",
             [](Problem self, const Numbers &segments) {
@@ -107,35 +112,35 @@ void bind_problem_class(py::module_ &m) {
                     throw std::invalid_argument("a problem has a segment at least");
                 return self;
             },
-            py::arg("segments"))
+            nb::arg("segments"))
         .def(
             "with_objective",
             [](Problem self, const Objective &objective) {
                 self.objective = objective;
                 return self;
             },
-            py::arg("objective"))
-        .def(py::pickle(
-            [](const py::object &self) {
-                return py::make_tuple(self.attr("scene"), self.attr("segments"), self.attr("families"),
+            nb::arg("objective"))
+        .def(Pickled(
+            +[](const nb::object &self) {
+                return nb::make_tuple(self.attr("scene"), self.attr("segments"), self.attr("families"),
                                       self.attr("goal"), self.attr("longest"), self.attr("objective"));
             },
-            [](const py::tuple &state) {
-                return to_problem(state[0].cast<const Scene &>(), state[1].cast<Numbers>(), state[2].cast<Numbers>(),
-                                  state[3].cast<Numbers>(), state[4].cast<double>(),
-                                  state[5].cast<const Objective &>());
+            +[](const nb::tuple &state) {
+                return to_problem(nb::cast<const Scene &>(state[0]), nb::cast<Numbers>(state[1]),
+                                  nb::cast<Numbers>(state[2]), nb::cast<Numbers>(state[3]), nb::cast<double>(state[4]),
+                                  nb::cast<const Objective &>(state[5]));
             }));
     m.def(
         "remaining",
         [](double x, double y, double theta, const Numbers &goal) { return remaining({x, y, theta}, to_pose(goal)); },
-        py::arg("x"), py::arg("y"), py::arg("theta"), py::arg("goal"));
-    m.def("random", [](RandomState state) { return random_of(state)(); }, py::arg("state"));
+        nb::arg("x"), nb::arg("y"), nb::arg("theta"), nb::arg("goal"));
+    m.def("random", [](RandomState state) { return random_of(state)(); }, nb::arg("state"));
 }
 
 // Cost, letters and lengths of words (n, 7).
-py::array_t<double> words_table(const Words &words) {
-    py::array_t<double> made({static_cast<py::ssize_t>(words.count), py::ssize_t{7}});
-    double *to = made.mutable_data();
+Made<double> words_table(const Words &words) {
+    auto made = new_array<double>({static_cast<std::ptrdiff_t>(words.count), 7});
+    double *to = made.data();
     for (const Word &word : words) {
         *to++ = word.cost;
         for (const int letter : word.letters)
@@ -146,7 +151,7 @@ py::array_t<double> words_table(const Words &words) {
     return made;
 }
 
-void bind_steering(py::module_ &m) {
+void bind_steering(nb::module_ &m) {
     m.attr("LEFT") = LEFT;
     m.attr("STRAIGHT") = STRAIGHT;
     m.attr("RIGHT") = RIGHT;
@@ -162,7 +167,7 @@ void bind_steering(py::module_ &m) {
             std::memcpy(&letters, family.data(), sizeof(Family));
             return words_table(find_words(letters, to_pose(start), to_pose(goal)));
         },
-        py::arg("family"), py::arg("start"), py::arg("goal"));
+        nb::arg("family"), nb::arg("start"), nb::arg("goal"));
     m.def(
         "connect",
         [](const Scene &scene, const Numbers &families, const Numbers &start, const Numbers &goal, double bound,
@@ -170,30 +175,32 @@ void bind_steering(py::module_ &m) {
             const auto rows = to_families(families);
             const Connection found = connect(scene, {rows.data(), static_cast<std::ptrdiff_t>(rows.size())},
                                              to_pose(start), to_pose(goal), bound, tries);
-            py::object arcs = py::none();
+            nb::object arcs = nb::none();
             if (found.cost < INF)
-                arcs = to_table(found.arcs);
-            return py::make_tuple(found.cost, found.promise, arcs);
+                arcs = nb::cast(to_table(found.arcs));
+            return nb::make_tuple(found.cost, found.promise, arcs);
         },
-        py::arg("scene"), py::arg("families"), py::arg("start"), py::arg("goal"), py::arg("bound") = INF,
-        py::arg("tries") = MAX_WORDS);
+        nb::arg("scene"), nb::arg("families"), nb::arg("start"), nb::arg("goal"), nb::arg("bound") = INF,
+        nb::arg("tries") = MAX_WORDS);
     m.def(
         "reach",
         [](const Scene &scene, const Numbers &families, const Numbers &starts, const Numbers &goals, double clearance) {
             const auto of = to_families(families);
             const auto from = to_rows<Pose>(starts, "starts"), to = to_rows<Pose>(goals, "goals");
-            py::array_t<double> costs({static_cast<py::ssize_t>(from.size()), static_cast<py::ssize_t>(to.size())});
-            const auto out = written_table(costs);
+            const auto rows = static_cast<std::ptrdiff_t>(from.size()),
+                       columns = static_cast<std::ptrdiff_t>(to.size());
+            auto costs = new_array<double>({rows, columns});
+            const Table<double> out{costs.data(), rows, columns};
             {
-                py::gil_scoped_release free;
+                nb::gil_scoped_release free;
                 reach(scene, {of.data(), static_cast<std::ptrdiff_t>(of.size())}, from, to, clearance, out);
             }
             return costs;
         },
-        py::arg("scene"), py::arg("families"), py::arg("starts"), py::arg("goals"), py::arg("clearance"));
+        nb::arg("scene"), nb::arg("families"), nb::arg("starts"), nb::arg("goals"), nb::arg("clearance"));
 }
 
-void bind_chart(py::module_ &m) {
+void bind_chart(nb::module_ &m) {
     m.def(
         "arcs_at",
         [](const Problem &problem, const Numbers &controls) {
@@ -202,7 +209,7 @@ void bind_chart(py::module_ &m) {
                 arcs.push_back(arc_of(problem, control));
             return to_table(arcs);
         },
-        py::arg("problem"), py::arg("controls"));
+        nb::arg("problem"), nb::arg("controls"));
     m.def(
         "controls_of",
         [](const Problem &problem, const Numbers &path) {
@@ -212,19 +219,19 @@ void bind_chart(py::module_ &m) {
                 controls.push_back(control_of(problem, arc));
             return to_table(controls);
         },
-        py::arg("problem"), py::arg("arcs"));
+        nb::arg("problem"), nb::arg("arcs"));
     m.def(
         "poses_along",
         [](const Scene &scene, const Numbers &start, const Numbers &path) {
             const Followed followed = follow(scene, to_pose(start), to_arcs(path));
-            return py::make_tuple(to_table(followed.poses), followed.free);
+            return nb::make_tuple(to_table(followed.poses), followed.free);
         },
-        py::arg("scene"), py::arg("start"), py::arg("arcs"));
+        nb::arg("scene"), nb::arg("start"), nb::arg("arcs"));
 }
 
 } // namespace
 
-void bind_problem(py::module_ &core) {
+void bind_problem(nb::module_ &core) {
     auto m = core.def_submodule("problem");
     bind_objective(m);
     bind_problem_class(m);

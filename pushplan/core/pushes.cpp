@@ -82,87 +82,91 @@ PackedMode to_mode(const Numbers &families, const Numbers &contact, const Number
                    double settle, double approach, double retreat, double clearance, double faster) {
     if (families.size() == 0)
         throw std::invalid_argument("a contact has at least one family of twists");
-    return {to_families(families), to_pose(contact), to_pose(robot), to_twist(settling), settle,
-            approach,              retreat,          clearance,      faster};
+    return {to_families(families),
+            to_pose(contact),
+            to_pose(robot),
+            to_twist(settling),
+            settle,
+            approach,
+            retreat,
+            clearance,
+            faster};
 }
 
-py::array_t<double> families_array(const PackedMode &mode) {
-    return py::array_t<double>({static_cast<py::ssize_t>(mode.families.size()), py::ssize_t{3}, py::ssize_t{3}},
-                               &mode.families[0][0].vx);
+Made<double> families_array(const PackedMode &mode) {
+    return copied(&mode.families[0][0].vx, {static_cast<std::ptrdiff_t>(mode.families.size()), 3, 3});
 }
 
-py::array_t<double> settling_array(const PackedMode &mode) {
-    return py::array_t<double>(3, &mode.settling.vx);
-}
+Made<double> settling_array(const PackedMode &mode) { return copied(&mode.settling.vx, {3}); }
 
-py::tuple mode_state(const PackedMode &mode) {
-    return py::make_tuple(families_array(mode), to_array(mode.contact), to_array(mode.robot), settling_array(mode),
+nb::tuple mode_state(const PackedMode &mode) {
+    return nb::make_tuple(families_array(mode), to_array(mode.contact), to_array(mode.robot), settling_array(mode),
                           mode.settle, mode.approach, mode.retreat, mode.clearance, mode.faster);
 }
 
-PackedMode mode_from(const py::tuple &state) {
-    const auto array = [&](std::size_t i) { return state[i].cast<Numbers>(); };
-    const auto number = [&](std::size_t i) { return state[i].cast<double>(); };
+PackedMode mode_from(const nb::tuple &state) {
+    const auto array = [&](std::size_t i) { return nb::cast<Numbers>(state[i]); };
+    const auto number = [&](std::size_t i) { return nb::cast<double>(state[i]); };
     return to_mode(array(0), array(1), array(2), array(3), number(4), number(5), number(6), number(7), number(8));
 }
 
-void bind_mode(py::module_ &m) {
-    py::class_<PackedMode>(m, "PackedMode")
-        .def(py::init(&to_mode), py::arg("families"), py::arg("contact"), py::arg("robot"), py::arg("settling"),
-             py::arg("settle"), py::arg("approach"), py::arg("retreat"), py::arg("clearance"), py::arg("faster"))
-        .def_property_readonly("families", &families_array)
-        .def_property_readonly("contact", [](const PackedMode &mode) { return to_array(mode.contact); })
-        .def_property_readonly("robot", [](const PackedMode &mode) { return to_array(mode.robot); })
-        .def_property_readonly("settling", &settling_array)
-        .def_readonly("settle", &PackedMode::settle)
-        .def_readonly("approach", &PackedMode::approach)
-        .def_readonly("retreat", &PackedMode::retreat)
-        .def_readonly("clearance", &PackedMode::clearance)
-        .def_readonly("faster", &PackedMode::faster)
+void bind_mode(nb::module_ &m) {
+    nb::class_<PackedMode>(m, "PackedMode")
+        .def(MadeBy(&to_mode), nb::arg("families"), nb::arg("contact"), nb::arg("robot"), nb::arg("settling"),
+             nb::arg("settle"), nb::arg("approach"), nb::arg("retreat"), nb::arg("clearance"), nb::arg("faster"))
+        .def_prop_ro("families", &families_array)
+        .def_prop_ro("contact", [](const PackedMode &mode) { return to_array(mode.contact); })
+        .def_prop_ro("robot", [](const PackedMode &mode) { return to_array(mode.robot); })
+        .def_prop_ro("settling", &settling_array)
+        .def_ro("settle", &PackedMode::settle)
+        .def_ro("approach", &PackedMode::approach)
+        .def_ro("retreat", &PackedMode::retreat)
+        .def_ro("clearance", &PackedMode::clearance)
+        .def_ro("faster", &PackedMode::faster)
         .def(
             "robot_at",
             [](const PackedMode &mode, const Numbers &load, double behind) {
                 return to_array(mode.robot_at(to_pose(load), behind));
             },
-            py::arg("load"), py::arg("behind"))
-        .def(py::pickle(&mode_state, &mode_from));
+            nb::arg("load"), nb::arg("behind"))
+        .def(Pickled(&mode_state, &mode_from));
 }
 
-py::array_t<double> costs_between(const PackedMode &mode, const Numbers &starts, const Numbers &goals,
-                                  const Numbers &sofar, const Numbers &left, double below) {
+Made<double> costs_between(const PackedMode &mode, const Numbers &starts, const Numbers &goals, const Numbers &sofar,
+                           const Numbers &left, double below) {
     const auto from = to_rows<Pose>(starts, "starts"), to = to_rows<Pose>(goals, "goals");
     const auto before = row(sofar), after = row(left);
     if (before.size != starts.shape(0) || after.size != goals.shape(0))
         throw std::invalid_argument("a cost is needed for each start and for each goal");
     std::vector<double> costs;
     {
-        py::gil_scoped_release free;
+        nb::gil_scoped_release free;
         costs = word_costs(mode, from, to, before, after, below);
     }
     return to_numpy(std::move(costs), {starts.shape(0), goals.shape(0)});
 }
 
-py::tuple push_between(const Scene &scene, const PackedMode &mode, const Numbers &start, const Numbers &goal) {
+nb::tuple push_between(const Scene &scene, const PackedMode &mode, const Numbers &start, const Numbers &goal) {
     const Pose first = to_pose(start), last = to_pose(goal);
     Push found;
     {
-        py::gil_scoped_release free;
+        nb::gil_scoped_release free;
         found = find_push(scene, mode, first, last);
     }
-    return py::make_tuple(found.cost, to_table(found.arcs));
+    return nb::make_tuple(found.cost, to_table(found.arcs));
 }
 
 bool settles_at(const Scene &scene, const PackedMode &mode, const Numbers &load) {
     const Pose at = to_pose(load);
-    py::gil_scoped_release free;
+    nb::gil_scoped_release free;
     return settles(scene, mode, at);
 }
 
-py::array_t<bool> approaches_are_free(const Scene &robot, const PackedMode &mode, const Numbers &loads, bool back) {
+Made<bool> approaches_are_free(const Scene &robot, const PackedMode &mode, const Numbers &loads, bool back) {
     const auto poses = to_rows<Pose>(loads, "loads");
-    py::array_t<bool> out(static_cast<py::ssize_t>(poses.size()));
-    bool *is_free = out.mutable_data();
-    py::gil_scoped_release free;
+    auto out = new_array<bool>({static_cast<std::ptrdiff_t>(poses.size())});
+    bool *is_free = out.data();
+    nb::gil_scoped_release free;
     for (const Pose &pose : poses)
         *is_free++ = approach_is_free(robot, mode, pose, back);
     return out;
@@ -170,16 +174,16 @@ py::array_t<bool> approaches_are_free(const Scene &robot, const PackedMode &mode
 
 } // namespace
 
-void bind_pushes(py::module_ &core) {
+void bind_pushes(nb::module_ &core) {
     auto m = core.def_submodule("pushes");
     bind_mode(m);
     m.attr("ARCS") = std::tuple_size_v<decltype(Push::arcs)>;
-    m.def("word_costs", &costs_between, py::arg("mode"), py::arg("starts"), py::arg("goals"), py::arg("sofar"),
-          py::arg("left"), py::arg("below"));
-    m.def("find_push", &push_between, py::arg("scene"), py::arg("mode"), py::arg("start"), py::arg("goal"));
-    m.def("settles", &settles_at, py::arg("scene"), py::arg("mode"), py::arg("load"));
-    m.def("approaches_are_free", &approaches_are_free, py::arg("robot"), py::arg("mode"), py::arg("loads"),
-          py::arg("back"));
+    m.def("word_costs", &costs_between, nb::arg("mode"), nb::arg("starts"), nb::arg("goals"), nb::arg("sofar"),
+          nb::arg("left"), nb::arg("below"));
+    m.def("find_push", &push_between, nb::arg("scene"), nb::arg("mode"), nb::arg("start"), nb::arg("goal"));
+    m.def("settles", &settles_at, nb::arg("scene"), nb::arg("mode"), nb::arg("load"));
+    m.def("approaches_are_free", &approaches_are_free, nb::arg("robot"), nb::arg("mode"), nb::arg("loads"),
+          nb::arg("back"));
 }
 
 } // namespace pushplan

@@ -22,9 +22,10 @@ struct PerVariant {
     std::ptrdiff_t count, numbers, columns; // variants, numbers of one, and of a row
 
     // `shape`: that of one variant's table.
-    PerVariant(const Numbers &array, std::ptrdiff_t variants, const std::vector<py::ssize_t> &shape, const char *name)
+    PerVariant(const Numbers &array, std::ptrdiff_t variants, const std::vector<std::ptrdiff_t> &shape,
+               const char *name)
         : data(array.data()) {
-        std::vector<py::ssize_t> wanted{-1};
+        std::vector<std::ptrdiff_t> wanted{-1};
         wanted.insert(wanted.end(), shape.begin(), shape.end());
         require_shape(array, wanted, name);
         count = array.shape(0);
@@ -90,13 +91,13 @@ Wrench moved_wrench(const Supports &supports, std::ptrdiff_t k, const Pose &pose
     return {fx, fy, w.m + x * fy - y * fx};
 }
 
-py::array_t<double> floor_wrenches(const VariantArrays &arrays, const Series &series, const Numbers &directions) {
+Made<double> floor_wrenches(const VariantArrays &arrays, const Series &series, const Numbers &directions) {
     const Variants variants(arrays, series);
     const auto twists = twist_table(directions);
     const std::ptrdiff_t n = variants.n;
-    py::array_t<double> out({twists.rows, n, std::ptrdiff_t{3}});
-    auto *wrench = reinterpret_cast<Wrench *>(out.mutable_data());
-    py::gil_scoped_release free;
+    auto out = new_array<double>({twists.rows, n, 3});
+    auto *wrench = reinterpret_cast<Wrench *>(out.data());
+    nb::gil_scoped_release free;
     const Supports supports = variants.supports(0);
     const Table<const double> poses = variants.poses[0];
     for (std::ptrdiff_t s = 0; s < twists.rows; ++s)
@@ -148,17 +149,17 @@ void fill_values(const Variants &variants, std::ptrdiff_t a, const Bodies &bodie
     }
 }
 
-py::array_t<double> facet_values(const VariantArrays &arrays, const Series &series, const Numbers &mass,
-                                 const Numbers &moment, const MomentArrays &when, const Numbers &nominal) {
+Made<double> facet_values(const VariantArrays &arrays, const Series &series, const Numbers &mass, const Numbers &moment,
+                          const MomentArrays &when, const Numbers &nominal) {
     const Variants variants(arrays, series);
     const Moments moments(when);
     const std::ptrdiff_t n = variants.n, m = moments.count();
     const Bodies bodies{{mass, variants.count, {n}, "masses"}, {moment, variants.count, {n}, "moments of inertia"}};
     require_shape(nominal, {m, n, 3}, "nominal");
     const auto *wrenches = reinterpret_cast<const Wrench *>(nominal.data());
-    py::array_t<double> out({variants.count, m, n, std::ptrdiff_t{4}});
-    double *values = out.mutable_data();
-    py::gil_scoped_release free;
+    auto out = new_array<double>({variants.count, m, n, 4});
+    double *values = out.data();
+    nb::gil_scoped_release free;
     for (std::ptrdiff_t a = 0; a < variants.count; ++a)
         fill_values(variants, a, bodies, moments, wrenches, values + a * m * n * 4);
     return out;
@@ -170,12 +171,12 @@ py::array_t<double> facet_values(const VariantArrays &arrays, const Series &seri
 
 namespace pushplan {
 
-void bind_robustness(py::module_ &core) {
+void bind_robustness(nb::module_ &core) {
     using namespace mechanics;
-    py::module_ m = core.def_submodule("robustness", "Contact conditions of perturbed chains.");
-    m.def("floor_wrenches", &floor_wrenches, py::arg("variants"), py::arg("series"), py::arg("directions"));
-    m.def("facet_values", &facet_values, py::arg("variants"), py::arg("series"), py::arg("mass"), py::arg("moment"),
-          py::arg("moments"), py::arg("nominal"));
+    nb::module_ m = core.def_submodule("robustness", "Contact conditions of perturbed chains.");
+    m.def("floor_wrenches", &floor_wrenches, nb::arg("variants"), nb::arg("series"), nb::arg("directions"));
+    m.def("facet_values", &facet_values, nb::arg("variants"), nb::arg("series"), nb::arg("mass"), nb::arg("moment"),
+          nb::arg("moments"), nb::arg("nominal"));
 }
 
 } // namespace pushplan

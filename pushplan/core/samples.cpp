@@ -170,32 +170,37 @@ double descend_between(const Modes &modes, const Integers &sequence, const Numbe
     for (const std::int64_t mode : indices_of(sequence, modes.size()))
         chosen.push_back(modes[mode]);
     const auto both = to_rows<Pose>(ends, "ends");
-    const auto rows = written_table(poses);
+    const auto rows = table(poses);
     if (chosen.size() < 2 || both.size() != 2 || rows.columns != 3 || rows.rows + 1 != sequence.size())
         throw std::invalid_argument("a descent has k > 1 pushes, ends (2, 3) and poses between its pushes (k - 1, 3)");
     Random &random = random_of(state);
     auto between = to_rows<Pose>(poses, "poses");
-    py::gil_scoped_release free;
+    nb::gil_scoped_release free;
     const double cost = descend(chosen, {both[0], both[1]}, {between.data(), rows.rows}, scale, moves, random);
     for (std::ptrdiff_t i = 0; i < rows.rows; ++i)
         put(rows[i], between[i]);
     return cost;
 }
 
-py::array_t<double> descent_at_random(const Modes &modes, const Numbers &start, const Numbers &goals,
-                                      const Integers &firsts, const Integers &lasts, std::int64_t most,
-                                      const Numbers &changes, double below, RandomState state) {
+Made<double> descent_at_random(const Modes &modes, const Numbers &start, const Numbers &goals, const Integers &firsts,
+                               const Integers &lasts, std::int64_t most, const Numbers &changes, double below,
+                               RandomState state) {
     const auto count = static_cast<std::ptrdiff_t>(modes.size());
-    const Draws draws{to_pose(start), to_rows<Pose>(goals, "goals"), indices_of(firsts, modes.size()),
-                      indices_of(lasts, modes.size()), table(changes), most, below};
-    if (draws.goals.empty() || draws.firsts.empty() || draws.lasts.empty() || most < 2 ||
-        draws.changes.rows != count || draws.changes.columns != count)
+    const Draws draws{to_pose(start),
+                      to_rows<Pose>(goals, "goals"),
+                      indices_of(firsts, modes.size()),
+                      indices_of(lasts, modes.size()),
+                      table(changes),
+                      most,
+                      below};
+    if (draws.goals.empty() || draws.firsts.empty() || draws.lasts.empty() || most < 2 || draws.changes.rows != count ||
+        draws.changes.columns != count)
         throw std::invalid_argument("two pushes or more are drawn from goals, first and last contacts, and what "
                                     "changes of the contact cost (m, m)");
     Random &random = random_of(state);
     std::vector<Pose> poses;
     {
-        py::gil_scoped_release free;
+        nb::gil_scoped_release free;
         poses = random_descent(modes, draws, random);
     }
     return to_table(poses);
@@ -203,19 +208,18 @@ py::array_t<double> descent_at_random(const Modes &modes, const Numbers &start, 
 
 } // namespace
 
-void bind_samples(py::module_ &core) {
+void bind_samples(nb::module_ &core) {
     auto m = core.def_submodule("samples");
     m.def(
         "pushed_at_random",
         [](const PackedMode &mode, const Numbers &pose, double sense, RandomState state) {
             return to_array(pushed_at_random(mode, to_pose(pose), sense, random_of(state)));
         },
-        py::arg("mode"), py::arg("pose"), py::arg("sense"), py::arg("state").noconvert());
-    m.def("descend", &descend_between, py::arg("modes"), py::arg("sequence"), py::arg("ends"),
-          py::arg("poses").noconvert(), py::arg("scale"), py::arg("moves"), py::arg("state").noconvert());
-    m.def("random_descent", &descent_at_random, py::arg("modes"), py::arg("start"), py::arg("goals"),
-          py::arg("firsts"), py::arg("lasts"), py::arg("most"), py::arg("changes"), py::arg("below"),
-          py::arg("state").noconvert());
+        nb::arg("mode"), nb::arg("pose"), nb::arg("sense"), nb::arg("state").noconvert());
+    m.def("descend", &descend_between, nb::arg("modes"), nb::arg("sequence"), nb::arg("ends"),
+          nb::arg("poses").noconvert(), nb::arg("scale"), nb::arg("moves"), nb::arg("state").noconvert());
+    m.def("random_descent", &descent_at_random, nb::arg("modes"), nb::arg("start"), nb::arg("goals"), nb::arg("firsts"),
+          nb::arg("lasts"), nb::arg("most"), nb::arg("changes"), nb::arg("below"), nb::arg("state").noconvert());
     m.def(
         "straight_crossings",
         [](const Numbers &start, const Numbers &goals, const Numbers &directions) {
@@ -224,7 +228,7 @@ void bind_samples(py::module_ &core) {
                 throw std::invalid_argument("directions have two columns, not " + std::to_string(rays.columns));
             return to_table(straight_crossings(to_pose(start), to_rows<Pose>(goals, "goals"), rays));
         },
-        py::arg("start"), py::arg("goals"), py::arg("directions"));
+        nb::arg("start"), nb::arg("goals"), nb::arg("directions"));
 }
 
 } // namespace pushplan

@@ -19,62 +19,63 @@ Area to_area(const Numbers &array) {
 }
 
 // A path (k, 4), or None where there is none.
-py::object path_or_none(const std::vector<Arc> &path) {
+nb::object path_or_none(const std::vector<Arc> &path) {
     if (path.empty())
-        return py::none();
-    return to_table(path);
+        return nb::none();
+    return nb::cast(to_table(path));
 }
 
 void check_row(std::int64_t row, std::size_t rows) {
     if (row < 0 || row >= static_cast<std::int64_t>(rows))
-        throw py::index_error("a tree has no row " + std::to_string(row));
+        throw std::out_of_range("a tree has no row " + std::to_string(row));
 }
 
-py::tuple extension_tuple(const Extension &of) {
-    return py::make_tuple(of.kept, of.cost, of.promise, of.pose.x, of.pose.y, of.pose.theta);
+nb::tuple extension_tuple(const Extension &of) {
+    return nb::make_tuple(of.kept, of.cost, of.promise, of.pose.x, of.pose.y, of.pose.theta);
 }
 
-void bind_tree(py::module_ &m) {
+void bind_tree(nb::module_ &m) {
     using Row = std::int64_t;
-    py::class_<Tree>(m, "Tree")
-        .def(py::init([](const Shared &problem, const Numbers &start) { return Tree(problem, to_pose(start)); }),
-             py::arg("problem"), py::arg("start"))
-        .def("take", [](Tree &self, const Shared &problem) { self.take(problem); }, py::arg("problem"))
-        .def("clear", [](Tree &self, const Numbers &start) { self.clear(to_pose(start)); }, py::arg("start"))
+    nb::class_<Tree>(m, "Tree")
+        .def(MadeBy(+[](const Shared &problem, const Numbers &start) { return Tree(problem, to_pose(start)); }),
+             nb::arg("problem"), nb::arg("start"))
+        .def(
+            "take", [](Tree &self, const Shared &problem) { self.take(problem); }, nb::arg("problem"))
+        .def(
+            "clear", [](Tree &self, const Numbers &start) { self.clear(to_pose(start)); }, nb::arg("start"))
         .def("__len__", [](const Tree &self) { return self.nodes().size(); })
-        .def_property_readonly("nodes", [](const Tree &self) { return to_table(self.nodes()); })
+        .def_prop_ro("nodes", [](const Tree &self) { return to_table(self.nodes()); })
         .def(
             "extend",
             [](Tree &self, Row row, double u0, double u1, double u2, double bound) {
                 check_row(row, self.nodes().size());
                 return extension_tuple(self.extend(row, {u0, u1, u2}, bound));
             },
-            py::arg("row"), py::arg("u0"), py::arg("u1"), py::arg("u2"), py::arg("bound"))
+            nb::arg("row"), nb::arg("u0"), nb::arg("u1"), nb::arg("u2"), nb::arg("bound"))
         .def(
             "extend_from",
             [](const Tree &self, double x, double y, double theta, double u0, double u1, double u2, double bound) {
                 return extension_tuple(self.extend_from({x, y, theta}, {u0, u1, u2}, bound));
             },
-            py::arg("x"), py::arg("y"), py::arg("theta"), py::arg("u0"), py::arg("u1"), py::arg("u2"),
-            py::arg("bound"))
+            nb::arg("x"), nb::arg("y"), nb::arg("theta"), nb::arg("u0"), nb::arg("u1"), nb::arg("u2"), nb::arg("bound"))
         .def(
             "connect",
             [](const Tree &self, Row row, double bound) {
                 check_row(row, self.nodes().size());
                 const Extension found = self.connect(row, bound);
-                return py::make_tuple(found.cost, found.promise);
+                return nb::make_tuple(found.cost, found.promise);
             },
-            py::arg("row"), py::arg("bound"))
+            nb::arg("row"), nb::arg("bound"))
         .def(
             "connect_from",
             [](const Tree &self, double x, double y, double theta, double bound) {
                 const Extension found = self.connect_from({x, y, theta}, bound);
-                return py::make_tuple(found.cost, found.promise);
+                return nb::make_tuple(found.cost, found.promise);
             },
-            py::arg("x"), py::arg("y"), py::arg("theta"), py::arg("bound"))
+            nb::arg("x"), nb::arg("y"), nb::arg("theta"), nb::arg("bound"))
         .def(
             "room_at", [](const Tree &self, double x, double y, double theta) { return self.room_at({x, y, theta}); },
-            py::arg("x"), py::arg("y"), py::arg("theta"));
+            nb::arg("x"), nb::arg("y"), nb::arg("theta"));
     m.def(
         "branch",
         [](const Numbers &nodes, Row node) {
@@ -84,34 +85,34 @@ void bind_tree(py::module_ &m) {
             trace(rows, node, path);
             return to_table(path);
         },
-        py::arg("nodes"), py::arg("node"));
+        nb::arg("nodes"), nb::arg("node"));
 }
 
 // Lets a search grow; returns the iterations done and the path found.
 template <class Search>
-py::tuple grown(Search &search, const Problem &problem, RandomState &state, double bound, std::int64_t iterations) {
+nb::tuple grown(Search &search, const Problem &problem, RandomState &state, double bound, std::int64_t iterations) {
     Random &random = random_of(state);
     std::vector<Arc> path;
     std::int64_t done = 0;
     {
-        py::gil_scoped_release free;
+        nb::gil_scoped_release free;
         done = search.grow(problem, random, bound, iterations, path);
     }
-    return py::make_tuple(done, path_or_none(path));
+    return nb::make_tuple(done, path_or_none(path));
 }
 
-void bind_forest(py::module_ &m) {
-    py::class_<Forest>(m, "Forest")
-        .def(py::init([](const Numbers &box, double heading_length, double reach) {
+void bind_forest(nb::module_ &m) {
+    nb::class_<Forest>(m, "Forest")
+        .def(MadeBy(+[](const Numbers &box, double heading_length, double reach) {
                  return Forest(to_area(box), heading_length, reach);
              }),
-             py::arg("box"), py::arg("heading_length"), py::arg("reach"))
+             nb::arg("box"), nb::arg("heading_length"), nb::arg("reach"))
         .def(
             "plant",
             [](Forest &self, const Numbers &start, const Numbers &goal) { self.plant(to_pose(start), to_pose(goal)); },
-            py::arg("start"), py::arg("goal"))
-        .def_property_readonly("start_tree", [](const Forest &self) { return to_table(self.start_tree()); })
-        .def_property_readonly("goal_tree", [](const Forest &self) { return to_table(self.goal_tree()); })
+            nb::arg("start"), nb::arg("goal"))
+        .def_prop_ro("start_tree", [](const Forest &self) { return to_table(self.start_tree()); })
+        .def_prop_ro("goal_tree", [](const Forest &self) { return to_table(self.goal_tree()); })
         .def(
             "grow",
             [](Forest &self, const Problem &problem, RandomState state, double bound, std::int64_t iterations) {
@@ -119,61 +120,58 @@ void bind_forest(py::module_ &m) {
                     throw std::invalid_argument("a forest is planted before it grows");
                 return grown(self, problem, state, bound, iterations);
             },
-            py::arg("problem"), py::arg("state"), py::arg("bound"), py::arg("iterations"));
+            nb::arg("problem"), nb::arg("state"), nb::arg("bound"), nb::arg("iterations"));
 }
 
-void bind_sparse_tree(py::module_ &m) {
-    py::class_<SparseTree>(m, "SparseTree")
-        .def(py::init([](const Numbers &start, const Numbers &goal, const Numbers &box, double heading_length,
-                         double selection, double witness) {
+void bind_sparse_tree(nb::module_ &m) {
+    nb::class_<SparseTree>(m, "SparseTree")
+        .def(MadeBy(+[](const Numbers &start, const Numbers &goal, const Numbers &box, double heading_length,
+                        double selection, double witness) {
                  return SparseTree(to_pose(start), to_pose(goal), to_area(box), {heading_length, selection, witness});
              }),
-             py::arg("start"), py::arg("goal"), py::arg("box"), py::arg("heading_length"), py::arg("selection"),
-             py::arg("witness"))
-        .def_property_readonly("nodes", [](const SparseTree &self) { return to_table(self.nodes()); })
-        .def_property_readonly("to_go",
-                               [](const SparseTree &self) {
-                                   std::vector<double> values;
-                                   for (const Role &role : self.roles())
-                                       values.push_back(role.to_go);
-                                   return py::array_t<double>(values.size(), values.data());
-                               })
-        .def_property_readonly("children",
-                               [](const SparseTree &self) {
-                                   std::vector<std::int64_t> values;
-                                   for (const Role &role : self.roles())
-                                       values.push_back(role.children);
-                                   return py::array_t<std::int64_t>(values.size(), values.data());
-                               })
-        .def_property_readonly("active",
-                               [](const SparseTree &self) {
-                                   py::array_t<bool> made(static_cast<py::ssize_t>(self.roles().size()));
-                                   bool *to = made.mutable_data();
-                                   for (const Role &role : self.roles())
-                                       *to++ = role.active;
-                                   return made;
-                               })
-        .def_property_readonly("witnesses",
-                               [](const SparseTree &self) {
-                                   std::vector<Arc> rows; // four numbers each
-                                   for (const auto &[pose, row] : self.witnesses())
-                                       rows.push_back({{pose.x, pose.y, pose.theta}, static_cast<double>(row)});
-                                   return to_table(rows);
-                               })
-        .def_property_readonly("unused",
-                               [](const SparseTree &self) {
-                                   return py::array_t<std::int64_t>(self.unused().size(), self.unused().data());
-                               })
+             nb::arg("start"), nb::arg("goal"), nb::arg("box"), nb::arg("heading_length"), nb::arg("selection"),
+             nb::arg("witness"))
+        .def_prop_ro("nodes", [](const SparseTree &self) { return to_table(self.nodes()); })
+        .def_prop_ro("to_go",
+                     [](const SparseTree &self) {
+                         std::vector<double> values;
+                         for (const Role &role : self.roles())
+                             values.push_back(role.to_go);
+                         return copied(values);
+                     })
+        .def_prop_ro("children",
+                     [](const SparseTree &self) {
+                         std::vector<std::int64_t> values;
+                         for (const Role &role : self.roles())
+                             values.push_back(role.children);
+                         return copied(values);
+                     })
+        .def_prop_ro("active",
+                     [](const SparseTree &self) {
+                         auto made = new_array<bool>({static_cast<std::ptrdiff_t>(self.roles().size())});
+                         bool *to = made.data();
+                         for (const Role &role : self.roles())
+                             *to++ = role.active;
+                         return made;
+                     })
+        .def_prop_ro("witnesses",
+                     [](const SparseTree &self) {
+                         std::vector<Arc> rows; // four numbers each
+                         for (const auto &[pose, row] : self.witnesses())
+                             rows.push_back({{pose.x, pose.y, pose.theta}, static_cast<double>(row)});
+                         return to_table(rows);
+                     })
+        .def_prop_ro("unused", [](const SparseTree &self) { return copied(self.unused()); })
         .def(
             "grow",
             [](SparseTree &self, const Problem &problem, RandomState state, double bound, std::int64_t iterations) {
                 return grown(self, problem, state, bound, iterations);
             },
-            py::arg("problem"), py::arg("state"), py::arg("bound"), py::arg("iterations"));
+            nb::arg("problem"), nb::arg("state"), nb::arg("bound"), nb::arg("iterations"));
 }
 
 // Lower left corner and side of the cells (3,), m, of a table.
-Grid to_grid(const Numbers &grid, py::ssize_t columns, py::ssize_t rows) {
+Grid to_grid(const Numbers &grid, std::ptrdiff_t columns, std::ptrdiff_t rows) {
     if (grid.size() != 3 || columns < 1 || rows < 1)
         throw std::invalid_argument("a grid has a corner, a side, and cells");
     return {grid.data()[0], grid.data()[1], grid.data()[2], columns, rows};
@@ -187,16 +185,15 @@ Lattice to_lattice(const Shared &problem, const Numbers &start, const Numbers &m
     if (middle.size() < 2)
         throw std::invalid_argument("a middle has two numbers");
     const auto cells = first.rows * first.columns;
-    return Lattice(problem, to_pose(start), {middle.data()[0], middle.data()[1]},
-                   to_grid(grid, first.rows, first.columns),
-                   {std::vector<double>(first.data, first.data + cells),
-                    std::vector<double>(second.data, second.data + cells)});
+    return Lattice(
+        problem, to_pose(start), {middle.data()[0], middle.data()[1]}, to_grid(grid, first.rows, first.columns),
+        {std::vector<double>(first.data, first.data + cells), std::vector<double>(second.data, second.data + cells)});
 }
 
-void bind_lattice(py::module_ &m) {
-    py::class_<Lattice>(m, "Lattice")
-        .def(py::init(&to_lattice), py::arg("problem"), py::arg("start"), py::arg("middle"), py::arg("grid"),
-             py::arg("to_start"), py::arg("to_goal"))
+void bind_lattice(nb::module_ &m) {
+    nb::class_<Lattice>(m, "Lattice")
+        .def(MadeBy(&to_lattice), nb::arg("problem"), nb::arg("start"), nb::arg("middle"), nb::arg("grid"),
+             nb::arg("to_start"), nb::arg("to_goal"))
         .def(
             "plant",
             [](Lattice &self, bool back, const Numbers &box, double side, double angle, double arc, std::int64_t room) {
@@ -205,35 +202,33 @@ void bind_lattice(py::module_ &m) {
                                                 std::to_string(room));
                 self.plant(back, to_area(box), {side, angle, arc}, room);
             },
-            py::arg("back"), py::arg("box"), py::arg("side"), py::arg("angle"), py::arg("arc"), py::arg("room"))
+            nb::arg("back"), nb::arg("box"), nb::arg("side"), nb::arg("angle"), nb::arg("arc"), nb::arg("room"))
         .def(
             "expand",
             [](Lattice &self, RandomState state, double bound, std::int64_t arcs) {
                 Random &random = random_of(state);
-                py::gil_scoped_release free;
+                nb::gil_scoped_release free;
                 return self.expand(bound, arcs, random);
             },
-            py::arg("state"), py::arg("bound"), py::arg("arcs"))
-        .def_property_readonly("path", [](const Lattice &self) { return path_or_none(self.path()); })
-        .def_property_readonly("box", [](const Lattice &self) { return py::array_t<double>(4, &self.area().xmin); })
-        .def_property_readonly("side", [](const Lattice &self) { return self.sizes().side; })
-        .def_property_readonly("angle", [](const Lattice &self) { return self.sizes().angle; })
-        .def_property_readonly("tried", &Lattice::tried)
-        .def_property_readonly("nodes", [](const Lattice &self) { return to_table(self.nodes()); })
-        .def_property_readonly("open",
-                               [](const Lattice &self) {
-                                   auto open = self.open();
-                                   const auto count = static_cast<py::ssize_t>(open.size());
-                                   return to_numpy(std::move(open), {count});
-                               })
-        .def_property_readonly("cell_costs", [](const Lattice &self) {
+            nb::arg("state"), nb::arg("bound"), nb::arg("arcs"))
+        .def_prop_ro("path", [](const Lattice &self) { return path_or_none(self.path()); })
+        .def_prop_ro("box", [](const Lattice &self) { return copied(&self.area().xmin, {4}); })
+        .def_prop_ro("side", [](const Lattice &self) { return self.sizes().side; })
+        .def_prop_ro("angle", [](const Lattice &self) { return self.sizes().angle; })
+        .def_prop_ro("tried", &Lattice::tried)
+        .def_prop_ro("nodes", [](const Lattice &self) { return to_table(self.nodes()); })
+        .def_prop_ro("open",
+                     [](const Lattice &self) {
+                         auto open = self.open();
+                         return to_numpy(std::move(open));
+                     })
+        .def_prop_ro("cell_costs", [](const Lattice &self) {
             auto costs = self.cell_costs();
-            const auto count = static_cast<py::ssize_t>(costs.size());
-            return to_numpy(std::move(costs), {count});
+            return to_numpy(std::move(costs));
         });
     m.def(
         "floor_distances",
-        [](const Scene &point, const Numbers &grid, py::ssize_t columns, py::ssize_t rows, double least,
+        [](const Scene &point, const Numbers &grid, std::ptrdiff_t columns, std::ptrdiff_t rows, double least,
            const Numbers &start, const Numbers &goal) {
             const Grid cells = to_grid(grid, columns, rows);
             std::array<std::int64_t, 2> places;
@@ -245,19 +240,19 @@ void bind_lattice(py::module_ &m) {
             }
             std::array<std::vector<double>, 2> away;
             {
-                py::gil_scoped_release free;
+                nb::gil_scoped_release free;
                 away = floor_distances(point, cells, least, places);
             }
-            return py::make_tuple(to_numpy(std::move(away[0]), {columns, rows}),
+            return nb::make_tuple(to_numpy(std::move(away[0]), {columns, rows}),
                                   to_numpy(std::move(away[1]), {columns, rows}));
         },
-        py::arg("point"), py::arg("grid"), py::arg("columns"), py::arg("rows"), py::arg("least"), py::arg("start"),
-        py::arg("goal"));
+        nb::arg("point"), nb::arg("grid"), nb::arg("columns"), nb::arg("rows"), nb::arg("least"), nb::arg("start"),
+        nb::arg("goal"));
 }
 
 } // namespace
 
-void bind_search(py::module_ &core) {
+void bind_search(nb::module_ &core) {
     auto m = core.def_submodule("search");
     bind_tree(m);
     bind_forest(m);

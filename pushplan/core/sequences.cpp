@@ -109,7 +109,7 @@ namespace {
 SequenceCosts to_costs(const Numbers &pushes, const Numbers &changes, const Numbers &first) {
     bool fits = pushes.ndim() == 3 && changes.ndim() == 3 && first.ndim() == 1;
     if (fits) {
-        const py::ssize_t modes = pushes.shape(0), nodes = pushes.shape(1);
+        const std::ptrdiff_t modes = pushes.shape(0), nodes = pushes.shape(1);
         fits = pushes.shape(2) == nodes && changes.shape(0) == nodes && changes.shape(1) == modes &&
                changes.shape(2) == modes && first.shape(0) == modes;
     }
@@ -119,29 +119,29 @@ SequenceCosts to_costs(const Numbers &pushes, const Numbers &changes, const Numb
     return {pushes.shape(0), pushes.shape(1), pushes.data(), changes.data(), first.data()};
 }
 
-py::tuple cheapest_rows(const Numbers &pushes, const Numbers &changes, const Numbers &first, std::ptrdiff_t goals,
+nb::tuple cheapest_rows(const Numbers &pushes, const Numbers &changes, const Numbers &first, std::ptrdiff_t goals,
                         std::ptrdiff_t most) {
     const SequenceCosts costs = to_costs(pushes, changes, first);
     if (goals < 1 || goals >= costs.nodes || most < 1)
         throw std::invalid_argument("there are a start, one goal or more among the nodes, and one push or more");
     Sequence found;
     {
-        py::gil_scoped_release free;
+        nb::gil_scoped_release free;
         found = cheapest_sequence(costs, goals, most);
     }
     std::vector<std::int64_t> rows;
     for (const SequenceStep &step : found.steps)
         rows.insert(rows.end(), {step.mode, step.first, step.last});
-    const auto count = static_cast<py::ssize_t>(found.steps.size());
-    return py::make_tuple(found.cost, to_numpy(std::move(rows), {count, 3}));
+    const auto count = static_cast<std::ptrdiff_t>(found.steps.size());
+    return nb::make_tuple(found.cost, to_numpy(std::move(rows), {count, 3}));
 }
 
 } // namespace
 
-void bind_sequences(py::module_ &core) {
+void bind_sequences(nb::module_ &core) {
     auto m = core.def_submodule("sequences");
-    m.def("cheapest_sequence", &cheapest_rows, py::arg("pushes"), py::arg("changes"), py::arg("first"),
-          py::arg("goals"), py::arg("most"));
+    m.def("cheapest_sequence", &cheapest_rows, nb::arg("pushes"), nb::arg("changes"), nb::arg("first"),
+          nb::arg("goals"), nb::arg("most"));
 }
 
 } // namespace pushplan

@@ -32,8 +32,8 @@ std::vector<Piece> pieces_of(const Integers &parts, const Numbers &circles) {
     require(part.rows == static_cast<std::ptrdiff_t>(circle.size()), "there is a circle for every piece");
     std::vector<Piece> pieces;
     for (std::ptrdiff_t p = 0; p < part.rows; ++p)
-        pieces.push_back({static_cast<int>(part[p][0]), static_cast<int>(part[p][1]), static_cast<int>(part[p][2]),
-                          circle[p]});
+        pieces.push_back(
+            {static_cast<int>(part[p][0]), static_cast<int>(part[p][1]), static_cast<int>(part[p][2]), circle[p]});
     return pieces;
 }
 
@@ -44,8 +44,8 @@ std::vector<Pair> pairs_between(const Integers &pairs, const Numbers &friction) 
     require(coefficient.size == pair.rows, "there is a friction for every pair");
     std::vector<Pair> found;
     for (std::ptrdiff_t q = 0; q < pair.rows; ++q)
-        found.push_back({static_cast<int>(pair[q][0]), static_cast<int>(pair[q][1]), static_cast<int>(pair[q][2]),
-                         coefficient[q]});
+        found.push_back(
+            {static_cast<int>(pair[q][0]), static_cast<int>(pair[q][1]), static_cast<int>(pair[q][2]), coefficient[q]});
     return found;
 }
 
@@ -74,38 +74,37 @@ void check(const World &world) {
         require(order[i] == i, "the order names every object once");
 }
 
-std::shared_ptr<World> make_world(const Numbers &feet, const Integers &first_foot, const Numbers &loads,
-                                  const Numbers &center, const Numbers &corners, const Integers &parts,
-                                  const Numbers &circles, const Integers &pairs, const Numbers &friction,
-                                  double length, const Integers &order) {
+World make_world(const Numbers &feet, const Integers &first_foot, const Numbers &loads, const Numbers &center,
+                 const Numbers &corners, const Integers &parts, const Numbers &circles, const Integers &pairs,
+                 const Numbers &friction, double length, const Integers &order) {
     const auto own = row(order);
-    auto world = std::make_shared<World>();
-    world->feet = to_rows<Foot>(feet, "feet");
-    world->objects = objects_of(first_foot, loads, center);
-    world->corners = to_rows<Corner>(corners, "corners");
-    world->pieces = pieces_of(parts, circles);
-    world->pairs = pairs_between(pairs, friction);
-    world->length = length;
-    world->order.assign(own.begin(), own.end());
-    check(*world);
+    World world;
+    world.feet = to_rows<Foot>(feet, "feet");
+    world.objects = objects_of(first_foot, loads, center);
+    world.corners = to_rows<Corner>(corners, "corners");
+    world.pieces = pieces_of(parts, circles);
+    world.pairs = pairs_between(pairs, friction);
+    world.length = length;
+    world.order.assign(own.begin(), own.end());
+    check(world);
     return world;
 }
 
-std::shared_ptr<World> with_loads(const World &world, const Numbers &friction_loads, const Numbers &foot_loads,
-                                  const Numbers &contact_frictions) {
+World with_loads(const World &world, const Numbers &friction_loads, const Numbers &foot_loads,
+                 const Numbers &contact_frictions) {
     const auto loads = row(friction_loads), of_feet = row(foot_loads), frictions = row(contact_frictions);
     require(loads.size == world.plate() && of_feet.size == static_cast<std::ptrdiff_t>(world.feet.size()),
             "there is a load for every object, and for every foot");
-    auto changed = std::make_shared<World>(world);
+    World changed = world;
     for (std::ptrdiff_t j = 0; j < of_feet.size; ++j)
-        changed->feet[j].load = of_feet[j];
+        changed.feet[j].load = of_feet[j];
     for (std::ptrdiff_t i = 0; i < loads.size; ++i) {
         // h mu goes with mu, and mu with the sum of mu N: the weight stays.
-        Object &object = changed->objects[i];
+        Object &object = changed.objects[i];
         object.shift *= loads[i] / object.load;
         object.load = loads[i];
     }
-    for (Pair &pair : changed->pairs)
+    for (Pair &pair : changed.pairs)
         if (pair.contact >= 0) {
             require(pair.contact < frictions.size, "there is a friction for every contact of the chain");
             pair.friction = frictions[pair.contact];
@@ -115,79 +114,74 @@ std::shared_ptr<World> with_loads(const World &world, const Numbers &friction_lo
 
 // An array (., columns) with a row for each thing, of the numbers that `numbers_of` names.
 template <class Number, std::size_t columns, class Thing, class Function>
-py::array_t<Number> rows_of(const std::vector<Thing> &things, Function numbers_of) {
+Made<Number> rows_of(const std::vector<Thing> &things, Function numbers_of) {
     std::vector<Number> numbers;
     for (const Thing &thing : things)
         for (const auto number : std::array<Number, columns>(numbers_of(thing)))
             numbers.push_back(number);
-    const auto count = static_cast<py::ssize_t>(things.size());
-    return to_numpy(std::move(numbers), {count, static_cast<py::ssize_t>(columns)});
+    const auto count = static_cast<std::ptrdiff_t>(things.size());
+    return to_numpy(std::move(numbers), {count, static_cast<std::ptrdiff_t>(columns)});
 }
 
 using Index = std::int64_t;
 
-template <class Number> py::array_t<Number> flat(std::vector<Number> numbers) {
-    const auto count = static_cast<py::ssize_t>(numbers.size());
-    return to_numpy(std::move(numbers), {count});
-}
+template <class Number> Made<Number> flat(std::vector<Number> numbers) { return to_numpy(std::move(numbers)); }
 
-py::array_t<Index> first_foot_of(const World &world) {
+Made<Index> first_foot_of(const World &world) {
     std::vector<Index> first{0};
     for (const Object &object : world.objects)
         first.push_back(object.last_foot);
     return flat(std::move(first));
 }
 
-py::array_t<double> loads_of(const World &world) {
+Made<double> loads_of(const World &world) {
     return rows_of<double, 5>(world.objects, [](const Object &object) -> std::array<double, 5> {
         return {object.load, object.shift, object.sxx, object.sxy, object.syy};
     });
 }
 
-py::array_t<double> center_of(const World &world) {
+Made<double> center_of(const World &world) {
     return rows_of<double, 2>(world.objects,
                               [](const Object &object) -> std::array<double, 2> { return {object.cx, object.cy}; });
 }
 
-py::array_t<Index> parts_of(const World &world) {
-    return rows_of<Index, 3>(world.pieces, [](const Piece &piece) -> std::array<Index, 3> {
-        return {piece.body, piece.first, piece.last};
-    });
+Made<Index> parts_of(const World &world) {
+    return rows_of<Index, 3>(
+        world.pieces, [](const Piece &piece) -> std::array<Index, 3> { return {piece.body, piece.first, piece.last}; });
 }
 
-py::array_t<double> circles_of(const World &world) {
+Made<double> circles_of(const World &world) {
     std::vector<Circle> circles;
     for (const Piece &piece : world.pieces)
         circles.push_back(piece.circle);
     return to_table(circles);
 }
 
-py::array_t<Index> pairs_of(const World &world) {
+Made<Index> pairs_of(const World &world) {
     return rows_of<Index, 3>(world.pairs,
                              [](const Pair &pair) -> std::array<Index, 3> { return {pair.a, pair.b, pair.contact}; });
 }
 
-py::array_t<double> friction_of(const World &world) {
+Made<double> friction_of(const World &world) {
     std::vector<double> friction;
     for (const Pair &pair : world.pairs)
         friction.push_back(pair.friction);
     return flat(std::move(friction));
 }
 
-py::array_t<Index> order_of(const World &world) {
-    return flat(std::vector<Index>(world.order.begin(), world.order.end()));
-}
+Made<Index> order_of(const World &world) { return flat(std::vector<Index>(world.order.begin(), world.order.end())); }
 
-py::tuple world_to_tuple(const World &world) {
-    return py::make_tuple(to_table(world.feet), first_foot_of(world), loads_of(world), center_of(world),
+nb::tuple world_to_tuple(const World &world) {
+    return nb::make_tuple(to_table(world.feet), first_foot_of(world), loads_of(world), center_of(world),
                           to_table(world.corners), parts_of(world), circles_of(world), pairs_of(world),
                           friction_of(world), world.length, order_of(world));
 }
 
-std::shared_ptr<World> world_from_tuple(const py::tuple &t) {
-    return make_world(t[0].cast<Numbers>(), t[1].cast<Integers>(), t[2].cast<Numbers>(), t[3].cast<Numbers>(),
-                      t[4].cast<Numbers>(), t[5].cast<Integers>(), t[6].cast<Numbers>(), t[7].cast<Integers>(),
-                      t[8].cast<Numbers>(), t[9].cast<double>(), t[10].cast<Integers>());
+World world_from_tuple(const nb::tuple &t) {
+    return make_world(nb::cast<Numbers>(t[0]), nb::cast<Integers>(t[1]), nb::cast<Numbers>(t[2]),
+                      nb::cast<Numbers>(t[3]), nb::cast<Numbers>(t[4]), nb::cast<Integers>(t[5]),
+                      nb::cast<Numbers>(t[6]), nb::cast<Integers>(t[7]), nb::cast<Numbers>(t[8]),
+                      nb::cast<double>(t[9]), nb::cast<Integers>(t[10]));
 }
 
 Simulation make_simulation(std::shared_ptr<World> world, const Numbers &object_poses, const Numbers &plate_pose) {
@@ -196,31 +190,31 @@ Simulation make_simulation(std::shared_ptr<World> world, const Numbers &object_p
     return Simulation(std::move(world), objects, to_pose(plate_pose));
 }
 
-py::array_t<double> object_poses_of(const Simulation &simulation) {
+Made<double> object_poses_of(const Simulation &simulation) {
     std::vector<Pose> poses(simulation.world->objects.size());
     for (std::size_t i = 0; i < poses.size(); ++i)
         poses[simulation.world->order[i]] = simulation.state.poses[i];
     return to_table(poses);
 }
 
-py::tuple simulation_to_tuple(const Simulation &simulation) {
+nb::tuple simulation_to_tuple(const Simulation &simulation) {
     const State &state = simulation.state;
     const auto memory = rows_of<double, 4>(state.memory, [](const Memory &memory) -> std::array<double, 4> {
         return {memory.force[0], memory.force[1], memory.force[2], double(memory.points)};
     });
-    return py::make_tuple(simulation.world, to_table(state.poses), to_table(state.twists), to_table(state.drag),
-                          memory, state.steps);
+    return nb::make_tuple(simulation.world, to_table(state.poses), to_table(state.twists), to_table(state.drag), memory,
+                          state.steps);
 }
 
-Simulation simulation_from_tuple(const py::tuple &t) {
-    auto world = t[0].cast<std::shared_ptr<World>>();
+Simulation simulation_from_tuple(const nb::tuple &t) {
+    auto world = nb::cast<std::shared_ptr<World>>(t[0]);
     State state;
-    state.poses = to_rows<Pose>(t[1].cast<Numbers>(), "poses");
-    state.twists = to_rows<Vector>(t[2].cast<Numbers>(), "twists");
-    state.drag = to_rows<std::array<double, 2>>(t[3].cast<Numbers>(), "drag");
-    for (const auto &old : to_rows<std::array<double, 4>>(t[4].cast<Numbers>(), "memory"))
+    state.poses = to_rows<Pose>(nb::cast<Numbers>(t[1]), "poses");
+    state.twists = to_rows<Vector>(nb::cast<Numbers>(t[2]), "twists");
+    state.drag = to_rows<std::array<double, 2>>(nb::cast<Numbers>(t[3]), "drag");
+    for (const auto &old : to_rows<std::array<double, 4>>(nb::cast<Numbers>(t[4]), "memory"))
         state.memory.push_back({{old[0], old[1], old[2]}, static_cast<int>(old[3])});
-    state.steps = t[5].cast<std::int64_t>();
+    state.steps = nb::cast<std::int64_t>(t[5]);
     const std::size_t n = world->objects.size();
     require(state.poses.size() == n + 1 && state.twists.size() == n && state.drag.size() == n &&
                 state.memory.size() == world->pairs.size(),
@@ -230,7 +224,7 @@ Simulation simulation_from_tuple(const py::tuple &t) {
 
 // A trace as arrays.
 struct TraceArrays {
-    py::array poses, modes, forces, wrenches, others, residual, end;
+    nb::object poses, modes, forces, wrenches, others, residual, end;
 };
 
 TraceArrays march(Simulation &simulation, const Numbers &twists, double limit) {
@@ -238,17 +232,21 @@ TraceArrays march(Simulation &simulation, const Numbers &twists, double limit) {
     require(rows.columns == 3, "twists are v_x, v_y, omega");
     Trace trace;
     {
-        py::gil_scoped_release free;
+        nb::gil_scoped_release free;
         trace = simulation.march(rows, limit);
     }
-    const auto m = static_cast<py::ssize_t>(trace.end.size()), n = static_cast<py::ssize_t>(simulation.world->plate());
-    return {to_numpy(std::move(trace.poses), {m, n, 3}),    to_numpy(std::move(trace.modes), {m, n}),
-            to_numpy(std::move(trace.forces), {m, n, 3}),   to_numpy(std::move(trace.wrenches), {m, 3}),
-            to_numpy(std::move(trace.others), {m, n}),      to_numpy(std::move(trace.residual), {m}),
-            to_numpy(std::move(trace.end), {m})};
+    const auto m = static_cast<std::ptrdiff_t>(trace.end.size()),
+               n = static_cast<std::ptrdiff_t>(simulation.world->plate());
+    return {nb::cast(to_numpy(std::move(trace.poses), {m, n, 3})),
+            nb::cast(to_numpy(std::move(trace.modes), {m, n})),
+            nb::cast(to_numpy(std::move(trace.forces), {m, n, 3})),
+            nb::cast(to_numpy(std::move(trace.wrenches), {m, 3})),
+            nb::cast(to_numpy(std::move(trace.others), {m, n})),
+            nb::cast(to_numpy(std::move(trace.residual))),
+            nb::cast(to_numpy(std::move(trace.end)))};
 }
 
-void bind_constants(py::module_ &m) {
+void bind_constants(nb::module_ &m) {
     m.attr("OPEN") = static_cast<int>(OPEN);
     m.attr("STICK") = static_cast<int>(STICK);
     m.attr("SLIDE") = static_cast<int>(SLIDE);
@@ -268,49 +266,48 @@ void bind_constants(py::module_ &m) {
 
 namespace pushplan {
 
-void bind_slip(py::module_ &parent) {
+void bind_slip(nb::module_ &parent) {
     using namespace slip;
-    py::module_ m = parent.def_submodule("slip");
+    nb::module_ m = parent.def_submodule("slip");
     bind_constants(m);
-    py::class_<World, std::shared_ptr<World>>(m, "World")
-        .def(py::init(&make_world), py::kw_only(), py::arg("feet"), py::arg("first_foot"), py::arg("loads"),
-             py::arg("center"), py::arg("corners"), py::arg("parts"), py::arg("circles"), py::arg("pairs"),
-             py::arg("friction"), py::arg("length"), py::arg("order"))
-        .def("with_loads", &with_loads, py::arg("friction_loads"), py::arg("foot_loads"), py::arg("contact_frictions"))
-        .def_property_readonly("feet", [](const World &world) { return to_table(world.feet); })
-        .def_property_readonly("first_foot", &first_foot_of)
-        .def_property_readonly("loads", &loads_of)
-        .def_property_readonly("center", &center_of)
-        .def_property_readonly("corners", [](const World &world) { return to_table(world.corners); })
-        .def_property_readonly("parts", &parts_of)
-        .def_property_readonly("circles", &circles_of)
-        .def_property_readonly("pairs", &pairs_of)
-        .def_property_readonly("friction", &friction_of)
-        .def_readonly("length", &World::length)
-        .def_property_readonly("order", &order_of)
-        .def_property_readonly("room", &World::room)
-        .def(py::pickle(&world_to_tuple, &world_from_tuple));
-    py::class_<TraceArrays>(m, "Trace")
-        .def_readonly("poses", &TraceArrays::poses)
-        .def_readonly("modes", &TraceArrays::modes)
-        .def_readonly("forces", &TraceArrays::forces)
-        .def_readonly("wrenches", &TraceArrays::wrenches)
-        .def_readonly("others", &TraceArrays::others)
-        .def_readonly("residual", &TraceArrays::residual)
-        .def_readonly("end", &TraceArrays::end)
-        .def(py::pickle(
-            [](const TraceArrays &t) {
-                return py::make_tuple(t.poses, t.modes, t.forces, t.wrenches, t.others, t.residual, t.end);
+    nb::class_<World>(m, "World")
+        .def(MadeBy(&make_world), nb::kw_only(), nb::arg("feet"), nb::arg("first_foot"), nb::arg("loads"),
+             nb::arg("center"), nb::arg("corners"), nb::arg("parts"), nb::arg("circles"), nb::arg("pairs"),
+             nb::arg("friction"), nb::arg("length"), nb::arg("order"))
+        .def("with_loads", &with_loads, nb::arg("friction_loads"), nb::arg("foot_loads"), nb::arg("contact_frictions"))
+        .def_prop_ro("feet", [](const World &world) { return to_table(world.feet); })
+        .def_prop_ro("first_foot", &first_foot_of)
+        .def_prop_ro("loads", &loads_of)
+        .def_prop_ro("center", &center_of)
+        .def_prop_ro("corners", [](const World &world) { return to_table(world.corners); })
+        .def_prop_ro("parts", &parts_of)
+        .def_prop_ro("circles", &circles_of)
+        .def_prop_ro("pairs", &pairs_of)
+        .def_prop_ro("friction", &friction_of)
+        .def_ro("length", &World::length)
+        .def_prop_ro("order", &order_of)
+        .def_prop_ro("room", &World::room)
+        .def(Pickled(&world_to_tuple, &world_from_tuple));
+    nb::class_<TraceArrays>(m, "Trace")
+        .def_ro("poses", &TraceArrays::poses)
+        .def_ro("modes", &TraceArrays::modes)
+        .def_ro("forces", &TraceArrays::forces)
+        .def_ro("wrenches", &TraceArrays::wrenches)
+        .def_ro("others", &TraceArrays::others)
+        .def_ro("residual", &TraceArrays::residual)
+        .def_ro("end", &TraceArrays::end)
+        .def(Pickled(
+            +[](const TraceArrays &t) {
+                return nb::make_tuple(t.poses, t.modes, t.forces, t.wrenches, t.others, t.residual, t.end);
             },
-            [](const py::tuple &t) { return TraceArrays{t[0], t[1], t[2], t[3], t[4], t[5], t[6]}; }));
-    py::class_<Simulation>(m, "Simulation")
-        .def(py::init(&make_simulation), py::arg("world"), py::arg("object_poses"), py::arg("plate_pose"))
-        .def_property_readonly("world", [](const Simulation &simulation) { return simulation.world; })
-        .def_property_readonly("object_poses", &object_poses_of)
-        .def_property_readonly(
-            "plate_pose", [](const Simulation &simulation) { return to_array(simulation.state.poses.back()); })
-        .def("march", &march, py::arg("twists"), py::arg("limit") = std::numeric_limits<double>::infinity())
-        .def(py::pickle(&simulation_to_tuple, &simulation_from_tuple));
+            +[](const nb::tuple &t) { return TraceArrays{t[0], t[1], t[2], t[3], t[4], t[5], t[6]}; }));
+    nb::class_<Simulation>(m, "Simulation")
+        .def(MadeBy(&make_simulation), nb::arg("world"), nb::arg("object_poses"), nb::arg("plate_pose"))
+        .def_prop_ro("world", [](const Simulation &simulation) { return simulation.world; })
+        .def_prop_ro("object_poses", &object_poses_of)
+        .def_prop_ro("plate_pose", [](const Simulation &simulation) { return to_array(simulation.state.poses.back()); })
+        .def("march", &march, nb::arg("twists"), nb::arg("limit") = std::numeric_limits<double>::infinity())
+        .def(Pickled(&simulation_to_tuple, &simulation_from_tuple));
 }
 
 } // namespace pushplan

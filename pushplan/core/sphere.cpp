@@ -15,11 +15,9 @@ constexpr double SAME = 1e-12;
 // Neighbours that a climber looks at.
 constexpr std::ptrdiff_t SPOKES = 8;
 
-double largest(double x, double y, double z) {
-    return std::max(std::max(std::abs(x), std::abs(y)), std::abs(z));
-}
+double largest(double x, double y, double z) { return std::max(std::max(std::abs(x), std::abs(y)), std::abs(z)); }
 
-py::tuple directions(const Numbers &twists, double length) {
+nb::tuple directions(const Numbers &twists, double length) {
     const auto rows = twist_table(twists);
     std::vector<std::int64_t> owner(rows.rows), first;
     Twist direction{0.0, 0.0, 0.0};
@@ -34,12 +32,11 @@ py::tuple directions(const Numbers &twists, double length) {
         }
         owner[i] = static_cast<std::int64_t>(first.size()) - 1;
     }
-    const auto count = static_cast<py::ssize_t>(first.size());
-    return py::make_tuple(to_numpy(std::move(owner), {rows.rows}), to_numpy(std::move(first), {count}));
+    return nb::make_tuple(to_numpy(std::move(owner)), to_numpy(std::move(first)));
 }
 
-py::array_t<double> twists_on(const Numbers &east, const Numbers &north, double length, const Integers &member,
-                              const Numbers &latitude) {
+Made<double> twists_on(const Numbers &east, const Numbers &north, double length, const Integers &member,
+                       const Numbers &latitude) {
     const auto x = row(east), y = row(north), lat = row(latitude);
     const auto who = row(member);
     if (y.size != x.size || lat.size != who.size)
@@ -62,7 +59,7 @@ void check_places(Row<const std::int64_t> live, std::ptrdiff_t count) {
             throw std::out_of_range("there is no place " + std::to_string(i));
 }
 
-py::array_t<double> neighbours(const Numbers &at, const Numbers &step, const Integers &live, double turn) {
+Made<double> neighbours(const Numbers &at, const Numbers &step, const Integers &live, double turn) {
     const auto place = twist_table(at);
     const auto angle_to = row(step);
     const auto who = row(live);
@@ -90,8 +87,8 @@ py::array_t<double> neighbours(const Numbers &at, const Numbers &step, const Int
 void move(Written &at, Written &values, Written &step, const Integers &live, const Numbers &around,
           const Numbers &found) {
     require_shape(at, {-1, 3}, "at");
-    auto place = written_table(at);
-    auto value = written_row(values), angle = written_row(step);
+    auto place = table(at);
+    auto value = row(values), angle = row(step);
     const auto who = row(live);
     const auto next = twist_table(around);
     const auto margin = row(found);
@@ -116,14 +113,14 @@ void move(Written &at, Written &values, Written &step, const Integers &live, con
 
 } // namespace
 
-void bind_sphere(py::module_ &core) {
-    py::module_ m = core.def_submodule("sphere", "Many places on the sphere of twist directions at once.");
-    m.def("directions", &directions, py::arg("twists"), py::arg("length"));
-    m.def("twists_on", &twists_on, py::arg("east"), py::arg("north"), py::arg("length"), py::arg("member"),
-          py::arg("latitude"));
-    m.def("neighbours", &neighbours, py::arg("at"), py::arg("step"), py::arg("live"), py::arg("turn"));
-    m.def("move", &move, py::arg("at").noconvert(), py::arg("values").noconvert(), py::arg("step").noconvert(),
-          py::arg("live"), py::arg("around"), py::arg("found"));
+void bind_sphere(nb::module_ &core) {
+    nb::module_ m = core.def_submodule("sphere", "Many places on the sphere of twist directions at once.");
+    m.def("directions", &directions, nb::arg("twists"), nb::arg("length"));
+    m.def("twists_on", &twists_on, nb::arg("east"), nb::arg("north"), nb::arg("length"), nb::arg("member"),
+          nb::arg("latitude"));
+    m.def("neighbours", &neighbours, nb::arg("at"), nb::arg("step"), nb::arg("live"), nb::arg("turn"));
+    m.def("move", &move, nb::arg("at").noconvert(), nb::arg("values").noconvert(), nb::arg("step").noconvert(),
+          nb::arg("live"), nb::arg("around"), nb::arg("found"));
 }
 
 } // namespace pushplan

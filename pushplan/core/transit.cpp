@@ -184,28 +184,28 @@ bool transit_is_free(const Surroundings &around, const Pose &start, const Way &w
 
 namespace {
 
-py::object transit_between(const Surroundings &around, const Wheels &wheels, const Numbers &start, const Numbers &goal,
+nb::object transit_between(const Surroundings &around, const Wheels &wheels, const Numbers &start, const Numbers &goal,
                            const std::array<double, 4> &box, double spread, RandomState state, int iterations) {
     const Pose first = to_pose(start), last = to_pose(goal);
     const Area region{box[0], box[1], box[2], box[3]};
     Random &random = random_of(state);
     std::optional<Way> way;
     {
-        py::gil_scoped_release free;
+        nb::gil_scoped_release free;
         way = find_transit(around, wheels, first, last, region, spread, random, iterations);
     }
     if (!way)
-        return py::none();
-    return to_table(*way);
+        return nb::none();
+    return nb::cast(to_table(*way));
 }
 
-py::array_t<double> shortened_arcs(const Surroundings &around, const Wheels &wheels, const Numbers &start,
-                                   const Numbers &arcs, RandomState state, int attempts) {
+Made<double> shortened_arcs(const Surroundings &around, const Wheels &wheels, const Numbers &start, const Numbers &arcs,
+                            RandomState state, int attempts) {
     const Pose first = to_pose(start);
     Way way = to_arcs(arcs);
     Random &random = random_of(state);
     {
-        py::gil_scoped_release free;
+        nb::gil_scoped_release free;
         way = shortened(around, wheels, first, std::move(way), random, attempts);
     }
     return to_table(way);
@@ -214,19 +214,19 @@ py::array_t<double> shortened_arcs(const Surroundings &around, const Wheels &whe
 bool arcs_are_free(const Surroundings &around, const Numbers &start, const Numbers &arcs) {
     const Pose first = to_pose(start);
     const Way way = to_arcs(arcs);
-    py::gil_scoped_release free;
+    nb::gil_scoped_release free;
     return transit_is_free(around, first, way);
 }
 
 } // namespace
 
-void bind_transit(py::module_ &core) {
+void bind_transit(nb::module_ &core) {
     auto m = core.def_submodule("transit");
-    m.def("find_transit", &transit_between, py::arg("around"), py::arg("wheels"), py::arg("start"), py::arg("goal"),
-          py::arg("box"), py::arg("spread"), py::arg("state").noconvert(), py::arg("iterations"));
-    m.def("shortened", &shortened_arcs, py::arg("around"), py::arg("wheels"), py::arg("start"), py::arg("arcs"),
-          py::arg("state").noconvert(), py::arg("attempts"));
-    m.def("transit_is_free", &arcs_are_free, py::arg("around"), py::arg("start"), py::arg("arcs"));
+    m.def("find_transit", &transit_between, nb::arg("around"), nb::arg("wheels"), nb::arg("start"), nb::arg("goal"),
+          nb::arg("box"), nb::arg("spread"), nb::arg("state").noconvert(), nb::arg("iterations"));
+    m.def("shortened", &shortened_arcs, nb::arg("around"), nb::arg("wheels"), nb::arg("start"), nb::arg("arcs"),
+          nb::arg("state").noconvert(), nb::arg("attempts"));
+    m.def("transit_is_free", &arcs_are_free, nb::arg("around"), nb::arg("start"), nb::arg("arcs"));
 }
 
 } // namespace pushplan
