@@ -409,7 +409,7 @@ class Controller:
     def _end_push(self, push: PushLoop) -> None:
         """Go on after a push that is over: with the next segment, or with a look at what is left."""
         self._push, self._estimator, names = None, push.estimator, push.load.names
-        self._plate, self._alone = compose(push.plate, inverse(push.load.frame_plate)), (0.0, 0.0)
+        self._plate, self._alone = compose(push.plate_after, inverse(push.load.frame_plate)), (0.0, 0.0)
         if self._replanner is not None:
             self._end(push.phase, push.text)
             return

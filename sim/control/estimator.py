@@ -246,15 +246,20 @@ class Estimator:
         bias = self.values[COMMON:].reshape(-1, 3)
         return compose(poses, inverse(bias - self._aside(places, normals)))
 
-    def aside(self, places: FloatArray, normals: FloatArray) -> float:
-        """Return how far the load stands along the plate from where it is taken to, m; to the left is positive.
+    def aside(self, places: FloatArray, normals: FloatArray) -> tuple[float, float]:
+        """Return how far the load stands along the plate from where it is taken to, and the standard deviation of that.
 
         Args:
             places: (n, 3) X_i.
             normals: See `unbiased`.
+
+        Returns:
+            Both in m; to the left is positive.
         """
-        bias = self.values[COMMON:].reshape(-1, 3)
-        return float((bias[:, :2] * tangents_of(places, normals)).sum(axis=1).mean())
+        gradient = np.zeros((self._count, 3))
+        gradient[:, :2] = tangents_of(places, normals) / self._count
+        along = np.concatenate([np.zeros(COMMON), gradient.reshape(-1)])
+        return float(along @ self.values), math.sqrt(along @ self.covariance @ along)
 
     def take_for_closed(self, resting: Sample, recent: Iterable[Sample], normals: FloatArray) -> None:
         """Begin once more from objects at rest that have slid to new places, where contacts are closed.

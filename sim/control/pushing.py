@@ -51,6 +51,8 @@ CLEARLY = 0.8
 """Share of the tolerances up to which nothing need be better."""
 LITTLE, SETTLE = 0.5, 0.02
 """Travel (m) that any error beyond the tolerances is worth, and after which contacts are closed that were open."""
+TOLD = 2.0
+"""Standard deviations by which the plate has to stand aside to be taken for that where a push tells it badly."""
 REFIT = 0.25
 """Time between two fits, s."""
 LONGER, UNDECIDED = 2.0, 3.0
@@ -147,6 +149,24 @@ class PushLoop:
         return self._odometry.travel - self._before
 
     @property
+    def _aside(self) -> tuple[float, float]:
+        """How far the load stands along the plate from where it is taken to, and the standard deviation of that, m."""
+        if self._job.settle == 0.0:
+            return 0.0, 0.0
+        return self.estimator.aside(self._replanner.chain.places, self._normals)
+
+    @property
+    def plate_after(self) -> FloatArray:
+        """(3,) pose of the contact's frame that the plate drives on from.
+
+        What a push has hardly told of where the plate stands along the load leaves it where it was believed to be.
+        """
+        aside, deviation = self._aside
+        if deviation <= self.settings.approach_error[0] or abs(aside) > TOLD * deviation:
+            return self.plate
+        return compose(self.plate, [0.0, aside, 0.0])
+
+    @property
     def _share(self) -> float:
         """Share of the tolerances that the error at the goal is."""
         return float(self._replanner.aim.share(compose(self.plate, self.places)))
@@ -213,10 +233,7 @@ class PushLoop:
         if self.over or self._following.drive.over:
             return np.zeros(3)
         period = 1.0 / self.settings.rate
-        led = self.plate
-        if self._job.settle > 0.0:  # where the load stands along the plate is only seen: so it is what is led
-            aside = self.estimator.aside(self._replanner.chain.places, self._normals)
-            led = compose(self.plate, [0.0, aside, 0.0])
+        led = compose(self.plate, [0.0, self._aside[0], 0.0])  # where the load stands along the plate is only seen
         twist = self._following.twist(led)
         self.plate = compose(self.plate, exp(twist * period))
         self._stall.driven(self._now, twist * period, self.plate)
