@@ -40,7 +40,7 @@ from pushplan.sim.control.standing import Deliveries, Standing
 from pushplan.sim.follower import Steering
 from pushplan.sim.intake import Intake
 from pushplan.util.arrays import FloatArray
-from pushplan.util.names import RETREAT
+from pushplan.util.names import AUTO, RETREAT
 
 DEFAULTS = ControlSettings()
 SILENT = Observer()
@@ -387,7 +387,9 @@ class Controller:
             poses, tolerance = self._standing.by_name, self._delivered.tolerance
             most = min(self.settings.most(segment.path.travel), self._spare(self._at + 1))
             job = push_job(self._planned, segment, self._plate, poses, self._obstacles, tolerance, most)
-            replanner = Replanner(job.scenario, self.settings, self._observer)
+            # What stands in a row is hardly pushed in another way.
+            lowers = self.scenario.row is not None and self.scenario.stability.margin == AUTO
+            replanner = Replanner(job.scenario, self.settings, self._observer, lowers)
         else:
             job = PushJob(self.scenario, self.plan, self._standing.columns(load.names), self._most)
         self._push = PushLoop(

@@ -247,7 +247,7 @@ class Estimator:
         return compose(poses, inverse(bias - self._aside(places, normals)))
 
     def aside(self, places: FloatArray, normals: FloatArray) -> tuple[float, float]:
-        """Return how far the load stands along the plate from where it is taken to, and the standard deviation of that.
+        """Return how far along the plate the load is from where it is taken to be, and the standard deviation of it.
 
         Args:
             places: (n, 3) X_i.

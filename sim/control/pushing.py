@@ -150,7 +150,7 @@ class PushLoop:
 
     @property
     def _aside(self) -> tuple[float, float]:
-        """How far the load stands along the plate from where it is taken to, and the standard deviation of that, m."""
+        """How far the load is along the plate from where it is taken to be, and the standard deviation of that, m."""
         if self._job.settle == 0.0:
             return 0.0, 0.0
         return self.estimator.aside(self._replanner.chain.places, self._normals)
@@ -233,7 +233,9 @@ class PushLoop:
         if self.over or self._following.drive.over:
             return np.zeros(3)
         period = 1.0 / self.settings.rate
-        led = compose(self.plate, [0.0, self._aside[0], 0.0])  # where the load stands along the plate is only seen
+        led = compose(
+            self.plate, [0.0, self._aside[0], 0.0]
+        )  # where the load stands along the plate is only seen
         twist = self._following.twist(led)
         self.plate = compose(self.plate, exp(twist * period))
         self._stall.driven(self._now, twist * period, self.plate)
@@ -385,6 +387,8 @@ class PushLoop:
             aim, places = self._replanner.aim, self._replanner.chain.places
             left = aim.errors(compose(result.path.end, places))
             where = f", which ends {words(*left)} off the goal" if (left > aim.tolerance).any() else ""
+            if (margin := result.margin) is not None and margin < self._replanner.planner(BOLD).margin:
+                where += f", with a margin of {margin:.2g}"
             self._tell("replan", f"{result.path.cost:.3f} m in {result.trajectory.duration:.1f} s{where}")
             self._path, self.places = result.path, places
             self._take_for_closed(measured)

@@ -34,6 +34,8 @@ Caution = tuple[float, float, float]
 BOLD: Caution = (0.0, 0.0, 1.0)
 CAUTION: tuple[Caution, ...] = ((1.0, 0.4, 1.0), (0.5, 0.2, 1.0), BOLD)
 """What plans on the way are made for, one after the other until there is one."""
+LOWER = tuple((friction, room, margin) for friction, room, _ in CAUTION for margin in (0.5, 0.25))
+"""What plans to the goal itself are made for where all others fail and a margin may be lowered."""
 NEARBY = tuple((friction, room, margin) for friction, room, _ in CAUTION for margin in (1.0, 0.5, 0.25))
 """What plans that end beside the goal are made for: an automatic margin is halved as that of a first plan is."""
 FIRST: Caution = (1.0, 1.0, 1.0)
@@ -178,14 +180,18 @@ class Replanner:
         scenario: What the chain is believed to be at first, the room, and the goal.
         settings: See there.
         observer: Takes messages about what takes long.
+        lowers: Whether planners chose the scenario's margin, and may lower it where there is no other plan.
 
     Attributes:
         aim: What counts as the goal.
         chain: As it is believed to be, with the objects where they have slid to.
     """
 
-    def __init__(self, scenario: Scenario, settings: ControlSettings, observer: Observer) -> None:
+    def __init__(
+        self, scenario: Scenario, settings: ControlSettings, observer: Observer, lowers: bool = False
+    ) -> None:
         self._scenario, self._settings, self._observer = scenario, settings, observer
+        self._lowers = lowers
         self.aim = Aim.of(
             scenario.goal, scenario.chain, settings.position_tolerance, settings.angle_tolerance
         )
@@ -297,7 +303,8 @@ class Replanner:
         missed: list[Replan] = []
         solved: list[tuple[float, Replan]] = []
         for attempt in range(ATTEMPTS):
-            replan = self.replan(now, start, previous, slides, attempt)
+            level = CAUTION[attempt % len(CAUTION)]
+            replan = self.replan(now, start, previous, slides, level, seed=1 + attempt // len(CAUTION))
             if replan.result is None or replan.result.path is None:
                 missed.append(replan)
             else:
@@ -311,8 +318,8 @@ class Replanner:
         near, beside = Near(most, min(left, here - GAIN)), list[tuple[float, Replan]]()
         # Contacts are risked where nothing else brings the objects within the tolerances.
         risks = here > 1.0 and left > 1.0 and self._scenario.stability.margin == AUTO
-        for attempt in [k for k, level in enumerate(NEARBY) if risks or level in CAUTION]:
-            replan = self.replan(now, start, previous, slides, attempt, near)
+        for level in [level for level in NEARBY if risks or level in CAUTION]:
+            replan = self.replan(now, start, previous, slides, level, near)
             if replan.result is None or replan.result.path is None:
                 missed.append(replan)
                 continue
@@ -320,6 +327,12 @@ class Replanner:
             beside.append((float(self.aim.share(end)), replan))
             if beside[-1][0] <= BARELY:
                 break
+        if self._lowers and not solved and min((left for left, _ in beside), default=np.inf) > 1.0:
+            for level in LOWER:
+                replan = self.replan(now, start, previous, slides, level)
+                if replan.result is not None and replan.result.path is not None:
+                    return [*missed, replan]
+                missed.append(replan)
         if beside:  # the most cautious that ends within the tolerances, or else the nearest
             return [*missed, min(beside, key=lambda one: one[0])[1]]
         return missed if shortest is None else [*missed, shortest[1]]
@@ -330,8 +343,9 @@ class Replanner:
         start: FloatArray,
         previous: PushPath | None,
         slides: FloatArray,
-        attempt: int = 0,
+        level: Caution = CAUTION[0],
         near: Near | None = None,
+        seed: int = 1,
     ) -> Replan:
         """Return a plan from a pose (3,) of the chain frame to the goal, or within its tolerances if that is far.
 
@@ -342,25 +356,28 @@ class Replanner:
             start: Where the plate is.
             previous: The rest of it is the first candidate.
             slides: (n,) how far the objects have slid, m.
-            attempt: Number of attempts of this kind so far: every one has another caution and, in the end, seed.
+            level: What it is made for.
             near: What will do in place of the goal: the plan ends as near to that as a steering path leads.
+            seed: Of the search.
         """
         began = time.process_time()
         reason, result = "", None
         try:
             self.believe(slides)
-            result = self._planned(start, previous, attempt, near)
+            result = self._planned(start, previous, level, near, seed)
             reason = result.reason
         except PushplanError as error:
             reason = str(error)
         return Replan(now, result, reason, time.process_time() - began)
 
-    def _planned(self, start: FloatArray, previous: PushPath | None, attempt: int, near: Near | None) -> Plan:
-        planner = self.planner(CAUTION[attempt % len(CAUTION)] if near is None else NEARBY[attempt])
+    def _planned(
+        self, start: FloatArray, previous: PushPath | None, level: Caution, near: Near | None, seed: int
+    ) -> Plan:
+        planner = self.planner(level)
         return planner.plan(
             start,
             self._goal(planner, start) if near is None else self._beside(planner, start, near),
-            seed=1 + attempt // len(CAUTION),
+            seed=seed,
             time_limit=self._settings.time_limit,
             iterations=ITERATIONS,
             previous=previous,

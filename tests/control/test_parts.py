@@ -301,7 +301,7 @@ def test_what_has_slid_is_kept_off_obstacles(slide: float) -> None:
         pushplan.load_scenario("feet"), obstacles=(pillar,), goal=Goal(goal, "table", goal, 1e-3, 1e-3)
     )
     replanner = Replanner(feet, ControlSettings(time_limit=60.0), Observer())
-    found = replanner.replan(0.0, np.zeros(3), None, np.array([0.0, slide]), len(CAUTION) - 1)
+    found = replanner.replan(0.0, np.zeros(3), None, np.array([0.0, slide]), CAUTION[-1])
     assert found.solved == (slide < 0.0), found.reason
 
 
@@ -339,6 +339,24 @@ def test_where_no_path_leads_to_the_goal_one_ends_as_near_as_it_can(
         shares = replanner.aim.share(compose(others[:, None], carts.chain.places))
         reach = replanner.planner(BOLD if margin == 0.05 else NEARBY[-1]).reach
         assert shares[np.isfinite(reach(start, others)[0])].min() > share - 0.2
+
+
+@pytest.mark.parametrize(("aside", "ends"), [(0.053, 0.9), (0.075, np.inf)])
+def test_a_margin_that_planners_chose_is_lowered_where_nothing_else_leads_to_the_goal(
+    aside: float, ends: float
+) -> None:
+    from pushplan.sim.control.replanner import Replanner
+
+    carts = pushplan.load_scenario("carts")
+    carts = replace(carts, stability=replace(carts.stability, margin=0.05))
+    start = compose(carts.goal.pose_chain, inverse([0.45, aside, 2.0 * aside]))
+    given = 0.0, start, None, np.zeros(2), 1.0
+    for lowers in (False, True):
+        replanner = Replanner(carts, ControlSettings(time_limit=60.0), Observer(), lowers)
+        replan = replanner.best(*given, left=0.9)[-1]
+        assert replan.solved == (lowers and ends < 1.0)
+    if replan.solved:
+        assert 0.0125 < there(there(replan.result).min_margin) < 0.05
 
 
 @pytest.mark.parametrize(("length", "slides"), [(0.25, 0.05), (3.0, 0.0)])
