@@ -195,9 +195,7 @@ class Astray(Driven[Controller]):
     _approached: object = None
     _shift: FloatArray | None = None
 
-    def step(
-        self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
-    ) -> FloatArray:
+    def step(self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None) -> FloatArray:
         twist = self.controller.step(now, object_poses, measured_at)
         load = self.controller.load
         approaches = self.controller.phase is Phase.DRIVING and load is not None and load.face != ""
@@ -205,9 +203,7 @@ class Astray(Driven[Controller]):
             way, far = self.random.uniform(-np.pi, np.pi), APPROACH[0] * self.random.random()
             turn = self.random.uniform(-APPROACH[1], APPROACH[1])
             self._approached, rate = load, self.controller.settings.rate
-            return np.asarray(
-                log(compose(exp(twist / rate), [far * np.cos(way), far * np.sin(way), turn])) * rate
-            )
+            return np.asarray(log(compose(exp(twist / rate), [far * np.cos(way), far * np.sin(way), turn])) * rate)
         if not approaches and self.controller.phase is Phase.DRIVING:
             self._approached = None
         return twist
@@ -235,9 +231,7 @@ def carry_out(
             print(f"    {event.time:7.2f} {event.kind:8} {event.text}")
     travel = float(np.hypot(*np.diff(course.poses[:, :2], axis=0).T).sum())
     planned = float(np.hypot(*np.diff(result.trajectory.poses[:, :2], axis=0).T).sum())
-    return Row(
-        closed, opened, errors[0], tuple(controller.replans), why, seconds, travel=travel, planned=planned
-    )
+    return Row(closed, opened, errors[0], tuple(controller.replans), why, seconds, travel=travel, planned=planned)
 
 
 def judge(scenario: Scenario, object_poses: FloatArray) -> FloatArray:
@@ -278,16 +272,12 @@ def one(scenario: Scenario, result: Plan, seed: int, verbose: bool, physics: boo
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--worlds", type=int, default=2, help="worlds a scenario")
     parser.add_argument("--random", type=int, default=40, help="random scenarios")
     parser.add_argument("--only", nargs="*", help="names of scenarios")
     parser.add_argument("--physics", type=int, default=0, help="runs that MuJoCo judges, too")
-    parser.add_argument(
-        "--plans", type=int, default=0, help="plans of several pushes, instead of single ones"
-    )
+    parser.add_argument("--plans", type=int, default=0, help="plans of several pushes, instead of single ones")
     parser.add_argument("--verbose", action="store_true", help="print every event of runs that miss")
     arguments = parser.parse_args()
     time.perf_counter = time.process_time  # searches then count CPU time, whatever else the machine does
@@ -310,9 +300,7 @@ def main() -> int:
         rows += found
         closed, opened = sum(row.closed for row in found), sum(row.opened for row in found)
         share = f"of {len(found)} arrive {closed} in closed, {opened} in open loop"
-        print(
-            f"{scenario.name:22} {share}, {np.mean([len(r.replans) for r in found]):.1f} replans", flush=True
-        )
+        print(f"{scenario.name:22} {share}, {np.mean([len(r.replans) for r in found]):.1f} replans", flush=True)
         for row in found:
             if not row.closed:
                 print(f"    {1e3 * row.error[0]:.1f} mm {np.degrees(row.error[1]):.2f} deg: {row.why}")

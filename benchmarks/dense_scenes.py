@@ -27,9 +27,7 @@ SIDE = 4.0
 CLEARANCE = 0.02
 OBSTACLES = {"car": (15, 15), "clutter": (20, 40), "walls": (0, 8)}
 SIZES = {"car": (0.3, 0.7), "clutter": (0.15, 0.5), "walls": (0.1, 0.3)}
-CHAINS = ProblemParameters(
-    objects=(1, 4), drives=("omnidirectional", "differential", "car"), turning_radius=0.5
-)
+CHAINS = ProblemParameters(objects=(1, 4), drives=("omnidirectional", "differential", "car"), turning_radius=0.5)
 LEAST_WAY = 2.0
 """Distance of start and goal, m."""
 

@@ -197,9 +197,7 @@ def _note(session: Session, planner: Any, words: SweptWords, car: Car) -> None:
     )
 
 
-def _way_to(
-    node: int, poses: FloatArray, parents: IntArray, start: FloatArray, words: SweptWords
-) -> FloatArray:
+def _way_to(node: int, poses: FloatArray, parents: IntArray, start: FloatArray, words: SweptWords) -> FloatArray:
     """Return the arcs (k, 4) from the start to a node of a tree, up to the first edge that is blocked."""
     way = [node]
     while parents[way[-1]] >= 0:

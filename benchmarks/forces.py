@@ -64,9 +64,7 @@ def main() -> int:
     parser.add_argument("--iterations", type=int, default=300)
     arguments = parser.parse_args()
     print(f"{Machine.this().words}, MuJoCo {engine().__version__}")
-    print(
-        f"{'scenario':22} {'force, N':>8} {'steady windows':>15} {'worst, %':>9} {'of all':>7} {'worst, %':>9}"
-    )
+    print(f"{'scenario':22} {'force, N':>8} {'steady windows':>15} {'worst, %':>9} {'of all':>7} {'worst, %':>9}")
     worst = 0.0
     for name in arguments.names or example_names():
         scenario = pushplan.load_scenario(name)

@@ -181,9 +181,7 @@ def in_order(document: Document) -> Document:
         places = [places[i] for i in chosen]
     square = alike and len(set(objects[names[0]]["shape"]["box"])) == 1
     turns = 4 if square else 2
-    found["goals"] = {
-        name: {"pose": place, "symmetry": turns} for name, place in zip(names, places, strict=True)
-    }
+    found["goals"] = {name: {"pose": place, "symmetry": turns} for name, place in zip(names, places, strict=True)}
     return found
 
 
@@ -208,9 +206,7 @@ def compared(document: Document, seconds: float) -> Document:
             told = json.loads(json.dumps(found.to_dict(), default=float))
             result[f"{gather}_wrong"] = list(violations(document, told))
             result[f"{gather}_first"] = found.first_solution_s
-            result[f"{gather}_groups"] = [
-                len(s.load.names) for s in found.segments if s.kind == "retreat" and s.load
-            ]
+            result[f"{gather}_groups"] = [len(s.load.names) for s in found.segments if s.kind == "retreat" and s.load]
     if "pose" in document["goals"]["row"]:
         ordered, _ = planned(in_order(document), max(seconds, 5.0))
         result["order"] = None if ordered is None else travel_of(ordered.segments)
@@ -283,9 +279,7 @@ FAMILIES = (
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rooms", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--families", nargs="+", default=FAMILIES)

@@ -85,9 +85,7 @@ def least(box: ErrorBox, scale: float, point: FloatArray, moments: Moments) -> f
         return -1.0
 
 
-def descend(
-    errors: JointErrors, scale: float, restarts: int, rng: np.random.Generator, steps: int = 3
-) -> float:
+def descend(errors: JointErrors, scale: float, restarts: int, rng: np.random.Generator, steps: int = 3) -> float:
     """Return the least margin that is found in the scaled box from random points.
 
     At each point one of the conditions with the least to spare is chosen by lot. The sign of its change with each
@@ -105,9 +103,9 @@ def descend(
         for _ in range(steps):
             step = 0.1 * np.eye(point.size).reshape(-1, *shape)
             points = np.clip(np.concatenate([point + step, point - step]), -1.0, 1.0)
-            ahead, back = errors.values(np.full(len(points), scale), points, np.array([moment]))[
-                :, 0, row
-            ].reshape(2, *shape)
+            ahead, back = errors.values(np.full(len(points), scale), points, np.array([moment]))[:, 0, row].reshape(
+                2, *shape
+            )
             point = np.where(ahead > back, -1.0, np.where(ahead < back, 1.0, point))
         found = min(found, least(box, scale, point, moments))
         if found <= 0.0:
@@ -143,9 +141,7 @@ def main() -> int:
         if stated is None or not stated.joint:
             continue
         trajectory, box = push.contact_trajectory, ErrorBox.of(push.load)
-        moments = thinned(
-            trajectory.directions, trajectory.rates_at(trajectory.t), box.chain.characteristic_length
-        )
+        moments = thinned(trajectory.directions, trajectory.rates_at(trajectory.t), box.chain.characteristic_length)
         errors = JointErrors(Course(box.chain, moments), box)
         rho, corner = errors.worst()
         assert rho == stated.joint

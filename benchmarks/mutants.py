@@ -86,9 +86,7 @@ class Checkout:
         """Return the sources that include a file, or are it."""
         word = re.compile(rf"/{re.escape(name)}\b")
         return [
-            source
-            for source in self.sources
-            if word.search((self.objects / f"{source.stem}.d").read_text("utf-8"))
+            source for source in self.sources if word.search((self.objects / f"{source.stem}.d").read_text("utf-8"))
         ]
 
     def notices(self, tests: list[str]) -> bool:
@@ -96,9 +94,7 @@ class Checkout:
         environment = {**os.environ, "PYTHONPATH": str(self.folder)}
         command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "0", "-p", "no:cacheprovider", *tests]
         try:
-            done = subprocess.run(
-                command, cwd=self.folder, env=environment, capture_output=True, timeout=600.0
-            )
+            done = subprocess.run(command, cwd=self.folder, env=environment, capture_output=True, timeout=600.0)
         except subprocess.TimeoutExpired:
             return True
         return done.returncode != 0

@@ -106,9 +106,7 @@ def run_cpp(scenario: Scenario, planner: str, seed: int, seconds: float, program
     """Search with all of the time by a planner in C++."""
     chosen, problem = extensions_cpp.posed(scenario)
     name = "hybrid_astar" if planner == "hybrid-astar" else "extensions"
-    found = extensions_cpp.improvements(
-        programs / name, problem, chosen, planner.removeprefix("cpp-"), seed, seconds
-    )
+    found = extensions_cpp.improvements(programs / name, problem, chosen, planner.removeprefix("cpp-"), seed, seconds)
     return Run(found[-1][1], found[0][0]) if found else Run(math.inf, math.inf)
 
 
@@ -128,9 +126,7 @@ def run(scenario: Scenario, planner: str, seed: int, seconds: float) -> Run:
 
 def main() -> int:
     """Print the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     families = (*FAMILIES, "many")
     parser.add_argument("--families", nargs="+", choices=families, default=families)
     parser.add_argument("--planners", nargs="+", default=PLANNERS, help="names, or module:attribute")

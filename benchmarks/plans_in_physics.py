@@ -107,18 +107,14 @@ def within(robustness: Any, chain: Chain) -> dict[str, World]:
     """Return worlds that differ by 0.9 of a plan's robustness in one thing each."""
     share = OF_TOLERANCE
     worlds = {
-        "contact friction": World(
-            with_contact_friction(chain, 1.0 - share * (1.0 - robustness.contact_friction))
-        )
+        "contact friction": World(with_contact_friction(chain, 1.0 - share * (1.0 - robustness.contact_friction)))
     }
     for i in range(len(chain.objects)):
         for sign in (1.0, -1.0):
             told = f"{i}{sign:+.0f}"
             floor = with_floor_friction(chain, 1.0 + sign * share * robustness.floor_friction, i)
             worlds[f"floor friction {told}"] = World(floor)
-            worlds[f"position {told}"] = World(
-                chain, shifted_places(chain, i, sign * share * robustness.position)
-            )
+            worlds[f"position {told}"] = World(chain, shifted_places(chain, i, sign * share * robustness.position))
             worlds[f"angle {told}"] = World(turned(chain, i, sign * share * robustness.angle))
         for direction in (LEFT, RIGHT, FRONT, BACK):
             leaned = with_leaning_load(chain, direction, share * robustness.load, i)
@@ -207,9 +203,7 @@ def run_all(arguments: argparse.Namespace) -> list[Document]:
         for name, document in problems(arguments.scenarios, arguments.problems)
         for setting in arguments.settings
     ]
-    known = (
-        {_key(line): line for line in map(json.loads, path.read_text().splitlines())} if path.exists() else {}
-    )
+    known = {_key(line): line for line in map(json.loads, path.read_text().splitlines())} if path.exists() else {}
     open_ = [task for task in wanted if (task[0], task[2], task[3]) not in known]
     began = time.perf_counter()
     with (
@@ -304,23 +298,13 @@ def verdict(results: list[Document], tolerance: bool) -> int:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--problems", type=int, default=40, help="number of random problems")
-    parser.add_argument(
-        "--scenarios", nargs="*", default=example_names(), choices=example_names(), metavar="NAME"
-    )
-    parser.add_argument(
-        "--settings", nargs="+", choices=SETTINGS, metavar="NAME", help=f"of {', '.join(SETTINGS)}"
-    )
-    parser.add_argument(
-        "--tolerance", action="store_true", help="worlds within what the plans say they can bear"
-    )
+    parser.add_argument("--scenarios", nargs="*", default=example_names(), choices=example_names(), metavar="NAME")
+    parser.add_argument("--settings", nargs="+", choices=SETTINGS, metavar="NAME", help=f"of {', '.join(SETTINGS)}")
+    parser.add_argument("--tolerance", action="store_true", help="worlds within what the plans say they can bear")
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument(
-        "--out", type=Path, default=Path("plans_in_physics.jsonl"), help="raw results, resumed"
-    )
+    parser.add_argument("--out", type=Path, default=Path("plans_in_physics.jsonl"), help="raw results, resumed")
     arguments = parser.parse_args()
     if arguments.settings is None:
         arguments.settings = ["plain"] if arguments.tolerance else ["old", "plain", "uncertainty"]

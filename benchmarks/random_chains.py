@@ -25,9 +25,7 @@ def random_chain(rng: np.random.Generator) -> Chain:
         ends = transform_points(line, [[0.0, max(-half, offset - rear)], [0.0, min(half, offset + rear)]])
         contacts.append(Contact(ends[0], ends[1], float(rng.uniform(0.1, 0.8)), i, i - 1))
         mass, floor_friction = float(rng.uniform(0.3, 3.0)), float(rng.uniform(0.1, 0.7))
-        objects.append(
-            PushedObject(f"object{i}", outline, mass, floor_friction, random_support(rng, outline), pose)
-        )
+        objects.append(PushedObject(f"object{i}", outline, mass, floor_friction, random_support(rng, outline), pose))
         line = compose(pose, np.append(outline[1:3].mean(axis=0), lean))
         half = 0.5 * float(np.linalg.norm(outline[2] - outline[1]))
     return Chain(tuple(objects), tuple(contacts), Pusher(PLATE, contacts[0].friction))

@@ -89,9 +89,7 @@ def single_pushes(data: Data, speed: int) -> bool:
         others.append([off(data[f"push_{name}"][which], measured).mean(axis=0) for name in ("quad", "poly4")])
         print(f"  {data['set_surface'][k]:8} {data['set_shape'][k]:6} {len(which):4}: {rows[-1].round(2)}")
     mean, published = np.mean(rows, axis=0), np.mean(others, axis=0)
-    print(
-        f"  published fits on the same sets: quadratic {published[0].round(2)}, 4th order {published[1].round(2)}"
-    )
+    print(f"  published fits on the same sets: quadratic {published[0].round(2)}, 4th order {published[1].round(2)}")
     good = tell(f"single pushes, {len(rows)} sets, nothing fitted (mm)", float(mean[0]), "<=", 4.0)
     return good & tell(f"single pushes, {len(rows)} sets, nothing fitted (deg)", float(mean[1]), "<=", 5.2)
 
@@ -146,9 +144,7 @@ def identified_pushes(data: Data, speed: int) -> bool:
         )
     mean = np.mean(rows, axis=0)
     good = tell(f"single pushes, identified from {FITTED} a set, the others (mm)", float(mean[0]), "<=", 3.5)
-    return good & tell(
-        f"single pushes, identified from {FITTED} a set, the others (deg)", float(mean[1]), "<=", 3.95
-    )
+    return good & tell(f"single pushes, identified from {FITTED} a set, the others (deg)", float(mean[1]), "<=", 3.95)
 
 
 # Pushes with two fingers
@@ -221,9 +217,7 @@ def identified_lines(data: Data) -> bool:
                 rows += [_ends_off(found.unknowns.world_for(middle), push) for push in pushes[1 - k :: 2]]
                 plain += [_ends_off(world, push) for push in pushes[1 - k :: 2]]
                 spans = "; ".join(
-                    f"{one.unknown.name} {one.low:.2f} to {one.high:.2f}"
-                    for one in found.estimates
-                    if one.determined
+                    f"{one.unknown.name} {one.low:.2f} to {one.high:.2f}" for one in found.estimates if one.determined
                 )
                 print(f"  {name}, side {side}, half {k + 1}: {spans or 'nothing determined'}", flush=True)
     p50, p90 = (np.percentile(rows, q, axis=0) for q in (50, 90))
@@ -316,9 +310,7 @@ def wrench_directions(data: Data) -> bool:
         feet = feet.astype(float)
         loads = np.linalg.solve(np.vstack([np.ones(3), feet.T]), [1.0, 0.0, 0.0])
         length = float(np.sqrt(loads @ (feet**2).sum(axis=1)))
-        obj = resting_on(
-            np.array([[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]]), FeetSupport(feet, loads)
-        )
+        obj = resting_on(np.array([[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]]), FeetSupport(feet, loads))
         scale = np.array([1.0, 1.0, 1.0 / length])
         predicted, measured = -friction_wrench(obj, twist[None].astype(float))[0] * scale, wrench * scale
         cosine = predicted @ measured / np.linalg.norm(predicted) / np.linalg.norm(measured)
@@ -326,15 +318,11 @@ def wrench_directions(data: Data) -> bool:
     for name, own in angles.items():
         print(f"  {name:24} {len(own):3}: median {np.median(own):.1f} deg, p90 {np.percentile(own, 90):.1f}")
     worst = max(float(np.median(own)) for own in angles.values())
-    return tell(
-        f"wrenches on three feet, {len(angles)} sets, the worst set's median (deg)", worst, "<=", 15.0
-    )
+    return tell(f"wrenches on three feet, {len(angles)} sets, the worst set's median (deg)", worst, "<=", 15.0)
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", help="the file real_pushes.npz")
     parser.add_argument("--fit", action="store_true", help="identify each set, too: some minutes")
     parser.add_argument("--speed", type=int, default=10, help="of the single pushes, mm/s")

@@ -274,9 +274,7 @@ def _whole(instance: Instance, walls: str, height: float, seconds: float, judged
     block = stated["objects"][0]
     document = {key: value for key, value in stated.items() if key not in ("start", "goal")} | {
         "objects": [{**block, "name": name, "pose": pose.tolist()} for name, pose in instance.blocks.items()],
-        "goals": {
-            name: {"pose": instance.target(name).tolist(), "symmetry": 4} for name in instance.assignment
-        },
+        "goals": {name: {"pose": instance.target(name).tolist(), "symmetry": 4} for name in instance.assignment},
         "robot": {**stated["robot"], "start": instance.plate.tolist()},
     }
     try:
@@ -324,9 +322,7 @@ def _scenario(stated: Scenario, instance: Instance, name: str, others: list[Floa
     )
 
 
-def _row(
-    prepared: MultiPushSearch, scenario: Scenario, began: float, straight: float, limit: float | None
-) -> Row:
+def _row(prepared: MultiPushSearch, scenario: Scenario, began: float, straight: float, limit: float | None) -> Row:
     try:
         goals = free_goals(scenario)
     except PlanningError:
@@ -359,9 +355,7 @@ def _report(name: str, first: list[Row], better: list[Row]) -> None:
         print(f"  {len(refused)} occupied goals refused, CPU ms: most {longest:.1f} (wanted: 10)")
     ways = [row.way for row in better if row.way is not None]
     pushes = np.mean([row.pushes for row in better if row.way is not None])
-    print(
-        f"  way over straight line after 1 s: median {np.median(ways):.3f} (wanted: 1.05), {pushes:.2f} pushes"
-    )
+    print(f"  way over straight line after 1 s: median {np.median(ways):.3f} (wanted: 1.05), {pushes:.2f} pushes")
 
 
 def _report_whole(name: str, rows: list[Whole]) -> None:
@@ -377,14 +371,10 @@ def _report_whole(name: str, rows: list[Whole]) -> None:
     share = 95 if name in LAYOUTS else 98
     print(f"  whole: {len(solved)} of {len(rows)} instances solved (wanted: {share} %)")
     p50, p90, most = np.percentile(seconds, [50, 90, 100])
-    print(
-        f"  first plan, or none, CPU s: median {p50:.3f} (wanted: {wanted}), p90 {p90:.3f}, most {most:.2f}"
-    )
+    print(f"  first plan, or none, CPU s: median {p50:.3f} (wanted: {wanted}), p90 {p90:.3f}, most {most:.2f}")
     if solved:
         print(f"  {np.mean([row.relocations for row in solved]):.2f} blocks put out of the way in the mean")
-        print(
-            f"  way of the plate in the first plan: median {np.median([row.travel for row in solved]):.1f} m"
-        )
+        print(f"  way of the plate in the first plan: median {np.median([row.travel for row in solved]):.1f} m")
     ratios = [row.later / row.travel for row in solved if row.valid is not None]
     if ratios:
         print(f"  after {LONGER:g} s more: median {np.median(ratios):.3f} of it, most {max(ratios):.3f}")

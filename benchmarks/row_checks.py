@@ -128,9 +128,7 @@ def violations(document: Mapping[str, Any], plan: Mapping[str, Any], spacing: fl
                 yield f"{where}: '{name}' ends elsewhere"
         if (
             segment["onto"]
-            and put(shapes[names[-1]], now[names[-1]]).distance(
-                put(shapes[segment["onto"]], now[segment["onto"]])
-            )
+            and put(shapes[names[-1]], now[names[-1]]).distance(put(shapes[segment["onto"]], now[segment["onto"]]))
             > SAME
         ):
             yield f"{where}: ends away from '{segment['onto']}'"

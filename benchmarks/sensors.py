@@ -166,9 +166,7 @@ class Erring(Driven[Controller | Tracker]):
         pusher = self.controller.scenario.pusher
         self.wheels = relative(pusher.plate_pose, pusher.wheels_pose)
 
-    def step(
-        self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
-    ) -> FloatArray:
+    def step(self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None) -> FloatArray:
         e, rows = self.errors, None
         if object_poses is not None and measured_at is not None:
             poses = np.asarray(object_poses)
@@ -308,9 +306,7 @@ def run(job: Job) -> Row:
     if job.what == "slides":
         begin, contact = random.uniform(0.1, 0.7) * planned, int(random.integers(len(world.names)))
         simulator = Sliding(world, controller, begin, contact, random.choice([-1.0, 1.0]))
-    sensor = Sensor(
-        delay=job.errors.unstamped or 0.1, position=job.errors.noise[0], angle=job.errors.noise[1]
-    )
+    sensor = Sensor(delay=job.errors.unstamped or 0.1, position=job.errors.noise[0], angle=job.errors.noise[1])
     began = time.process_time()
     course = simulate_push(
         world,
@@ -365,9 +361,7 @@ def _disturbed(world: World, duration: float, random: np.random.Generator) -> tu
 def _left(course: SimulatedPush, time: float) -> tuple[float, float]:
     """Return how far (m, rad) the worst object is, `HEALED` after a disturbance, from where it stood on the plate."""
     k = np.searchsorted(course.t, [time - 1e-9, time + HEALED]) - [1, 0]
-    before, after = (
-        relative(course.poses[i], course.object_poses[i]) for i in np.clip(k, 0, len(course.t) - 1)
-    )
+    before, after = (relative(course.poses[i], course.object_poses[i]) for i in np.clip(k, 0, len(course.t) - 1))
     apart = relative(before, after)
     return float(np.hypot(*apart[:, :2].T).max()), float(np.abs(wrap_angle(apart[:, 2])).max())
 
@@ -380,9 +374,7 @@ def _beside(world: World, off: tuple[float, float], random: np.random.Generator)
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, nargs="*", default=[101, 102, 103])
     parser.add_argument("--only", nargs="*", help="names of scenarios")
     parser.add_argument("--filter", nargs="*", help="parts of names of errors")

@@ -110,9 +110,7 @@ def show(rows: FloatArray, seconds: float) -> bool:
         good &= tell(f"final poses of slipping pushes, median ({name})", float(p50), "<=", 0.2)
         good &= tell(f"final poses of slipping pushes, p90 ({name})", float(p90), "<=", 1.0)
     good &= tell("held or slipped agrees, decided", float((mine == physics)[decided].mean()), ">=", 0.99)
-    return good & tell(
-        "first contact to slip agrees, decided", float(first[slips & decided].mean()), ">=", 0.98
-    )
+    return good & tell("first contact to slip agrees, decided", float(first[slips & decided].mean()), ">=", 0.98)
 
 
 def main() -> int:

@@ -47,9 +47,7 @@ class LinearSteering(Steering):
         super().__init__(plan)
         assert plan.trajectory is not None
         self._at = np.arange(0.0, plan.trajectory.duration + STEP, STEP)
-        twists = twist_of(
-            self._frame, plan.trajectory.twists_at(np.minimum(self._at, plan.trajectory.duration))
-        )
+        twists = twist_of(self._frame, plan.trajectory.twists_at(np.minimum(self._at, plan.trajectory.duration)))
         means = np.diag(EFFORT**-2.0 if not self._wheels else [0.0, 0.0, EFFORT[2] ** -2.0])
         steers = np.flatnonzero(np.diag(means) > 0.0)
         b, r = np.eye(3)[:, steers] * STEP, means[np.ix_(steers, steers)]

@@ -35,9 +35,7 @@ STOCK = ("rrt", "est", "kpiece", "sst")
 DRIVES = ("omnidirectional", "differential", "car")
 BENT: dict[str, Any] = {
     "name": "bent",
-    "shape": {
-        "polygon": [[-0.05, -0.08], [0.07, -0.08], [0.07, -0.03], [0.0, -0.03], [0.0, 0.08], [-0.05, 0.08]]
-    },
+    "shape": {"polygon": [[-0.05, -0.08], [0.07, -0.08], [0.07, -0.03], [0.0, -0.03], [0.0, 0.08], [-0.05, 0.08]]},
     "mass": 0.8,
 }
 """An angle iron, which is not convex."""
@@ -92,9 +90,7 @@ def walled(name: str, rng: np.random.Generator, walls: list[Any], start: Any, go
 def _bar(begin: Any, end: Any) -> Any:
     """Return the corners of a wall from one point to another."""
     begin, end = np.array(begin), np.array(end)
-    across = (
-        0.5 * series.THICK * np.array([begin[1] - end[1], end[0] - begin[0]]) / np.linalg.norm(end - begin)
-    )
+    across = 0.5 * series.THICK * np.array([begin[1] - end[1], end[0] - begin[0]]) / np.linalg.norm(end - begin)
     return np.array([begin - across, end - across, end + across, begin + across])
 
 
@@ -142,9 +138,7 @@ def near(number: int) -> Scenario:
 
 def cluttered(number: int) -> Scenario:
     """Return up to five objects and thirty obstacles with any drive."""
-    return scenario_from_text(
-        generate(ProblemParameters(drives=DRIVES), 5_000 + number), f"cluttered-{number}"
-    )
+    return scenario_from_text(generate(ProblemParameters(drives=DRIVES), 5_000 + number), f"cluttered-{number}")
 
 
 def dense(number: int) -> Scenario:
@@ -223,15 +217,11 @@ def measure(kind: str, given: argparse.Namespace) -> Tally:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--kinds", nargs="+", choices=list(KINDS), default=list(KINDS))
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--seconds", type=float, default=2.0, help="CPU time of each search")
-    parser.add_argument(
-        "--from", dest="begin", type=int, default=0, help="number of the first problem of a kind"
-    )
+    parser.add_argument("--from", dest="begin", type=int, default=0, help="number of the first problem of a kind")
     parser.add_argument("--share", type=float, default=1.0, help="of the problems of each kind")
     given = parser.parse_args()
     time.perf_counter = time.process_time  # searches then count CPU time, whatever else the machine does

@@ -74,9 +74,7 @@ def _swept() -> tuple[list[Image.Image], list[int]]:
     plan = pushplan.plan(scenario, first=True, time_limit=600.0)
     assert plan.execution is not None, plan.reason
     end = float(plan.execution.t[-1])
-    film = Film(
-        Run(plan.scenario, plan, plan.execution), plan.execution, rate=round(1e3 * end / PACE / FILMED)
-    )
+    film = Film(Run(plan.scenario, plan, plan.execution), plan.execution, rate=round(1e3 * end / PACE / FILMED))
     shown = (film.picture(float(t)) for t in np.linspace(0.0, end, FILMED))
     size = PIXELS, PIXELS * HEIGHT // WIDTH
     frames = [Image.fromarray(one).resize(size, Image.Resampling.LANCZOS) for one in shown]

@@ -31,6 +31,4 @@ if __name__ == "__main__":
         plan = pushplan.plan(scenario, stable_set=kind, time_limit=0.5)
         low, high = scenario.stable_set(plan.stable_set).translation_cone()
         cone = np.degrees([np.arctan2(*low[::-1]), np.arctan2(*high[::-1])])
-        print(
-            f"{plan.stable_set}: translations from {cone[0]:+.1f} to {cone[1]:+.1f} deg, {plan.path.cost:.3f} m"
-        )
+        print(f"{plan.stable_set}: translations from {cone[0]:+.1f} to {cone[1]:+.1f} deg, {plan.path.cost:.3f} m")

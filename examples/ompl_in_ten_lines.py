@@ -18,6 +18,4 @@ path = push_path(problem)
 tree = base.PlannerData(information)
 planner.getPlannerData(tree)
 print(problem.getSolutionPath().printAsMatrix())
-print(
-    f"{tree.numVertices()} states; {len(path.lengths)} arcs of {path.cost:.2f} m end at {path.end.round(9)}"
-)
+print(f"{tree.numVertices()} states; {len(path.lengths)} arcs of {path.cost:.2f} m end at {path.end.round(9)}")

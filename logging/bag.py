@@ -261,9 +261,7 @@ class _Contents:
         x, y, theta = map(float, pose)
         there = self._bag.make("geometry_msgs/Vector3", x, y, 0.0)
         transform = self._bag.make("geometry_msgs/Transform", there, self._turn(theta))
-        return self._bag.make(
-            "geometry_msgs/TransformStamped", self._bag.header(parent, time), child, transform
-        )
+        return self._bag.make("geometry_msgs/TransformStamped", self._bag.header(parent, time), child, transform)
 
     def _turn(self, theta: float) -> Any:
         half = 0.5 * theta
@@ -281,17 +279,14 @@ class _Contents:
 
     def _twist(self, twist: FloatArray, frame: str, time: float) -> Any:
         vx, vy, omega = map(float, twist)
-        linear, angular = (
-            self._bag.make("geometry_msgs/Vector3", *v) for v in ((vx, vy, 0.0), (0.0, 0.0, omega))
-        )
+        linear, angular = (self._bag.make("geometry_msgs/Vector3", *v) for v in ((vx, vy, 0.0), (0.0, 0.0, omega)))
         moved = self._bag.make("geometry_msgs/Twist", linear, angular)
         return self._bag.make("geometry_msgs/TwistStamped", self._bag.header(frame, time), moved)
 
     def _footprint(self, time: float) -> Any:
         """Return the outline of robot and plate, and of the objects if they stay there, in the frame of the base."""
         points = [
-            self._bag.make("geometry_msgs/Point32", x, y, 0.0)
-            for x, y in footprint_of(self._scenario).tolist()
+            self._bag.make("geometry_msgs/Point32", x, y, 0.0) for x, y in footprint_of(self._scenario).tolist()
         ]
         polygon = self._bag.make("geometry_msgs/Polygon", points)
         header = self._bag.header(self._frames.base, time)

@@ -274,9 +274,7 @@ def _loads(scenario: Scenario) -> dict[_Key, Load]:
     return found
 
 
-def _load(
-    scenario: Scenario, names: tuple[str, ...], face: str, offset: float, faces: tuple[str, ...]
-) -> Load:
+def _load(scenario: Scenario, names: tuple[str, ...], face: str, offset: float, faces: tuple[str, ...]) -> Load:
     if scenario.kind == "push":
         load = Load.of(scenario)
     elif scenario.row is not None and (offset == 0.0 or len(names) > 1):
@@ -301,11 +299,7 @@ def _in_row(scenario: Scenario, names: tuple[str, ...], faces: tuple[str, ...], 
     """
     members = []
     for name, face in zip(names, faces, strict=True):
-        own = [
-            way
-            for way in ways_through(scenario.bodies[name].chain.objects[0].outline)
-            if way.across is not None
-        ]
+        own = [way for way in ways_through(scenario.bodies[name].chain.objects[0].outline) if way.across is not None]
         known = [way.face for way in own]
         members.append((name, face if face in known or not known else known[0]))
     load = row_load(scenario, tuple(members))
@@ -314,9 +308,7 @@ def _in_row(scenario: Scenario, names: tuple[str, ...], faces: tuple[str, ...], 
     return Load((replace(first, offset=offset), *others), load.problem, load.sets)
 
 
-def _placed(
-    load: Load, plate: FloatArray, places: FloatArray, ends: FloatArray, friction: FloatArray
-) -> Load:
+def _placed(load: Load, plate: FloatArray, places: FloatArray, ends: FloatArray, friction: FloatArray) -> Load:
     """Return a load with plate (3,), objects (n, 3), contacts (n, 2, 2) and their friction (n,) as a log has them.
 
     It is the load itself where they are where the scenario has them, but for rounding.
@@ -341,9 +333,7 @@ def _placed(
     )
     moved = Chain(objects, contacts, pusher_at(chain.pusher, float(plate[1])))
     interval = load.problem.interval
-    problem = replace(
-        load.problem, chain=moved, interval=None if interval is None else interval.carried_by(moved)
-    )
+    problem = replace(load.problem, chain=moved, interval=None if interval is None else interval.carried_by(moved))
     return Load(load.links, problem)
 
 

@@ -113,9 +113,7 @@ def _without_force(contact: Contact, tall: float, count: int) -> Parts:
     return ends, np.tile(friction_cone(contact, ends, tall), (count, 1, 1, 1)), None, None
 
 
-def _with_force(
-    contact: Contact, tall: float, shares: FloatArray, arrows: FloatArray, longest: float
-) -> Parts:
+def _with_force(contact: Contact, tall: float, shares: FloatArray, arrows: FloatArray, longest: float) -> Parts:
     """Return a contact whose forces (n, 2), as arrows, m, pass through its segment at `shares` (n,) of its length."""
     ends = np.stack([contact.right, contact.left])
     points = ends[0] + shares[:, None] * (ends[1] - ends[0])

@@ -166,9 +166,7 @@ class Film(Still):
         now = self.plot.axvline(0.0, color=INK, linewidth=0.8)
         words = self.plot.text(1.0, 1.04, "", transform=self.plot.transAxes, ha="right", color=INK)
         figure = self.plot.figure
-        figure.text(
-            1.0 - _HEAD[0], _HEAD[1], f"speed x {rate:g}", color=FAINT, fontsize=12, ha="right", va="center"
-        )
+        figure.text(1.0 - _HEAD[0], _HEAD[1], f"speed x {rate:g}", color=FAINT, fontsize=12, ha="right", va="center")
         part = figure.text(0.5, _HEAD[1], "", color=INK, fontsize=12, ha="center", va="center")
         self._moving: list[Artist] = [*bodies, *lines, now, words, part]
         self._bodies, self._lines, self._now, self._words, self._part = bodies, lines, now, words, part

@@ -128,9 +128,7 @@ def _scene(scenario: Scenario, plan: Plan | None) -> dict[str, Any]:
 def _topics(width: float, solved: bool) -> dict[str, Any]:
     path = {"visible": True, "type": "line", "lineWidth": width}
     return {
-        **{
-            topic.name: {"visible": True} for topic in (schemas.SCENE, schemas.CONTACTS, schemas.PLAN_NEAREST)
-        },
+        **{topic.name: {"visible": True} for topic in (schemas.SCENE, schemas.CONTACTS, schemas.PLAN_NEAREST)},
         schemas.PLAN_TREE.name: {"visible": not solved},
         schemas.PLAN_PATH.name: {**path, "gradient": 2 * [palette.PATH + "ff"]},
         schemas.PLAN_SMOOTHED.name: {**path, "gradient": 2 * [palette.SMOOTHED + "ff"]},
@@ -151,9 +149,7 @@ def _contacts(scenario: Scenario, title: str, field: str, bounds: dict[str, str]
 def _progress() -> dict[str, Any]:
     """A plot of the cost of the best path over the planner's iterations, both out of one message."""
     topic = schemas.COSTS.name
-    plot = _plot(
-        "Cost of the best path over iterations", [_line(f"{topic}.cost[:]", "cost (m)", palette.PATH)]
-    )
+    plot = _plot("Cost of the best path over iterations", [_line(f"{topic}.cost[:]", "cost (m)", palette.PATH)])
     return {
         **plot,
         "xAxisVal": "currentCustom",

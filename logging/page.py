@@ -66,9 +66,7 @@ def render(run: Run | RecordedRun) -> str:
 
 def _events(run: Run | RecordedRun) -> list[tuple[float, str, str | None]]:
     """Return what happened, was noticed and was done in a closed loop, with the colour of those that are marked."""
-    return [
-        (event.time, f"{event.kind}: {event.text}", palette.EVENTS.get(event.kind)) for event in run.events
-    ]
+    return [(event.time, f"{event.kind}: {event.text}", palette.EVENTS.get(event.kind)) for event in run.events]
 
 
 def _world(scenario: Scenario, scene: Scene) -> dict[str, Any]:
@@ -88,8 +86,7 @@ def _world(scenario: Scenario, scene: Scene) -> dict[str, Any]:
         "name": scenario.name,
         "workspace": None if scene.walls is None else scene.walls.tolist(),
         "obstacles": [
-            {"outline": _plain(one.outline), "unknown": one.unknown, "colour": one.colour}
-            for one in scene.obstacles
+            {"outline": _plain(one.outline), "unknown": one.unknown, "colour": one.colour} for one in scene.obstacles
         ],
         "start": scenario.plate_start.tolist(),
         "first": [pose.tolist() for pose in scenario.poses.values()],
@@ -123,9 +120,7 @@ def _contacts(scenario: Scenario, load: Load) -> list[dict[str, Any]]:
     return [
         {
             "column": names.index(name),
-            "segment": _plain(
-                se2.transform_points(load.frame_plate, np.stack([contact.right, contact.left]))
-            ),
+            "segment": _plain(se2.transform_points(load.frame_plate, np.stack([contact.right, contact.left]))),
             "cone": _plain(friction_cone(contact, np.zeros(2), cone_height(contact, size))),
         }
         for name, contact in zip(load.names, load.chain.contacts, strict=True)

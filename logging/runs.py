@@ -83,9 +83,7 @@ def recorded_logs(folder: Path) -> list[os.DirEntry[str]]:
     try:
         with os.scandir(folder) as entries:
             found = [
-                entry
-                for entry in entries
-                if _NAME.fullmatch(entry.name) and entry.is_file(follow_symlinks=False)
+                entry for entry in entries if _NAME.fullmatch(entry.name) and entry.is_file(follow_symlinks=False)
             ]
     except FileNotFoundError:
         return []
@@ -193,9 +191,7 @@ def chosen(runs: list[RunEntry], filters: list[str]) -> list[RunEntry]:
     for text in filters:
         field, sign, pattern = text.partition("=")
         if not sign or field not in FILTERS:
-            raise RunsError(
-                f"'{text}' is no filter; allowed: FIELD=PATTERN, FIELD one of {', '.join(FILTERS)}"
-            )
+            raise RunsError(f"'{text}' is no filter; allowed: FIELD=PATTERN, FIELD one of {', '.join(FILTERS)}")
         runs = [run for run in runs if fnmatchcase(getattr(run, field), pattern)]
     return runs
 

@@ -61,9 +61,7 @@ class Frames:
         """
         taken = {CHAIN, PUSHER, *scenario.poses} & {self.map, self.odom, self.base}
         if taken:
-            raise FrameNamesError(
-                f"the run has a frame {sorted(taken)[0]!r} already; name others with --frames"
-            )
+            raise FrameNamesError(f"the run has a frame {sorted(taken)[0]!r} already; name others with --frames")
 
 
 def line_width(view: Window) -> float:

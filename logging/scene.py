@@ -213,9 +213,7 @@ def _add_contact(update: SceneUpdate, shapes: ContactShapes, paint: Paint) -> No
     entity = _entity(f"contact/{shapes.name}", PUSHER)
     for corners in shapes.cones[0]:
         pale = Color(**paint._replace(a=_CONE_OPACITY)._asdict())
-        entity.triangles.append(
-            _with_points(TriangleListPrimitive(pose=_identity(), color=pale), corners, _Z_CONE)
-        )
+        entity.triangles.append(_with_points(TriangleListPrimitive(pose=_identity(), color=pale), corners, _Z_CONE))
     entity.lines.append(_line(shapes.segment, _Z_SEGMENT, paint, pixels=_SEGMENT_PIXELS))
     if shapes.shafts is not None and shapes.heads is not None:
         entity.lines.append(_line(shapes.shafts[0], _Z_ARROW, paint, pixels=_SHAFT_PIXELS))

@@ -145,9 +145,7 @@ def trajectory_document(run: Run | RecordedRun) -> dict[str, Any]:
             "start": segment.path.start.tolist(),
             "arcs": [
                 {"twist": twist, "length": length}
-                for twist, length in zip(
-                    segment.path.twists.tolist(), segment.path.lengths.tolist(), strict=True
-                )
+                for twist, length in zip(segment.path.twists.tolist(), segment.path.lengths.tolist(), strict=True)
             ],
         }
         for segment, begin in zip(plan.segments, plan.times.tolist(), strict=False)

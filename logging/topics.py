@@ -128,9 +128,7 @@ class _Messages:
             changes = np.flatnonzero(np.diff(execution.segment, prepend=-1))
             ends = execution.t[np.append(changes[1:], len(execution.t) - 1)].tolist()
             owners = execution.segment[changes].tolist()
-            begun = [
-                (every[k], t, e) for k, t, e in zip(owners, execution.t[changes].tolist(), ends, strict=True)
-            ]
+            begun = [(every[k], t, e) for k, t, e in zip(owners, execution.t[changes].tolist(), ends, strict=True)]
         for segment, begin, end in begun:
             if begin <= execution.t[-1]:
                 load = segment.load
@@ -211,9 +209,7 @@ class _Messages:
         if execution is None or math.isnan(execution.goal_error[0]):
             return
         position, angle = execution.goal_error
-        message = schemas.ExecutionEnd(
-            samples=len(execution.t), goal_position_error=position, goal_angle_error=angle
-        )
+        message = schemas.ExecutionEnd(samples=len(execution.t), goal_position_error=position, goal_angle_error=angle)
         if execution.loss is not None:
             loss = execution.loss
             message.loss.time, message.loss.contact, message.loss.margin = (
@@ -247,15 +243,12 @@ def _plan(plan: Plan) -> MessageClass:
 def poses_in_world(poses: FloatArray) -> PosesInFrame:
     """Return poses (k, 3) in the world as a message without a time stamp."""
     made = [
-        Pose(position=Vector3(x=x, y=y), orientation=Quaternion(z=z, w=w))
-        for x, y, z, w in placed(poses).tolist()
+        Pose(position=Vector3(x=x, y=y), orientation=Quaternion(z=z, w=w)) for x, y, z, w in placed(poses).tolist()
     ]
     return PosesInFrame(timestamp=Timestamp(), frame_id=WORLD, poses=made)
 
 
-def _filled(
-    message: MessageClass, names: Sequence[str], rows: FloatArray, instants: IntArray
-) -> Iterator[bytes]:
+def _filled(message: MessageClass, names: Sequence[str], rows: FloatArray, instants: IntArray) -> Iterator[bytes]:
     """Yield a message for each instant (m,), ns, whose fields of some names have the numbers of a row (m, k)."""
     for instant, row in zip(instants.tolist(), rows.tolist(), strict=True):
         for name, value in zip(names, row, strict=True):

@@ -348,9 +348,7 @@ class RunLogWriter:
             for one in schemas.TOPICS:
                 if one.kind not in numbers:
                     numbers[one.kind] = self._writer.register_schema(one.kind, "protobuf", one.schema)
-                self._channels[one.name] = self._writer.register_channel(
-                    one.name, "protobuf", numbers[one.kind]
-                )
+                self._channels[one.name] = self._writer.register_channel(one.name, "protobuf", numbers[one.kind])
         channel = self._channels[topic.name]
         self._writer.add_message(channel, instant, data, instant, self._sequence[channel])
         self._sequence[channel] += 1

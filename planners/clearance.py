@@ -65,9 +65,7 @@ class Room:
         """Return it with some of the bodies, by their indices, alone."""
         kept = np.isin(self.body, bodies)
         body = np.searchsorted(bodies, self.body[kept])
-        return replace(
-            self, names=tuple(self.names[i] for i in bodies), corners=self.corners[kept], body=body
-        )
+        return replace(self, names=tuple(self.names[i] for i in bodies), corners=self.corners[kept], body=body)
 
     @cached_property
     def _circles(self) -> tuple[FloatArray, FloatArray]:
@@ -228,9 +226,7 @@ def densify(poses: FloatArray, reach: float, spacing: float) -> FloatArray:
 def _log(pose: FloatArray) -> FloatArray:
     """Body twists (k, 3) whose exponential are the poses (k, 3); the inverse of `se2.exp`."""
     half = 0.5 * pose[:, 2]
-    diagonal = 1.0 / np.where(
-        np.abs(half) < 1e-6, 1.0 + half**2 / 3.0, np.tan(half) / np.where(half == 0, 1, half)
-    )
+    diagonal = 1.0 / np.where(np.abs(half) < 1e-6, 1.0 + half**2 / 3.0, np.tan(half) / np.where(half == 0, 1, half))
     x = diagonal * pose[:, 0] + half * pose[:, 1]
     y = -half * pose[:, 0] + diagonal * pose[:, 1]
     return np.stack([x, y, pose[:, 2]], axis=1)

@@ -109,9 +109,7 @@ def _closest_turns(ends: FloatArray) -> tuple[FloatArray, FloatArray]:
     lefts, rights = ends[ends[:, 2] > 0.0], ends[ends[:, 2] < 0.0]
     lefts, rights = (turns / cost_rate(turns)[:, None] for turns in (lefts, rights))
     if not len(lefts) or not len(rights):
-        best = [
-            turns[np.argmax(np.abs(turns[:, 2]))] if len(turns) else np.zeros(3) for turns in (lefts, rights)
-        ]
+        best = [turns[np.argmax(np.abs(turns[:, 2]))] if len(turns) else np.zeros(3) for turns in (lefts, rights)]
         return best[0], best[1]
     apart = _cors(lefts)[:, None] - _cors(rights)[None]
     i, j = np.unravel_index(np.argmin(np.hypot(apart[..., 0], apart[..., 1])), apart.shape[:2])

@@ -83,9 +83,7 @@ class Improvements:
         self._observer, self._began = observer, began
         self.found: list[Improvement] = []
 
-    def add(
-        self, cost: float, iterations: int, segments: Segments = (), seconds: float | None = None
-    ) -> None:
+    def add(self, cost: float, iterations: int, segments: Segments = (), seconds: float | None = None) -> None:
         """Keep a plan that is better than those before."""
         now = time.perf_counter() - self._began if seconds is None else seconds
         self.found.append(Improvement(now, cost, iterations, segments))

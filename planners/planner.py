@@ -109,13 +109,9 @@ class Planner:
                 self._search = self._prepared(meridians)
             self._validator = Validator(self.scenario)
 
-    def _prepared(
-        self, meridians: int
-    ) -> PushSearch | MultiPushSearch | RearrangementSearch | GatheringSearch:
+    def _prepared(self, meridians: int) -> PushSearch | MultiPushSearch | RearrangementSearch | GatheringSearch:
         if self.scenario.kind == "push":
-            return PushSearch(
-                Load.of(self.scenario), self.scenario, self.settings, Posing(meridians=meridians)
-            )
+            return PushSearch(Load.of(self.scenario), self.scenario, self.settings, Posing(meridians=meridians))
         if self.scenario.kind == "multi-push":
             from pushplan.planners.multi.multi_push import MultiPushSearch
 
@@ -186,9 +182,7 @@ class Planner:
             return scenario
         if scenario.kind == "rearrangement":
             wrong = ", ".join(name for name, value in given.items() if value is not None)
-            raise PlanningError(
-                f"{wrong}: allowed where there is one load; here each object has a place of its own"
-            )
+            raise PlanningError(f"{wrong}: allowed where there is one load; here each object has a place of its own")
         if start is not None:
             scenario = replace(scenario, start=_poses(start, "start")[0])
         tolerance = (scenario.goal.position_tolerance, scenario.goal.angle_tolerance)

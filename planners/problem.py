@@ -180,9 +180,7 @@ def open_scene(scenario: Scenario, until: float = math.inf) -> Scene:
         OutOfTimeError: When it is not there at `until`, by `time.perf_counter`.
     """
     polygons, discs = obstacles_of(scenario)
-    return build_scene(
-        scenario.chain, polygons, discs, walls_of(scenario), scenario.clearance + SLACK, until=until
-    )
+    return build_scene(scenario.chain, polygons, discs, walls_of(scenario), scenario.clearance + SLACK, until=until)
 
 
 def obstacles_of(scenario: Scenario) -> tuple[list[FloatArray], FloatArray]:
@@ -267,9 +265,7 @@ def rejoin(
         if words[k] == math.inf:
             break
         rest = _rest(path, float(s[k]))
-        if len(rest) and not (
-            stable(rest[:, :3]).all() and poses_along(between, onto[k], rest)[1] == len(rest)
-        ):
+        if len(rest) and not (stable(rest[:, :3]).all() and poses_along(between, onto[k], rest)[1] == len(rest)):
             continue
         _, _, word = connect(between, families, start, onto[k])
         if word is not None:

@@ -157,9 +157,7 @@ def scene_of(
     return Scene(flatten(body), bound, *standing_shapes(polygons, circles), walls, clearance, kept)
 
 
-def standing_shapes(
-    polygons: Sequence[FloatArray], circles: FloatArray
-) -> tuple[Shapes, FloatArray, FloatArray]:
+def standing_shapes(polygons: Sequence[FloatArray], circles: FloatArray) -> tuple[Shapes, FloatArray, FloatArray]:
     """Return convex obstacles in the order of their tree, round ones likewise, and the tree; see `Scene`."""
     radius = circles[:, 2:]
     boxes = np.hstack([circles[:, :2] - radius, circles[:, :2] + radius])

@@ -49,9 +49,7 @@ class Validator:
         other._rooms = self._rooms
         return other
 
-    def flaw(
-        self, segments: tuple[Segment, ...], execution: Execution | None, stable_set: str | None = None
-    ) -> str:
+    def flaw(self, segments: tuple[Segment, ...], execution: Execution | None, stable_set: str | None = None) -> str:
         """Return why segments are no solution, empty if they are one.
 
         Args:
@@ -283,9 +281,7 @@ def _key(poses: Poses) -> tuple[str, ...]:
 
 def _apart(poses: Poses, others: Poses) -> float:
     """Return the largest error (m or rad) between poses and those of the same names among others."""
-    return max(
-        (max(se2.pose_error(np.asarray(pose), np.asarray(others[name]))) for name, pose in poses.items())
-    )
+    return max((max(se2.pose_error(np.asarray(pose), np.asarray(others[name]))) for name, pose in poses.items()))
 
 
 def _wrong_order(first: Segment, second: Segment) -> str:

@@ -189,9 +189,7 @@ def check_trials(run: RecordedRun) -> list[Check]:
     for name in ("arrived", "jammed", "contact", "mode", "time", "object", "point"):
         values = [[str(getattr(end, name)) for end in ends] for ends in (run.trials, again)]
         apart = sum(one != other for one, other in zip(*values, strict=True))
-        checks.append(
-            Check(f"trials: {name}", float(apart), 0.0, what=f"{apart} samples differ" * (apart > 0))
-        )
+        checks.append(Check(f"trials: {name}", float(apart), 0.0, what=f"{apart} samples differ" * (apart > 0)))
     return checks
 
 

@@ -33,12 +33,7 @@ def verify_run(run: RecordedRun) -> VerifyReport:
         PushplanError: When the recorded plan cannot be executed at all.
     """
     report = verify(run, execute_again)
-    if (
-        run.feedback is not None
-        and CONTROL in run.fields
-        and run.execution is not None
-        and run.plan is not None
-    ):
+    if run.feedback is not None and CONTROL in run.fields and run.execution is not None and run.plan is not None:
         return replace(report, checks=(*check_closed_loop(run), *report.checks))
     if TRIAL in run.fields:
         checks = check_trials(run)

@@ -33,9 +33,7 @@ def polygon_rule(outline: FloatArray, order: int) -> Rule:
     """
     levels = np.unique(outline[:, 1])
     parts = [_slab(outline, low, high, order) for low, high in itertools.pairwise(levels) if high > low]
-    return Rule(
-        np.concatenate([part.points for part in parts]), np.concatenate([part.weights for part in parts])
-    )
+    return Rule(np.concatenate([part.points for part in parts]), np.concatenate([part.weights for part in parts]))
 
 
 def _slab(outline: FloatArray, low: float, high: float, order: int) -> Rule:
@@ -104,9 +102,7 @@ def feet_of(support: Support, degree: int = DEGREE) -> Feet:
     positions, fractions, stiffness = support.point_loads
     if stiffness is not fractions:
         return Feet(positions, fractions, stiffness)
-    rule = compressed(
-        Rule(positions, fractions), degree
-    )  # a pressure in as many points as it was measured in
+    rule = compressed(Rule(positions, fractions), degree)  # a pressure in as many points as it was measured in
     return Feet(rule.points, rule.weights, rule.weights)
 
 

@@ -118,9 +118,7 @@ class Follower:
     ) -> None:
         plan = run if isinstance(run, Plan) else getattr(run, "plan", run)
         if not isinstance(plan, Plan | None):
-            raise PushplanError(
-                f"there is nothing to follow in {run!r:.40}; allowed: a plan, or a run that has one"
-            )
+            raise PushplanError(f"there is nothing to follow in {run!r:.40}; allowed: a plan, or a run that has one")
         if plan is None or plan.trajectory is None:
             raise PushplanError(f"{run.scenario.name}: there is no plan to follow")
         if not 0.0 < period < 1.0:
@@ -133,9 +131,7 @@ class Follower:
         self._drive = Drive(plan.trajectory, plan.scenario.pusher.limits)
         for name, pair in (("off", self._off), ("slipped", slipped)):
             if np.shape(pair) != (2,) or not all(0.0 <= value <= FARTHEST for value in pair):
-                raise PushplanError(
-                    f"{name} is {pair}; allowed: a distance (m) and an angle (rad), both >= 0"
-                )
+                raise PushplanError(f"{name} is {pair}; allowed: a distance (m) and an angle (rad), both >= 0")
         self._ahead, self._reason = 0.0, ""
         self.events: list[Event] = []
         self._intake, self._bad = Intake(self._dropped), 0
@@ -151,9 +147,7 @@ class Follower:
     @speed.setter
     def speed(self, factor: float) -> None:
         if not 0.0 < factor <= 1.0:
-            raise PushplanError(
-                f"speed is {factor}; allowed: a factor above 0 and up to 1 of the plan's speed"
-            )
+            raise PushplanError(f"speed is {factor}; allowed: a factor above 0 and up to 1 of the plan's speed")
         self._speed = factor
 
     @property
@@ -254,9 +248,7 @@ class Follower:
 
     def _check(self, who: str, what: str, far: float, turned: float, allowed: tuple[float, float]) -> None:
         if far > allowed[0] or turned > allowed[1]:
-            found, most = (
-                f"{1e3 * m:.3g} mm and {math.degrees(rad):.3g} deg" for m, rad in ((far, turned), allowed)
-            )
+            found, most = (f"{1e3 * m:.3g} mm and {math.degrees(rad):.3g} deg" for m, rad in ((far, turned), allowed))
             self.abort(f"{who} is {found} {what} after {self._drive.at:.2f} s; allowed: {most}")
 
 

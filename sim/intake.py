@@ -47,9 +47,7 @@ class Intake:
         now = _number(now, "the time")
         if not abs(now) < math.inf or now < self.now or now - self.now > LEAP:
             last = "" if math.isnan(self.now) else f" after {self.now:.3f} s"
-            self.drop(
-                "clock", f"a step at {now:.6g} s{last}; allowed: times that go on, by {LEAP:g} s at most"
-            )
+            self.drop("clock", f"a step at {now:.6g} s{last}; allowed: times that go on, by {LEAP:g} s at most")
             self.bad += 1
             return False
         self.now, self.bad = now, 0
@@ -79,11 +77,7 @@ class Intake:
             return None  # the same once more, as trackers send it that are asked too often
         if max(math.nextafter(latest, math.inf), oldest) <= time <= self.now + AHEAD:
             return time
-        allowed = (
-            f"{max(latest, oldest):.3f} to {self.now + AHEAD:.3f} s"
-            if latest > oldest
-            else "the last seconds"
-        )
+        allowed = f"{max(latest, oldest):.3f} to {self.now + AHEAD:.3f} s" if latest > oldest else "the last seconds"
         self.drop("stamp", f"a measurement stamped {time:.6g} s came at {self.now:.3f} s; allowed: {allowed}")
         return None
 

@@ -129,9 +129,7 @@ class JointErrors:
                     continue
                 leant = [replace(obj, support=obj.support.leaning(direction, s)) for s in (-step, step)]
                 at = self.course.standing(i, leant)
-                objects, parts, centers = (
-                    (a[1] - a[0]) / (2.0 * step) for a in (at.objects, at.parts, at.centers)
-                )
+                objects, parts, centers = ((a[1] - a[0]) / (2.0 * step) for a in (at.objects, at.parts, at.centers))
                 found.append((objects, parts, centers))
         return found
 
@@ -222,9 +220,7 @@ class JointErrors:
             about = about if at is None else known[lost][at]
         return scale, about
 
-    def _corners(
-        self, scale: float, about: FloatArray, which: IntArray | None
-    ) -> tuple[FloatArray, IntArray]:
+    def _corners(self, scale: float, about: FloatArray, which: IntArray | None) -> tuple[FloatArray, IntArray]:
         """Return corners (c, n, 6) that are the worst ones as seen from a point (n, 6) of the box at a scale.
 
         Also which `WEAK` of the moments `which` lose a contact first, seen so.
@@ -249,9 +245,7 @@ class JointErrors:
         _, first = np.unique(corners, axis=0, return_index=True)
         return corners[np.sort(first)[:CORNERS]].reshape(-1, *shape), np.argsort(first_lost)[:WEAK]
 
-    def _first_loss(
-        self, corners: FloatArray, most: float, which: IntArray | None
-    ) -> tuple[float, int | None]:
+    def _first_loss(self, corners: FloatArray, most: float, which: IntArray | None) -> tuple[float, int | None]:
         """Return the largest scale up to `most` before which no corner loses a contact, and the one that does first.
 
         What is lost at a scale and holds again at a slightly larger one may be missed.
@@ -259,9 +253,7 @@ class JointErrors:
         low, high, losing, lost = 0.0, most, np.arange(len(corners)), False
         while high - low > FINE * high:
             scales = low + (high - low) * (np.arange(SECTIONS) + 1.0) / SECTIONS
-            values = self.values(
-                np.tile(scales, len(losing)), np.repeat(corners[losing], SECTIONS, axis=0), which
-            )
+            values = self.values(np.tile(scales, len(losing)), np.repeat(corners[losing], SECTIONS, axis=0), which)
             gone = (values <= 0.0).any(axis=(1, 2)).reshape(-1, SECTIONS)
             if not gone.any():
                 return (high, int(losing[0])) if lost else (most, None)

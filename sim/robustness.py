@@ -84,9 +84,7 @@ def least_robustness(segments: Sequence[Segment]) -> Robustness:
     )
 
 
-def robustness_along(
-    chain: Chain, twists: FloatArray, rates: FloatArray, box: ErrorBox | None = None
-) -> Robustness:
+def robustness_along(chain: Chain, twists: FloatArray, rates: FloatArray, box: ErrorBox | None = None) -> Robustness:
     """Return that of a motion with body twists (m, 3), none zero, and rates (m, 3); see `robustness_of`."""
     moments = thinned(twists, rates, chain.characteristic_length)
     course = Course(chain, moments)
@@ -236,9 +234,7 @@ class Course:
         friction = np.array([contact.friction for contact in self.chain.contacts])
         return contact_facets(ends[:, :, 0], ends[:, :, 1], friction, 1.0)
 
-    def values_of(
-        self, variants: Variants, which: IntArray | None, masses: FloatArray | None = None
-    ) -> FloatArray:
+    def values_of(self, variants: Variants, which: IntArray | None, masses: FloatArray | None = None) -> FloatArray:
         """Return the facets' values (q, k, n, 4) at moments `which` (k,), None for all, N and N m.
 
         Args:
@@ -332,9 +328,7 @@ class Course:
         def between(arrays: FloatArray, middle: FloatArray, sizes: FloatArray) -> FloatArray:
             s = (sizes / sample).reshape(-1, *[1] * middle.ndim)
             below, above = arrays
-            return np.ascontiguousarray(
-                middle + 0.5 * s * (above - below + s * (above + below - 2.0 * middle))
-            )
+            return np.ascontiguousarray(middle + 0.5 * s * (above - below + s * (above + below - 2.0 * middle)))
 
         def change(sense: float) -> Change:
             return lambda sizes: sampled._replace(

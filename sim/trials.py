@@ -30,9 +30,7 @@ from pushplan.util.arrays import BoolArray, FloatArray
 from pushplan.util.wilson import wilson
 
 
-def sampled_world(
-    scenario: Scenario, uncertainty: TrialUncertainty | None, rng: np.random.Generator
-) -> World:
+def sampled_world(scenario: Scenario, uncertainty: TrialUncertainty | None, rng: np.random.Generator) -> World:
     """Draw a world.
 
     Args:
@@ -56,9 +54,7 @@ def sampled_world(
         if uncertainty is None and interval is not None:
             one = _within_intervals(one, interval, frictions, rng)
         else:
-            one = _within_shares(
-                one if frictions is None else _with_frictions(one, frictions.mean(axis=1)), off, rng
-            )
+            one = _within_shares(one if frictions is None else _with_frictions(one, frictions.mean(axis=1)), off, rng)
         drawn.append(replace(one, offsets=_offsets(one.chain, off, rng, world.plate is None)))
     return replace(drawn[0], beside=tuple(drawn[1:]))
 

@@ -160,9 +160,7 @@ class World:
 
         def changed(one: World, i: int | None) -> World:
             other = one.other_friction * (factor if i is None else 1.0)
-            return replace(
-                one, chain=perturb.with_contact_friction(one.chain, factor, i), other_friction=other
-            )
+            return replace(one, chain=perturb.with_contact_friction(one.chain, factor, i), other_friction=other)
 
         return self._changed(name, changed)
 

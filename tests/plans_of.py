@@ -34,9 +34,7 @@ def push_of(chain: Chain, trajectory: Trajectory) -> Plan:
     return Plan(scenario, (push,), "", "by hand", "ecof", 1)
 
 
-def timed(
-    scenario: Scenario, path: PushPath, stable_set: str | None = None, rate: float = SAMPLE_RATE
-) -> Trajectory:
+def timed(scenario: Scenario, path: PushPath, stable_set: str | None = None, rate: float = SAMPLE_RATE) -> Trajectory:
     """Return a path of the chain frame timed as the scenario says; the trajectory is of the chain frame, too."""
     push = Segment.push(Load.of(scenario), path, scenario.poses, scenario.required_margin)
     return time_segments(scenario, (push,), rate, stable_set)[0].contact_trajectory

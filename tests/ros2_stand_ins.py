@@ -69,9 +69,7 @@ class Robot:
             raise TransformError("no transform")
         x, y, theta = self.pose.tolist()
         rotation = SimpleNamespace(z=math.sin(0.5 * theta), w=math.cos(0.5 * theta))
-        return SimpleNamespace(
-            transform=SimpleNamespace(translation=SimpleNamespace(x=x, y=y), rotation=rotation)
-        )
+        return SimpleNamespace(transform=SimpleNamespace(translation=SimpleNamespace(x=x, y=y), rotation=rotation))
 
 
 class TransformError(Exception):

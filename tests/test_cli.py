@@ -87,9 +87,7 @@ def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captur
     (["plan", "no-such.yaml"], "no-such.yaml: cannot read the file: No such file"),
     (["replay", "no-such.mcap"], "no-such.mcap"),
 ])  # fmt: skip
-def test_wrong_words_end_with_a_message_and_exit_code_2(
-    words: list[str], message: str, capsys: Captured
-) -> None:
+def test_wrong_words_end_with_a_message_and_exit_code_2(words: list[str], message: str, capsys: Captured) -> None:
     assert main(words) == 2
     out, err = capsys.readouterr()
     assert out == ""

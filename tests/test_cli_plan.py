@@ -65,9 +65,7 @@ def test_plan_prints_one_json_object_whose_numbers_fit_together(planned: Mapping
     assert Path(found["log"]) == planned["log"]
 
 
-def test_replay_verifies_and_exports_a_log(
-    planned: Mapping[str, Any], tmp_path: Path, capsys: Captured
-) -> None:
+def test_replay_verifies_and_exports_a_log(planned: Mapping[str, Any], tmp_path: Path, capsys: Captured) -> None:
     words = ["replay", str(planned["log"]), "--verify", "--json", "--csv", str(tmp_path / "r.csv")]
     words += ["--html", str(tmp_path / "r.html"), "--plot", str(tmp_path / "r.svg")]
     words += ["--layout", str(tmp_path / "r.json")]
@@ -122,9 +120,7 @@ def test_replay_shows_what_a_cut_off_log_still_has(
     (example_text("free-space") + WALLS, "obstacles and walls separate the start from the goal: "),
     (example_text("narrow-gap").replace("1.33", "1.26"), "no path found within the time limit of 60 s or 300 itera"),
 ])  # fmt: skip
-def test_a_plan_not_found_is_logged_all_the_same(
-    text: str, reason: str, tmp_path: Path, capsys: Captured
-) -> None:
+def test_a_plan_not_found_is_logged_all_the_same(text: str, reason: str, tmp_path: Path, capsys: Captured) -> None:
     file, log = tmp_path / "blocked.yaml", tmp_path / "run.mcap"
     file.write_text(text)
     words = ["plan", str(file), "--time-limit", "60", "--iterations", "300", "-o", str(log), "--json"]
@@ -144,9 +140,7 @@ def test_a_plan_not_found_is_logged_all_the_same(
     assert (tmp_path / "p.png").stat().st_size > 10_000
 
 
-def test_a_log_is_no_scenario_and_replaces_none(
-    planned: Mapping[str, Any], tmp_path: Path, capsys: Captured
-) -> None:
+def test_a_log_is_no_scenario_and_replaces_none(planned: Mapping[str, Any], tmp_path: Path, capsys: Captured) -> None:
     assert main(["plan", str(planned["log"])]) == 2
     assert "run.mcap:1:1: this is a run log; `pushplan replay` reads it" in capsys.readouterr().err
     mine = tmp_path / "mine.yaml"

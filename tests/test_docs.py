@@ -115,9 +115,7 @@ def test_every_command_that_is_named_exists_with_its_options(page: Path) -> None
         assert command in cli.COMMANDS | cli.MORE, words
         options = re.findall(r"(?<!\S)--?[a-z][a-z0-9-]*", " ".join(rest))
         found = there(cli.pushplan.get_command(click.Context(cli.pushplan), command))
-        assert set(options) <= {"-h", "--help", *(word for param in found.params for word in param.opts)}, (
-            words
-        )
+        assert set(options) <= {"-h", "--help", *(word for param in found.params for word in param.opts)}, words
 
 
 @pytest.mark.parametrize("page", PAGES, ids=_id)
@@ -187,9 +185,7 @@ README = ROOT / "README.md"
 def _shape(output: str) -> str:
     """Output with every number replaced, and whether it is a bound, for what is the same in every run."""
     output = output.replace("at least ", "")  # what a plan bears is looked at so far and no farther
-    output = re.sub(
-        r"contact [\w-]+", "contact", output
-    )  # how far the search comes says which has the least margin
+    output = re.sub(r"contact [\w-]+", "contact", output)  # how far the search comes says which has the least margin
     return re.sub(r"[-+]?\d[\d.]*(e[-+]\d+)?( ms| s|\b)", "#", output)
 
 
@@ -222,9 +218,7 @@ SCRIPTS = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 
 @pytest.mark.usefixtures("_quick")
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
-def test_an_example_runs_and_prints(
-    script: Path, tmp_path: Path, monkeypatch: Patch, capsys: Captured
-) -> None:
+def test_an_example_runs_and_prints(script: Path, tmp_path: Path, monkeypatch: Patch, capsys: Captured) -> None:
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(script), run_name="__main__")
     assert capsys.readouterr().out.strip()

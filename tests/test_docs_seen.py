@@ -17,9 +17,7 @@ PAGES = ("index", "own-scenario", "logs", "api", "generated/pushplan.Chain")
 PARTS = ("section > h1", "section > h2", "section > p:not(:has(img))", ".table-wrapper", "iframe", "dt.sig")
 ELEMENTS = ", ".join([*PARTS, "article pre", "article img"])
 
-pytestmark = pytest.mark.skipif(
-    not (SITE / "index.html").is_file(), reason="needs PUSHPLAN_SITE, a built site"
-)
+pytestmark = pytest.mark.skipif(not (SITE / "index.html").is_file(), reason="needs PUSHPLAN_SITE, a built site")
 
 
 @pytest.fixture(scope="module")
@@ -46,9 +44,7 @@ def test_no_page_is_wider_than_a_phone(browser: Any) -> None:
 @pytest.mark.parametrize("width", [390, 1280])
 def test_the_index_plays_a_run_that_needs_no_scrolling(width: int, browser: Any) -> None:
     show(browser, SITE / "index.html", width)
-    assert browser.evaluate("document.querySelector('iframe').src").endswith(
-        "_static/two-crates.html#playing"
-    )
+    assert browser.evaluate("document.querySelector('iframe').src").endswith("_static/two-crates.html#playing")
     room = browser.evaluate("document.querySelector('iframe').getBoundingClientRect().toJSON()")
     show(browser, SITE / "_static" / "two-crates.html", int(room["width"]), height=int(room["height"]))
     assert browser.evaluate("document.documentElement.scrollHeight") <= room["height"]

@@ -181,9 +181,7 @@ def test_trials_arrive_in_a_world_as_planned_and_can_be_looked_at(kind: str, tmp
     assert trials.success == 1.0
     write_trial(trials, 0, tmp_path / "trial.mcap")
     read = pushplan.load_run(tmp_path / "trial.mcap")
-    np.testing.assert_allclose(
-        there(read.execution).objects[-1, :, :2], trials.object_poses[0][:, :2], atol=1e-12
-    )
+    np.testing.assert_allclose(there(read.execution).objects[-1, :, :2], trials.object_poses[0][:, :2], atol=1e-12)
 
 
 @CLOSED

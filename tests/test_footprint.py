@@ -50,9 +50,7 @@ def bare(scenario: Scenario) -> Scenario:
 def stated_bodies(scenario: Scenario) -> shapely.Geometry:
     """What moves, in the chain frame, written down again by hand."""
     waisted = [(-0.02, -0.1), (-0.1, -0.04), (-0.3, -0.15), (-0.3, 0.15), (-0.1, 0.04), (-0.02, 0.1)]
-    trailer = shapely.affinity.rotate(
-        shapely.box(-0.05, -0.15, 0.05, 0.15), 0.4, (0.0, 0.0), use_radians=True
-    )
+    trailer = shapely.affinity.rotate(shapely.box(-0.05, -0.15, 0.05, 0.15), 0.4, (0.0, 0.0), use_radians=True)
     trailer = shapely.affinity.translate(trailer, -0.45, 0.1)
     in_plate_frame = [shapely.box(-0.02, -0.1, 0.0, 0.1), shapely.box(0.0, -0.02, 0.1, 0.08), trailer]
     union = shapely.union_all([shapely.Polygon(waisted), *in_plate_frame])

@@ -98,9 +98,7 @@ def crates(**robot: Any) -> dict[str, Any]:
 # Sliding the crates takes 4.544 N at least and 5.884 N at most.
 
 
-@pytest.mark.parametrize(
-    ("force", "breakaway", "binds"), [("10 N", 1.3, False), (7.7, 1.3, False), (6.2, 1.0, True)]
-)
+@pytest.mark.parametrize(("force", "breakaway", "binds"), [("10 N", 1.3, False), (7.7, 1.3, False), (6.2, 1.0, True)])
 def test_plans_respect_the_force(force: Any, breakaway: float, binds: bool) -> None:
     stated = (crates(force="9 kN"), crates(force=force, breakaway=breakaway))
     free, plan = (

@@ -28,9 +28,7 @@ from pushplan.util.arrays import FloatArray
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
-def coulomb(
-    obj: PushedObject, twist: FloatArray, pressure: tuple[float, FloatArray, FloatArray]
-) -> FloatArray:
+def coulomb(obj: PushedObject, twist: FloatArray, pressure: tuple[float, FloatArray, FloatArray]) -> FloatArray:
     """Integrate -mu p v / |v| numerically over the object's outline, as signed triangles with their tip at the COR.
 
     `pressure` is (a, b, x0) of p(x) = a + b . (x - x0) for a unit weight, in the chain frame.
@@ -167,14 +165,10 @@ def _with_center(support: object, center: FloatArray) -> UniformSupport | FeetSu
         assert support.fractions is not None
         return FeetSupport(support.positions, _affine(support.positions, support.fractions, None, center))
     assert isinstance(support, PressureMapSupport)
-    return PressureMapSupport(
-        support.points, _affine(support.points, support.fractions, support.fractions, center)
-    )
+    return PressureMapSupport(support.points, _affine(support.points, support.fractions, support.fractions, center))
 
 
-def _affine(
-    points: FloatArray, loads: FloatArray, springs: FloatArray | None, center: FloatArray
-) -> FloatArray:
+def _affine(points: FloatArray, loads: FloatArray, springs: FloatArray | None, center: FloatArray) -> FloatArray:
     weight = np.full(len(points), 1.0 / len(points)) if springs is None else springs
     rows = np.column_stack([np.ones(len(points)), points])
     change = np.linalg.solve(rows.T @ (rows * weight[:, None]), [0.0, *(center - loads @ points)])
@@ -187,9 +181,7 @@ def test_push_height_that_lifts_a_corner_is_refused(make_chain: ChainMaker) -> N
     obj = PushedObject("tall", outline, 1.0, 0.5, UniformSupport(outline), np.zeros(3))
     highest = 0.1 / 6.0 / np.sqrt(2.0) / 0.5
     friction_wrench(obj, [[1.0, 0.0, 0.0]], 0.999 * highest)
-    with pytest.raises(
-        SupportError, match=r"a push at height 0.03 m could lift a part of 'tall'.*at most 0.0235702"
-    ):
+    with pytest.raises(SupportError, match=r"a push at height 0.03 m could lift a part of 'tall'.*at most 0.0235702"):
         friction_wrench(obj, [[1.0, 0.0, 0.0]], 0.03)
     two = replace(obj, support=FeetSupport(np.array([[0.0, -0.05], [0.0, 0.05]]), np.array([0.5, 0.5])))
     with pytest.raises(SupportError, match="lie on a line"):

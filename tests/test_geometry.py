@@ -88,9 +88,7 @@ def test_a_box_laid_on_any_edge_touches_along_that_edge(
     assume(overlap_area(outline, box) < 1e-12)
     touch = there(find_touch(se2.transform_points(pose, outline), se2.transform_points(pose, box)))
     lengths = np.linalg.norm(touch[:, 1] - touch[:, 0], axis=1)
-    shared = shapely.intersection(
-        shapely.LineString([begin, end]), shapely.Polygon(box).exterior.buffer(1e-8)
-    )
+    shared = shapely.intersection(shapely.LineString([begin, end]), shapely.Polygon(box).exterior.buffer(1e-8))
     assert lengths.max() == pytest.approx(shared.length, abs=1e-6)
     tangent = (touch[0, 1] - touch[0, 0]) / lengths[0]
     normal = se2.rotate(-pose[2], [tangent[1], -tangent[0]])
@@ -123,9 +121,7 @@ def test_the_depth_of_boxes_pushed_into_each_other_is_the_push(
 
 
 @given(stars(), st.data())
-def test_swapping_two_corners_is_found_when_shapely_finds_it(
-    outline: FloatArray, data: st.DataObject
-) -> None:
+def test_swapping_two_corners_is_found_when_shapely_finds_it(outline: FloatArray, data: st.DataObject) -> None:
     i = data.draw(st.integers(0, len(outline) - 1))
     j = data.draw(st.integers(0, len(outline) - 1))
     swapped = outline.copy()

@@ -115,10 +115,7 @@ def test_no_word_of_a_car_beats_the_bound_and_some_reach_it() -> None:
 @pytest.mark.parametrize("name", ["free-space", "narrow-gap", "carts"])
 def test_what_is_ranked_by_time_states_a_gap_in_time_and_by_margin_none(name: str) -> None:
     scenario, _ = set_of(name)
-    by = {
-        cost: plan(scenario, cost=cost, time_limit=300.0, iterations=300, seed=1)
-        for cost in ("time", "margin")
-    }
+    by = {cost: plan(scenario, cost=cost, time_limit=300.0, iterations=300, seed=1) for cost in ("time", "margin")}
     assert by["margin"].gap is None
     timed = by["time"]
     assert timed.duration is not None

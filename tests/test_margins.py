@@ -74,9 +74,7 @@ def slippery(make_chain: ChainMaker, friction: float) -> Chain:
 
 
 @pytest.mark.parametrize("friction", [0.02, 0.05, 0.09, 0.15, 0.5])
-def test_auto_is_a_twentieth_or_half_of_the_largest_margin_there_is(
-    make_chain: ChainMaker, friction: float
-) -> None:
+def test_auto_is_a_twentieth_or_half_of_the_largest_margin_there_is(make_chain: ChainMaker, friction: float) -> None:
     chain = slippery(make_chain, friction)
     best = largest_margin(stable_set(chain))
     found = automatic_margin(stable_set(chain), chain.pusher.drive)
@@ -244,9 +242,7 @@ def test_every_margin_is_positive_just_below_the_robustness_and_one_is_not_just_
     assert robustness is not None
     assert robustness == robustness_of(scenario.chain, trajectory)
     assert not robustness.used_up
-    moments = thinned(
-        trajectory.directions, trajectory.rates_at(trajectory.t), scenario.chain.characteristic_length
-    )
+    moments = thinned(trajectory.directions, trajectory.rates_at(trajectory.t), scenario.chain.characteristic_length)
     for kind in MOST:
         value = getattr(robustness, kind)
         size = 1.0 - value if kind == "contact_friction" else value

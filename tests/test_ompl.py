@@ -119,9 +119,7 @@ def test_a_path_that_is_not_what_it_claims_is_refused(scenario: Scenario) -> Non
 @pytest.mark.parametrize("planner", STOCK)
 def test_stock_planners_are_planned_executed_and_logged_like_ours(planner: str, tmp_path: Path) -> None:
     scenario = pushplan.load_scenario("one-box")
-    run = pushplan.run(
-        scenario, planner=planner, iterations=3_000, time_limit=60.0, log=tmp_path / "run.mcap"
-    )
+    run = pushplan.run(scenario, planner=planner, iterations=3_000, time_limit=60.0, log=tmp_path / "run.mcap")
     assert run.plan.solved
     assert run.plan.planner == planner
     assert len(run.plan.tree) > 0
@@ -139,7 +137,5 @@ def test_the_search_of_a_planner_that_is_none_is_refused(name: str, first: bool)
     scenario = pushplan.load_scenario(name)
     with pytest.raises(PlanningError, match=r"a list is no planner; allowed: an ompl\.base\.Planner"):
         pushplan.plan(scenario, planner=lambda information: [information.getStateDimension()], first=first)
-    with pytest.raises(
-        PlanningError, match=r"the planner cannot be made: ZeroDivisionError: division by zero"
-    ):
+    with pytest.raises(PlanningError, match=r"the planner cannot be made: ZeroDivisionError: division by zero"):
         pushplan.plan(scenario, planner=lambda information: 1 / 0, first=first)

@@ -46,9 +46,7 @@ def test_all_that_the_core_is_called_with_has_a_kind_in_python() -> None:
 
     def signatures(of: object) -> Iterator[str]:
         for value in vars(of).values():
-            if "pushplan.core" in str(getattr(value, "__module__", "")) or isinstance(
-                value, property | ModuleType
-            ):
+            if "pushplan.core" in str(getattr(value, "__module__", "")) or isinstance(value, property | ModuleType):
                 yield value.__doc__ or ""
                 if isinstance(value, type | ModuleType):
                     yield from signatures(value)
@@ -96,9 +94,7 @@ def modules() -> dict[str, Path]:
 def imported(tree: ast.AST) -> Iterator[str]:
     """Names below `pushplan` that a module imports, also inside functions, but not for types only."""
     for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.expr) or (
-            isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
-        ):
+        if isinstance(node, ast.expr) or (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"):
             continue
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("pushplan."):
             yield from (f"{node.module}.{alias.name}".removeprefix("pushplan.") for alias in node.names)

@@ -169,9 +169,7 @@ def body(chain: Chain, index: int, placed: FloatArray) -> shapely.Polygon:
 
 @pytest.mark.parametrize("index", [0, 1, 2])
 @pytest.mark.parametrize("angle", [0.01, -0.01])
-def test_a_turned_object_touches_with_a_corner_and_overlaps_nothing(
-    chain: Chain, index: int, angle: float
-) -> None:
+def test_a_turned_object_touches_with_a_corner_and_overlaps_nothing(chain: Chain, index: int, angle: float) -> None:
     placed = turned_places(chain, index, angle)
     np.testing.assert_allclose(placed[:, 2], angle * (np.arange(3) == index))
     for contact in chain.contacts:

@@ -71,14 +71,10 @@ def test_the_path_has_the_margins_of_the_execution_and_none_where_nothing_is_pus
         )
         assert np.hypot(*np.diff(line.points, axis=0).T).max() < 2.0 * PATH_SPACING
     assert min(np.nanmin(line.margins) for line in scene.lines if line.pushes) == execution.min_margin
-    assert [rest.names for rest in scene.rests] == [
-        push.load.names for push in plan.pushes if push.load is not None
-    ]
+    assert [rest.names for rest in scene.rests] == [push.load.names for push in plan.pushes if push.load is not None]
     for rest, push in zip(scene.rests, plan.pushes, strict=True):
         for body, pose in zip(scene.bodies, rest.poses, strict=True):
-            np.testing.assert_allclose(
-                se2.pose_error(pose, push.after.get(body.name, push.path.end)), 0.0, atol=1e-6
-            )
+            np.testing.assert_allclose(se2.pose_error(pose, push.after.get(body.name, push.path.end)), 0.0, atol=1e-6)
     untimed = Scene.of(plan.scenario, replace(plan, execution=None))
     assert [len(rest.names) for rest in untimed.rests] == [len(rest.names) for rest in scene.rests]
     np.testing.assert_allclose(untimed.rests[-1].poses[:, :2], scene.rests[-1].poses[:, :2], atol=1e-6)
@@ -173,10 +169,7 @@ def test_trials_say_how_many_arrive_and_count_what_is_outside(
     figures, scenario = _kept_figures(monkeypatch), plans["push"].scenario
     places = se2.compose(scenario.goal.pose_chain, scenario.chain.places)
     off, errors, nan = np.array([0.0, 0.005, 0.0]), np.zeros((len(places), 2)), float("nan")
-    ends = [
-        TrialEnd(k, k < 3, False, errors, places + (k == 3) * off, "", "", nan, "", (nan, nan))
-        for k in range(4)
-    ]
+    ends = [TrialEnd(k, k < 3, False, errors, places + (k == 3) * off, "", "", nan, "", (nan, nan)) for k in range(4)]
     plot_trials(plans["push"], ends, tmp_path / "t.png")
     floor, close = figures[0].axes
     assert "3 of 4 arrive" in floor.get_title(loc="left")

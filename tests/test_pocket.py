@@ -23,9 +23,7 @@ from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray, IntArray
 
-RANDOM = ProblemParameters(
-    objects=(1, 5), obstacles=(0, 30), drives=("omnidirectional", "differential", "car")
-)
+RANDOM = ProblemParameters(objects=(1, 5), obstacles=(0, 30), drives=("omnidirectional", "differential", "car"))
 SHUT_IN = {False: (31,), True: (5,)}
 """Seeds whose start, or goal, obstacles shut in."""
 
@@ -36,9 +34,7 @@ def _random(seed: int) -> tuple[Scenario, StableSet, Problem]:
     return scenario, stable, build_problem(scenario, stable)
 
 
-@pytest.mark.parametrize(
-    ("is_goal", "seed"), [(goal, seed) for goal, seeds in SHUT_IN.items() for seed in seeds]
-)
+@pytest.mark.parametrize(("is_goal", "seed"), [(goal, seed) for goal, seeds in SHUT_IN.items() for seed in seeds])
 def test_what_is_shut_in_is_found(is_goal: bool, seed: int) -> None:
     scenario, stable, problem = _random(seed)
     found = there(next(filter(None, find_pocket(scenario, stable, problem))))
@@ -89,9 +85,7 @@ def _wander(
         poses.append(pose)
 
 
-@pytest.mark.parametrize(
-    ("is_goal", "seed"), [(goal, seed) for goal, seeds in SHUT_IN.items() for seed in seeds]
-)
+@pytest.mark.parametrize(("is_goal", "seed"), [(goal, seed) for goal, seeds in SHUT_IN.items() for seed in seeds])
 def test_random_pushes_stay_within_the_cells(is_goal: bool, seed: int) -> None:
     """Poses are looked at once a step, as the cells are: what lies between is free in neither."""
     scenario, _, problem = _random(seed)

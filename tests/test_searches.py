@@ -44,9 +44,7 @@ def _session(problem: Problem, scenario: Scenario, seed: int = 1) -> Session:
     return Session(problem, scenario.start, Budget(60.0, stall=10**9), seed)
 
 
-def _searched(
-    problem: Problem, scenario: Scenario, back: int, bound: float = math.inf
-) -> tuple[Lattice, float]:
+def _searched(problem: Problem, scenario: Scenario, back: int, bound: float = math.inf) -> tuple[Lattice, float]:
     """Return a search that is over, and its bound then."""
     session = _session(problem, scenario)
     lattice, over = LatticeRounds(session, sampling_box(scenario)).planted(2, back), False
@@ -77,9 +75,7 @@ def test_distances_on_the_floor_are_those_of_dijkstra(name: str) -> None:
     grid, *away = floor_of(problem, start, sampling_box(scenario))
     shape = away[0].shape
     cells = np.indices(shape).reshape(2, -1).T
-    point = problem.scene.with_body(
-        flatten([1e-7 * np.array([[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]])]), np.zeros(3)
-    )
+    point = problem.scene.with_body(flatten([1e-7 * np.array([[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]])]), np.zeros(3))
     middles = np.column_stack([grid[:2] + grid[2] * (cells + 0.5), np.zeros(len(cells))])
     least = max(0.25 * Extent.of(problem).width, 0.71 * grid[2])
     room = separations(point, middles, 4.0 * least).reshape(shape)  # at least; what is near may have more

@@ -62,9 +62,7 @@ def answers(scenario: Scenario) -> Answers:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_draft_in_which_nothing_moved_is_the_scenario_itself(
-    kind: str, scenarios: dict[str, Scenario]
-) -> None:
+def test_a_draft_in_which_nothing_moved_is_the_scenario_itself(kind: str, scenarios: dict[str, Scenario]) -> None:
     assert Draft.of(scenarios[kind]).scenario() == scenarios[kind]
 
 
@@ -129,9 +127,7 @@ def test_the_stage_shows_bodies_goals_and_path_where_the_scene_has_them(
         stage.draw_plan(drawn)
         pushed, first = seen.lines["/plan/pushed"], next(line for line in drawn.lines if line.pushes)
         assert len(pushed.points) == sum(len(line.points) - 1 for line in drawn.lines if line.pushes)
-        assert tuple(pushed.colors[0, 0]) == of_line(
-            palette.margin_colour(float(first.margins[:2].min())) or ""
-        )
+        assert tuple(pushed.colors[0, 0]) == of_line(palette.margin_colour(float(first.margins[:2].min())) or "")
         stage.show_played(drawn.end)
         np.testing.assert_allclose(there(stage.played)[:, :2], drawn.end[:, :2], atol=1e-12)
         stage.draw_plan(None)
@@ -169,15 +165,11 @@ class Seen:
         self.drags: dict[str, Callable[[Any], Any]] = {}
         self.update: Callable[[Any], Any] = lambda _: None
 
-    def add_mesh_simple(
-        self, name: str, vertices: FloatArray, faces: FloatArray, **look: Any
-    ) -> SimpleNamespace:
+    def add_mesh_simple(self, name: str, vertices: FloatArray, faces: FloatArray, **look: Any) -> SimpleNamespace:
         self.meshes[name], self.colours[name] = (vertices, faces), look["color"]
         return SimpleNamespace(on_drag=lambda function: self.drags.update({name: function}))
 
-    def add_line_segments(
-        self, name: str, points: FloatArray, colors: FloatArray, **look: Any
-    ) -> SimpleNamespace:
+    def add_line_segments(self, name: str, points: FloatArray, colors: FloatArray, **look: Any) -> SimpleNamespace:
         self.lines[name] = SimpleNamespace(points=points, colors=colors, visible=look["visible"])
         return self.lines[name]
 
@@ -244,9 +236,7 @@ def test_the_command_says_where_it_is_in_json_and_ends_quietly_with_ctrl_c() -> 
     assert (rest, process.returncode) == ("", 0)
 
 
-def test_in_a_browser_what_is_dragged_is_planned_saved_played_or_refused(
-    scenario: Scenario, tmp_path: Path
-) -> None:
+def test_in_a_browser_what_is_dragged_is_planned_saved_played_or_refused(scenario: Scenario, tmp_path: Path) -> None:
     pytest.importorskip("viser")
     import viewed
 

@@ -66,9 +66,7 @@ def _drag(browser: Any, window: Window, begin: FloatArray, end: FloatArray, step
     places = [on_screen(window, point) for point in points]
     kinds = ["mouseMoved", "mousePressed", *["mouseMoved"] * steps, "mouseReleased"]
     for i, (kind, (x, y)) in enumerate(zip(kinds, [places[0], *places, places[-1]], strict=True)):
-        browser.call(
-            "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=min(i, 1), clickCount=1
-        )
+        browser.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=min(i, 1), clickCount=1)
         painted(browser)
 
 

@@ -37,10 +37,7 @@ def png(width: int, height: int, row: bytes, rows: int | None = None) -> bytes:
     )
     head = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
     return (
-        b"\x89PNG\r\n\x1a\n"
-        + _chunk(b"IHDR", head)
-        + _chunk(b"IDAT", data + packer.flush())
-        + _chunk(b"IEND", b"")
+        b"\x89PNG\r\n\x1a\n" + _chunk(b"IHDR", head) + _chunk(b"IDAT", data + packer.flush()) + _chunk(b"IEND", b"")
     )
 
 
@@ -192,9 +189,7 @@ def _many(folder: Path, random: Random) -> list[str]:
     count = random.choice((50, 500, 5000, 12_000))
     match random.choice(("obstacles", "objects", "feet", "corners")):
         case "obstacles":
-            document["obstacles"] = [
-                {"circle": 1e-3, "center": [-1.4 + 0.002 * k, -1.4]} for k in range(count)
-            ]
+            document["obstacles"] = [{"circle": 1e-3, "center": [-1.4 + 0.002 * k, -1.4]} for k in range(count)]
         case "objects":
             box = {"shape": {"box": [0.02, 0.08]}, "mass": 0.1}
             document["objects"] = [{"name": f"o{k}", **box} for k in range(count)]

@@ -82,17 +82,12 @@ def _controlled(value: Any, **more: Any) -> object:
 
 Call = Callable[[Any], object]
 WITH_NUMBERS: dict[str, Call] = {
-    **{
-        f"plan({name})": partial(_settings, name)
-        for name in ("time_limit", "seed", "iterations", "margin", "gap")
-    },
+    **{f"plan({name})": partial(_settings, name) for name in ("time_limit", "seed", "iterations", "margin", "gap")},
     **{
         f"PlanSettings({name})": lambda value, name=name: PlanSettings(**{name: value})  # type: ignore[misc]
         for name in ("time_limit", "seed", "iterations", "margin", "gap")
     },
-    "trial(samples)": lambda value: (
-        _trial("samples", value) if value not in (2**40, 1e308, 10**400) else None
-    ),
+    "trial(samples)": lambda value: _trial("samples", value) if value not in (2**40, 1e308, 10**400) else None,
     "trial(seed)": partial(_trial, "seed"),
     **{
         f"TrialUncertainty({name})": lambda value, name=name: TrialUncertainty(**{name: value})  # type: ignore[misc]
@@ -118,9 +113,7 @@ WITH_NUMBERS: dict[str, Call] = {
     "Controller.step(measured_at)": lambda value: _controlled(np.zeros((2, 3)), measured_at=value),
     "World.with_contact_friction": lambda value: World.from_scenario(scenario()).with_contact_friction(value),
     "World.with_mass": lambda value: World.from_scenario(scenario()).with_mass(value),
-    "World.with_floor_friction": lambda value: World.from_scenario(scenario()).with_floor_friction(
-        value, "far"
-    ),
+    "World.with_floor_friction": lambda value: World.from_scenario(scenario()).with_floor_friction(value, "far"),
 }
 WITH_POSES: dict[str, Call] = {
     "plan(start)": lambda value: planner().plan(start=value, first=True),
@@ -166,11 +159,7 @@ def every() -> list[tuple[str, Callable[[], object]]]:
     """Return name and call of everything that is tried."""
     found: list[tuple[str, Callable[[], object]]] = []
     for calls, values in ((WITH_NUMBERS, NUMBERS), (WITH_POSES, POSES), (WITH_OTHERS, OTHERS)):
-        found += [
-            (f"{name} {value!r:.40}", partial(call, value))
-            for name, call in calls.items()
-            for value in values
-        ]
+        found += [(f"{name} {value!r:.40}", partial(call, value)) for name, call in calls.items() for value in values]
     return found
 
 
@@ -189,9 +178,7 @@ def _pickled(name: str, make: Callable[[], object]) -> Row:
     def work(folder: Path) -> Row:
         again = pickle.loads(pickle.dumps(make()))
         return {
-            "verdict": "pickles"
-            if type(again).__name__ in (name, "EcofSet", "IntervalSet") or again
-            else "WRONG"
+            "verdict": "pickles" if type(again).__name__ in (name, "EcofSet", "IntervalSet") or again else "WRONG"
         }
 
     return {"group": "pickle", **measured(work)}

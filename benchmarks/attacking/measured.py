@@ -52,9 +52,7 @@ def measured(work: Callable[[Path], Row], limit: float = 0.0) -> Row:
             told = pipe.read()
         _, status, used = os.wait4(child, 0)
         watch.cancel()
-    row: Row = (
-        json.loads(told) if told else {"verdict": "WRONG", "why": f"ended by status {status}", "mb": 0.0}
-    )
+    row: Row = json.loads(told) if told else {"verdict": "WRONG", "why": f"ended by status {status}", "mb": 0.0}
     row.setdefault("seconds", used.ru_utime + used.ru_stime)
     why = row.get("why", "")
     if row["mb"] > MOST_MB:

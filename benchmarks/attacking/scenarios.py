@@ -74,9 +74,7 @@ def _attack(document: Any, name: str, key: str, seed: str) -> Row:
     if random.random() < 0.5:
         made = mutated_document(made, random)
     row = measured(partial(_planned, made, name, random), LIMIT)
-    return {"group": _kind(name), "place": key, **row} | (
-        {"document": made} if row["verdict"] == "WRONG" else {}
-    )
+    return {"group": _kind(name), "place": key, **row} | ({"document": made} if row["verdict"] == "WRONG" else {})
 
 
 def _kind(name: str) -> str:
@@ -88,9 +86,7 @@ def _mutated_at(document: Any, key: str, random: Random) -> Any:
     copied = json.loads(json.dumps(document))
     last = key.rpartition(".")[2]
     found = [
-        holder
-        for dotted, holder in _holders(copied)
-        if dotted == key and isinstance(holder, dict) and last in holder
+        holder for dotted, holder in _holders(copied) if dotted == key and isinstance(holder, dict) and last in holder
     ]
     holder = random.choice(found)
     if random.random() < 0.4:

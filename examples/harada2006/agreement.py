@@ -150,9 +150,7 @@ def sample_pushes(stable: StableSet, count: int, rng: np.random.Generator) -> Fl
     return np.asarray(parts[:count])
 
 
-def _near_boundary(
-    stable: StableSet, good: FloatArray, bad: FloatArray, rng: np.random.Generator
-) -> FloatArray:
+def _near_boundary(stable: StableSet, good: FloatArray, bad: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Return twists (m, 3) on lines between stable and unstable ones, where these cross the boundary or near it."""
     pairs = min(len(good), len(bad))
     inside, outside = good[:pairs].copy(), bad[:pairs].copy()

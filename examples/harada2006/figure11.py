@@ -42,13 +42,9 @@ def draw(path: Path, count: int, tell: Callable[[str], None]) -> None:
             result = compare(chain, forward_twists(cors))
             _draw_panel(axes, chain, cors, result)
             verdict = table(chain, result)
-            axes.text(
-                0.0, -0.145, verdict, transform=axes.transAxes, va="top", fontsize=7.5, family="monospace"
-            )
+            axes.text(0.0, -0.145, verdict, transform=axes.transAxes, va="top", fontsize=7.5, family="monospace")
             tell(f"Fig. 11 {title}\n{verdict}")
-        figure.legend(
-            handles=_legend(), loc="lower left", bbox_to_anchor=(0.1, 0.01), ncols=4, borderaxespad=0.0
-        )
+        figure.legend(handles=_legend(), loc="lower left", bbox_to_anchor=(0.1, 0.01), ncols=4, borderaxespad=0.0)
 
 
 def sample_cors(count: int) -> FloatArray:

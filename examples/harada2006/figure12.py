@@ -103,9 +103,7 @@ def _draw_snapshot(axes: Axes, chain: Chain, report: ContactReport, time: float,
     axes.set(xlim=(VIEW[0], VIEW[2]), ylim=(VIEW[1], VIEW[3]), xticks=[], yticks=[])
     axes.spines[:].set_color(FAINT)
     for body in chain.bodies:
-        axes.fill(
-            *se2.transform_points(goal, body.outline).T, fill=False, edgecolor=FAINT, linestyle="dotted"
-        )
+        axes.fill(*se2.transform_points(goal, body.outline).T, fill=False, edgecolor=FAINT, linestyle="dotted")
     axes.plot(*report.poses[: i + 1, :2].T, color=INK, linewidth=0.8, zorder=2.0)
     draw_body(axes, report.poses[i], chain.pusher.outline, PLATE)
     for obj, pose in zip(chain.objects, report.objects[i], strict=True):

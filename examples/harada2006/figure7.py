@@ -34,9 +34,7 @@ def draw(path: Path) -> None:
             draw_roles(axes, chain, pushed)
             center, directions = carried_center(chain, k), allowed_directions(chain, k)
             for end in (chain.contacts[k].right, chain.contacts[k].left):
-                axes.plot(
-                    *np.stack([end, center]).T, color=FAINT, linewidth=0.8, linestyle="dotted", zorder=5.0
-                )
+                axes.plot(*np.stack([end, center]).T, color=FAINT, linewidth=0.8, linestyle="dotted", zorder=5.0)
             draw_directions(axes, center, directions, LENGTH)
         draw_roles(panels[2], chain, [0, 1])
         draw_directions(panels[2], carried_center(chain, NEAR), common_cone(chain), LENGTH)

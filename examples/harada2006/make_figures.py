@@ -27,9 +27,7 @@ def main() -> None:
     parser.add_argument(
         "--cors", type=int, default=400, help="centres of rotation for each friction angle in Fig. 11"
     )
-    parser.add_argument(
-        "--figures", type=int, nargs="+", choices=(6, 7, 9, 11, 12), default=[6, 7, 9, 11, 12]
-    )
+    parser.add_argument("--figures", type=int, nargs="+", choices=(6, 7, 9, 11, 12), default=[6, 7, 9, 11, 12])
     wanted = parser.parse_args()
     wanted.out.mkdir(parents=True, exist_ok=True)
     drawings = {

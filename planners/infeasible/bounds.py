@@ -67,8 +67,7 @@ def blocked(obstacles: Sequence[Obstacle], radius: float) -> BaseGeometry:
 def grown(obstacles: Sequence[Obstacle], radius: float) -> NDArray[np.object_]:
     """Return where the centre of a disc cannot be for each of the obstacles."""
     shapes = [
-        shapely.Point(o.center) if isinstance(o, CircleObstacle) else shapely.Polygon(o.outline)
-        for o in obstacles
+        shapely.Point(o.center) if isinstance(o, CircleObstacle) else shapely.Polygon(o.outline) for o in obstacles
     ]
     own = [o.radius if isinstance(o, CircleObstacle) else 0.0 for o in obstacles]
     return np.asarray(shapely.buffer(shapes, np.array(own) + radius, quad_segs=ARC_SEGMENTS))

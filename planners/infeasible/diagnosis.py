@@ -48,9 +48,7 @@ class InfeasibilityMonitor:
         reasons: What was found, proven or not.
     """
 
-    def __init__(
-        self, scenario: Scenario, stable: StableSet, problem: Problem, limit: float = math.inf
-    ) -> None:
+    def __init__(self, scenario: Scenario, stable: StableSet, problem: Problem, limit: float = math.inf) -> None:
         self.reasons: list[Diagnosis] = []
         self._stages = {
             "passage": _passages(scenario, problem),
@@ -58,8 +56,7 @@ class InfeasibilityMonitor:
         }
         self._limit, self._due, self._spent = limit, FIRST_STEP, 0.0
         self._expected = A_CORNER * sum(  # a round obstacle counts as 16 corners
-            16 if isinstance(obstacle, CircleObstacle) else len(obstacle.outline)
-            for obstacle in scenario.obstacles
+            16 if isinstance(obstacle, CircleObstacle) else len(obstacle.outline) for obstacle in scenario.obstacles
         )
 
     @property

@@ -58,18 +58,14 @@ def passage_faults(scenario: Scenario, headings: FloatArray) -> Iterator[list[Di
     yield [replace(guess, blocking=_between(scenario, wanted, ends, reach))]
 
 
-def _between(
-    scenario: Scenario, radius: float, ends: Sequence[shapely.Point], within: float
-) -> tuple[int, ...]:
+def _between(scenario: Scenario, radius: float, ends: Sequence[shapely.Point], within: float) -> tuple[int, ...]:
     """Return the obstacles that part two ends: they bound what a disc can reach from either."""
     free = room(scenario, radius)
     one, other = (reached(free, end, within) for end in ends)
     return between(grown(scenario.obstacles, radius), one, other)
 
 
-def _widest(
-    joined: Callable[[float], bool], low: float, high: float
-) -> Generator[list[Diagnosis], None, float]:
+def _widest(joined: Callable[[float], bool], low: float, high: float) -> Generator[list[Diagnosis], None, float]:
     """Find the largest radius that is `joined`, between one that is (or 0) and one that is not.
 
     To half the resolution; nothing is yielded after each look.
@@ -95,9 +91,7 @@ def _reach(scenario: Scenario) -> float:
 
 def _proven(width: float, needed: float, passage: float | None) -> Diagnosis:
     """Return what is proven; without the passage's width where that is not known."""
-    chain = (
-        f"the chain, into which a disc of {_mm(width)} fits, needs at least {_mm(needed)} with its clearance"
-    )
+    chain = f"the chain, into which a disc of {_mm(width)} fits, needs at least {_mm(needed)} with its clearance"
     if passage is None:
         text = f"the chain cannot pass: no passage from start to goal is wide enough, and {chain}"
         return Diagnosis("gap", text, True, {"disc": width, "needed": needed})

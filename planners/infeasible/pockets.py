@@ -68,9 +68,7 @@ def find_pocket(scenario: Scenario, stable: StableSet, problem: Problem) -> Iter
         yield _pocket(problem.scene, ends, left, looks)
 
 
-def _pocket(
-    scene: Scene, ends: FloatArray, left: dict[tuple[Level, int], Steps], looks: int
-) -> Pocket | None:
+def _pocket(scene: Scene, ends: FloatArray, left: dict[tuple[Level, int], Steps], looks: int) -> Pocket | None:
     """Spread from both ends (2, 3) on every level left, dropping those on which one leads to the other."""
     room = 1 << math.ceil(math.log2(2 * looks))
     for (level, end), steps in [*left.items()]:
@@ -130,9 +128,7 @@ def make_steps(scene: Scene, hull: shapely.Polygon, level: Level, clearance: flo
     travel = max(6, min(level[1], 0.6 / (bend * side))) * side
     turned = 0.5 * angle + travel * bend  # from the heading of the cell's middle
     most = min(turned, 0.5 * math.pi)
-    ahead = travel * np.array(
-        [math.cos(min(turned, math.pi)) - lean * math.sin(most), 1.0 + lean * math.sin(most)]
-    )
+    ahead = travel * np.array([math.cos(min(turned, math.pi)) - lean * math.sin(most), 1.0 + lean * math.sin(most)])
     rates = sorted((sign * kmin * travel / angle, sign * kmax * travel / angle))
     first, last = math.ceil(rates[0] - 1.0), math.floor(rates[1] + 1.0)
     rest = travel**2 * (kmax - kmin) / 8.0 + travel * (turned**3 / 6.0 + lean * turned**2 / 2.0)
@@ -152,9 +148,7 @@ def make_steps(scene: Scene, hull: shapely.Polygon, level: Level, clearance: flo
     return Steps(side, headings, sign, travel, longest, near, most, ahead, first, aside, touching)
 
 
-def reached(
-    scene: Scene, begin: FloatArray, other: FloatArray, steps: Steps, room: int
-) -> tuple[int, IntArray]:
+def reached(scene: Scene, begin: FloatArray, other: FloatArray, steps: Steps, room: int) -> tuple[int, IntArray]:
     """Spread from one pose (3,) towards another; see `core.infeasible.spread`.
 
     Args:

@@ -60,9 +60,7 @@ def beyond_reach(
         return Diagnosis("boxed in", text, True, blocking=_parting(scenario, radius, free, among, every))
     for name in needed:
         if not _any_in(alone, centers[name]):
-            text = (
-                f"'{name}' cannot be reached: walls and obstacles leave the robot no way to any of its faces"
-            )
+            text = f"'{name}' cannot be reached: walls and obstacles leave the robot no way to any of its faces"
             parting = _parting(scenario, radius, free, alone, centers[name])
             return Diagnosis("boxed in", text, True, blocking=parting)
     return None

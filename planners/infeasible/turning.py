@@ -65,17 +65,13 @@ def _turns_of_meridians(segments: FloatArray) -> Turns:
     direction, segments = direction[order], segments[order]
     steps = np.diff(direction)
     # The set goes on beyond the outermost meridians, by less than to the next one; a drive may have one direction.
-    step = (
-        float(steps[steps > SAME_DIRECTION].min()) if direction[-1] - direction[0] > SAME_DIRECTION else 0.0
-    )
+    step = float(steps[steps > SAME_DIRECTION].min()) if direction[-1] - direction[0] > SAME_DIRECTION else 0.0
     left, right = (_meridian_sectors(direction, segments, side, step) for side in (1.0, -1.0))
     able = direction[segments[:, 2] * segments[:, 5] <= 0.0]
     return Turns(left, right, _straight(left, right, able - step, able + step))
 
 
-def _straight(
-    left: FloatArray, right: FloatArray, low: FloatArray, high: FloatArray
-) -> tuple[float, float] | None:
+def _straight(left: FloatArray, right: FloatArray, low: FloatArray, high: FloatArray) -> tuple[float, float] | None:
     """Return the directions that go straight: between low and high ones, and of sectors without a widest turn."""
     turns = np.concatenate([left, right])
     turns = turns[np.isinf(turns[:, 1])]
@@ -198,9 +194,7 @@ def _too_wide(
     if abs(turn) > SAME_ANGLE and 2.0 * radius > across:
         what = f"makes a circle of {2.0 * radius:.3g} m, wider than the workspace ({across:.3g} m)"
     elif math.isfinite(max(radii)) and not _a_word_fits(scenario, segments):
-        what = (
-            "leads out of the workspace in every way of a turn, a straight push or another turn, and a turn"
-        )
+        what = "leads out of the workspace in every way of a turn, a straight push or another turn, and a turn"
     else:
         return
     of_set = _of_set(scenario, stable)
@@ -259,9 +253,7 @@ def _no_turning(scenario: Scenario, stable: StableSet, turn: float) -> list[Diag
     made = "" if scenario.chain.pusher.drive.axle is None else _drive_words(scenario, "")[0]
     set_name = f"no push of the set {stable.name}{made} turns the chain"
     if abs(turn) > SAME_ANGLE:
-        text = (
-            f"the goal cannot be reached: {set_name}, and it asks for a turn by {math.degrees(turn):.4g} deg"
-        )
+        text = f"the goal cannot be reached: {set_name}, and it asks for a turn by {math.degrees(turn):.4g} deg"
         return [Diagnosis("heading", text, True, {"turn": turn})]
     cone = stable.translation_cone(scenario.required_margin)
     if cone is None or scenario.chain.pusher.drive.axle is not None:

@@ -153,9 +153,7 @@ class _Beams:
         improvements: Told of better plans.
     """
 
-    def __init__(
-        self, steps: Steps, settings: PlanSettings, until: float, improvements: Improvements
-    ) -> None:
+    def __init__(self, steps: Steps, settings: PlanSettings, until: float, improvements: Improvements) -> None:
         self.steps, self._settings, self._until = steps, settings, until
         self._improvements = improvements
         self._most = settings.iterations or math.inf
@@ -249,9 +247,7 @@ class _Beams:
         done, _ = self._chosen(ends, 1, best)
         return (done[0] if done else None), truncated
 
-    def _chosen(
-        self, chances: list[tuple[float, Chance]], width: int, best: float
-    ) -> tuple[list[Node], bool]:
+    def _chosen(self, chances: list[tuple[float, Chance]], width: int, best: float) -> tuple[list[Node], bool]:
         """Return nodes that chances lead to and that may be better than the best, priced by their bounds."""
         count = itertools.count()
         queue: list[tuple[float, int, float, Chance, Node | None]] = [

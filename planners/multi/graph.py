@@ -113,9 +113,7 @@ class Graph:
         self.add(np.concatenate([start, goals]), np.inf)
         self._first = np.array([self._assumed(k) for k in range(m)])
         least = float(self._first.min()) + self._pushes.settle + self._weighed(self._pushes.retreat)
-        self.bound = max(
-            float(self.lower_bounds(start)[1][0]), least + float(self._cost_to_go.min(initial=np.inf))
-        )
+        self.bound = max(float(self.lower_bounds(start)[1][0]), least + float(self._cost_to_go.min(initial=np.inf)))
 
     def _assumed(self, taken: int) -> float:
         """The least that the way to a first push can cost: as the crow flies."""
@@ -150,10 +148,7 @@ class Graph:
             np.concatenate(
                 [
                     known,
-                    [
-                        approaches_are_free(self._room.robot, c.packed, poses, back)
-                        for c in self._room.contacts
-                    ],
+                    [approaches_are_free(self._room.robot, c.packed, poses, back) for c in self._room.contacts],
                 ],
                 axis=1,
             )
@@ -192,16 +187,12 @@ class Graph:
         """
         while not over():
             end = self._weighed(self._pushes.retreat)
-            cost, steps = cheapest_sequence(
-                self._push, self._change, self._first, self.goals, self._pushes.most
-            )
+            cost, steps = cheapest_sequence(self._push, self._change, self._first, self.goals, self._pushes.most)
             if not cost + end < below:
                 return None
             rows = [(int(m), int(u), int(v)) for m, u, v in steps]
             if self._all_known(rows):
-                return PushSequence(
-                    tuple(self._steps(rows)), cost + end, self._after(rows[-1][0], rows[-1][2])
-                )
+                return PushSequence(tuple(self._steps(rows)), cost + end, self._after(rows[-1][0], rows[-1][2]))
         return None
 
     def shorten_transits(self, best: PushSequence) -> PushSequence:
@@ -246,9 +237,7 @@ class Graph:
     def _first_steps(self, below: float) -> Iterator[Step]:
         """Yield a step of no length for each contact to which the robot has a way, and which may cost less."""
         within = self._question.within
-        least = (
-            float(self._on[0]) - self._weighed(self._pushes.approach) - within[0] - TURN_WEIGHT * within[1]
-        )
+        least = float(self._on[0]) - self._weighed(self._pushes.approach) - within[0] - TURN_WEIGHT * within[1]
         for k in np.flatnonzero(self.begins & self.leaves):
             if self._first[k] + least >= below:
                 continue
@@ -261,14 +250,8 @@ class Graph:
 
     def _cost(self, steps: tuple[Step, ...]) -> float:
         """What pushes cost in all, m."""
-        ways = sum(
-            float(step.transit[:, 3].sum()) + self._pushes.approach + self._pushes.retreat for step in steps
-        )
-        return (
-            sum(step.cost for step in steps)
-            + self._weighed(ways)
-            + (len(steps) - 1) * self._pushes.switch_cost
-        )
+        ways = sum(float(step.transit[:, 3].sum()) + self._pushes.approach + self._pushes.retreat for step in steps)
+        return sum(step.cost for step in steps) + self._weighed(ways) + (len(steps) - 1) * self._pushes.switch_cost
 
     def _all_known(self, rows: list[tuple[int, int, int]]) -> bool:
         """Look at what is assumed of a sequence, pushes, then changes, then the first way, until one costs more."""
@@ -393,12 +376,8 @@ class Graph:
             if u in place and v in place
         }
         self._known_transits = {
-            (place[v], left, taken): arcs
-            for (v, left, taken), arcs in self._known_transits.items()
-            if v in place
+            (place[v], left, taken): arcs for (v, left, taken), arcs in self._known_transits.items() if v in place
         }
         self._postponed = [
-            ((place[v], left, taken), level, cost)
-            for (v, left, taken), level, cost in self._postponed
-            if v in place
+            ((place[v], left, taken), level, cost) for (v, left, taken), level, cost in self._postponed if v in place
         ]

@@ -307,8 +307,7 @@ class Floor:
         self._fixed = list(convex_pieces(polygons))
         self._walls = np.array(walls_of(scenario), dtype=np.float64)
         self._outlines = {
-            name: list(convex_pieces([body.chain.objects[0].outline]))
-            for name, body in scenario.bodies.items()
+            name: list(convex_pieces([body.chain.objects[0].outline])) for name, body in scenario.bodies.items()
         }
         self.box = sampling_box(alone)
         random = np.random.default_rng(self.seed)
@@ -316,9 +315,7 @@ class Floor:
         places = random.uniform(low, high, size=(VIAS, 2))
         self._vias = np.column_stack([places, random.uniform(-np.pi, np.pi, VIAS)])
         clearance = scenario.clearance
-        self._alone = scene_of(
-            self._carried, self._fixed, self._discs, self._walls, clearance + SLACK, clearance
-        )
+        self._alone = scene_of(self._carried, self._fixed, self._discs, self._walls, clearance + SLACK, clearance)
         self._scenes: dict[Standing, Scene] = {}
         self._bodied: dict[tuple[Standing, int], Scene] = {}
         self._hands: dict[int, Hand] = {}

@@ -96,9 +96,7 @@ class MultiPushSearch:
             room = PushRoom.of(self.scenario, self.modes, level)
             if not room.contacts:
                 heavy = "".join(
-                    f"; {mode.place.face}: {why}"
-                    for mode in self.modes
-                    if (why := too_heavy_ahead(mode.stable))
+                    f"; {mode.place.face}: {why}" for mode in self.modes if (why := too_heavy_ahead(mode.stable))
                 )
                 raise EmptyStableSetError(
                     "no contact can be used: the robot touches the load elsewhere when it drives up to a face, or no "

@@ -78,17 +78,13 @@ class NearGoals:
         for twist in twists:
             arc = se2.compose(begin, se2.exp(np.linspace(0.0, far, ALONG)[:, None] * twist))
             poses = se2.compose(se2.compose(arc, back), self._inner)
-            distance = (
-                np.hypot(*np.moveaxis(poses[:, None, :2] - self._goals[:, :2], -1, 0)) / self._within[0]
-            )
+            distance = np.hypot(*np.moveaxis(poses[:, None, :2] - self._goals[:, :2], -1, 0)) / self._within[0]
             k, goal = np.nonzero(distance <= 1.0)
             angle = np.abs(se2.wrap_angle(poses[k, 2] - self._goals[goal, 2])) / self._within[1]
             share = np.maximum(distance[k, goal], angle)
             if share.min(initial=np.inf) <= 1.0:
                 found.append((poses[k[share.argmin()]], int(goal[share.argmin()])))
-        return np.array([pose for pose, _ in found]).reshape(-1, 3), np.array(
-            [goal for _, goal in found], dtype=int
-        )
+        return np.array([pose for pose, _ in found]).reshape(-1, 3), np.array([goal for _, goal in found], dtype=int)
 
 
 def passing_distances(start: FloatArray, twists: FloatArray, points: FloatArray) -> FloatArray:

@@ -193,9 +193,7 @@ class Order:
         """
         plans: list[PartialPlan] = []
         begun = [
-            (one.cost + cost, k, piece)
-            for k, one in enumerate(kept)
-            for cost, piece in self._by_tours(one.here)
+            (one.cost + cost, k, piece) for k, one in enumerate(kept) for cost, piece in self._by_tours(one.here)
         ]
         for least, k, piece in sorted(begun):
             enough = below if len(plans) < width else min(below, plans[width - 1].whole)
@@ -206,9 +204,7 @@ class Order:
             if step is not None and one.cost + step.with_cost_to_go < below:
                 after = situation_after(self._pieces, step, one.here)
                 plans.append(
-                    PartialPlan(
-                        one.cost + step.with_cost_to_go, one.cost + step.cost, (*one.steps, step), after
-                    )
+                    PartialPlan(one.cost + step.with_cost_to_go, one.cost + step.cost, (*one.steps, step), after)
                 )
                 plans.sort(key=lambda one: one.whole)
         return plans
@@ -219,9 +215,7 @@ class Order:
         while not self._over():
             steps, here = [], now
             for one in best:
-                step = (
-                    self._delivery(here, one.piece) if one.delivers else self._put_somewhere(here, one.piece)
-                )
+                step = self._delivery(here, one.piece) if one.delivers else self._put_somewhere(here, one.piece)
                 if step is None:
                     break
                 steps.append(step)
@@ -301,9 +295,7 @@ class Order:
         effort: int = 0,
     ) -> Transfer | None:
         self.looked_at += 1
-        limits = Limits(
-            self._until, first=not effort, iterations=max(self._patience, effort), stop=self._cancelled
-        )
+        limits = Limits(self._until, first=not effort, iterations=max(self._patience, effort), stop=self._cancelled)
         return find_transfer(self._pieces, now, piece, limits, self._seed, goals, delivers, cost_to_go)
 
     def _is_open(self, now: Situation, piece: int) -> bool:
@@ -311,9 +303,7 @@ class Order:
         return self._waits(now, piece) or self._delivery(now, piece) is not None
 
     def _waits(self, now: Situation, piece: int) -> bool:
-        return all(
-            self._on_goal(now, piece, goal) & now.left for goal in range(len(self._pieces[piece].goals))
-        )
+        return all(self._on_goal(now, piece, goal) & now.left for goal in range(len(self._pieces[piece].goals)))
 
     def _on_goal(self, now: Situation, piece: int, goal: int) -> frozenset[int]:
         """Return the pieces that stand on a goal of another."""
@@ -363,9 +353,7 @@ class Order:
         tolerance = own.search.scenario.goal
         places = [p for p in (*_straight(own, pose), *self._scattered(pose)) if _is_free(own, p, taken)]
         nearest = sorted(places, key=lambda p: math.hypot(*(p - pose)[:2]))[:MOST_PLACES]
-        return tuple(
-            Goal(p, None, p, tolerance.position_tolerance, tolerance.angle_tolerance) for p in nearest
-        )
+        return tuple(Goal(p, None, p, tolerance.position_tolerance, tolerance.angle_tolerance) for p in nearest)
 
     def _taken(self, now: Situation, piece: int) -> BaseGeometry:
         """What other pieces cover, where they are and where those that are left shall go."""

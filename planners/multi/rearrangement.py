@@ -90,9 +90,7 @@ class RearrangementSearch:
         assert seed is not None
         assert limit is not None
         poses = np.array([scenario.bodies[piece.name].start for piece in self.pieces])
-        left = frozenset(
-            k for k, piece in enumerate(self.pieces) if piece.goals and not piece.is_at_goal(poses[k])
-        )
+        left = frozenset(k for k, piece in enumerate(self.pieces) if piece.goals and not piece.is_at_goal(poses[k]))
         if not left:
             raise PlanningError("every object is at a goal already: there is nothing to push")
         now, until = Situation(scenario.pushes.robot_start, poses, left), began + limit
@@ -166,9 +164,7 @@ class RearrangementSearch:
                 stop=settings.observer.cancelled,
             )
             goals, cost_to_go = (self._aim(one),), order.cost_to_go(now, one.piece) if one.delivers else None
-            again = find_transfer(
-                self.pieces, now, one.piece, limits, settings.seed, goals, one.delivers, cost_to_go
-            )
+            again = find_transfer(self.pieces, now, one.piece, limits, settings.seed, goals, one.delivers, cost_to_go)
             if again is None:
                 return None
             found.append(again)

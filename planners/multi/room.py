@@ -97,9 +97,7 @@ class PushRoom:
         for mode in modes:
             packed = packed_mode(mode, mode.margin(level), scenario)
             if packed is not None and reaches(load, packed):
-                contacts.append(
-                    Contact(mode, mode.margin(level), packed, _with_body(robot, mode.load.problem))
-                )
+                contacts.append(Contact(mode, mode.margin(level), packed, _with_body(robot, mode.load.problem)))
         packed_modes = [contact.packed for contact in contacts]
         ends = [(m.robot_at(NOWHERE, m.retreat), m.robot_at(NOWHERE, m.approach)) for m in packed_modes]
         shortest = [[shortest_drive(wheels, left[0], taken[1]) for taken in ends] for left in ends]

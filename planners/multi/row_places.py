@@ -67,11 +67,7 @@ def front_of_placed(scenario: Scenario, hands: Hands) -> tuple[FloatArray, str]:
     rears = [se2.compose(poses[last], way.entry) for (name, _), way in hands.ways.items() if name == last]
     off = [abs(float(se2.wrap_angle(rear[2] - heading))) for rear in rears]
     if not off or min(off) > ASKEW:
-        what = (
-            "no face there that may be pushed"
-            if not off
-            else f"it is turned by {math.degrees(min(off)):.1f} deg"
-        )
+        what = "no face there that may be pushed" if not off else f"it is turned by {math.degrees(min(off)):.1f} deg"
         raise PlanningError(f"nothing can be pushed flush onto '{last}', which stands in the row: {what}")
     return rears[int(np.argmin(off))], last
 

@@ -92,9 +92,7 @@ class Steps:
         starts: Where the objects are then; None for where the scenario has them.
     """
 
-    def __init__(
-        self, hands: Hands, floor: Floor, begin: Node | None = None, starts: Poses | None = None
-    ) -> None:
+    def __init__(self, hands: Hands, floor: Floor, begin: Node | None = None, starts: Poses | None = None) -> None:
         scenario = hands.scenario
         assert scenario.row is not None
         assert scenario.pushes is not None
@@ -380,9 +378,7 @@ class Steps:
         short = SHORT if onto else 0.0
         at = se2.compose(goal, [-short, 0.0, 0.0])
         standing = self._standing(now.left, now.delivered)
-        if onto and not self.floor.closes(
-            hand, at, short, self._standing(now.left, now.delivered, *now.delivered)
-        ):
+        if onto and not self.floor.closes(hand, at, short, self._standing(now.left, now.delivered, *now.delivered)):
             return None
         push = self._pushed(hand, now.plate, at, standing, by_way)
         if not math.isfinite(push.cost):
@@ -433,8 +429,6 @@ class Steps:
                 at = se2.compose(at, way.across)
         return found
 
-    def _pushed(
-        self, hand: Hand, start: FloatArray, goal: FloatArray, standing: Poses, by_way: bool
-    ) -> Pushed:
+    def _pushed(self, hand: Hand, start: FloatArray, goal: FloatArray, standing: Poses, by_way: bool) -> Pushed:
         way = self.floor.push_by_way_of if by_way else self.floor.push
         return way(hand, start, goal, standing)

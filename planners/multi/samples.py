@@ -18,9 +18,7 @@ from pushplan.util.arrays import BoolArray, FloatArray
 
 def crossings(start: FloatArray, goals: FloatArray, modes: list[PackedMode]) -> FloatArray:
     """Return poses (k, 3) where a straight push from the start, or from a tight turn there, meets one into a goal."""
-    directions = np.array(
-        [se2.rotate(mode.contact[2], mode.settling[:2]) for mode in modes]
-    )  # in the load's frame
+    directions = np.array([se2.rotate(mode.contact[2], mode.settling[:2]) for mode in modes])  # in the load's frame
     found = [straight_crossings(start, goals, directions)]
     for mode in modes:
         for goal in goals:

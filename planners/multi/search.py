@@ -130,9 +130,7 @@ def search(
             graph.forget(MOST_POSES // 2, below)
         graph.add(poses, below)
         batches += 1
-    return Found(
-        best, graph.bound, first, graph.looked_at, graph.arrives, graph.begins, graph.leaves, graph.ends
-    )
+    return Found(best, graph.bound, first, graph.looked_at, graph.arrives, graph.begins, graph.leaves, graph.ends)
 
 
 def _shortest_first(graph: Graph, poses: FloatArray) -> FloatArray:

@@ -119,9 +119,7 @@ class Ends:
         return cls(entries, exits[kept], least(free), waiting, brought)
 
 
-def _push_costs(
-    room: PushRoom, pose: FloatArray, goals: FloatArray, asked: BoolArray | None = None
-) -> FloatArray:
+def _push_costs(room: PushRoom, pose: FloatArray, goals: FloatArray, asked: BoolArray | None = None) -> FloatArray:
     """Return what single pushes by each contact from a pose to goals (g, 3) cost, with approach and retreat, m.
 
     Infinite where there is none, or where it is not `asked` (m, g) for.

@@ -184,9 +184,7 @@ def find_transfer(
     room = searching.room(0)
     within = _within(pieces, now, piece) if delivers else np.zeros(2)
     after = (
-        None
-        if cost_to_go is None
-        else cost_to_go(plates_after(room, free)).reshape(len(room.contacts), len(free))
+        None if cost_to_go is None else cost_to_go(plates_after(room, free)).reshape(len(room.contacts), len(free))
     )
     question = Question(backed_off(room, scenario), np.array(scenario.start), free, within, after)
     found = search(room, question, limits, seed)
@@ -196,9 +194,7 @@ def find_transfer(
 def plates_after(room: PushRoom, goals: FloatArray) -> FloatArray:
     """Return where the plate is after pushes by each contact to each of some goals (g, 3), (m g, 3)."""
     modes, plate = [contact.packed for contact in room.contacts], room.scenario.chain.pusher.plate_pose
-    return se2.compose(
-        np.array([mode.robot_at(goal, mode.retreat) for mode in modes for goal in goals]), plate
-    )
+    return se2.compose(np.array([mode.robot_at(goal, mode.retreat) for mode in modes for goal in goals]), plate)
 
 
 def _within(pieces: tuple[Piece, ...], now: Situation, piece: int) -> FloatArray:

@@ -88,9 +88,7 @@ def gaps_in(scene: Scene, least: float, most: float, facing: float) -> list[Gap]
     tree = shapely.STRtree(shapes)
     first, second = tree.query(shapes, "dwithin", most + 2.0 * radii.max(initial=0.0))
     first, second = first[first < second], second[first < second]
-    apart = (
-        shapely.distance(shapes[first], shapes[second]) > least
-    )  # neighbours in a wall, most pairs, are not
+    apart = shapely.distance(shapes[first], shapes[second]) > least  # neighbours in a wall, most pairs, are not
     first, second = first[apart], second[apart]
     lines = shapely.get_coordinates(shapely.shortest_line(shapes[first], shapes[second])).reshape(-1, 2, 2)
     across = lines[:, 1] - lines[:, 0]

@@ -173,9 +173,7 @@ def push_path(definition: Any) -> PushPath:
 def controlled_arcs(session: Session, path: Any) -> FloatArray:
     """Return the arcs (k, 4) that the controls of OMPL's path stand for."""
     if not isinstance(path, oc.PathControl):
-        raise PlanningError(
-            f"the planner left a {type(path).__name__}; allowed: a path with controls (PathControl)"
-        )
+        raise PlanningError(f"the planner left a {type(path).__name__}; allowed: a path with controls (PathControl)")
     units = path.getControlDurations()
     controls = [[u[0], u[1], u[2], unit] for u, unit in zip(path.getControls(), units, strict=True)]
     return arcs_at(session.problem, np.array(controls).reshape(-1, 4))

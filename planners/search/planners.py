@@ -142,9 +142,7 @@ class LatticeRounds:
         shift = np.array([side * random(session.random), side * random(session.random), 0.0, 0.0])
         room = min(FIRST_ROOM << level, MOST_ROOM)
         # Arcs of 1.5 sides are just long enough to leave a cell.
-        self._lattice.plant(
-            bool(back), np.array(self._box) - shift, side, 2.0 * math.pi / headings, 1.5 * side, room
-        )
+        self._lattice.plant(bool(back), np.array(self._box) - shift, side, 2.0 * math.pi / headings, 1.5 * side, room)
         return self._lattice
 
     def _with_distances(self) -> Lattice:

@@ -209,9 +209,7 @@ def _times(lengths: FloatArray, limits: ArcLimits) -> FloatArray:
 def _rise(speed: FloatArray, acceleration: FloatArray, jerk: FloatArray) -> FloatArray:
     """Return the time from rest to a speed, s."""
     safe = np.maximum(acceleration, 1e-300)
-    return np.asarray(
-        np.where(speed * jerk >= safe**2, speed / safe + safe / jerk, 2.0 * np.sqrt(speed / jerk))
-    )
+    return np.asarray(np.where(speed * jerk >= safe**2, speed / safe + safe / jerk, 2.0 * np.sqrt(speed / jerk)))
 
 
 def _bearable(left: FloatArray, cost: FloatArray) -> FloatArray:

@@ -102,9 +102,7 @@ def inset_path(path: PushPath, stable: StableSet, minimum: float, bounds: Bounds
         if row is not None
     ]
     rows = np.array([row for row, _ in made]).reshape(-1, 4)
-    return Inset(
-        PushPath(path.start, rows[:, :3], rows[:, 3]), np.array([i for _, i in made], dtype=np.int64)
-    )
+    return Inset(PushPath(path.start, rows[:, :3], rows[:, 3]), np.array([i for _, i in made], dtype=np.int64))
 
 
 def _most_stable(path: PushPath, stable: StableSet) -> FloatArray:
@@ -271,9 +269,7 @@ class BlendSearch:
     def _stop(self, corners: frozenset[int]) -> None:
         """Stop at more corners, and see anew what is touched then."""
         self.stops |= corners
-        self.parts = [
-            piece for part in self.parts for piece in split_part(self.path, part, self.stops, self.bounds)
-        ]
+        self.parts = [piece for part in self.parts for piece in split_part(self.path, part, self.stops, self.bounds)]
         self.nudging = Nudging(no_rows(len(self.path.lengths)))
 
 

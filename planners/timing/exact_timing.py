@@ -235,9 +235,7 @@ def runs(path: PushPath) -> list[IntArray]:
     return np.split(kept, np.flatnonzero(change) + 1) if len(kept) else []
 
 
-def time_run(
-    twist: FloatArray, lengths: FloatArray, limits: ArcLimits
-) -> tuple[FloatArray, FloatArray, IntArray]:
+def time_run(twist: FloatArray, lengths: FloatArray, limits: ArcLimits) -> tuple[FloatArray, FloatArray, IntArray]:
     """Drive arcs (a,) of the same twist (3,) from rest to rest within the limits of their parameter.
 
     Returns:

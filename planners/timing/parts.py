@@ -282,9 +282,7 @@ def fit_lengths(
             break
         lengths = lengths + _change(effects, error, rows.matrix, missing, lengths)
     if least > ENOUGH:
-        raise NoFitError(
-            f"no arc lengths found that end on the goal: the best miss a condition by {least:.2g}"
-        )
+        raise NoFitError(f"no arc lengths found that end on the goal: the best miss a condition by {least:.2g}")
     return best
 
 
@@ -336,9 +334,7 @@ def least_change(
     if not free.shape[1]:
         return None
     square, none = np.eye(free.shape[1]), np.zeros(free.shape[1])
-    z, _, flag, _ = daqp.solve(
-        square, none, np.ascontiguousarray(g), np.full(len(h), np.inf), h, primal_tol=MISSED
-    )
+    z, _, flag, _ = daqp.solve(square, none, np.ascontiguousarray(g), np.full(len(h), np.inf), h, primal_tol=MISSED)
     return np.asarray(particular + free @ z) if flag > 0 else None
 
 

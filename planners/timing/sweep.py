@@ -160,9 +160,7 @@ RESTING = 1e-9
 """Twist components below this (m/s, rad/s) are rest."""
 
 
-def unstable_times(
-    scenario: Scenario, stable: StableSet, trajectory: Trajectory, bounds: Bounds
-) -> FloatArray:
+def unstable_times(scenario: Scenario, stable: StableSet, trajectory: Trajectory, bounds: Bounds) -> FloatArray:
     """Return when (k,) the trajectory does not keep more than the scenario's margins, worst first, s.
 
     It is looked at its samples, its breaks and half-way between them; where the pusher rests, nothing is asked. On

@@ -49,9 +49,7 @@ def package_version() -> str:
 def _description() -> str:
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
     processors = len(os.sched_getaffinity(0))
-    return (
-        f"{_processor()}, {processors} processors, {memory:.0f} GB, {platform.system()} {platform.release()}"
-    )
+    return f"{_processor()}, {processors} processors, {memory:.0f} GB, {platform.system()} {platform.release()}"
 
 
 def _processor() -> str:

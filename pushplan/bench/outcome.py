@@ -155,9 +155,7 @@ def validated(key: str, scenario: Scenario, done: Run, watch: Stopwatch) -> Outc
     arcs = [
         (*twist, length)
         for push in plan.pushes
-        for twist, length in zip(
-            push.contact_path.twists.tolist(), push.contact_path.lengths.tolist(), strict=True
-        )
+        for twist, length in zip(push.contact_path.twists.tolist(), push.contact_path.lengths.tolist(), strict=True)
     ]
     values: dict[str, Value] = {
         "correct_solution": int(valid) if found else None,

@@ -106,8 +106,7 @@ def enlarged(parameters: ProblemParameters, radius: float) -> ProblemParameters:
     """Return parameters with workspace and obstacles as much larger as a chain's turns are wider than asked for."""
     factor = max(1.0, radius / parameters.turning_radius)
     scaled = {
-        name: tuple(factor * end for end in getattr(parameters, name))
-        for name in ("workspace", "obstacle_size")
+        name: tuple(factor * end for end in getattr(parameters, name)) for name in ("workspace", "obstacle_size")
     }
     return parameters.model_copy(update=scaled)
 
@@ -168,9 +167,7 @@ def tightest_turn(chain: Chain, radius: float) -> float:
     return np.inf
 
 
-def _chain_sections(
-    rng: np.random.Generator, parameters: ProblemParameters, count: int, drive: Sections
-) -> Sections:
+def _chain_sections(rng: np.random.Generator, parameters: ProblemParameters, count: int, drive: Sections) -> Sections:
     shapes = [_object_shape(rng, parameters) for _ in range(count)]
     plate = _round((shapes[0].rear[1] - shapes[0].rear[0]) * rng.uniform(0.9, 1.4))
     fronts = [(-0.5 * plate, 0.5 * plate), *(shape.front for shape in shapes)]
@@ -357,9 +354,7 @@ def _clutter(
     return placed
 
 
-def _obstacle(
-    rng: np.random.Generator, side: float, parameters: ProblemParameters
-) -> tuple[Sections, BaseGeometry]:
+def _obstacle(rng: np.random.Generator, side: float, parameters: ProblemParameters) -> tuple[Sections, BaseGeometry]:
     kind = str(rng.choice(parameters.obstacle_shapes))
     center = np.round(rng.uniform(0.0, side, 2), 4)
     length, width = (_round(size) for size in rng.uniform(*parameters.obstacle_size, 2))

@@ -128,9 +128,7 @@ def write_latex(results: Results, path: Path) -> None:
         by_planner(results).latex(f"Benchmark {name} by planner {how}", "planners"),
         by_problem(results).latex(f"Benchmark {name} by problem {how}", "problems"),
     ]
-    tables += (
-        [] if compared is None else [compared.latex(f"Benchmark {name}: comparisons {how}", "comparisons")]
-    )
+    tables += [] if compared is None else [compared.latex(f"Benchmark {name}: comparisons {how}", "comparisons")]
     write_whole(path, "\n".join(tables).encode())
 
 
@@ -187,9 +185,7 @@ def by_planner(results: Results) -> Table:
         share = "{} [{}, {}]".format(*shares) if len(runs) else NOTHING
         found = valid + int((runs.outcome == INVALID).sum())
         middles = (middle(planner, *what[1:]) for what in medians)
-        rows.append(
-            [planner, str(found), str(valid), str(len(runs)), share, *middles, *_arriving(results, runs)]
-        )
+        rows.append([planner, str(found), str(valid), str(len(runs)), share, *middles, *_arriving(results, runs)])
     note = (
         "solved: the planner claims a path; valid: the executed path also stands up to the checks of collision, "
         "margin and goal. Times and costs: medians over the runs of all problems together (of an even number, the "
@@ -227,8 +223,7 @@ def outcomes(results: Results) -> Table:
         index=results.planners, columns=kinds, fill_value=0
     )
     rows = [
-        [str(name), *(str(count) for count in row)]
-        for name, row in zip(counts.index, counts.to_numpy(), strict=True)
+        [str(name), *(str(count) for count in row)] for name, row in zip(counts.index, counts.to_numpy(), strict=True)
     ]
     return Table(["planner", *kinds], rows, _invalid(results))
 
@@ -303,9 +298,7 @@ def comparisons(results: Results) -> Table | None:
         "for the number of tests in this table (Holm); where p < 0.05 the better one is named."
     )
     head = ("in", "first", "second", "pairs", "second against first", "p", "better")
-    better = [
-        (one.second if one.second_is_better else one.first) if one.significant else NOTHING for one in found
-    ]
+    better = [(one.second if one.second_is_better else one.first) if one.significant else NOTHING for one in found]
     rows = [
         [one.respect, one.first, one.second, str(one.pairs), effect_text(one), _p_text(one.p), name]
         for one, name in zip(found, better, strict=True)

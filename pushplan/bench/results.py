@@ -80,9 +80,7 @@ def read_results(path: Path) -> Results:
                 raise StoreError(f"{path}: there are no results")
             if suite.format[0] != FORMAT:
                 raise StoreError(f"{path} has format {suite.format[0]}; this version reads format {FORMAT}")
-            own = pd.read_sql(
-                "SELECT * FROM pushplan_runs WHERE number IS NOT NULL ORDER BY number", database
-            )
+            own = pd.read_sql("SELECT * FROM pushplan_runs WHERE number IS NOT NULL ORDER BY number", database)
             measured = pd.read_sql(
                 "SELECT r.id AS runid, p.settings, r.* FROM runs r JOIN plannerConfigs p ON p.id = r.plannerid",
                 database,

@@ -103,9 +103,7 @@ class ProblemParameters(t.Strict):
     mass: Range[Annotated[float, _number(1e-3, 1e3, "kg")]] = Field(
         default=(0.3, 3.0), description=f"{_NUMBERS}, masses in kg"
     )
-    supports: Choice[Literal["uniform", "feet"]] = Field(
-        default=("uniform",), description="a list of uniform, feet"
-    )
+    supports: Choice[Literal["uniform", "feet"]] = Field(default=("uniform",), description="a list of uniform, feet")
     floor_friction: Range[Annotated[float, friction(1e-3)]] = Field(default=(0.2, 0.5), description=_NUMBERS)
     contact_friction: Range[Annotated[float, friction(0.0)]] = Field(default=(0.2, 0.5), description=_NUMBERS)
     pusher_friction: Range[Annotated[float, friction(0.0)]] = Field(default=(0.3, 0.7), description=_NUMBERS)
@@ -150,9 +148,7 @@ class StatedProblem(t.Strict):
     scenario: Annotated[str, Field(strict=True, min_length=1)] | None = Field(
         default=None, description="a packaged scenario, or a file relative to the suite's folder"
     )
-    generate: ProblemParameters | None = Field(
-        default=None, description="{objects: ..., obstacles: ..., ...}"
-    )
+    generate: ProblemParameters | None = Field(default=None, description="{objects: ..., obstacles: ..., ...}")
     name: t.Name | None = Field(default=None, description="what reports call it")
     count: Count | None = Field(default=None, description="a whole number of random problems")
     seed: t.Seed | None = Field(default=None, description="seed of the first random problem")
@@ -205,9 +201,7 @@ class Planner(t.Strict):
     cost: Literal[names.COSTS] | None = Field(  # type: ignore[valid-type]
         default=None, description=f"one of {', '.join(names.COSTS)}; without it the scenario's own"
     )
-    gap: t.Gap | None = Field(
-        default=None, description="a share from 0 to 100; without it the scenario's own"
-    )
+    gap: t.Gap | None = Field(default=None, description="a share from 0 to 100; without it the scenario's own")
 
 
 class LimitSection(t.Strict):
@@ -234,9 +228,7 @@ class SuiteFile(t.Strict):
             ...,
         ],
         t.Several(1, MOST_PROBLEMS),
-    ] = Field(
-        description="a list of scenarios (packaged or files) and of {name: ..., generate: {...}, count: ...}"
-    )
+    ] = Field(description="a list of scenarios (packaged or files) and of {name: ..., generate: {...}, count: ...}")
     planners: Annotated[
         tuple[
             Annotated[
@@ -257,17 +249,13 @@ class SuiteFile(t.Strict):
     ) = Field(default=None, description=f"a list of {_SETS.words}; without it each scenario's own")
     seeds: Annotated[
         Annotated[Count, Tag("<word>")]
-        | Annotated[
-            tuple[t.Seed, ...], t.Several(1, MOST_SEEDS), AfterValidator(_different), Tag("<mapping>")
-        ],
+        | Annotated[tuple[t.Seed, ...], t.Several(1, MOST_SEEDS), AfterValidator(_different), Tag("<mapping>")],
         Discriminator(_form),
     ] = Field(default=10, description="a number of seeds, or a list of them")
     trials: Trials | None = Field(
         default=None, description="a whole number of Monte Carlo samples that every plan is tried in"
     )
-    limits: LimitSection = Field(
-        default_factory=LimitSection, description="{time: ..., memory: ..., run: ...}"
-    )
+    limits: LimitSection = Field(default_factory=LimitSection, description="{time: ..., memory: ..., run: ...}")
 
 
 def suite_schema() -> dict[str, Any]:

@@ -122,9 +122,7 @@ class Store:
         with self._transaction():
             for statement in (TABLES + VIEWS).split(";"):
                 run(statement)
-            self._database.executemany(
-                "INSERT OR IGNORE INTO enums VALUES ('status', ?, ?)", enumerate(STATUSES)
-            )
+            self._database.executemany("INSERT OR IGNORE INTO enums VALUES ('status', ?, ?)", enumerate(STATUSES))
         known = [[row[1] for row in run(f"PRAGMA table_info({name})")] for name in ("runs", "pushplan_runs")]
         if known[0][3:] != list(ATTRIBUTES) or "number" not in known[1]:
             raise StoreError(
@@ -316,9 +314,7 @@ def _parameters(problems: Sequence[Problem]) -> list[tuple[object, ...]]:
         for values, value in zip(families.setdefault(problem.family, [set() for _ in row]), row, strict=True):
             values.add(value)
     return [
-        tuple(
-            value if len(values) > 1 else None for value, values in zip(row, families[p.family], strict=True)
-        )
+        tuple(value if len(values) > 1 else None for value, values in zip(row, families[p.family], strict=True))
         for p, row in zip(problems, rows, strict=True)
     ]
 

@@ -115,9 +115,7 @@ class RunSpec:
     @property
     def fields(self) -> dict[str, str]:
         """What filters look at, and people read."""
-        return dict(
-            zip(FIELDS, (self.problem.name, self.label, self.stable_set, str(self.seed)), strict=True)
-        )
+        return dict(zip(FIELDS, (self.problem.name, self.label, self.stable_set, str(self.seed)), strict=True))
 
     def __str__(self) -> str:
         return " ".join(f"{name}={value}" for name, value in self.fields.items())
@@ -163,9 +161,7 @@ class Suite:
             for name in self.sets or (problem.stable_set,):
                 parts = [problem.hash, {**planner_settings(planner), **tried}, name, seed, version]
                 key = hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:KEY_LENGTH]
-                yield RunSpec(
-                    key, problem, planner, name, seed, seconds, self.limits.memory, version, self.trials
-                )
+                yield RunSpec(key, problem, planner, name, seed, seconds, self.limits.memory, version, self.trials)
 
     @property
     def code(self) -> tuple[str, ...]:
@@ -189,9 +185,7 @@ def select(runs: Sequence[RunSpec], filters: Sequence[str]) -> list[RunSpec]:
     for text in filters:
         field, sign, pattern = text.partition("=")
         if not sign or field not in FIELDS:
-            raise SelectionError(
-                f"'{text}' is no filter; allowed: FIELD=PATTERN, FIELD one of {', '.join(FIELDS)}"
-            )
+            raise SelectionError(f"'{text}' is no filter; allowed: FIELD=PATTERN, FIELD one of {', '.join(FIELDS)}")
         kept = [run for run in kept if fnmatchcase(run.fields[field], pattern)]
     if not kept:
         known = {field: sorted({run.fields[field] for run in runs})[:20] for field in FIELDS}
@@ -245,10 +239,7 @@ def load_suite(source: str | Path) -> Suite:
         text = f"cannot read the file: {reason}"
         if isinstance(error, FileNotFoundError) and path.name == str(source):
             known = list(suite_names())
-            text += (
-                f"; no packaged suite is called so either{nearest(path.name, known)} "
-                f"there are {', '.join(known)}"
-            )
+            text += f"; no packaged suite is called so either{nearest(path.name, known)} there are {', '.join(known)}"
         raise SuiteError(str(source), [Finding("", text)]) from error
     return suite_from_text(data, path)
 

@@ -32,9 +32,7 @@ def validation_error(plan: Plan, execution: Execution) -> str:
     """
     scenario = plan.scenario
     stated = scenario.stability.margin
-    required = max(
-        plan.margin or 0.0, 0.0 if stated == AUTO else stated
-    )  # a plan may not lower what is stated
+    required = max(plan.margin or 0.0, 0.0 if stated == AUTO else stated)  # a plan may not lower what is stated
     if execution.min_margin is not None and execution.min_margin <= required:
         return f"the smallest margin is {execution.min_margin:.3g}; it must be above {required:g}"
     if scenario.pusher.limits.contact == "dynamic":
@@ -107,8 +105,6 @@ def _distance(obstacles: shapely.STRtree, bodies: object) -> float:
     _, some = obstacles.query_nearest(bodies[::COARSE], return_distance=True, all_matches=False)
     smallest = float(some.min())
     if smallest > 0.0:  # with a bound, the search passes over most of the other poses quickly
-        _, rest = obstacles.query_nearest(
-            bodies, max_distance=smallest, return_distance=True, all_matches=False
-        )
+        _, rest = obstacles.query_nearest(bodies, max_distance=smallest, return_distance=True, all_matches=False)
         smallest = float(min(rest.min(initial=smallest), smallest))
     return smallest

@@ -165,14 +165,10 @@ def _bench(
                 from pushplan.bench.executor import cluster_engine, local_engine
 
                 engine = stack.enter_context(
-                    local_engine(jobs or 1, folder.scratch)
-                    if scheduler is None
-                    else cluster_engine(scheduler)
+                    local_engine(jobs or 1, folder.scratch) if scheduler is None else cluster_engine(scheduler)
                 )
             with console.working(suite.name) as progress:
-                tally = run_suite(
-                    suite, folder, engine, selection, lambda now: progress.tell(progress_text(now))
-                )
+                tally = run_suite(suite, folder, engine, selection, lambda now: progress.tell(progress_text(now)))
         except KeyboardInterrupt:
             if folder.database.exists():
                 console.note(f"stopped; go on with: {resumption}")

@@ -241,11 +241,7 @@ def _range_text(value: float | list[float], form: str) -> str:
 def workspace_text(scenario: Scenario) -> str:
     """Return the room in words."""
     area = scenario.workspace
-    space = (
-        "unlimited"
-        if area is None
-        else f"x {area.xmin:g} to {area.xmax:g} m, y {area.ymin:g} to {area.ymax:g} m"
-    )
+    space = "unlimited" if area is None else f"x {area.xmin:g} to {area.xmax:g} m, y {area.ymin:g} to {area.ymax:g} m"
     return f"{space}, {counted(len(scenario.obstacles), 'obstacle')}"
 
 
@@ -326,20 +322,12 @@ def _place_text(scenario: Scenario, pose: FloatArray) -> str:
     free = room(scenario, pose)
     x, y, theta = plain(pose[0]), plain(pose[1]), plain(degrees(pose[2]))
     text = f"chain frame at ({x:.4g}, {y:.4g}) m, {theta:.4g} deg"
-    return (
-        f"{text}; nothing in the way"
-        if not isfinite(free)
-        else f"{text}; {free:.3f} m from the nearest thing"
-    )
+    return f"{text}; nothing in the way" if not isfinite(free) else f"{text}; {free:.3f} m from the nearest thing"
 
 
 def _row_text(row: Row) -> str:
     """Return what a row is made of and where it shall be."""
-    where = (
-        "anywhere"
-        if row.wall is None
-        else f"at {'any wall' if row.wall == 'any' else f'the wall {row.wall}'}"
-    )
+    where = "anywhere" if row.wall is None else f"at {'any wall' if row.wall == 'any' else f'the wall {row.wall}'}"
     if row.pose is not None:
         x, y, theta = plain(row.pose[0]), plain(row.pose[1]), plain(degrees(row.pose[2]))
         where = f"its rear at ({x:.4g}, {y:.4g}) m, {theta:.4g} deg"

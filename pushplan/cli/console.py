@@ -113,9 +113,7 @@ class Console:
         """Write a line of the result, for people: texts, or texts with a style such as `bold` or `red`."""
         text = Text()
         for part in parts:
-            text.append(
-                *((printable(part, "\n\t"),) if isinstance(part, str) else (printable(part[0]), part[1]))
-            )
+            text.append(*((printable(part, "\n\t"),) if isinstance(part, str) else (printable(part[0]), part[1])))
         self._print(text)
 
     def note(self, text: str) -> None:

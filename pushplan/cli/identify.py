@@ -78,9 +78,7 @@ def _rows(found: Identification) -> list[tuple[str, str]]:
     ratios = "only ratios: all floor frictions could be larger alike, the objects would go the same ways"
     floor = [] if found.unknowns.absolute else [("floor friction", ratios)]
     rough = (
-        [("intervals", "rough: contacts change what they do too often for the search")]
-        if found.worth < ROUGH
-        else []
+        [("intervals", "rough: contacts change what they do too often for the search")] if found.worth < ROUGH else []
     )
     return [*told, ("measured poses off by", noise), *floor, *rough]
 
@@ -125,11 +123,7 @@ def _write(found: Identification, logs: list[str], into: Scenario | None, path: 
 
 def _heading(found: Identification, logs: list[str]) -> str:
     missing = [one.unknown.name for one in found.estimates if not one.determined]
-    ratios = (
-        ""
-        if found.unknowns.absolute
-        else "; floor frictions are ratios to the stated one of the first object"
-    )
+    ratios = "" if found.unknowns.absolute else "; floor frictions are ratios to the stated one of the first object"
     lines = [
         f"learned by pushplan identify from {', '.join(logs)}",
         f"90 % intervals{ratios}",

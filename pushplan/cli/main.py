@@ -129,9 +129,7 @@ def main(argv: Sequence[str]) -> int:
     json, verbose = "--json" in argv, "--verbose" in argv
     try:
         if "" in argv:  # of a variable of the shell that is not set: as a path it would be the present folder
-            raise click.UsageError(
-                "there is an empty word, which names nothing; is a variable of the shell not set?"
-            )
+            raise click.UsageError("there is an empty word, which names nothing; is a variable of the shell not set?")
         if not argv and "_PUSHPLAN_COMPLETE" not in os.environ:
             click.echo(pushplan.get_help(click.Context(pushplan, info_name="pushplan")), err=True)
             return WRONG_INPUT

@@ -32,9 +32,7 @@ def new(console: Console, name: str, drive: str, map_file: Path | None) -> int:
 
     path = write_new_scenario(name, drive=drive, map_file=map_file)
     console.say(f"wrote {path}; next:")
-    console.table(
-        [("see it", f"pushplan check {path} --plot {path.stem}.png"), ("plan it", f"pushplan plan {path}")]
-    )
+    console.table([("see it", f"pushplan check {path} --plot {path.stem}.png"), ("plan it", f"pushplan plan {path}")])
     console.emit({"name": path.stem, "file": path})
     return 0
 

@@ -160,9 +160,7 @@ class OpenName(click.ParamType[Any]):
             self.fail(f"{value!r} is not known{nearest(value, known)}; allowed: {known.words}", param, ctx)
         return value
 
-    def shell_complete(
-        self, ctx: click.Context, param: click.Parameter, incomplete: str
-    ) -> list[CompletionItem]:
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Return the names that are built in."""
         return [CompletionItem(name) for name in self._known() if name.startswith(incomplete)]
 
@@ -172,9 +170,7 @@ class Scenario(click.ParamType[Any]):
 
     name = "SCENARIO"
 
-    def shell_complete(
-        self, ctx: click.Context, param: click.Parameter, incomplete: str
-    ) -> list[CompletionItem]:
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Return the examples, and have the shell look for files."""
         from pushplan.scenario.file import example_names
 
@@ -271,9 +267,7 @@ def command(function: Callable[..., int]) -> click.Command:
         click.Option(["--json"], is_flag=True, help="Print one JSON object on stdout."),
         click.Option(["--verbose"], is_flag=True, help="Show the traceback of an unexpected failure."),
     ]
-    return click.Command(
-        function.__name__.replace("_", "-"), callback=called, params=params, help=function.__doc__
-    )
+    return click.Command(function.__name__.replace("_", "-"), callback=called, params=params, help=function.__doc__)
 
 
 def file_option(*names: str, help: str) -> Callable[[Any], Any]:
@@ -353,9 +347,7 @@ def log_options(help: str) -> Callable[[Callable[..., int]], Callable[..., int]]
         update_wrapper(called, function)
         for option in (
             runs_option,
-            click.option(
-                "--no-log", is_flag=True, help="Write no log; else one is recorded without -o, too."
-            ),
+            click.option("--no-log", is_flag=True, help="Write no log; else one is recorded without -o, too."),
             click.option("--no-page", is_flag=True, help="Write no page beside the log."),
             file_option("-o", "--output", help=help),
         ):
@@ -418,9 +410,7 @@ def check_outputs(
     if log is not None:
         with contextlib.suppress(OSError):
             if log.is_file() and log.stat().st_size and log.open("rb").read(len(LOG_MAGIC)) != LOG_MAGIC:
-                raise OutputError(
-                    str(log), "this file exists and is no run log; name another one or remove it"
-                )
+                raise OutputError(str(log), "this file exists and is no run log; name another one or remove it")
     taken = {Path(source).resolve() for source in sources}
     for path in (picture, log, *others):
         if path is None:

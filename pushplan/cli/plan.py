@@ -33,9 +33,7 @@ if TYPE_CHECKING:
 @click.option("--time-limit", type=p.SECONDS, metavar="S", help="Seconds of planning, at most.")
 @click.option("--iterations", type=p.COUNT, metavar="N", help="Iterations of planning, at most.")
 @click.option("--first", is_flag=True, help="Stop at the first path instead of shortening it.")
-@click.option(
-    "--gap", type=p.SHARE, metavar="G", help="Stop at a path that costs at most this share above a bound."
-)
+@click.option("--gap", type=p.SHARE, metavar="G", help="Stop at a path that costs at most this share above a bound.")
 @click.option("--cost", type=click.Choice(COSTS), metavar="NAME", help=f"Rank paths by {', '.join(COSTS)}.")
 @click.option("--margin", type=p.MARGIN, metavar="X", help="Margin that contacts keep: a number, or auto.")
 @click.option("--seed", type=p.SEED, metavar="N", help="Seed of the random numbers.")
@@ -155,9 +153,7 @@ def _run(
     return done, None
 
 
-def draw(
-    done: Run | RecordedRun, plan: Plan, path: Path, panels: tuple[str, ...] | None, console: Console
-) -> None:
+def draw(done: Run | RecordedRun, plan: Plan, path: Path, panels: tuple[str, ...] | None, console: Console) -> None:
     """Draw a run with its plan, or some panels of the picture, into a file."""
     with console.working(f"drawing {path}"):
         from pushplan.drawing.plans import plot_plan

@@ -90,18 +90,12 @@ def _cost_text(document: Mapping[str, Any]) -> str:
 def _margin_text(document: Mapping[str, Any], remarks: Mapping[str, str]) -> str:
     text = f"{document['min_margin']:.2g}{remarks.get('min_margin', '')}"
     dynamic = document["min_dynamic_margin"]
-    return (
-        text
-        if dynamic is None
-        else f"{text}; with inertia {dynamic:.2g}{remarks.get('min_dynamic_margin', '')}"
-    )
+    return text if dynamic is None else f"{text}; with inertia {dynamic:.2g}{remarks.get('min_dynamic_margin', '')}"
 
 
 def segment_rows(segments: Sequence[Mapping[str, Any]]) -> Rows:
     """Return a line for each segment: when, how far, and from where to where what moves."""
-    return [
-        (f"{k}. {segment['kind']}", _segment_text(segment)) for k, segment in enumerate(segments, start=1)
-    ]
+    return [(f"{k}. {segment['kind']}", _segment_text(segment)) for k, segment in enumerate(segments, start=1)]
 
 
 def _segment_text(segment: Mapping[str, Any]) -> str:
@@ -111,11 +105,7 @@ def _segment_text(segment: Mapping[str, Any]) -> str:
         names = [link["object"] for link in segment["load"]]
         if len(names) > MOST_NAMES:
             names = [*names[: MOST_NAMES - 1], f"{len(names) - MOST_NAMES + 1} more"]
-        held = (
-            f"{' + '.join(names)} "
-            if len(segment["before"]) > len(segment["load"]) or segment["onto"]
-            else ""
-        )
+        held = f"{' + '.join(names)} " if len(segment["before"]) > len(segment["load"]) or segment["onto"] else ""
         text += f"  {held}onto {segment['onto']}" if segment["onto"] else f"  {held}{segment['face']} face"
     if segment["offset"]:
         text += f" {1e3 * segment['offset']:+.3g} mm"

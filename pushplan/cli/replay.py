@@ -67,9 +67,7 @@ def option_of(name: str) -> str:
 @p.plot_option
 @p.panels_option
 @_writer_options
-@click.option(
-    "--export", "exports", type=p.EXPORT, multiple=True, help="Write a FILE by an exporter of yours."
-)
+@click.option("--export", "exports", type=p.EXPORT, multiple=True, help="Write a FILE by an exporter of yours.")
 @click.option(
     "--rate",
     type=p.RATE,
@@ -102,9 +100,7 @@ def replay(
 ) -> int:
     """Show a log (@3: the third last recorded run; the last one by default), verify it, export it."""
     if recover != (recovered is not None):
-        raise p.UsageError(
-            "--recover needs two names, of the damaged log and of the new one; others take one"
-        )
+        raise p.UsageError("--recover needs two names, of the damaged log and of the new one; others take one")
     source = log_meant(log, runs)
     wanted = {name: path for name, path in files.items() if path is not None} | dict(exports)
     p.check_outputs([source], plot, *_outputs(wanted), log=recovered)
@@ -179,9 +175,7 @@ def _tell(run: RecordedRun, recovered: Path | None, console: Console) -> Documen
     if run.trials:
         arrived, of = sum(end.arrived for end in run.trials), len(run.trials)
         low, high = wilson(arrived, of)
-        rows.append(
-            ("trials", f"{arrived} of {of} samples arrive ({100 * low:.1f} to {100 * high:.1f} % at 95 %)")
-        )
+        rows.append(("trials", f"{arrived} of {of} samples arrive ({100 * low:.1f} to {100 * high:.1f} % at 95 %)"))
         about["trials"] = {"samples": of, "arrived": arrived}
     console.table([*rows, ("outcome", run.outcome), *(("lost", loss) for loss in run.losses)])
     if recovered is not None:

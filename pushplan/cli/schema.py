@@ -9,9 +9,7 @@ from pushplan.cli.console import Console
 
 
 @p.command
-@click.argument(
-    "kind", type=click.Choice(("scenario", "suite")), metavar="[scenario|suite]", default="scenario"
-)
+@click.argument("kind", type=click.Choice(("scenario", "suite")), metavar="[scenario|suite]", default="scenario")
 def schema(console: Console, kind: str) -> int:
     """Print the JSON Schema of scenario files (the default) or of benchmark suites, for editors."""
     from pushplan.bench.schema import suite_schema

@@ -31,9 +31,7 @@ def _sensor(found: dict[str, Any]) -> Sensor:
     return Sensor(**found)
 
 
-SENSOR = p.Named(
-    {"rate": {"Hz": 1.0}, "delay": _TIME, "position": units.LENGTH, "angle": units.ANGLE}, _sensor
-)
+SENSOR = p.Named({"rate": {"Hz": 1.0}, "delay": _TIME, "position": units.LENGTH, "angle": units.ANGLE}, _sensor)
 DISTURBANCE = p.Named(
     {"time": _TIME, "object": None, "x": units.LENGTH, "y": units.LENGTH, "turn": units.ANGLE},
     needed=("time", "object"),
@@ -148,9 +146,7 @@ def _disturbances(scenario: Scenario, words: tuple[dict[str, Any], ...]) -> list
     for one in words:
         for name in ("x", "y"):
             if abs(one.get(name, 0.0)) > MOST_DISPLACED:
-                told = (
-                    f"{name} is {one[name]:g} m: mm? a plain number is m; allowed: up to {MOST_DISPLACED:g} m"
-                )
+                told = f"{name} is {one[name]:g} m: mm? a plain number is m; allowed: up to {MOST_DISPLACED:g} m"
                 raise p.UsageError(f"--disturb: {told}")
     return [
         Disturbance(
@@ -210,9 +206,7 @@ def _simulated(
         )
 
 
-def _tell(
-    done: ClosedLoopRun, page: Path | None, incomplete: IncompleteLogError | None, console: Console
-) -> None:
+def _tell(done: ClosedLoopRun, page: Path | None, incomplete: IncompleteLogError | None, console: Console) -> None:
     position, angle = done.goal_errors
     console.say((done.scenario.name, "bold"), f": {done.outcome}{f': {done.reason}' if done.reason else ''}")
     of = "worst object"

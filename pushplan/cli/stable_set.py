@@ -53,9 +53,7 @@ class Described:
 )
 @p.plot_option
 @p.no_code_option
-def stable_set(
-    console: Console, scenario: str, sets: tuple[str, ...], plot: Path | None, no_code: bool
-) -> int:
+def stable_set(console: Console, scenario: str, sets: tuple[str, ...], plot: Path | None, no_code: bool) -> int:
     """Show which pusher twists keep every contact: translations, turns, tightest radii."""
     from pushplan.scenario.file import load_scenario
 

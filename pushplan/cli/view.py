@@ -18,9 +18,7 @@ from pushplan.cli.console import Console
 @click.option("--port", type=p.PORT, metavar="PORT", default=8080, show_default=True, help="Where to listen.")
 @click.option("--no-browser", is_flag=True, help="Say the address, open nothing.")
 @p.no_code_option
-def view(
-    console: Console, scenario: str, maps: tuple[Path, ...], port: int, no_browser: bool, no_code: bool
-) -> int:
+def view(console: Console, scenario: str, maps: tuple[Path, ...], port: int, no_browser: bool, no_code: bool) -> int:
     """Open a scenario in a browser: drag its poses, see the plan change at once."""
     from pushplan.scenario.file import load_scenario
 

@@ -86,9 +86,7 @@ class Scene:
     def with_body(self, body: Shapes, body_bound: FloatArray) -> Scene:
         """Return a scene in which something else moves."""
 
-    def with_obstacles(
-        self, obstacles: Shapes, circles: FloatArray, tree: FloatArray, walls: FloatArray
-    ) -> Scene:
+    def with_obstacles(self, obstacles: Shapes, circles: FloatArray, tree: FloatArray, walls: FloatArray) -> Scene:
         """Return a scene in which something else stands."""
 
 def obstacle_tree(boxes: FloatArray, polygons: int) -> tuple[FloatArray, IntArray]:

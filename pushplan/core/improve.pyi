@@ -16,9 +16,7 @@ def random_family(segments: FloatArray, state: RandomState) -> FloatArray:
     of which the drawn segment has none is left at zero.
     """
 
-def vary(
-    problem: Problem, start: FloatArray, arcs: FloatArray, state: RandomState, attempts: int = 1
-) -> FloatArray:
+def vary(problem: Problem, start: FloatArray, arcs: FloatArray, state: RandomState, attempts: int = 1) -> FloatArray:
     """Return a path (k, 4) after local changes: one arc changed and three closing it, each kept if it is cheaper.
 
     Args:
@@ -32,9 +30,7 @@ def vary(
         ValueError: On a path without arcs.
     """
 
-def shorten(
-    problem: Problem, start: FloatArray, arcs: FloatArray, state: RandomState, attempts: int
-) -> FloatArray:
+def shorten(problem: Problem, start: FloatArray, arcs: FloatArray, state: RandomState, attempts: int) -> FloatArray:
     """Return the shortened path (k, 4) of twists and lengths.
 
     Args:

@@ -52,9 +52,7 @@ class Steps:
     @property
     def longest(self) -> float: ...
 
-def spread(
-    scene: Scene, begin: FloatArray, steps: Steps, other: FloatArray, slots: int
-) -> tuple[int, IntArray]:
+def spread(scene: Scene, begin: FloatArray, steps: Steps, other: FloatArray, slots: int) -> tuple[int, IntArray]:
     """Find the cells that can be reached, step by step, until there are no more.
 
     Args:

@@ -140,9 +140,7 @@ def connect(
         ValueError: On more families.
     """
 
-def reach(
-    scene: Scene, families: FloatArray, starts: FloatArray, goals: FloatArray, clearance: float
-) -> FloatArray:
+def reach(scene: Scene, families: FloatArray, starts: FloatArray, goals: FloatArray, clearance: float) -> FloatArray:
     """Return the costs (n, m) of the cheapest free words from starts (n, 3) to goals (m, 3), inf where none is.
 
     Args:

@@ -64,9 +64,7 @@ def word_costs(
     the start costs at least `sofar` (n,) and what comes after the goal `left` (m,).
     """
 
-def find_push(
-    scene: Scene, mode: PackedMode, start: FloatArray, goal: FloatArray
-) -> tuple[float, FloatArray]:
+def find_push(scene: Scene, mode: PackedMode, start: FloatArray, goal: FloatArray) -> tuple[float, FloatArray]:
     """Find the cheapest free push between two poses of the load.
 
     Args:

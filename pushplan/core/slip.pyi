@@ -46,9 +46,7 @@ class World:
             ValueError: When sizes do not fit, or a piece, pair or foot is of nothing that is there.
         """
 
-    def with_loads(
-        self, friction_loads: FloatArray, foot_loads: FloatArray, contact_frictions: FloatArray
-    ) -> World:
+    def with_loads(self, friction_loads: FloatArray, foot_loads: FloatArray, contact_frictions: FloatArray) -> World:
         """Return the world with other frictions and loads, weights the same.
 
         Args:

@@ -8,9 +8,7 @@ FINEST: float
 MOST_OF_PHASE: int
 """Pieces of one phase of a step, at most."""
 
-def step_sum(
-    levels: FloatArray, centers: FloatArray, widths: FloatArray
-) -> tuple[FloatArray, FloatArray, IntArray]:
+def step_sum(levels: FloatArray, centers: FloatArray, widths: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
     """Return the twist that passes through `levels`, one smooth step after the other.
 
     V(t) = V_0 + sum_j (V_j+1 - V_j) b_j(t), where b_j is a step from 0 to 1: a jump at its centre, averaged over both

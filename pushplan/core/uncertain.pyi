@@ -86,9 +86,7 @@ def forces_of(packed: PackedLoads, twists: FloatArray) -> FloatArray:
     its centre alone.
     """
 
-def inertia_forces_of(
-    packed: PackedLoads, masses: FloatArray, known: FloatArray, pulls: FloatArray
-) -> FloatArray:
+def inertia_forces_of(packed: PackedLoads, masses: FloatArray, known: FloatArray, pulls: FloatArray) -> FloatArray:
     """Return likewise the forces (m, 3) that inertia asks for; see `inertia_rows_of`."""
 
 def inertia_rows_of(

@@ -267,9 +267,7 @@ def draw_path_name(axes: Axes, scene: Scene) -> None:
     reach = 12.0 * float(np.ptp(axes.get_xlim())) * axes.figure.dpi / 72.0 / axes.get_window_extent().width
     standing = shapely.union_all([shapely.Polygon(one.outline) for one in scene.obstacles])
     sides = [line.points[k] + side * 2.5 * reach * across for side in (+1.0, -1.0)]
-    spot = max(
-        sides, key=lambda at: shapely.distance(standing, shapely.Point(at)) if scene.obstacles else 0.0
-    )
+    spot = max(sides, key=lambda at: shapely.distance(standing, shapely.Point(at)) if scene.obstacles else 0.0)
     look: Any = {"fontsize": SMALL, "color": INK, "bbox": HALO, "zorder": _z(Layer.MARK)}
     line_to: Any = {"arrowstyle": "-", "color": FAINT, "linewidth": 0.6}
     place, beside = ((float(x), float(y)) for x, y in (line.points[k], spot))
@@ -351,9 +349,7 @@ def _path_keys(scene: Scene) -> Iterator[Artist]:
             yield MarginScale()
         if not is_single(scene):
             yield Line2D([], [], color=ALONE, linewidth=0.9, linestyle=_DASHES, label="robot alone")
-            yield Line2D(
-                [], [], linestyle="none", marker="$1$", color=INK, markersize=5.0, label="after push 1"
-            )
+            yield Line2D([], [], linestyle="none", marker="$1$", color=INK, markersize=5.0, label="after push 1")
         return
     if scene.tree is not None:
         yield Line2D([], [], color=palette.TREE, linewidth=0.8, label="search tree")

@@ -92,9 +92,7 @@ def contact_colours(count: int) -> list[str]:
 def object_colours(names: Sequence[str]) -> list[str]:
     """Return a colour for each object: that which its name says, else one of `OBJECTS`, neighbours different."""
     turn = iter(range(len(names)))
-    said = [
-        next((word for word in re.split(r"[^a-z]+", name.lower()) if word in NAMED), None) for name in names
-    ]
+    said = [next((word for word in re.split(r"[^a-z]+", name.lower()) if word in NAMED), None) for name in names]
     return [NAMED[word] if word else OBJECTS[next(turn) % len(OBJECTS)] for word in said]
 
 

@@ -260,17 +260,13 @@ def draw_margins(axes: Axes, scene: Scene, kept: float | None = None) -> None:
         draw_by_margin(axes, points, scene.margins[begin:end], under=FAINT, under_width=0.6, broken=True)
     top = float(scene.margins[known].max(initial=palette.MARGINS[-1][0]))
     low = float(scene.margins[known].min(initial=0.0))
-    axes.set(
-        xlim=(0.0, max(float(scene.t[-1]), 1e-3)), ylim=(min(0.0, 1.1 * low), 1.08 * top), xlabel="time [s]"
-    )
+    axes.set(xlim=(0.0, max(float(scene.t[-1]), 1e-3)), ylim=(min(0.0, 1.1 * low), 1.08 * top), xlabel="time [s]")
     margin_ticks(axes, kept)
     for mark in scene.marks:
         axes.axvline(mark.time, color=palette.EVENTS[mark.kind], linewidth=0.8, zorder=1.4)
     axes.axhline(0.0, color=palette.SLIPS, linewidth=0.8, zorder=1.5)
     least = float(scene.margins[known].min(initial=np.inf))
-    axes.set_title(
-        palette.margins_title(kept, least, bool(scene.marks)), loc="left", fontsize=9.0, linespacing=1.4
-    )
+    axes.set_title(palette.margins_title(kept, least, bool(scene.marks)), loc="left", fontsize=9.0, linespacing=1.4)
     axes.spines[["top", "right"]].set_visible(False)
 
 

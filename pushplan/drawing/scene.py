@@ -385,9 +385,7 @@ def _executed_poses(bodies: tuple[Body, ...], execution: Execution) -> FloatArra
     return np.stack([columns.get(body.name, execution.poses) for body in bodies], axis=1)
 
 
-def _planned(
-    bodies: tuple[Body, ...], segments: tuple[Segment, ...]
-) -> tuple[tuple[Line, ...], tuple[Rest, ...]]:
+def _planned(bodies: tuple[Body, ...], segments: tuple[Segment, ...]) -> tuple[tuple[Line, ...], tuple[Rest, ...]]:
     """Return the path of the plate, without margins, and where its pushes leave the objects."""
     lines: list[Line] = []
     rests: list[Rest] = []

@@ -49,9 +49,7 @@ _OVER = 36.0
 _LABEL: Any = {"fontsize": SMALL, "bbox": HALO, "zorder": 9.0}
 
 
-def plot_stable_sets(
-    chain: Chain, sets: Sequence[StableSet], path: str | Path, window: Window | None = None
-) -> None:
+def plot_stable_sets(chain: Chain, sets: Sequence[StableSet], path: str | Path, window: Window | None = None) -> None:
     """Draw the COR regions of stable sets over one another, with the chain and its friction cones.
 
     Args:
@@ -87,9 +85,7 @@ def draw_set(axes: Axes, chain: Chain, stable: StableSet) -> None:
         inside = _beyond(stable.cor_region(sense, window), chain, sense, window)
         if not inside.is_empty:
             at = inside.representative_point()
-            axes.text(
-                at.x, at.y, name.replace(" ", "\n"), color=TURNS[sense], ha="center", va="center", **_LABEL
-            )
+            axes.text(at.x, at.y, name.replace(" ", "\n"), color=TURNS[sense], ha="center", va="center", **_LABEL)
     _label_contacts(axes, chain)
     _label_drive(axes, chain, stable, window)
 
@@ -246,9 +242,7 @@ def _set_keys(chain: Chain, sets: Sequence[StableSet]) -> list[Artist]:
         Patch(facecolor=palette.CONE, alpha=0.4, label="friction cones"),
     ]
     styles = [
-        Line2D(
-            [], [], color=INK, linewidth=1.1, linestyle=LINE_STYLES[rank % len(LINE_STYLES)], label=each.name
-        )
+        Line2D([], [], color=INK, linewidth=1.1, linestyle=LINE_STYLES[rank % len(LINE_STYLES)], label=each.name)
         for rank, each in enumerate(sets)
     ]
     words = chain.pusher.drive.turning_words

@@ -230,9 +230,7 @@ def _gap(first: FloatArray, second: FloatArray) -> float:
     """Return the distance of two outlines, or a lower bound of it that is above `TOUCH`."""
     low, high = first.min(axis=0) - second.max(axis=0), second.min(axis=0) - first.max(axis=0)
     apart = float(max(low.max(), high.max()))
-    return (
-        apart if apart > TOUCH else float(shapely.distance(shapely.Polygon(first), shapely.Polygon(second)))
-    )
+    return apart if apart > TOUCH else float(shapely.distance(shapely.Polygon(first), shapely.Polygon(second)))
 
 
 def _shared_pieces(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -263,9 +261,7 @@ def _lines(pieces: FloatArray) -> list[FloatArray]:
         else:
             home.append(piece)
     lines = [np.array(group) for group in groups]
-    return [
-        line for line in lines if np.linalg.norm(line[:, 1] - line[:, 0], axis=1).sum() > SHORTEST_CONTACT
-    ]
+    return [line for line in lines if np.linalg.norm(line[:, 1] - line[:, 0], axis=1).sum() > SHORTEST_CONTACT]
 
 
 def _aligned(first: FloatArray, second: FloatArray) -> bool:

@@ -314,9 +314,7 @@ class Chain:
         """Return the chain pushed at the floor: no load moves."""
         contacts = tuple(replace(contact, height=None) for contact in self.contacts)
         objects = tuple(replace(obj, center_height=None) for obj in self.objects)
-        return replace(
-            self, objects=objects, contacts=contacts, pusher=replace(self.pusher, contact_height=0.0)
-        )
+        return replace(self, objects=objects, contacts=contacts, pusher=replace(self.pusher, contact_height=0.0))
 
     @property
     def loads_known(self) -> bool:

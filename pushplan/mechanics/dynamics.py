@@ -270,9 +270,7 @@ class ContactDynamics(MotionConditions):
         v = checked_twists(twists)
         dv = np.ascontiguousarray(rates, dtype=np.float64)
         if dv.shape != v.shape or not np.isfinite(dv).all():
-            raise PushplanError(
-                f"rates have shape {dv.shape}; they must be finite and like twists: {v.shape}"
-            )
+            raise PushplanError(f"rates have shape {dv.shape}; they must be finite and like twists: {v.shape}")
         if self.exact:
             wrenches = self.floor_wrenches(v) if floor is None else floor
             return contacts.contact_margins_of(self.packed, wrenches + self.inertia_wrenches(v, dv))

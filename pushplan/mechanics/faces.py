@@ -203,9 +203,7 @@ def pusher_at(pusher: Pusher, sideways: float) -> Pusher:
     )
 
 
-def _contact(
-    chain: Chain, order: Sequence[int], objects: Sequence[PushedObject], pusher: Pusher, k: int
-) -> Contact:
+def _contact(chain: Chain, order: Sequence[int], objects: Sequence[PushedObject], pusher: Pusher, k: int) -> Contact:
     """Return the contact through which the k-th object of another order is pushed."""
     own, friction, height = order[k], {}, {}
     for contact in chain.contacts:
@@ -231,13 +229,9 @@ def _require_clear(pusher: Pusher, objects: Sequence[PushedObject]) -> None:
             if depth > 0.0:
                 raise ChainError(f"the robot overlaps {obj.name!r} there by {1e3 * depth:.3g} mm")
             touch = find_touch(part, obj.outline_chain)
-            beside = (
-                [] if touch is None else [shapely.difference(shapely.LineString(s), plate) for s in touch]
-            )
+            beside = [] if touch is None else [shapely.difference(shapely.LineString(s), plate) for s in touch]
             if any(line.length > SHORTEST_CONTACT for line in beside):
-                raise ChainError(
-                    f"the robot touches {obj.name!r} beside the plate there, which alone may push"
-                )
+                raise ChainError(f"the robot touches {obj.name!r} beside the plate there, which alone may push")
 
 
 def stacks(chain: Chain) -> list[list[int]]:
@@ -326,9 +320,7 @@ def _contacts(plate: FloatArray, found: list[list[int]], outlines: list[FloatArr
     # The plate keeps 1 mm from objects that it does not touch.
     near = [i for i, outline in enumerate(outlines) if around.distance(shapely.Polygon(outline)) < 1e-3]
     touched = [[i for i in stack if i in near] for stack in found]
-    if any(overlap_depth(plate, outline) > TOUCH for outline in outlines) or any(
-        len(t) != 1 for t in touched
-    ):
+    if any(overlap_depth(plate, outline) > TOUCH for outline in outlines) or any(len(t) != 1 for t in touched):
         return {}
     touches = {i: find_touch(plate, outlines[i]) for (i,) in touched}
     if any(touch is None or len(touch) != 1 for touch in touches.values()):

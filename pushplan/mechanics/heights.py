@@ -71,9 +71,7 @@ class LoadArea:
         return self.shift + self.more + float(np.hypot(*self.drift))
 
 
-def load_areas(
-    chain: Chain, interval: IntervalChain | None = None, off: bool = False
-) -> tuple[LoadArea, ...]:
+def load_areas(chain: Chain, interval: IntervalChain | None = None, off: bool = False) -> tuple[LoadArea, ...]:
     """Return where the load of every object may rest: its feet, or the convex hull of its support.
 
     Args:
@@ -109,9 +107,7 @@ def is_pressed(chain: Chain) -> bool:
         return True
     leaning = _most_shifted(chain, None)
     return all(
-        push_room(obj, height) >= lean
-        for obj, lean in zip(chain.objects, leaning, strict=True)
-        if obj.support.known
+        push_room(obj, height) >= lean for obj, lean in zip(chain.objects, leaning, strict=True) if obj.support.known
     )
 
 
@@ -144,9 +140,7 @@ def inertia_shifts(chain: Chain, interval: IntervalChain | None = None) -> Float
         found[i, i] = np.abs(heights[i] - obj.center_height).max() / GRAVITY
         for j, contact in enumerate(chain.contacts):
             if contact.pusher == i:
-                found[i] += (
-                    np.abs(_step(heights, i, j)).max() * carried[j] * mass[:, 1] / (mass[i, 0] * GRAVITY)
-                )
+                found[i] += np.abs(_step(heights, i, j)).max() * carried[j] * mass[:, 1] / (mass[i, 0] * GRAVITY)
     return found
 
 
@@ -165,9 +159,7 @@ def tipping_room(chain: Chain, interval: IntervalChain | None = None, off: bool 
 def _areas(chain: Chain, interval: IntervalChain | None, off: bool) -> tuple[LoadArea, ...]:
     """Return the load areas, whether objects stand or not."""
     friction = (
-        np.array([[obj.floor_friction] * 2 for obj in chain.objects])
-        if interval is None
-        else interval.floor_friction
+        np.array([[obj.floor_friction] * 2 for obj in chain.objects]) if interval is None else interval.floor_friction
     )
     shift = chain.contact_heights * friction
     areas = []
@@ -195,9 +187,7 @@ def _pushed_back(chain: Chain, interval: IntervalChain | None, i: int) -> tuple[
     the friction of all that it carries.
     """
     heights, mass, carried = chain.contact_heights, _masses(chain, interval), carried_objects(chain)
-    loads = (
-        np.array([obj.friction_load for obj in chain.objects]) if interval is None else interval.loads[:, 1]
-    )
+    loads = np.array([obj.friction_load for obj in chain.objects]) if interval is None else interval.loads[:, 1]
     low, high = np.zeros(2), np.zeros(2)
     for j, contact in enumerate(chain.contacts):
         if contact.pusher != i:
@@ -246,9 +236,7 @@ def _most(values: FloatArray, parts: FloatArray) -> float:
 # --- tipping ---
 
 
-def _require_standing(
-    chain: Chain, interval: IntervalChain | None, off: bool, areas: tuple[LoadArea, ...]
-) -> None:
+def _require_standing(chain: Chain, interval: IntervalChain | None, off: bool, areas: tuple[LoadArea, ...]) -> None:
     """Raise TippingError unless every load's centre stays in the hull of its support, wherever it may move."""
     spare = _spare(chain, interval, areas)
     i = int(spare.argmin())
@@ -261,9 +249,7 @@ def _require_standing(
         fits = (_spare(lower, interval, _areas(lower, interval, off)) >= -_ROUNDING).all()
         low, high = (share, high) if fits else (low, share)
     height = float(chain.contact_heights[i, 1])
-    possible = (
-        f"up to {1e3 * low * height:.4g} mm can be planned" if low > 0.0 else "no height can be planned"
-    )
+    possible = f"up to {1e3 * low * height:.4g} mm can be planned" if low > 0.0 else "no height can be planned"
     raise TippingError(
         f"a push at {1e3 * height:.4g} mm could tip {chain.objects[i].name!r}: its load's centre may move "
         f"{-1e3 * spare[i]:.4g} mm out of its support; {possible}"

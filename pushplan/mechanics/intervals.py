@@ -72,9 +72,7 @@ class IntervalChain:
         }
         contacts = tuple(replace(c, friction=lowest.get(k, c.friction)) for k, c in enumerate(chain.contacts))
         parts = {chain.index_of(name): _fractions(chain, name, s) for name, s in (fractions or {}).items()}
-        shares = {
-            chain.index_of(name): _share(chain, name, share) for name, share in (pressures or {}).items()
-        }
+        shares = {chain.index_of(name): _share(chain, name, share) for name, share in (pressures or {}).items()}
         n = len(chain.objects)
         return cls(
             replace(chain, contacts=contacts),
@@ -106,9 +104,7 @@ def _span(span: Range, what: str, least: float = 0.0) -> list[float]:
     low, high = float(span[0]), float(span[1])
     if not (least <= low <= high and np.isfinite(high)):
         wanted = "0 < low <= high" if least > 0.0 else "0 <= low <= high"
-        raise PushplanError(
-            f"{what} is the interval ({low:.6g}, {high:.6g}); it must be finite with {wanted}"
-        )
+        raise PushplanError(f"{what} is the interval ({low:.6g}, {high:.6g}); it must be finite with {wanted}")
     return [low, high]
 
 
@@ -118,9 +114,7 @@ def _fractions(chain: Chain, name: str, spans: Sequence[Range]) -> FloatArray:
     if not isinstance(support, FeetSupport):
         raise SupportError(f"{name!r} does not stand on feet; only feet have load fractions")
     if len(spans) != len(support.positions):
-        raise SupportError(
-            f"{name!r} has {len(support.positions)} feet, but {len(spans)} intervals of fractions"
-        )
+        raise SupportError(f"{name!r} has {len(support.positions)} feet, but {len(spans)} intervals of fractions")
     values = np.array([_span(span, f"load fraction {j} of {name!r}") for j, span in enumerate(spans)])
     fractions_within(values, f" of {name!r}")
     return frozen(values, (None, 2), "load fractions")
@@ -132,9 +126,7 @@ def _share(chain: Chain, name: str, share: float) -> float:
     if isinstance(support, FeetSupport) or not support.known:
         raise SupportError(f"{name!r} has no known pressure that could be off; feet have load fractions")
     if not 0.0 <= share <= 1.0:
-        raise PushplanError(
-            f"the pressure under {name!r} is off by {share:.6g}; allowed: a share from 0 to 1"
-        )
+        raise PushplanError(f"the pressure under {name!r} is off by {share:.6g}; allowed: a share from 0 to 1")
     return float(share)
 
 
@@ -146,9 +138,7 @@ def fractions_within(spans: FloatArray, whose: str = "") -> FloatArray:
     """
     low, high = spans.sum(axis=0)
     if not low - FRACTION_TOLERANCE <= 1.0 <= high + FRACTION_TOLERANCE:
-        raise SupportError(
-            f"load fractions{whose} sum to between {low:.6g} and {high:.6g}; 1 must be possible"
-        )
+        raise SupportError(f"load fractions{whose} sum to between {low:.6g} and {high:.6g}; 1 must be possible")
     share = float(np.clip((1.0 - low) / (high - low), 0.0, 1.0)) if high > low else 0.0
     fractions = spans[:, 0] + share * (spans[:, 1] - spans[:, 0])
     return np.asarray(fractions / fractions.sum(), dtype=np.float64)

@@ -76,9 +76,7 @@ def with_leaning_load(chain: Chain, direction: ArrayLike, share: float, index: i
         SupportError: When a load is not known, or would be negative somewhere.
     """
     e = np.asarray(direction, dtype=np.float64)
-    return with_objects(
-        chain, index, support=lambda obj: obj.support.leaning(rotate(-obj.pose_chain[2], e), share)
-    )
+    return with_objects(chain, index, support=lambda obj: obj.support.leaning(rotate(-obj.pose_chain[2], e), share))
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,9 +53,7 @@ class TurningRadii(NamedTuple):
 
 def twists_at(longitude: ArrayLike, latitude: ArrayLike, length: float) -> FloatArray:
     """Return the unit twists (..., 3) at longitudes and latitudes (...)."""
-    lon, lat = np.broadcast_arrays(
-        np.asarray(longitude, dtype=np.float64), np.asarray(latitude, dtype=np.float64)
-    )
+    lon, lat = np.broadcast_arrays(np.asarray(longitude, dtype=np.float64), np.asarray(latitude, dtype=np.float64))
     flat = np.cos(lat)
     return np.stack([flat * np.cos(lon), flat * np.sin(lon), np.sin(lat) / length], axis=-1)
 
@@ -91,9 +89,7 @@ def checked_twists(twists: ArrayLike) -> FloatArray:
         raise PushplanError("a twist holds a number that is not finite")
     resting = ~columns_of(v).any(axis=0)
     if resting.any():
-        raise PushplanError(
-            f"twist {int(resting.argmax())} is zero; only the direction of a motion is stable or not"
-        )
+        raise PushplanError(f"twist {int(resting.argmax())} is zero; only the direction of a motion is stable or not")
     return v
 
 

@@ -291,9 +291,7 @@ class FeetSupport(Support):
         """The feet, which share a load that shifts evenly."""
         if self.fractions is None:
             return super().point_loads
-        return PointLoads(
-            self.positions, self.fractions, np.full(len(self.positions), 1.0 / len(self.positions))
-        )
+        return PointLoads(self.positions, self.fractions, np.full(len(self.positions), 1.0 / len(self.positions)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,9 +41,7 @@ def pack_intervals(interval: IntervalChain) -> uncertain.PackedLoads:
     return _pack(interval.chain, interval.loads, interval, [])
 
 
-def pack_centred(
-    chain: Chain, interval: IntervalChain | None = None, off: bool = False
-) -> uncertain.PackedLoads:
+def pack_centred(chain: Chain, interval: IntervalChain | None = None, off: bool = False) -> uncertain.PackedLoads:
     """Return a chain as arrays, of every load the centre alone.
 
     Loads on feet in intervals stay what they are where nothing moves them. What is `off`: see `heights.load_areas`.
@@ -83,9 +81,7 @@ def _pack(
                 own = np.column_stack([transform_points(obj.pose_chain, places), -off, off])
                 total[i], miss[i] = 0.0, (CELLS_MISS[0], error * CELLS_MISS[1])
         points.append(own)
-    corners = [
-        np.zeros((0, 2)) if area is None else area.points - area.center for area in areas or [None] * n
-    ]
+    corners = [np.zeros((0, 2)) if area is None else area.points - area.center for area in areas or [None] * n]
     units = pack_objects(known or [_nothing()], chain.contact_height if known else 0.0)
     return uncertain.PackedLoads(
         units=units,
@@ -177,9 +173,7 @@ class IntervalInertia:
     def forces(self, twists: FloatArray, rates: FloatArray) -> FloatArray:
         """Return the forces (m, 3) on all objects together, as of `core.uncertain.forces_of`."""
         parts = self._wrenches(twists, rates)
-        return np.concatenate(
-            [uncertain.inertia_forces_of(self._packed, self._masses, *part) for part in parts]
-        )
+        return np.concatenate([uncertain.inertia_forces_of(self._packed, self._masses, *part) for part in parts])
 
     def _wrenches(self, twists: FloatArray, rates: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Yield what 1 kg of each object, and on each point, asks for, some motions at a time."""

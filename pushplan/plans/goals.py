@@ -27,9 +27,7 @@ def errors_at_goal(scenario: Scenario, objects: FloatArray) -> FloatArray:
         first += len(own)
         each = [se2.pose_errors(own, se2.compose(goal.pose_chain, task.chain.places)) for goal in task.goals]
         reach = task.chain.reach
-        nearest = min(
-            each, key=lambda off: float(off[0, 0] + reach * off[0, 1]), default=np.zeros((len(own), 2))
-        )
+        nearest = min(each, key=lambda off: float(off[0, 0] + reach * off[0, 1]), default=np.zeros((len(own), 2)))
         found.append(nearest)
     return np.concatenate(found)
 

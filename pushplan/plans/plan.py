@@ -315,9 +315,7 @@ class Plan:
     def to_dict(self) -> dict[str, object]:
         """Return the plan as plain data, the one form that text and JSON are made from; arrays are lists."""
         numbers = self.metrics()
-        arcs, position, angle = (
-            numbers.pop(key) for key in ("arcs", "goal_error_position", "goal_error_angle")
-        )
+        arcs, position, angle = (numbers.pop(key) for key in ("arcs", "goal_error_position", "goal_error_angle"))
         del arcs
         loss = None if self.execution is None else self.execution.loss
         robustness = self.robustness

@@ -138,9 +138,7 @@ class Robustness:
         ):
             return "not known, as the loads on the floor are not, or may lift"
         if self.used_up:
-            return (
-                "tolerates nothing: once inertia counts, a contact does not hold even with the stated numbers"
-            )
+            return "tolerates nothing: once inertia counts, a contact does not hold even with the stated numbers"
         than, off = ("the lowest stated", "off its middle") if beyond else ("stated", "off")
         turned = f"{_at_least(self.angle, MOST_ANGLE)}{_down(degrees(self.angle))} deg"
         lines = [

@@ -57,9 +57,7 @@ def row_load(scenario: Scenario, members: Sequence[Member]) -> Load:
         name, before = members[k][0], members[k - 1][0]
         front = ways[k - 1].exit
         if front is None:
-            raise ChainError(
-                f"{before!r} has no face opposite to {ways[k - 1].face!r}: it cannot push {name!r}"
-            )
+            raise ChainError(f"{before!r} has no face opposite to {ways[k - 1].face!r}: it cannot push {name!r}")
         touching = se2.compose(objects[-1].pose_chain, front)
         pose = se2.compose(touching, se2.inverse(ways[k].entry))
         objects.append(replace(bodies[k].chain.objects[0], pose_chain=pose))

@@ -169,6 +169,4 @@ def join(segments: tuple[Segment, ...]) -> Trajectory | None:
         now, before = float(breaks[-1][-1]), before + len(segment.path.lengths)
     coefficients = np.concatenate([one.coefficients for one in timed])
     first = timed[0]
-    return Trajectory(
-        first.start, np.concatenate(breaks), coefficients, np.concatenate(arcs), first.rate, first.base
-    )
+    return Trajectory(first.start, np.concatenate(breaks), coefficients, np.concatenate(arcs), first.rate, first.base)

@@ -90,9 +90,7 @@ class PlanSettings:
 
     def __post_init__(self) -> None:
         if self.margin is not None and self.margin != AUTO and not 0.0 <= self.margin < 1.0:
-            raise PlanningError(
-                f"the margin is {self.margin}; allowed: {AUTO!r} or a number from 0 to below 1"
-            )
+            raise PlanningError(f"the margin is {self.margin}; allowed: {AUTO!r} or a number from 0 to below 1")
         if self.cost is not None and self.cost not in COSTS:
             raise PlanningError(f"no cost is called {self.cost!r}; there are {', '.join(COSTS)}")
         for name in ("seed", "iterations", "time_limit", "gap"):

@@ -24,9 +24,7 @@ FOOTPRINT = (
     "{box: [length, width], pose: [x, y, theta]}, {polygon: [[x, y], ...]} or a list of 1 to "
     f"{MOST_PARTS} of these"
 )
-_AXLE = (
-    "[x, y, theta] of the axle's middle, in the chain frame in pusher.drive, in the plate's in robot.drive"
-)
+_AXLE = "[x, y, theta] of the axle's middle, in the chain frame in pusher.drive, in the plate's in robot.drive"
 _LIMITS = Limits()
 
 
@@ -60,9 +58,7 @@ class Feet(t.Strict):
         tuple[t.Foot, ...],
         t.Several(1, 1000),
         Field(
-            json_schema_extra={
-                "anyOf": [{"items": {"type": "array", "maxItems": n, "minItems": n}} for n in (2, 3)]
-            }
+            json_schema_extra={"anyOf": [{"items": {"type": "array", "maxItems": n, "minItems": n}} for n in (2, 3)]}
         ),
     ] = Field(description="a list of 1 to 1000 feet [x, y] or [x, y, load]")
 
@@ -177,9 +173,7 @@ class MotionLimits(t.Strict):
         default=_LIMITS.angular_acceleration,
         description="an angular acceleration in rad/s^2, or [least, most]",
     )
-    angular_jerk: t.AngularJerk = Field(
-        default=_LIMITS.angular_jerk, description="an angular jerk in rad/s^3"
-    )
+    angular_jerk: t.AngularJerk = Field(default=_LIMITS.angular_jerk, description="an angular jerk in rad/s^3")
     contact: Literal[names.CONTACT_LIMITS] = Field(  # type: ignore[valid-type]
         default=_LIMITS.contact, description=one_of(names.CONTACT_LIMITS)
     )
@@ -229,8 +223,7 @@ Part = Annotated[
     t.by_key("box", "polygon"),
 ]
 Footprint = Annotated[
-    Annotated[Part, Tag("<one>")]
-    | Annotated[Annotated[tuple[Part, ...], t.Several(1, MOST_PARTS)], Tag("<list>")],
+    Annotated[Part, Tag("<one>")] | Annotated[Annotated[tuple[Part, ...], t.Several(1, MOST_PARTS)], Tag("<list>")],
     Discriminator(t.one_or_list),
 ]
 

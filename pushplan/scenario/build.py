@@ -121,20 +121,14 @@ def _row(file: RearrangementFile, source: Source) -> Row | None:
     where = ("goals", "row", "placed")
     for i, name in enumerate(stated.placed):
         if name not in stated.of:
-            source.error(
-                (*where, i), f"'{shorten(str(name))}' is not in the row; allowed: {', '.join(stated.of)}"
-            )
+            source.error((*where, i), f"'{shorten(str(name))}' is not in the row; allowed: {', '.join(stated.of)}")
     if len(set(stated.placed)) not in (0, *range(len(stated.placed), len(stated.of))):
-        source.error(
-            where, "names all of the row, or one of it twice; allowed: each at most once, and not all"
-        )
+        source.error(where, "names all of the row, or one of it twice; allowed: each at most once, and not all")
     if stated.placed and stated.anywhere:
         source.error(where, "does not go together with a row anywhere, which comes about in one piece")
     front = stated.of[len(stated.of) - len(stated.placed) :]
     if stated.order == "given" and set(front) != set(stated.placed):
-        source.error(
-            where, f"is not the front of the given order; allowed: the last ones, as {', '.join(front)}"
-        )
+        source.error(where, f"is not the front of the given order; allowed: the last ones, as {', '.join(front)}")
     if stated.anywhere and file.gather == "never":
         source.error(("gather",), "'never' does not go together with a row anywhere; allowed: auto, always")
     return Row(
@@ -167,9 +161,7 @@ def _part_of(source: Source, i: int, name: str) -> Source:
     return source.moved(moved)
 
 
-def _placed_object(
-    file: RearrangementFile, i: int, attachments: Attachments, source: Source
-) -> PlacedObject | None:
+def _placed_object(file: RearrangementFile, i: int, attachments: Attachments, source: Source) -> PlacedObject | None:
     """Return one object of a file, with its chain and goals."""
     obj, part = file.objects[i], _part_of(source, i, file.objects[i].name)
     between = tuple(pair for pair in file.contacts.between if set(pair.objects) == {obj.name, PUSHER})
@@ -212,9 +204,7 @@ def _check_row(scenario: Scenario, source: Source) -> None:
         outline = scenario.bodies[name].chain.objects[0].outline
         depths = [way.across[0] for way in ways_through(outline, faces) if way.across is not None]
         if not depths:
-            what = (
-                f"'{name}' has no face to be pushed at that is parallel to one opposite: it stands in no row"
-            )
+            what = f"'{name}' has no face to be pushed at that is parallel to one opposite: it stands in no row"
             source.error(("goals", "row", "of", i), what)
             return
         length += float(min(depths))
@@ -227,9 +217,7 @@ def _check_row(scenario: Scenario, source: Source) -> None:
         rooms = {"x": area.xmax - area.xmin, "y": area.ymax - area.ymin}
         room = max(rooms.values()) if row.wall == "any" else rooms[str(row.wall)[0]]
         if length + behind > room:
-            what = (
-                f"a row of {length:.3g} m at least, and {behind:.3g} m of robot, do not fit into {room:.3g} m"
-            )
+            what = f"a row of {length:.3g} m at least, and {behind:.3g} m of robot, do not fit into {room:.3g} m"
             source.error(("goals", "row", "wall"), what)
         return
     # So narrow that no row is narrower: what it meets, every row does.
@@ -251,11 +239,7 @@ def _check_apart(scenario: Scenario, source: Source) -> None:
         gap = float(standing[one].distance(standing[other]))
         if gap < kept:
             depth = _depth(scenario, one, other)
-            where = (
-                f"overlaps '{one}' by {millimetres(depth)}"
-                if depth
-                else f"is {millimetres(gap)} from '{one}'"
-            )
+            where = f"overlaps '{one}' by {millimetres(depth)}" if depth else f"is {millimetres(gap)} from '{one}'"
             what = f"'{other}' {where}; allowed: at least {millimetres(kept)} apart"
             source.error(("objects", names.index(other), "pose"), what)
     for name, what in overlapping_goals({name: scenario.alone(name) for name in scenario.goals}).items():

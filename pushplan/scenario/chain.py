@@ -96,9 +96,7 @@ def build_bodies(stated: RoomFile, read: ReadFile, source: Source) -> Bodies | N
             layout.poses[i],
             _center_height(obj),
         )
-        for i, (obj, part, support, floor) in enumerate(
-            zip(file.objects, parts, supports, floors, strict=True)
-        )
+        for i, (obj, part, support, floor) in enumerate(zip(file.objects, parts, supports, floors, strict=True))
         if support is not None
     )
     chain = Chain(objects, make_contacts(segments, frictions, heights), pusher)
@@ -167,9 +165,7 @@ def _widened(obj: bodies.Object, share: schema.UncertaintyShares) -> bodies.Obje
     if obj.floor_friction is not None:
         update["floor_friction"] = around(obj.floor_friction, share.floor_friction)
     if isinstance(obj.support, bodies.Feet):
-        feet = tuple(
-            (*foot[:2], *(around(f, share.load, 1.0) for f in foot[2:])) for foot in obj.support.feet
-        )
+        feet = tuple((*foot[:2], *(around(f, share.load, 1.0) for f in foot[2:])) for foot in obj.support.feet)
         update["support"] = obj.support.model_copy(update={"feet": feet})
     return obj.model_copy(update=update)
 
@@ -192,9 +188,7 @@ def _interval_chain(file: RoomFile, chain: Chain) -> IntervalChain | None:
     fractions = {obj.name: spans for obj in file.objects if (spans := _foot_spans(obj.support)) is not None}
     share = file.uncertainty.load
     known = [
-        obj.name
-        for obj in file.objects
-        if not isinstance(obj.support, bodies.Feet) and obj.support != "unknown"
+        obj.name for obj in file.objects if not isinstance(obj.support, bodies.Feet) and obj.support != "unknown"
     ]
     pressures = dict.fromkeys(known, share) if share > 0.0 else {}
     if not (masses or frictions or fractions or pressures):
@@ -241,15 +235,11 @@ def _check_fractions(stated: RoomFile, source: Source) -> None:
     """Report load fractions that do not sum to 1; within the intervals that `uncertainty` makes of them, some may."""
     for i, obj in enumerate(stated.objects):
         loads = (
-            [load for foot in obj.support.feet for load in foot[2:]]
-            if isinstance(obj.support, bodies.Feet)
-            else []
+            [load for foot in obj.support.feet for load in foot[2:]] if isinstance(obj.support, bodies.Feet) else []
         )
         numbers = [load for load in loads if isinstance(load, float)]
         if numbers and len(numbers) == len(loads) and abs(sum(numbers) - 1.0) > FRACTION_TOLERANCE:
-            source.error(
-                ("objects", i, "support"), f"load fractions sum to {sum(numbers):.9g}; they must sum to 1"
-            )
+            source.error(("objects", i, "support"), f"load fractions sum to {sum(numbers):.9g}; they must sum to 1")
 
 
 def _placed_support(
@@ -298,9 +288,7 @@ def _drive(stated: bodies.Drive, frame: FloatArray) -> Drive:
     return Drive()
 
 
-def _footprint(
-    file: RoomFile, parts: Sequence[Part], layout: Layout, source: Source
-) -> tuple[FloatArray, ...]:
+def _footprint(file: RoomFile, parts: Sequence[Part], layout: Layout, source: Source) -> tuple[FloatArray, ...]:
     """Return the outlines (v, 2) of the robot's parts in the chain frame, and report where they meet objects."""
     stated = file.robot.footprint or ()
     several = isinstance(stated, tuple)

@@ -17,9 +17,7 @@ SPEEDS = 1e-3, 5.0
 """Least and largest speed that is taken without a question, m/s."""
 
 _SHAPES = (("objects", "*", "shape"), ("robot", "footprint"), ("robot", "footprint", "*"))
-_AXLES = tuple(
-    (part, "drive", kind, "axle") for part in ("robot", "pusher") for kind in ("differential", "car")
-)
+_AXLES = tuple((part, "drive", kind, "axle") for part in ("robot", "pusher") for kind in ("differential", "car"))
 
 
 def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
@@ -52,9 +50,7 @@ def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
 def _finding(scenario: Scenario, place: Place, what: str) -> Finding:
     """Return a finding about a place of the file, or without a line where there is no file."""
     return (
-        Finding(".".join(map(str, place)), what)
-        if scenario.origin is None
-        else scenario.origin.finding(place, what)
+        Finding(".".join(map(str, place)), what) if scenario.origin is None else scenario.origin.finding(place, what)
     )
 
 

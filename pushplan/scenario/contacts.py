@@ -166,9 +166,7 @@ def contact_heights(file: RoomFile, pairs: Iterable[Pair], source: Source) -> di
             heights[pair] = lowest(own), highest(own)
         for obj in objects:
             if obj.height is not None and highest(height) > obj.height:
-                place: Place = (
-                    ("pusher", "contact_height") if own is None else ("contacts", "between", i, "height")
-                )
+                place: Place = ("pusher", "contact_height") if own is None else ("contacts", "between", i, "height")
                 reach, top = millimetres(highest(height)), millimetres(obj.height)
                 source.error(place, f"reaches {reach}, and '{obj.name}' is {top} high; allowed: up to {top}")
     return heights

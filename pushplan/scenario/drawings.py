@@ -37,9 +37,7 @@ _SIZES = _POSITIVE | {"x", "y", "cx", "cy", "x1", "x2", "y1", "y2"}
 _PIXELS_PER_METRE = 96.0 / 0.0254  # of CSS, in which SVG counts
 
 
-def read_svg_outlines(
-    path: str | Path, *, tolerance: float = 1e-4, centered: bool = True
-) -> dict[str, FloatArray]:
+def read_svg_outlines(path: str | Path, *, tolerance: float = 1e-4, centered: bool = True) -> dict[str, FloatArray]:
     """Read the closed shapes of a drawing, each under its id, with x to the right and y up.
 
     Args:
@@ -167,12 +165,7 @@ def _corners(curve: Any, name: str, tolerance: float) -> FloatArray:
     if kinds.count("Move") != 1 or kinds[-1] != "Close":
         found = "is open" if kinds.count("Move") == 1 else f"has {kinds.count('Move')} outlines"
         raise ImportedFileError(f"{name}: {found}; allowed: one closed outline")
-    points = [
-        point
-        for segment in curve
-        if type(segment).__name__ != "Move"
-        for point in _chords(segment, tolerance)
-    ]
+    points = [point for segment in curve if type(segment).__name__ != "Move" for point in _chords(segment, tolerance)]
     corners = np.array(points)
     repeated = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1) < 1e-6
     distinct: FloatArray = corners[~repeated]
@@ -185,9 +178,7 @@ def _chords(segment: Any, tolerance: float) -> Iterator[tuple[float, float]]:
     yield from _refine(segment, 0.0, 1.0, math.inf if straight else tolerance, 0)
 
 
-def _refine(
-    segment: Any, begin: float, end: float, tolerance: float, depth: int
-) -> Iterator[tuple[float, float]]:
+def _refine(segment: Any, begin: float, end: float, tolerance: float, depth: int) -> Iterator[tuple[float, float]]:
     """Bisect until the curve's quarter points lie within the tolerance of the chord; at least four chords a curve."""
     a, b = _point(segment, begin), _point(segment, end)
     inner = [_point(segment, begin + share * (end - begin)) for share in (0.25, 0.5, 0.75)]

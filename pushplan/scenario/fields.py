@@ -101,9 +101,7 @@ FlatCenter = Annotated[tuple[Coordinate, Coordinate], _row("[x, y]", " or [x, y,
 HighCenter = Annotated[tuple[Coordinate, Coordinate, Size], _row("[x, y, z]")]
 MassCenter = Annotated[
     Annotated[FlatCenter, Tag("<flat>")] | Annotated[HighCenter, Tag("<high>")],
-    Discriminator(
-        lambda point: "<high>" if isinstance(point, list | tuple) and len(point) == 3 else "<flat>"
-    ),
+    Discriminator(lambda point: "<high>" if isinstance(point, list | tuple) and len(point) == 3 else "<flat>"),
 ]
 Pose = Annotated[tuple[Coordinate, Coordinate, Angle], _row("[x, y, theta]")]
 Box = Annotated[tuple[Size, Size], _row("[length along x, width along y]")]
@@ -143,9 +141,7 @@ class Several:
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_before_validator_function(self.read, handler(source))
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return handler(schema) | {"minItems": self.low, "maxItems": self.high}
 
 

@@ -76,9 +76,7 @@ def _with_maps(alone: Scenario, maps: Sequence[str | Path]) -> Scenario:
         name = f"map-{i}/{Path(file).name}"
         attached |= map_files(Path(file), name)
         obstacles.append({"map": name})
-    return scenario_from_document(
-        document | {"name": alone.name, "obstacles": obstacles}, alone.path, attached
-    )
+    return scenario_from_document(document | {"name": alone.name, "obstacles": obstacles}, alone.path, attached)
 
 
 def scenario_from_text(
@@ -131,9 +129,7 @@ def _plain(value: object) -> object:
         return dict(value)
     if hasattr(value, "tolist"):
         return value.tolist()
-    raise TypeError(
-        f"it holds a {type(value).__name__}; allowed: mappings, sequences, texts, numbers and arrays"
-    )
+    raise TypeError(f"it holds a {type(value).__name__}; allowed: mappings, sequences, texts, numbers and arrays")
 
 
 def _read(data: bytes, path: Path, attachments: Attachments, by_hand: bool = True) -> Scenario:

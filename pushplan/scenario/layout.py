@@ -89,11 +89,7 @@ def box_outline(length: float, width: float) -> FloatArray:
 
 def outline_of(stated: BoxShape | PolygonShape) -> FloatArray:
     """Return the counter-clockwise outline (v, 2) of a shape in its own frame, m."""
-    return (
-        box_outline(*stated.box)
-        if isinstance(stated, BoxShape)
-        else simple_polygon(stated.polygon, "outline")
-    )
+    return box_outline(*stated.box) if isinstance(stated, BoxShape) else simple_polygon(stated.polygon, "outline")
 
 
 def lay_out(
@@ -116,9 +112,7 @@ def lay_out(
     plate, poses, moved, sideways = first.plate, [first.pose], list(first.moved), first.sideways
     for i, part in enumerate(parts[1:], start=1):
         if part.pose is not None and part.offset is not None:
-            source.error(
-                ("objects", i, "offset"), "has no meaning beside pose; keep one of them", at_key=True
-            )
+            source.error(("objects", i, "offset"), "has no meaning beside pose; keep one of them", at_key=True)
         pose = _placed(parts[i - 1].outline, part, (f"'{parts[i - 1].name}'", i), source)
         if pose is None:
             return None
@@ -138,8 +132,7 @@ def lay_out(
 
 def _bodies(parts: Sequence[Part], poses: Sequence[FloatArray]) -> list[Named]:
     return [
-        (f"'{part.name}'", se2.transform_points(pose, part.outline))
-        for part, pose in zip(parts, poses, strict=False)
+        (f"'{part.name}'", se2.transform_points(pose, part.outline)) for part, pose in zip(parts, poses, strict=False)
     ]
 
 
@@ -240,9 +233,7 @@ def _edge_span(outline: FloatArray, side: int) -> tuple[float, float, float] | N
     return float(side * x.max()), float(ends[:, 1].min()), float(ends[:, 1].max())
 
 
-def snap(
-    bodies: Sequence[Named], part: Part, pose: FloatArray, within: SnapTolerance
-) -> tuple[FloatArray, Snapped]:
+def snap(bodies: Sequence[Named], part: Part, pose: FloatArray, within: SnapTolerance) -> tuple[FloatArray, Snapped]:
     """Return the pose (3,) that lays an edge of an object on the nearest edge of another body, and how it was moved.
 
     The object turns about the centroid of its outline, which then moves along the other edge's normal: sideways its
@@ -287,9 +278,7 @@ def _candidates(
     turns = se2.wrap_angle(facing[:, None] - headings)
     found = []
     for e, f in np.argwhere(np.abs(turns) < math.radians(45.0)):
-        corners = se2.transform_points(
-            _turned(outline, pose, turns[e, f]), outline[[f, (f + 1) % len(outline)]]
-        )
+        corners = se2.transform_points(_turned(outline, pose, turns[e, f]), outline[[f, (f + 1) % len(outline)]])
         length = float(np.linalg.norm(steps[e]))
         along = steps[e] / length
         normal = np.array([along[1], -along[0]])

@@ -96,9 +96,7 @@ class RosMap:
     resolution: float
 
 
-def read_ros_map(
-    path: str | Path, *, unknown_is_free: bool = False, tolerance: float | None = None
-) -> RosMap:
+def read_ros_map(path: str | Path, *, unknown_is_free: bool = False, tolerance: float | None = None) -> RosMap:
     """Read a map file and its picture (PGM, PNG or BMP).
 
     Args:
@@ -223,8 +221,7 @@ def cells_of(picture: bytes, name: str, mode: str, negate: bool, occupied: float
     taken = (occupancy > occupied) & ~unclear
     unknown = ~taken & ~((occupancy < free) & ~unclear)
     blocks = [
-        ((taken[sums] & ~hidden)[::-1], (unknown[sums] | hidden)[::-1])
-        for sums, hidden in _blocks_of(picture, name)
+        ((taken[sums] & ~hidden)[::-1], (unknown[sums] | hidden)[::-1]) for sums, hidden in _blocks_of(picture, name)
     ]
     return Cells(*(np.concatenate(parts) for parts in zip(*blocks[::-1], strict=True)))
 
@@ -243,9 +240,7 @@ def _blocks_of(picture: bytes, name: str) -> Iterator[tuple[npt.NDArray[np.uint1
             for top in range(0, image.height, rows):
                 part = image.crop((0, top, image.width, min(top + rows, image.height)))
                 values: Any
-                if (
-                    image.mode == "L" and "transparency" not in image.info
-                ):  # as most maps are, and 5 times as fast
+                if image.mode == "L" and "transparency" not in image.info:  # as most maps are, and 5 times as fast
                     values = np.asarray(part, dtype=np.uint16)
                     yield 3 * values, np.False_
                 else:

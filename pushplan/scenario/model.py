@@ -255,11 +255,7 @@ class Scenario:
         from pushplan.sets.named import stable_set
 
         wanted = name or self.stability.set
-        return (
-            stable_set(self.chain, wanted)
-            if self.interval is None
-            else stable_set_over(self.interval, wanted)
-        )
+        return stable_set(self.chain, wanted) if self.interval is None else stable_set_over(self.interval, wanted)
 
     @property
     def pusher(self) -> Pusher:
@@ -410,9 +406,7 @@ def _resolved_row(row: Row) -> dict[str, Any]:
 def _resolved_planner(scenario: Scenario) -> dict[str, Any]:
     """Return what bears on one push, or on several."""
     planner = dataclasses.asdict(scenario.planner)
-    return (
-        planner if scenario.pushes is None else {key: planner[key] for key in ("time_limit", "seed", "gap")}
-    )
+    return planner if scenario.pushes is None else {key: planner[key] for key in ("time_limit", "seed", "gap")}
 
 
 def _resolved_goal(goal: Goal) -> dict[str, Any]:

@@ -178,9 +178,7 @@ def pushes_of(file: RoomFile, goals: tuple[Goal, ...], source: Source) -> Pushes
             source.error(("planner", name), f"is for a single push; multi-push plans have {only} only")
     plate, choice = file.pusher, file.pushes or schema.PushChoice()
     if isinstance(file, RearrangementFile) and "transit_weight" not in choice.model_fields_set:
-        choice = choice.model_copy(
-            update={"transit_weight": 1.0}
-        )  # half of the way is from one object to the next
+        choice = choice.model_copy(update={"transit_weight": 1.0})  # half of the way is from one object to the next
     faces = None if plate.faces in (None, "all") else tuple(plate.faces)
     return Pushes(np.array(file.robot.start), goals, faces, plate.offsets or (0.0,), **choice.model_dump())
 

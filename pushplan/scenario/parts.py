@@ -48,9 +48,7 @@ class Goal:
 
     def errors(self, pose_chain: FloatArray) -> tuple[float, float]:
         """Return how far (m, rad) what the goal is stated for is from it, the chain frame being at a pose (3,)."""
-        position, angle = se2.pose_error(
-            se2.compose(pose_chain, se2.relative(self.pose_chain, self.pose)), self.pose
-        )
+        position, angle = se2.pose_error(se2.compose(pose_chain, se2.relative(self.pose_chain, self.pose)), self.pose)
         return float(position), float(angle)
 
     def is_reached(self, pose_chain: FloatArray) -> bool:

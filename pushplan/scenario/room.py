@@ -123,9 +123,7 @@ def placed(bodies: Iterable[Body], pose: FloatArray) -> list[tuple[str, FloatArr
     return [(body.name, se2.transform_points(pose, body.outline)) for body in bodies]
 
 
-def placement_troubles(
-    what: str, bodies: Sequence[tuple[str, FloatArray]], room: Surroundings
-) -> Iterator[str]:
+def placement_troubles(what: str, bodies: Sequence[tuple[str, FloatArray]], room: Surroundings) -> Iterator[str]:
     """Yield a sentence on every body that leaves the workspace or comes too near an obstacle.
 
     Args:

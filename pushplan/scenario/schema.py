@@ -33,8 +33,7 @@ SNAP = "a length in m, e.g. 5 mm, or {position: 5 mm, angle: 2 deg}"
 SHARE = "a share from 0 to 0.9, e.g. 20 %"
 MOST_IN_ROW = 30
 OBSTACLES = (
-    "a list of at most 10000 {polygon: ...}, {box: ..., pose: ...}, {circle: ..., center: ...} and "
-    "{map: file.yaml}"
+    "a list of at most 10000 {polygon: ...}, {box: ..., pose: ...}, {circle: ..., center: ...} and {map: file.yaml}"
 )
 
 
@@ -209,9 +208,7 @@ class RoomFile(t.Strict):
         default=None, description="{most: ..., switch_cost: ..., transit_weight: ..., approach: ..., ...}"
     )
     workspace: Area | None = Field(default=None, description="{x: [min, max], y: [min, max]}")
-    obstacles: Annotated[tuple[Obstacle, ...], t.Several(0, 10_000)] = Field(
-        default=(), description=OBSTACLES
-    )
+    obstacles: Annotated[tuple[Obstacle, ...], t.Several(0, 10_000)] = Field(default=(), description=OBSTACLES)
     clearance: t.Clearance = Field(default=names.COLLISION_CLEARANCE, description=LENGTH)
     stability: StabilityChoice = Field(default_factory=StabilityChoice, description="{set: ..., margin: ...}")
     trajectory: Literal[names.TRAJECTORIES] = Field(  # type: ignore[valid-type]
@@ -225,9 +222,7 @@ class RoomFile(t.Strict):
 class ScenarioFile(RoomFile):
     """One load, in contact with the plate or anywhere."""
 
-    start: t.Pose = Field(
-        default=(0.0, 0.0, 0.0), description="[x, y, theta] of the chain frame in the world"
-    )
+    start: t.Pose = Field(default=(0.0, 0.0, 0.0), description="[x, y, theta] of the chain frame in the world")
     goal: Annotated[
         Annotated[GoalPose, Tag("<one>")]
         | Annotated[Annotated[tuple[GoalPose, ...], t.Several(1, 100)], Tag("<list>")],

@@ -175,9 +175,7 @@ def _decoded(data: bytes) -> str:
     if len(data) > MOST_BYTES:
         raise _failure(f"the file is larger than the {MOST_BYTES} bytes allowed", Position(1, 1))
     if data.startswith(LOG_MAGIC):
-        raise _failure(
-            "this is a run log; `pushplan replay` reads it, and holds its scenario", Position(1, 1)
-        )
+        raise _failure("this is a run log; `pushplan replay` reads it, and holds its scenario", Position(1, 1))
     data = data.removeprefix(b"\xef\xbb\xbf")
     try:
         text = data.decode("utf-8")
@@ -254,9 +252,7 @@ class _Parser:
             return Node(position, None)
         for kind, sign, name in (("anchors", "&", event.anchor), ("tags", "", event.tag)):
             if name is not None:
-                self._fault(
-                    place, position, f"{kind} ({sign}{shorten(name)}) are not supported; leave it out"
-                )
+                self._fault(place, position, f"{kind} ({sign}{shorten(name)}) are not supported; leave it out")
         if isinstance(event, yaml.SequenceStartEvent):
             nodes: list[Node] = []
             while not isinstance(event := next(self._events), yaml.SequenceEndEvent):

@@ -121,9 +121,7 @@ def find_intervals(f: Family, samples: FloatArray) -> Brackets:
         before, here, after = samples[at - 1], samples[at], samples[at + 1]
         member, sign = here[:, 0].astype(np.int64), np.where(here[:, 2] > 0.0, -1.0, 1.0)
         ends = sign * before[:, 2], sign * after[:, 2]
-        x, best = maximise(
-            lambda i, x: sign[i] * f(member[i], x), before[:, 1], after[:, 1], 0.0, _STEPS, ends
-        )
+        x, best = maximise(lambda i, x: sign[i] * f(member[i], x), before[:, 1], after[:, 1], 0.0, _STEPS, ends)
         beyond = best > 0.0
         if beyond.any():
             samples = _joined(samples, np.column_stack([member, x, sign * best])[beyond])

@@ -108,9 +108,7 @@ def window_box(window: Window | None, length: float) -> shapely.Polygon:
         window = (-half, -half, half, half)
     ends = numbers(window, "window")
     if ends.shape != (4,) or not (np.isfinite(ends).all() and (ends[:2] < ends[2:]).all()):
-        raise PushplanError(
-            f"window is {window}; it must be (xmin, ymin, xmax, ymax) with xmin < xmax, ymin < ymax"
-        )
+        raise PushplanError(f"window is {window}; it must be (xmin, ymin, xmax, ymax) with xmin < xmax, ymin < ymax")
     return shapely.box(*window)
 
 

@@ -34,12 +34,8 @@ def default_window(chain: Chain, sets: Iterable[StableSet]) -> Window:
     wider, far = grown(window, 0.5), 2.0 * float(np.hypot(window[2] - window[0], window[3] - window[1]))
     for sense, line in zip((+1, -1), drive.turning_centres(far), strict=False):
         regions = [each.cor_region(sense, wider).intersection(shapely.LineString(line)) for each in sets]
-        nearest = min(
-            (one.distance(shapely.Point(line[0])) for one in regions if not one.is_empty), default=0.0
-        )
-        outlines.append(
-            line[0] + _SHOWN_RADIUS * nearest * (line[1] - line[0]) / np.hypot(*(line[1] - line[0]))
-        )
+        nearest = min((one.distance(shapely.Point(line[0])) for one in regions if not one.is_empty), default=0.0)
+        outlines.append(line[0] + _SHOWN_RADIUS * nearest * (line[1] - line[0]) / np.hypot(*(line[1] - line[0])))
     return _around([*outlines, turns])
 
 

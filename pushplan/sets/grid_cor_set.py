@@ -63,9 +63,7 @@ def grid_cor_set(
     turning = _ecof_velocities(chain, cors, elements)
     stable = []
     for sense in (+1.0, -1.0):
-        holds = [
-            _holds(c, cors + arm, sense * v) for c, (arm, v) in zip(chain.contacts, turning, strict=True)
-        ]
+        holds = [_holds(c, cors + arm, sense * v) for c, (arm, v) in zip(chain.contacts, turning, strict=True)]
         stable.append(np.logical_and.reduce(holds).reshape(shape[1], shape[0]))
     for cells in stable:
         cells.setflags(write=False)
@@ -92,9 +90,7 @@ def _ecof_velocities(chain: Chain, cors: FloatArray, elements: int) -> list[tupl
 def _of_object(cors: FloatArray, obj: PushedObject, count: int) -> FloatArray:
     """Return `_sums` over about `count` elements of one object's friction load."""
     if not obj.support.known:
-        raise SupportError(
-            f"the load under {obj.name!r} is unknown; integrating its friction needs a known one"
-        )
+        raise SupportError(f"the load under {obj.name!r} is unknown; integrating its friction needs a known one")
     places, parts = obj.support.elements(count)
     return _sums(cors, transform_points(obj.pose_chain, places), parts) * obj.friction_load
 

@@ -38,9 +38,7 @@ class IntervalEcofSet(StableSet):
     def __init__(self, interval: IntervalChain) -> None:
         super().__init__(interval.chain)
         by_centre = counts_by_centre(interval.chain, interval)
-        self._packed = (
-            pack_centred(interval.chain, interval, off=True) if by_centre else pack_intervals(interval)
-        )
+        self._packed = pack_centred(interval.chain, interval, off=True) if by_centre else pack_intervals(interval)
 
     @property
     def loads_known(self) -> bool:

@@ -135,9 +135,7 @@ class CofSet(StableSet):
         self._packed = pack_chain(chain)
         self._loads = carried_objects(chain) @ np.array([obj.friction_load for obj in chain.objects])
         loads = np.array([obj.friction_load for obj in chain.objects])
-        self.centers = common_centers(
-            carried_objects(chain), loads, np.array([cof(o) for o in chain.objects])
-        )
+        self.centers = common_centers(carried_objects(chain), loads, np.array([cof(o) for o in chain.objects]))
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""

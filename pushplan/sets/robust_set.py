@@ -93,7 +93,5 @@ class RobustSet(StableSet):
             condition=CONDITIONS[j],
             margin=float(margins[k]),
             points={i: frozen(part[:, :2], (None, 2), "points") for i, part in kept.items()},
-            fractions={
-                i: frozen(part[:, 2] / part[:, 2].sum(), (None,), "shares") for i, part in kept.items()
-            },
+            fractions={i: frozen(part[:, 2] / part[:, 2].sum(), (None,), "shares") for i, part in kept.items()},
         )

@@ -64,9 +64,7 @@ def check_output(path: Path) -> Target:
     found = _status(path)
     if found is not None and not stat.S_ISREG(found.st_mode):
         if not (stat.S_ISFIFO(found.st_mode) or stat.S_ISCHR(found.st_mode)):
-            raise OutputError(
-                str(path), _REFUSED.get(stat.S_IFMT(found.st_mode), "this is no file; name one")
-            )
+            raise OutputError(str(path), _REFUSED.get(stat.S_IFMT(found.st_mode), "this is no file; name one"))
         if not os.access(path, os.W_OK):
             raise OutputError(str(path), "this pipe or device may not be written")
         return Target(path, path, streamed=True)

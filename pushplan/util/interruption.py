@@ -91,10 +91,7 @@ def leaving_at_once() -> Iterator[None]:
 @contextlib.contextmanager
 def _handling(handler: object) -> Iterator[None]:
     """Handle SIGINT, unless this is no main thread or the process has been told to ignore it (`nohup`, `&`)."""
-    if (
-        threading.current_thread() is not threading.main_thread()
-        or signal.getsignal(signal.SIGINT) is signal.SIG_IGN
-    ):
+    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         yield
         return
     before = signal.signal(signal.SIGINT, handler)  # type: ignore[arg-type]

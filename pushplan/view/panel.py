@@ -127,12 +127,7 @@ def _view(window: Window) -> str:
 
 def _region(stable: StableSet, sense: int, window: Window) -> str:
     parts = shapely.get_parts(stable.cor_region(sense, window))
-    rings = [
-        ring
-        for part in parts
-        if isinstance(part, shapely.Polygon)
-        for ring in (part.exterior, *part.interiors)
-    ]
+    rings = [ring for part in parts if isinstance(part, shapely.Polygon) for ring in (part.exterior, *part.interiors)]
     data = " ".join(f"M {_points(np.asarray(ring.coords)[:, :2])} Z" for ring in rings)
     return f'<path d="{data}" fill="{TURNS[sense]}" fill-opacity="0.35" fill-rule="evenodd"/>'
 

@@ -155,17 +155,11 @@ class Stage:
             colours = [
                 colour
                 for line in chosen
-                for colour in (
-                    piece_colours(line.margins) if kind else [palette.ALONE] * (len(line.points) - 1)
-                )
+                for colour in (piece_colours(line.margins) if kind else [palette.ALONE] * (len(line.points) - 1))
             ]
             name = "/plan/pushed" if kind else "/plan/alone"
             self._lines(name, np.concatenate(pieces) if pieces else np.zeros((0, 2, 2)), colours, width)
-        rings = (
-            []
-            if scene is None
-            else [np.stack([one, np.roll(one, -1, axis=0)], axis=1) for one in _along(scene)]
-        )
+        rings = [] if scene is None else [np.stack([one, np.roll(one, -1, axis=0)], axis=1) for one in _along(scene)]
         edges = np.concatenate(rings) if rings else np.zeros((0, 2, 2))
         self._lines("/plan/outlines", edges, [palette.PATH] * len(edges), 1.0)
 
@@ -190,18 +184,14 @@ class Stage:
             segments, colours = np.zeros((1, 2, 2)), [palette.FAINT]
         points = np.concatenate([segments, np.full((*segments.shape[:2], 1), z)], axis=2).astype(np.float32)
         paints = np.repeat(np.array([of_line(one) for one in colours], dtype=np.uint8)[:, None], 2, axis=1)
-        if (
-            name in self._drawn
-        ):  # made anew, the browser compiles its shader again: 50 ms without a graphics card
+        if name in self._drawn:  # made anew, the browser compiles its shader again: 50 ms without a graphics card
             drawn = self._drawn[name]
             drawn.points, drawn.colors, drawn.visible = points, paints, visible
             return
         look = {"thickness": width, "thickness_units": "screen", "visible": visible}
         self._drawn[name] = self._scene.add_line_segments(name, points, paints, **look)
 
-    def _body(
-        self, name: str, outline: FloatArray, colour: str, opacity: float | None = None, z: float = 0.0
-    ) -> Any:
+    def _body(self, name: str, outline: FloatArray, colour: str, opacity: float | None = None, z: float = 0.0) -> Any:
         vertices, faces = _solid(outline)
         return self._scene.add_mesh_simple(
             name,
@@ -218,9 +208,7 @@ class Stage:
     def _floor(self, scene: Scene) -> None:
         walls = scene.walls
         low, high = (
-            (np.full(2, -_FLOOR), np.full(2, _FLOOR))
-            if walls is None
-            else (walls.min(axis=0), walls.max(axis=0))
+            (np.full(2, -_FLOOR), np.full(2, _FLOOR)) if walls is None else (walls.min(axis=0), walls.max(axis=0))
         )
         grid = _grid(low, high)
         self._lines("/floor", grid, [_GRID] * len(grid), 1.0, z=0.0)

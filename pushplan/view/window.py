@@ -60,9 +60,7 @@ class Window:
         EmptyStableSetError: When no pusher twist keeps every contact.
     """
 
-    def __init__(
-        self, scenario: Scenario, port: int = 8080, message: Callable[[str], None] | None = None
-    ) -> None:
+    def __init__(self, scenario: Scenario, port: int = 8080, message: Callable[[str], None] | None = None) -> None:
         optional("viser", "the window", "viser", "view")
         from pushplan.view.stage import Stage
 
@@ -157,9 +155,7 @@ class Window:
             )
             stage.handle(f"/{START}/slide{k}", along, partial(self._slid, k, along), (False, True, False))
         stage.draw_obstacles(draft)
-        stage.draw_bodies(
-            draft, Scene.of(draft.original)
-        )  # they hang under the handles, which have to be there
+        stage.draw_bodies(draft, Scene.of(draft.original))  # they hang under the handles, which have to be there
 
     def _moved(self, key: str, pose: FloatArray, dropped: bool) -> None:
         self.move(lambda it: it.moved(key, pose), dropped)

@@ -39,9 +39,7 @@ def check_closed_loop(run: RecordedRun) -> list[Check]:
         told, sensor = json.loads(words["settings"]), Sensor(**json.loads(words["sensor"]))
         settings = None if told is None else ControlSettings(**told)
     except (KeyError, TypeError, ValueError, PushplanError) as error:
-        raise RunLogError(
-            str(run.path), f"the settings of the closed loop cannot be read: {error}"
-        ) from error
+        raise RunLogError(str(run.path), f"the settings of the closed loop cannot be read: {error}") from error
     checks = [check_way(run.execution)]
     if settings is not None:
         controller = Controller(run.scenario, settings, plan=run.plan)
@@ -67,9 +65,7 @@ def _said(controller: Controller, feedback: Feedback) -> Iterator[Check]:
     """Compare events, and the paths that were planned."""
     told = [event for event in feedback.events if event.kind != "disturbance"]  # which no controller is told
     found, expected = ([(e.kind, e.text) for e in events] for events in (told, controller.events))
-    differs = next(
-        (k for k, pair in enumerate(zip(found, expected, strict=False)) if pair[0] != pair[1]), None
-    )
+    differs = next((k for k, pair in enumerate(zip(found, expected, strict=False)) if pair[0] != pair[1]), None)
     if differs is not None:
         what = f"{': '.join(found[differs])!r} instead of {': '.join(expected[differs])!r}"
         yield Check("events", math.inf, 0.0, told[differs].time, what)

@@ -117,9 +117,7 @@ def closing_push(
     if found:
         return min(found, key=lambda push: push.length)
     if np.isfinite(closed).any():
-        return (
-            "a push closes the contacts if all is as believed, but not if friction or places are a little off"
-        )
+        return "a push closes the contacts if all is as believed, but not if friction or places are a little off"
     return f"no push of up to {1e3 * LONGEST:.0f} mm closes the contacts"
 
 
@@ -138,9 +136,7 @@ def _in_other_worlds(
     return found
 
 
-def _closes_after(
-    simulator: SlipSimulator, plate: FloatArray, object_poses: FloatArray, twist: FloatArray
-) -> float:
+def _closes_after(simulator: SlipSimulator, plate: FloatArray, object_poses: FloatArray, twist: FloatArray) -> float:
     """Return the length (m of path cost) after which all contacts are closed and stay so; infinite if none is."""
     count = round(LONGEST / STEP)
     simulator.place(object_poses, plate)

@@ -327,9 +327,7 @@ class Controller:
             return
         loads = [segment.load for segment in segments[self._at :] if segment.pushes]
         ahead = {name for load in loads if load is not None for name in load.names}
-        why = self._lost or (
-            "" if left <= ahead else f"{', '.join(sorted(left - ahead))} is to be pushed once more"
-        )
+        why = self._lost or ("" if left <= ahead else f"{', '.join(sorted(left - ahead))} is to be pushed once more")
         legs = [] if why else self._legs_to_next()
         if legs:
             self._set_out(legs)

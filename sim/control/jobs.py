@@ -108,9 +108,7 @@ def push_job(
     )
 
 
-def straight_onto(
-    segment: Segment, plate: FloatArray, poses: Poses, tolerance: tuple[float, float]
-) -> float | None:
+def straight_onto(segment: Segment, plate: FloatArray, poses: Poses, tolerance: tuple[float, float]) -> float | None:
     """Return how far a load has to be pushed straight ahead to close onto an object where that was measured, m.
 
     None where that is too far off or turned to become flush so, or to stand well in the row; see `push_job`.

@@ -233,9 +233,7 @@ class PushLoop:
         if self.over or self._following.drive.over:
             return np.zeros(3)
         period = 1.0 / self.settings.rate
-        led = compose(
-            self.plate, [0.0, self._aside[0], 0.0]
-        )  # where the load stands along the plate is only seen
+        led = compose(self.plate, [0.0, self._aside[0], 0.0])  # where the load stands along the plate is only seen
         twist = self._following.twist(led)
         self.plate = compose(self.plate, exp(twist * period))
         self._stall.driven(self._now, twist * period, self.plate)

@@ -154,9 +154,7 @@ class Aim:
     def _about(self, pose: FloatArray, chain: Chain, grids: Sequence[FloatArray]) -> FloatArray:
         """Return poses (k, 3) about a pose (3,) of the chain frame, moved by shares of the tolerances."""
         center = chain.places[self.objects].mean(axis=0) * [1.0, 1.0, 0.0]
-        moves = (
-            np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1).reshape(-1, 3) * self.tolerance[[0, 0, 1]]
-        )
+        moves = np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1).reshape(-1, 3) * self.tolerance[[0, 0, 1]]
         return compose(compose(compose(pose, center), moves), inverse(center))
 
 
@@ -192,9 +190,7 @@ class Replanner:
     ) -> None:
         self._scenario, self._settings, self._observer = scenario, settings, observer
         self._lowers = lowers
-        self.aim = Aim.of(
-            scenario.goal, scenario.chain, settings.position_tolerance, settings.angle_tolerance
-        )
+        self.aim = Aim.of(scenario.goal, scenario.chain, settings.position_tolerance, settings.angle_tolerance)
         self.chain, self._slides = scenario.chain, np.zeros(len(scenario.chain.contacts))
         self._planners: dict[Caution, Planner] = {}
         self._margins: dict[Caution, float] = {}
@@ -246,9 +242,7 @@ class Replanner:
     def take_obstacles(self, obstacles: tuple[Obstacle, ...]) -> None:
         """Take over what is in the way now; stable sets and controls are kept."""
         self._scenario = replace(self._scenario, obstacles=obstacles)
-        self._planners = {
-            level: planner.with_obstacles(obstacles) for level, planner in self._planners.items()
-        }
+        self._planners = {level: planner.with_obstacles(obstacles) for level, planner in self._planners.items()}
 
     def reason_to_replan(self, poses: FloatArray, rest: float) -> str:
         """Return why the rest of a plan is not to be driven on; empty if it is.
@@ -426,8 +420,7 @@ def cautious(scenario: Scenario, share: float, room: float = 0.0) -> Scenario:
     if scenario.stability.set not in INTERVAL_SETS:
         return replace(scenario, chain=chain)
     spans = {
-        obj.name: ((1.0 - share) * obj.floor_friction, (1.0 + share) * obj.floor_friction)
-        for obj in chain.objects
+        obj.name: ((1.0 - share) * obj.floor_friction, (1.0 + share) * obj.floor_friction) for obj in chain.objects
     }
     return replace(scenario, chain=chain, interval=IntervalChain.from_ranges(chain, floor_friction=spans))
 

@@ -108,9 +108,7 @@ def legs_to(
         return []
     ways = {
         TRANSIT: PushPath(robot, arcs[:, :3], arcs[:, 3]),
-        APPROACH: PushPath(
-            compose(contact, [-pushes.approach, 0.0, 0.0]), AHEAD, np.array([pushes.approach])
-        ),
+        APPROACH: PushPath(compose(contact, [-pushes.approach, 0.0, 0.0]), AHEAD, np.array([pushes.approach])),
     }
     kinds = {TRANSIT: None, APPROACH: load}
     made = [
@@ -133,9 +131,7 @@ class RestPlanner:
         observer: Takes messages about what takes long.
     """
 
-    def __init__(
-        self, scenario: Scenario, plan: Plan, tolerance: tuple[float, float], observer: Observer
-    ) -> None:
+    def __init__(self, scenario: Scenario, plan: Plan, tolerance: tuple[float, float], observer: Observer) -> None:
         self._scenario, self._observer = scenario, observer
         self._row = scenario.row
         if self._row is not None:  # the places of its objects are those that the plan gave them

@@ -125,9 +125,7 @@ def disturbed(simulator: Simulator, frame: FloatArray, disturbance: Disturbance)
     poses, chain, names = simulator.object_poses, simulator.chain, simulator.world.names
     if disturbance.index >= len(poses):
         raise PushplanError(f"{disturbance}; there are {len(poses)} objects, counted from 0")
-    poses[disturbance.index] = compose(
-        poses[disturbance.index], [disturbance.x, disturbance.y, disturbance.turn]
-    )
+    poses[disturbance.index] = compose(poses[disturbance.index], [disturbance.x, disturbance.y, disturbance.turn])
     if chain is None or names[disturbance.index] not in (own := [obj.name for obj in chain.objects]):
         return _apart(simulator, frame, poses)
     columns = columns_of(chain, names)
@@ -173,9 +171,7 @@ class Driver(Protocol):
     def over(self) -> bool:
         """Whether it has come to its end."""
 
-    def step(
-        self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
-    ) -> FloatArray:
+    def step(self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None) -> FloatArray:
         """Return the twist (3,) of the plate frame until the next step."""
 
 
@@ -208,9 +204,7 @@ class Driven(ABC, Generic[D]):
         return self.controller.over
 
     @abstractmethod
-    def step(
-        self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
-    ) -> FloatArray:
+    def step(self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None) -> FloatArray:
         """Return the twist (3,) that the plate really has, whatever the controller says."""
 
 
@@ -241,9 +235,7 @@ class OpenLoop:
         """Whether the plan is at its end."""
         return self._at >= self._trajectory.duration
 
-    def step(
-        self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
-    ) -> FloatArray:
+    def step(self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None) -> FloatArray:
         """Return the twist (3,) until the next step; what is measured does not matter."""
         begin, self._at = self._at, min(self._at + 1.0 / self._rate, self._trajectory.duration)
         before, after = self._trajectory.poses_at([begin, self._at])
@@ -321,9 +313,7 @@ def simulate_push(
         t, poses, object_poses, twists, segment = columns
         pushed = np.array(wrenches).reshape(-1, 3)
         ended = simulator.jammed, driver.over, stalled
-        return SimulatedPush(
-            world.names, t, poses, object_poses, pushed, twists, segment, seen.measured, *ended
-        )
+        return SimulatedPush(world.names, t, poses, object_poses, pushed, twists, segment, seen.measured, *ended)
 
     for k in range(int(time_limit * rate) + 1):
         now = k / rate

@@ -75,9 +75,7 @@ class Touch:
         """Whether the plate was elsewhere than believed, so that another approach may do better."""
         return self._off[0] > ASIDE[0] or self._off[1] > ASIDE[1]
 
-    def told(
-        self, plate: FloatArray, object_poses: FloatArray, sure: bool = False
-    ) -> tuple[FloatArray, str] | None:
+    def told(self, plate: FloatArray, object_poses: FloatArray, sure: bool = False) -> tuple[FloatArray, str] | None:
         """Return by what body motion (3,) the plate is off where it is believed to be, and words for that.
 
         The first object that the plate pushes, at rest after the push, is taken for flush; along it, what was

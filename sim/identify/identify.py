@@ -40,9 +40,7 @@ def cost(errors: FloatArray) -> float:
     return float((np.asarray(errors) ** 2).sum())
 
 
-def refined(
-    errors: Errors, start: FloatArray, jacobian: Callable[[FloatArray], FloatArray], free: int
-) -> FloatArray:
+def refined(errors: Errors, start: FloatArray, jacobian: Callable[[FloatArray], FloatArray], free: int) -> FloatArray:
     """Return the nearest place with the least sum of squares.
 
     Args:
@@ -117,9 +115,7 @@ def _check(world: World, pushes: Sequence[MeasuredPush]) -> None:
     n = len(world.chain.objects)
     for push in pushes:
         if push.object_poses.shape[1] != n:
-            raise PushplanError(
-                f"{push.name}: {push.object_poses.shape[1]} objects were measured; the chain has {n}"
-            )
+            raise PushplanError(f"{push.name}: {push.object_poses.shape[1]} objects were measured; the chain has {n}")
 
 
 def _force_of(pushes: Sequence[MeasuredPush]) -> float | None:

@@ -70,16 +70,12 @@ class MeasuredPush:
             way: Its way in a piece at most, about, m.
         """
         moved = se2.log(se2.relative(self.plate_poses[:-1], self.plate_poses[1:]))
-        gone = np.concatenate(
-            [[0.0], np.cumsum(np.hypot(moved[:, 0], moved[:, 1]) + reach * np.abs(moved[:, 2]))]
-        )
+        gone = np.concatenate([[0.0], np.cumsum(np.hypot(moved[:, 0], moved[:, 1]) + reach * np.abs(moved[:, 2]))])
         # Poses at every multiple of the step of the way gone, also where rounding puts one just before it.
         marks = np.floor(gone / step * (1.0 + 1e-9))
         kept = np.flatnonzero(np.diff(marks, prepend=-1.0) > 0)
         count = max(1, int(np.ceil(gone[-1] / way)))
-        cuts = np.unique(
-            np.searchsorted(gone[kept], gone[-1] * np.arange(count + 1) / count).clip(max=len(kept) - 1)
-        )
+        cuts = np.unique(np.searchsorted(gone[kept], gone[-1] * np.arange(count + 1) / count).clip(max=len(kept) - 1))
         return [
             MeasuredPush(
                 self.plate_poses[these],

@@ -126,9 +126,7 @@ class Near:
         """Return places (count, p)."""
         found = np.empty((0, len(self._best)))
         while len(found) < count:
-            steps = solve_triangular(
-                self._root.T, rng.standard_normal((len(self._best), 4 * count)), lower=False
-            )
+            steps = solve_triangular(self._root.T, rng.standard_normal((len(self._best), 4 * count)), lower=False)
             places = self._best + steps.T
             found = np.vstack([found, places[((places > 0.0) & (places < 1.0)).all(axis=1)]])
         return found[:count]

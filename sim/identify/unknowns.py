@@ -166,9 +166,7 @@ class Unknowns:
         ]
         first = chain.objects[0]
         ratios = [
-            Unknown(
-                "floor_ratio", i, f"floor friction of {obj.name} over {first.name}", *_ratio(world, i), True
-            )
+            Unknown("floor_ratio", i, f"floor friction of {obj.name} over {first.name}", *_ratio(world, i), True)
             for i, obj in enumerate(chain.objects)
             if i > 0
         ]
@@ -213,9 +211,7 @@ class Unknowns:
             )
             for obj, load, weight, part in zip(chain.objects, self.loads, weights, fractions, strict=True)
         )
-        contacts = tuple(
-            replace(contact, friction=float(values[k])) for k, contact in enumerate(chain.contacts)
-        )
+        contacts = tuple(replace(contact, friction=float(values[k])) for k, contact in enumerate(chain.contacts))
         return replace(self.world, chain=replace(chain, objects=objects, contacts=contacts))
 
 
@@ -233,8 +229,7 @@ def _load(i: int, obj: PushedObject) -> Load:
         feet = tuple(Unknown("foot", i, name, 0.0, 1.0) for name in names)
         return Load(support.positions, _broken_stick, feet)
     tilts = tuple(
-        Unknown("tilt", i, f"tilt of the load of {obj.name} along {axis}", -MOST_TILT, MOST_TILT)
-        for axis in "xy"
+        Unknown("tilt", i, f"tilt of the load of {obj.name} along {axis}", -MOST_TILT, MOST_TILT) for axis in "xy"
     )
     if isinstance(support, FeetSupport | PressureMapSupport):
         points = support.positions if isinstance(support, FeetSupport) else support.points
@@ -242,9 +237,7 @@ def _load(i: int, obj: PushedObject) -> Load:
         middle, half = 0.5 * (points.max(axis=0) + points.min(axis=0)), 0.5 * np.ptp(points, axis=0)
         across = (points - middle) / np.maximum(half, 1e-9)
         return Load(points, lambda values: _normalised(stated * (1.0 + across @ values)), tilts)
-    pressed = PressedOutline.from_outline(
-        obj.outline, support if isinstance(support, UniformSupport) else None
-    )
+    pressed = PressedOutline.from_outline(obj.outline, support if isinstance(support, UniformSupport) else None)
     border = Unknown("border", i, f"share of the load on the border of {obj.name}", 0.0, MOST_BORDER)
     return Load(pressed.points, lambda values: pressed.loads(float(values[0]), values[1:]), (border, *tilts))
 

@@ -136,7 +136,5 @@ def _creep(chain: Chain, settings: PhysicsSettings) -> float:
     """Return the speed at which inertia does not matter: inertia = v^2 / (mu g L)."""
     frictions = [obj.floor_friction for obj in chain.objects if obj.floor_friction > 0.0]
     if not frictions:
-        raise PhysicsError(
-            "no object has friction with the floor: no speed is slow enough to neglect inertia"
-        )
+        raise PhysicsError("no object has friction with the floor: no speed is slow enough to neglect inertia")
     return float(np.sqrt(settings.inertia * min(frictions) * GRAVITY * chain.characteristic_length))

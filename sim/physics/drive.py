@@ -100,12 +100,7 @@ class ContactWatch:
         if self.base is None and counts and self._closed(motions):
             self.base, self._reference = self._looks, motions
         self._looks += 1
-        return (
-            self._until_moved
-            and counts
-            and self._reference is not None
-            and self._moved(self._reference, motions)
-        )
+        return self._until_moved and counts and self._reference is not None and self._moved(self._reference, motions)
 
     def _closed(self, motions: FloatArray) -> bool:
         if self.placed is None:
@@ -175,9 +170,7 @@ def _push(
     count, plate = len(motion.poses) - 1, int(model.dofs[-1])
     ways = joint_coordinates(model.anchors[-1], motion.poses)
     speeds = np.diff(ways, axis=0) / motion.dt
-    looks = np.union1d(np.linspace(0, count, settings.samples + 1).astype(np.int64), motion.marks).astype(
-        np.int64
-    )
+    looks = np.union1d(np.linspace(0, count, settings.samples + 1).astype(np.int64), motion.marks).astype(np.int64)
     position, velocity = model.data.qpos[plate : plate + 3], model.data.qvel[plate : plate + 3]  # views
     force, forces = model.data.qfrc_constraint[plate : plate + 2], np.zeros((count, 2))  # on the plate
     step, motions, stalled = engine().mj_step, list[FloatArray](), False

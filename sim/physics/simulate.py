@@ -184,9 +184,7 @@ class _Push:
         )
         motion = Motion(dt, se2.relative(poses[0], poses), marks)
         recording = drive(self.chain, motion, settings, watch.placed, watch)
-        return _Driven(
-            recording, watch.base, poses[0], np.asarray(at[recording.steps], dtype=np.float64), marks
-        )
+        return _Driven(recording, watch.base, poses[0], np.asarray(at[recording.steps], dtype=np.float64), marks)
 
     def _tell(self, duration: float) -> Callable[[float], None] | None:
         progress, whole = self._progress, float(self._plan.times[-1])
@@ -229,9 +227,7 @@ class _Push:
                 base = max(base - int(rows[0]), 0)
             elif segment.kind == CLOSE:
                 base = 0
-            found.append(
-                Part(k, chain, t[rows], plates[rows], plate, objects[rows], base, touched=segment.touched)
-            )
+            found.append(Part(k, chain, t[rows], plates[rows], plate, objects[rows], base, touched=segment.touched))
         return found
 
 

@@ -125,18 +125,14 @@ class PhysicsSimulator:
         """Move the plate with a constant body twist (3,) of its frame, in as many steps as it takes."""
         own = frozen(se2.twist_of(self.plate_in_frame, numbers(twist, "twist")), (3,), "twist")
         if not (np.abs(own).max() * duration <= FARTHEST and duration >= 0.0):
-            raise PushplanError(
-                f"a move of {own} for {duration} s; allowed: {FARTHEST:g} m, and time that goes on"
-            )
+            raise PushplanError(f"a move of {own} for {duration} s; allowed: {FARTHEST:g} m, and time that goes on")
         if self.jammed:
             return Moved(np.zeros((1, 3)))
         if self._rests() and (not own.any() or self._far()):
             self._plate = np.asarray(se2.compose(self._plate, se2.exp(own * duration)))
             self._put(np.array([len(self._outlines)]), self._plate[None])
             return Moved(np.zeros((1, 3)))
-        self.stalled = (
-            self.stalled and float(own @ (self._against * [1.0, 1.0, self.world.chain.reach**2])) > 0.0
-        )
+        self.stalled = self.stalled and float(own @ (self._against * [1.0, 1.0, self.world.chain.reach**2])) > 0.0
         if self.stalled:
             own = np.zeros(3)
         try:
@@ -177,9 +173,7 @@ class PhysicsSimulator:
         """Put bodies at poses (k, 3) in the world, at rest."""
         model = self._model
         places = model.dofs[bodies, None] + np.arange(3)
-        model.data.qpos[places] = joint_coordinates(
-            model.anchors[bodies], _motions(poses, self._begin[bodies])
-        )
+        model.data.qpos[places] = joint_coordinates(model.anchors[bodies], _motions(poses, self._begin[bodies]))
         model.data.qvel[places] = 0.0
 
     def _rests(self) -> bool:

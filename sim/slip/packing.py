@@ -59,8 +59,7 @@ def bodies_of(world: World, chain: Chain | None = None) -> tuple[list[PushedObje
     pusher = world.chain.pusher if chain is None else chain.pusher
     plate = se2.inverse(pusher.plate_pose) if chain is None else np.zeros(3)
     carried = [
-        se2.transform_points(plate, part) if plate.any() else part
-        for part in (pusher.outline, *pusher.footprint)
+        se2.transform_points(plate, part) if plate.any() else part for part in (pusher.outline, *pusher.footprint)
     ]
     n = len(objects)
     pieces = [piece for i, obj in enumerate(objects) for piece in cut(i, obj.outline)]

@@ -53,9 +53,7 @@ class SlipSettings:
         for field in fields(self):
             value = getattr(self, field.name)
             if not 0 < value < np.inf:
-                raise PushplanError(
-                    f"{field.name} of the slip settings is {value}; it must be finite and > 0"
-                )
+                raise PushplanError(f"{field.name} of the slip settings is {value}; it must be finite and > 0")
 
 
 DEFAULTS = SlipSettings()
@@ -75,9 +73,7 @@ class SlipSimulator:
         chain: What is held: its contacts are told of; None while the plate is alone.
     """
 
-    def __init__(
-        self, world: World, plate_pose: ArrayLike | None = None, settings: SlipSettings = DEFAULTS
-    ) -> None:
+    def __init__(self, world: World, plate_pose: ArrayLike | None = None, settings: SlipSettings = DEFAULTS) -> None:
         """Place plate and objects.
 
         Args:
@@ -296,9 +292,7 @@ def step_times(trajectory: Trajectory, reach: float, step: float) -> FloatArray:
 
     Where one arc goes over into the next is one of them: a step has one twist. Times at rest are left out.
     """
-    arc_ends = trajectory.breaks[
-        np.append(np.flatnonzero(np.diff(trajectory.arc)) + 1, len(trajectory.breaks) - 1)
-    ]
+    arc_ends = trajectory.breaks[np.append(np.flatnonzero(np.diff(trajectory.arc)) + 1, len(trajectory.breaks) - 1)]
     fine = np.union1d(trajectory.t, trajectory.breaks)
     twists = trajectory.twists_at(fine)
     rate = np.hypot(twists[:, 0], twists[:, 1]) + reach * np.abs(twists[:, 2])

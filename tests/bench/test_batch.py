@@ -76,9 +76,7 @@ def _results(found: Rows) -> list[tuple[object, ...]]:
     return [(row["key"], row["outcome"], row["solution_length"], row["arcs"]) for row in found]
 
 
-def test_a_batch_killed_at_random_and_resumed_has_the_same_rows(
-    planted: Any, tmp_path: Path, rows: ReadRows
-) -> None:
+def test_a_batch_killed_at_random_and_resumed_has_the_same_rows(planted: Any, tmp_path: Path, rows: ReadRows) -> None:
     seeds, rng = range(14, 21), random.Random(1)  # one that hangs, and three more that go wrong, among them
     (tmp_path / "suite.yaml").write_text(planted.suite_text(seeds))
     folder = tmp_path / "results"

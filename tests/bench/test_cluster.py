@@ -73,9 +73,7 @@ class Cluster:
     @property
     def address(self) -> str:
         dask: Any = import_module("distributed")
-        with dask.Client(
-            scheduler_file=str(self.scheduler_file), timeout=PATIENCE, set_as_default=False
-        ) as client:
+        with dask.Client(scheduler_file=str(self.scheduler_file), timeout=PATIENCE, set_as_default=False) as client:
             client.wait_for_workers(2, timeout=PATIENCE)
             return str(client.scheduler.address)
 

@@ -46,9 +46,7 @@ def _engine(specs: Iterable[RunSpec]) -> Generator[Outcome]:
         if status in ("ok", "invalid"):
             values |= {"time": 0.1 * spec.seed, "solution_length": 1.0 + spec.seed, "min_margin": 0.1}
             progress = ((0.01, 2.0, 5), (0.02, 1.5, 9), (0.02, 1.4, 9), (0.1, 1.0 + spec.seed, 20))
-            yield Outcome(
-                spec.key, status, "", values, ((1.0, 0.0, 0.0, 2.0),), progress, b"log", True, "here"
-            )
+            yield Outcome(spec.key, status, "", values, ((1.0, 0.0, 0.0, 2.0),), progress, b"log", True, "here")
         else:
             yield Outcome(spec.key, status, status, values)
 
@@ -63,9 +61,7 @@ def database(tmp_path: Path) -> Path:
 
 def _ompl_reader() -> ModuleType:
     (folder,) = importlib.util.find_spec("ompl").submodule_search_locations or []  # type: ignore[union-attr]
-    specification = there(
-        importlib.util.spec_from_file_location("reader", f"{folder}/_benchmark_statistics.py")
-    )
+    specification = there(importlib.util.spec_from_file_location("reader", f"{folder}/_benchmark_statistics.py"))
     module = importlib.util.module_from_spec(specification)
     there(specification.loader).exec_module(module)
     return module
@@ -93,9 +89,7 @@ def _ompl_log(database: sqlite3.Connection, experiment: tuple[Any, ...]) -> str:
         f"{fixed['totaltime']} seconds spent to collect the data",
         f"1 enum type\nstatus|{'|'.join(STATUSES)}",
     ]
-    query = (
-        "SELECT DISTINCT p.* FROM plannerConfigs p JOIN runs r ON r.plannerid = p.id WHERE r.experimentid = ?"
-    )
+    query = "SELECT DISTINCT p.* FROM plannerConfigs p JOIN runs r ON r.plannerid = p.id WHERE r.experimentid = ?"
     planners = database.execute(query, (fixed["id"],)).fetchall()
     lines.append(f"{len(planners)} planners")
     for number, name, settings in planners:
@@ -131,8 +125,7 @@ def test_tables_columns_and_views_are_those_that_ompls_reader_makes(database: Pa
         assert (table, _columns(ours, table)) == (table, _columns(theirs, table))
     for table in ("runs", "progress", "enums", *VIEWS):
         first, second = (
-            sorted(map(str, db.execute(f"SELECT * FROM {table} ORDER BY 1, 2").fetchall()))
-            for db in (ours, theirs)
+            sorted(map(str, db.execute(f"SELECT * FROM {table} ORDER BY 1, 2").fetchall())) for db in (ours, theirs)
         )
         if table not in ("runs", "progress"):
             assert (table, first) == (table, second)
@@ -178,9 +171,7 @@ def test_the_outcome_of_a_run_has_its_margins(done: Run) -> None:
     assert found.values["margin"] == done.plan.margin
     assert found.values["min_margin"] == done.execution.margins.min()
     assert found.values["min_dynamic_margin"] == there(done.execution.dynamic_margins).min()
-    slipping = replace(
-        done.execution, dynamic_margins=np.full_like(there(done.execution.dynamic_margins), -0.1)
-    )
+    slipping = replace(done.execution, dynamic_margins=np.full_like(there(done.execution.dynamic_margins), -0.1))
     lost = validated("", done.scenario, replace(done, execution=slipping), Stopwatch())
     assert (lost.status, lost.values["min_dynamic_margin"]) == ("invalid", -0.1)
 

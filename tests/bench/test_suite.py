@@ -190,8 +190,7 @@ def test_ctrl_c_stops_it_and_says_how_to_go_on(tmp_path: Path) -> None:
         _, rest = program.communicate(timeout=30.0)
     assert program.returncode == 130
     assert (
-        "stopped; go on with: pushplan bench long.yaml -o results --resume --filter 'seed=*'\ninterrupted\n"
-        in rest
+        "stopped; go on with: pushplan bench long.yaml -o results --resume --filter 'seed=*'\ninterrupted\n" in rest
     )
     assert "Traceback" not in rest
     assert not (tmp_path / "results" / ".scratch").exists()

@@ -90,9 +90,7 @@ def test_a_kicked_object_is_brought_to_the_goal_that_the_plan_alone_misses() -> 
 
 
 @pytest.mark.parametrize("detour", [(2.0, 1.0), (1.2, 0.05)])
-@pytest.mark.parametrize(
-    ("name", "share"), [("two-crates", s) for s in (0.3, 0.6, 0.9, 0.97)] + [("hook", 0.9)]
-)
+@pytest.mark.parametrize(("name", "share"), [("two-crates", s) for s in (0.3, 0.6, 0.9, 0.97)] + [("hook", 0.9)])
 def test_travel_keeps_to_its_bound_and_what_remains_is_told(
     name: str, share: float, detour: tuple[float, float]
 ) -> None:
@@ -146,9 +144,7 @@ class Sensed(Driven[Controller]):
         self._plate, self._rolled = np.array(controller.scenario.plate_start), np.array([5.0, -3.0, 1.0])
         self._were: list[tuple[float, FloatArray]] = []
 
-    def step(
-        self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
-    ) -> FloatArray:
+    def step(self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None) -> FloatArray:
         self._were.append((now, self._plate))
         words = dict(self._stated)
         if self._short:
@@ -185,9 +181,7 @@ def test_a_robot_tells_how_it_moves_what_it_sees_from_itself_and_how_well(
     """
     controller = Controller(plan_of("one-box"))
     robot = Sensed(controller, short, on_board, **stated)
-    course = simulate_push(
-        World.from_scenario(controller.scenario), robot, controller.settings.rate, (), sensor, 1
-    )
+    course = simulate_push(World.from_scenario(controller.scenario), robot, controller.settings.rate, (), sensor, 1)
     assert controller.phase is Phase.ARRIVED, controller.reason
     driven = sum(event.kind == "replan" for event in controller.events)
     assert driven <= (1 if stated else 0)
@@ -204,9 +198,7 @@ class SeenAside(Driven[Controller]):
         super().__init__(controller)
         self._off, self._left, self._since = off, count, np.inf
 
-    def step(
-        self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
-    ) -> FloatArray:
+    def step(self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None) -> FloatArray:
         if self.controller.phase is Phase.LOOKING:
             self._since = min(self._since, now)
         if measured_at is not None and measured_at >= self._since and self._left:
@@ -219,9 +211,7 @@ class SeenAside(Driven[Controller]):
     ("off", "count", "end"),
     [(5.4e-3, 20, Phase.ARRIVED), (5.4e-3, 2000, Phase.GAVE_UP), (6.5e-3, 20, Phase.GAVE_UP)],
 )
-def test_where_an_error_is_at_its_tolerance_it_is_measured_for_longer(
-    off: float, count: int, end: Phase
-) -> None:
+def test_where_an_error_is_at_its_tolerance_it_is_measured_for_longer(off: float, count: int, end: Phase) -> None:
     """5 mm are allowed, and a longer way is not worth less than one: sixteen measurements tell that to 0.75 mm."""
     controller = Controller(plan_of("one-box"))
     robot, rate = SeenAside(controller, off, count), controller.settings.rate
@@ -232,9 +222,7 @@ def test_where_an_error_is_at_its_tolerance_it_is_measured_for_longer(
 def test_unknown_loads_are_refused_before_anything_takes_long() -> None:
     chain = scenario("one-box").chain
     box = replace(chain.objects[0], support=UnknownSupport(chain.objects[0].outline))
-    with pytest.raises(
-        SupportError, match="the load under 'box' is unknown; simulating slip needs known loads"
-    ):
+    with pytest.raises(SupportError, match="the load under 'box' is unknown; simulating slip needs known loads"):
         Controller(replace(scenario("one-box"), chain=replace(chain, objects=(box,))))
 
 
@@ -245,9 +233,7 @@ class NoticedOnTheWay(Driven[Controller]):
         super().__init__(controller)
         self._obstacles = obstacles
 
-    def step(
-        self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
-    ) -> FloatArray:
+    def step(self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None) -> FloatArray:
         if now == 1.0:
             self.controller.notice(self._obstacles)
         return self.controller.step(now, object_poses, measured_at)

@@ -58,9 +58,7 @@ def test_a_stop_keeps_to_the_path_and_the_limits_wherever_it_begins(crates: push
         assert np.abs(np.diff(speeds)).max() / dt < 1.1 * limits.both("acceleration")[0]
 
 
-@pytest.mark.parametrize(
-    ("slides", "best"), [((3e-3, 0.0), 0.0), ((0.0, 9e-3), 0.8), ((-4e-3, -1.2e-2), 1.05)]
-)
+@pytest.mark.parametrize(("slides", "best"), [((3e-3, 0.0), 0.0), ((0.0, 9e-3), 0.8), ((-4e-3, -1.2e-2), 1.05)])
 def test_no_pose_brings_objects_that_have_slid_nearer_to_their_goals(
     crates: pushplan.Scenario, slides: tuple[float, float], best: float
 ) -> None:
@@ -159,9 +157,7 @@ def test_where_a_load_stands_on_the_plate_is_no_drift_of_the_wheels() -> None:
         for k in range(400):
             estimator.moved(k * period, believed)
             seen = compose(compose(true, [0.0, -aside, 0.0]), places)
-            estimator.add(
-                Sample(k * period, seen + random.normal(size=(1, 3)) * NOISE[[0, 0, 1]], places, NOISE)
-            )
+            estimator.add(Sample(k * period, seen + random.normal(size=(1, 3)) * NOISE[[0, 0, 1]], places, NOISE))
             if k % 8 == 0:
                 estimator.fit(k * period)
             if k == 280:
@@ -226,9 +222,7 @@ def test_a_sensor_has_its_rate_delay_and_noise() -> None:
 
 
 @pytest.mark.parametrize("held", [True, False])
-def test_a_kick_leaves_no_overlap_and_moves_what_is_carried_ahead(
-    crates: pushplan.Scenario, held: bool
-) -> None:
+def test_a_kick_leaves_no_overlap_and_moves_what_is_carried_ahead(crates: pushplan.Scenario, held: bool) -> None:
     import shapely
 
     from pushplan.geometry.se2 import transform_points
@@ -248,9 +242,7 @@ def test_a_kick_leaves_no_overlap_and_moves_what_is_carried_ahead(
         assert max(shapes[a].intersection(shapes[b]).area for a, b in ((0, 1), (0, 2), (1, 2))) < 1e-9
 
 
-def test_a_push_that_closes_contacts_does_so_in_other_worlds_too(
-    crates: pushplan.Scenario, queries: Planner
-) -> None:
+def test_a_push_that_closes_contacts_does_so_in_other_worlds_too(crates: pushplan.Scenario, queries: Planner) -> None:
     world = pushplan.World.from_scenario(crates)
     disturbance = Disturbance(0.0, 0, 4e-3, 2e-3, 0.03)
     poses = disturbed(pushplan.SlipSimulator(world), world.start, disturbance)
@@ -266,9 +258,7 @@ def test_a_push_that_closes_contacts_does_so_in_other_worlds_too(
         assert contacts_at(crates.chain, after).flush(2.0 * GAP, 2e-3)
 
 
-def test_the_rest_of_an_earlier_plan_is_kept_from_a_little_aside(
-    crates: pushplan.Scenario, queries: Planner
-) -> None:
+def test_the_rest_of_an_earlier_plan_is_kept_from_a_little_aside(crates: pushplan.Scenario, queries: Planner) -> None:
     before = there(queries.plan(crates.start, crates.goal.pose_chain, timed=False).path)
     start = compose(before.poses_at([0.3 * before.cost])[0], [0.0, 3e-3, 0.02])
     goal = crates.goal.pose_chain + np.array([2e-3, 1e-3, 0.0])
@@ -297,9 +287,7 @@ def test_what_has_slid_is_kept_off_obstacles(slide: float) -> None:
 
     pillar = CircleObstacle(np.array([5.0 + 0.95, 0.3 + 0.1 + 0.005]), 0.1)
     goal = np.array([5.0, 0.0, 0.0])
-    feet = replace(
-        pushplan.load_scenario("feet"), obstacles=(pillar,), goal=Goal(goal, "table", goal, 1e-3, 1e-3)
-    )
+    feet = replace(pushplan.load_scenario("feet"), obstacles=(pillar,), goal=Goal(goal, "table", goal, 1e-3, 1e-3))
     replanner = Replanner(feet, ControlSettings(time_limit=60.0), Observer())
     found = replanner.replan(0.0, np.zeros(3), None, np.array([0.0, slide]), CAUTION[-1])
     assert found.solved == (slide < 0.0), found.reason

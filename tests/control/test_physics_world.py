@@ -40,9 +40,7 @@ def moved(world: pushplan.World, *twists: tuple[FloatArray, int]) -> list[tuple[
     return found
 
 
-@pytest.mark.parametrize(
-    "name", ["two-crates", "hook", "feet"]
-)  # boxes, a polygon that is not convex, known feet
+@pytest.mark.parametrize("name", ["two-crates", "hook", "feet"])  # boxes, a polygon that is not convex, known feet
 def test_objects_that_stick_go_where_they_do_without_inertia(name: str) -> None:
     world = pushplan.World.from_scenario(pushplan.load_scenario(name))
     (there, wrench), (here, expected) = moved(world, (AHEAD, 25))
@@ -78,10 +76,7 @@ def test_the_command_closes_the_loop_in_the_engine(tmp_path: Path, capsys: Captu
     stated["pusher"]["limits"] = {"speed": 0.5, "acceleration": 1.5, "jerk": 30, "angular_speed": 2}
     stated |= {"goal": {"pose": [1.0, 0.2, 0.2]}, "obstacles": []}
     (tmp_path / "box.yaml").write_text(json.dumps(stated))
-    assert (
-        main(["simulate", str(tmp_path / "box.yaml"), "--closed-loop", "--physics", "--no-log", "--json"])
-        == 0
-    )
+    assert main(["simulate", str(tmp_path / "box.yaml"), "--closed-loop", "--physics", "--no-log", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["outcome"] == "arrived"
     assert told["replans"] == []

@@ -61,9 +61,7 @@ def back(log: Path) -> RecordedRun:
     return load_run(log)
 
 
-def test_the_log_has_measurements_events_and_plans_in_the_order_of_time(
-    run: ClosedLoopRun, log: Path
-) -> None:
+def test_the_log_has_measurements_events_and_plans_in_the_order_of_time(run: ClosedLoopRun, log: Path) -> None:
     times: dict[str, list[int]] = {}
     with log.open("rb") as stream:
         for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
@@ -102,14 +100,10 @@ def test_a_loop_that_is_killed_leaves_what_has_happened(
     count = len(cut.execution.t)
     assert cut.execution.t[-1] > 1.9
     for array in ("t", "poses", "objects", "wrenches"):
-        np.testing.assert_array_equal(
-            getattr(cut.execution, array), getattr(there(back.execution), array)[:count]
-        )
+        np.testing.assert_array_equal(getattr(cut.execution, array), getattr(there(back.execution), array)[:count])
     # margins of a few twists and of many at once are rounded differently
     np.testing.assert_allclose(cut.execution.margins, there(back.execution).margins[:count], atol=1e-12)
-    np.testing.assert_array_equal(
-        cut.feedback.measured.t, run.simulated.measured.t[: len(cut.feedback.measured.t)]
-    )
+    np.testing.assert_array_equal(cut.feedback.measured.t, run.simulated.measured.t[: len(cut.feedback.measured.t)])
     assert cut.feedback.measured.t[-1] > 1.9
     stopped = cut.feedback.events
     assert [event.kind for event in stopped[:2]] == [
@@ -123,18 +117,14 @@ def test_a_log_that_was_tampered_with_does_not_verify(back: RecordedRun) -> None
     twists = np.array(there(back.execution).twists)
     twists[100] += [0.01, 0.0, 0.0]
     told = replace(there(back.feedback), events=there(back.feedback).events[:-1])
-    found = check_closed_loop(
-        replace(back, execution=replace(there(back.execution), twists=twists), feedback=told)
-    )
+    found = check_closed_loop(replace(back, execution=replace(there(back.execution), twists=twists), feedback=told))
     wrong = {check.quantity for check in found if not check.matches}
     assert wrong == {"twist", "path of the plate", "number of events"}
     with pytest.raises(RunLogError, match="the settings of the closed loop cannot be read"):
         check_closed_loop(replace(back, fields={}))
 
 
-def test_the_command_arrives_in_closed_loop_and_verifies(
-    file: Path, tmp_path: Path, capsys: Captured
-) -> None:
+def test_the_command_arrives_in_closed_loop_and_verifies(file: Path, tmp_path: Path, capsys: Captured) -> None:
     out, page, clear = (tmp_path / name for name in ("run.mcap", "run.html", "clear.yaml"))
     # Whichever plan the clock leaves, what is displaced meets no obstacle.
     clear.write_text(f"{file.read_text()}clearance: 1 cm\n")

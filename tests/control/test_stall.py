@@ -71,9 +71,7 @@ def test_only_a_load_that_stands_still_as_a_whole_stalls(
 
 def _plan(**robot: Any) -> Plan:
     document = {**yaml.safe_load(example_text("two-crates")), "robot": {"limits": robot}}
-    plan = pushplan.plan(
-        scenario_from_document(document), seed=1, time_limit=60.0, iterations=300, first=True
-    )
+    plan = pushplan.plan(scenario_from_document(document), seed=1, time_limit=60.0, iterations=300, first=True)
     assert plan.solved
     return plan
 

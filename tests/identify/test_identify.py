@@ -141,9 +141,7 @@ def test_a_plan_with_what_was_learned_holds_where_one_with_the_stated_numbers_sl
 
 def test_measured_forces_tell_the_size_of_floor_friction() -> None:
     """Stated floor friction is 0.3, in truth it is 0.48."""
-    chain = ChainMaker().boxes(
-        1, pusher_friction=0.5, support=lambda o: FeetSupport(0.9 * o, np.full(4, 0.25))
-    )
+    chain = ChainMaker().boxes(1, pusher_friction=0.5, support=lambda o: FeetSupport(0.9 * o, np.full(4, 0.25)))
     stated = World.from_chain(chain)
     unknowns = Unknowns.from_world(stated, absolute=True)
     parts = np.full(len(unknowns.each), 0.5)

@@ -96,9 +96,7 @@ def test_a_motion_keeps_its_margin_with_inertia_for_random_members() -> None:
 def test_loads_of_feet_sum_to_1_whatever_makes_intervals_of_them() -> None:
     feet = "support: {feet: [[-0.04, -0.03, 40 %], [0.04, -0.03, 35 %], [0.0, 0.03, 35 %]]}"
     text = re.sub(r"support: .*\n.*\n", f"{feet}\n", TEXT) + "uncertainty: {load: 20 %}\n"
-    with pytest.raises(
-        ScenarioError, match=r"objects\[1\].support: load fractions sum to 1.1; they must sum to 1"
-    ):
+    with pytest.raises(ScenarioError, match=r"objects\[1\].support: load fractions sum to 1.1; they must sum to 1"):
         scenario_from_text(text)
     assert scenario_from_text(text.replace("40 %", "30 %")).has_intervals
 
@@ -160,9 +158,7 @@ def twists(seed: int, count: int) -> FloatArray:
 
 
 def test_it_is_the_same_as_writing_the_intervals() -> None:
-    written = UNCERTAIN.replace("{friction: 0.3}", "{friction: [0.24, 0.36]}").replace(
-        "0.4}", "[0.32, 0.48]}"
-    )
+    written = UNCERTAIN.replace("{friction: 0.3}", "{friction: [0.24, 0.36]}").replace("0.4}", "[0.32, 0.48]}")
     written = written.replace('"14 deg"', f"[{0.8 * MU!r}, {1.2 * MU!r}]").replace("0.5}", "[0.4, 0.6]}")
     for number in ("0.2", "0.3", "0.25"):
         low, high = 0.9 * float(number), 1.1 * float(number)
@@ -198,9 +194,7 @@ def test_heights_are_those_of_contacts_whoever_pushes() -> None:
     np.testing.assert_allclose(turned.contact_heights, [[0.03, 0.05], [0.01, 0.04]])
     assert scenario.stable_set().contains([[1.0, 0.0, 0.0]])
     assert not check_scenario(scenario)
-    with pytest.raises(
-        ScenarioError, match=r"height: reaches 70 mm, and 'far' is 60 mm high; allowed: up to 60 mm"
-    ):
+    with pytest.raises(ScenarioError, match=r"height: reaches 70 mm, and 'far' is 60 mm high; allowed: up to 60 mm"):
         scenario_from_text(HIGH.replace("40 mm]}]", "70 mm]}]"))
     (finding,) = check_scenario(scenario_from_text(HIGH.replace("[30 mm, 50 mm]", "0.09")))
     assert finding.where == "pusher"

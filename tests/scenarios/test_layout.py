@@ -30,9 +30,7 @@ def load(*objects: str, pusher: str = "width: 0.4, friction: 0.5") -> Scenario:
 
 
 @given(
-    st.lists(
-        st.tuples(st.floats(0.05, 0.5), st.floats(0.05, 0.5), st.floats(-0.8, 0.8)), min_size=1, max_size=5
-    ),
+    st.lists(st.tuples(st.floats(0.05, 0.5), st.floats(0.05, 0.5), st.floats(-0.8, 0.8)), min_size=1, max_size=5),
     st.floats(0.1, 1.0),
 )
 def test_stacked_boxes_lie_flush_and_touch_where_shapely_says(
@@ -79,9 +77,7 @@ def test_frictions_come_from_the_pair_then_from_the_default_then_from_the_pusher
 
     assert frictions() == [0.55, 0.2]
     assert frictions(("  between", "  #")) == [0.55, 0.25]
-    assert frictions(("[near, far], friction: 0.20", "[far, near], friction: 45 deg")) == pytest.approx(
-        [0.55, 1.0]
-    )
+    assert frictions(("[near, far], friction: 0.20", "[far, near], friction: 45 deg")) == pytest.approx([0.55, 1.0])
     assert frictions(("[near, far], friction: 0.20", "[pusher, near], friction: 0.9")) == [0.9, 0.25]
 
 

@@ -166,9 +166,7 @@ SVG = """<svg xmlns="http://www.w3.org/2000/svg" width="200mm" height="100mm" vi
 <g transform="translate(20,20)">{}</g></svg>"""
 
 
-NESTED = (
-    "".join(f'<g id="a{k}">' + f'<use href="#a{k + 1}"/>' * 10 + "</g>" for k in range(7)) + '<g id="a7"/>'
-)
+NESTED = "".join(f'<g id="a{k}">' + f'<use href="#a{k + 1}"/>' * 10 + "</g>" for k in range(7)) + '<g id="a7"/>'
 
 
 def _drawing(folder: Path, shapes: str) -> Path:

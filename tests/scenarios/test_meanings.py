@@ -74,15 +74,11 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
     if meant["name"] == "__frozen":
         meant["name"] = ""
     if len(scenario.obstacles) > FEW:
-        corners = np.concatenate(
-            [getattr(obstacle, "outline", np.empty((0, 2))) for obstacle in scenario.obstacles]
-        )
+        corners = np.concatenate([getattr(obstacle, "outline", np.empty((0, 2))) for obstacle in scenario.obstacles])
         sums = {"sum": _plain(corners.sum(axis=0)), "squares": _plain((corners**2).sum(axis=0))}
         meant["obstacles"] = {"count": len(scenario.obstacles), "corners": len(corners), **sums}
     meant["chain"] = {
-        "contacts": [
-            [c.pusher, c.pushed, _plain(c.right), _plain(c.left), c.friction] for c in chain.contacts
-        ],
+        "contacts": [[c.pusher, c.pushed, _plain(c.right), _plain(c.left), c.friction] for c in chain.contacts],
         "objects": [
             [
                 obj.mass,
@@ -233,9 +229,7 @@ def test_packaged_suites_are_valid_and_mistakes_are_not(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", example_names())
-def test_packaged_and_resolved_scenarios_are_valid(
-    name: str, checker: jsonschema.protocols.Validator
-) -> None:
+def test_packaged_and_resolved_scenarios_are_valid(name: str, checker: jsonschema.protocols.Validator) -> None:
     checker.validate(_document(example_text(name)))
     checker.validate(load_scenario(name).resolved())
 

@@ -123,9 +123,7 @@ def test_reading_checking_and_asking_parse_a_file_once(tmp_path: Path, parsed: l
 
 
 def test_loading_a_scenario_loads_no_planner() -> None:
-    words = (
-        "import sys, pushplan.scenario.file as f; f.load_scenario('two-crates'); print('ompl' in sys.modules)"
-    )
+    words = "import sys, pushplan.scenario.file as f; f.load_scenario('two-crates'); print('ompl' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
     assert done.stdout == "False\n"
 

@@ -169,13 +169,9 @@ def test_refusals_say_where_and_why(text: bytes | str, finding: str) -> None:
 
 
 def test_size_depth_and_number_of_values_are_limited() -> None:
-    assert (
-        refusal(b"#" * (MOST_BYTES + 1)) == f"f:1:1: the file is larger than the {MOST_BYTES} bytes allowed"
-    )
+    assert refusal(b"#" * (MOST_BYTES + 1)) == f"f:1:1: the file is larger than the {MOST_BYTES} bytes allowed"
     deep = "[" * 100 + "]" * 100
-    assert (
-        refusal(deep) == f"f:1:{MOST_DEPTH + 2}: [0][0]: nested deeper than the {MOST_DEPTH} levels allowed"
-    )
+    assert refusal(deep) == f"f:1:{MOST_DEPTH + 2}: [0][0]: nested deeper than the {MOST_DEPTH} levels allowed"
     assert Source(("[" * MOST_DEPTH + "]" * MOST_DEPTH).encode()).findings == ()
     many = "[" + "1," * MOST_NODES + "]"
     assert refusal(many).endswith(f"the file holds more than the {MOST_NODES} values allowed")

@@ -177,9 +177,7 @@ def odd_chains(make_chain: ChainMaker) -> list[Chain]:
         make_chain.boxes(2, size=(1e-6, 0.1)),
         make_chain.boxes(1, support=lambda _: UniformSupport(sliver)),
         make_chain.boxes(1, support=lambda _: FeetSupport(np.zeros((1, 2)), np.ones(1))),
-        make_chain.boxes(
-            1, support=lambda _: FeetSupport(np.array([[0.0, -0.05], [0.0, 0.05]]), np.full(2, 0.5))
-        ),
+        make_chain.boxes(1, support=lambda _: FeetSupport(np.array([[0.0, -0.05], [0.0, 0.05]]), np.full(2, 0.5))),
         make_chain.boxes(1, support=lambda o: UniformSupport(o, np.array([0.01, 0.0]))),
     ]
 
@@ -232,9 +230,7 @@ AHEAD = np.array([[1.0, 0.0, 0.0]])
 
 def joined(make: ChainMaker, pushed: int, pusher: int) -> Chain:
     chain = make.boxes(2)
-    return replace(
-        chain, contacts=(chain.contacts[0], replace(chain.contacts[1], pushed=pushed, pusher=pusher))
-    )
+    return replace(chain, contacts=(chain.contacts[0], replace(chain.contacts[1], pushed=pushed, pusher=pusher)))
 
 
 def ranged(make: ChainMaker, **spans: Any) -> IntervalChain:

@@ -33,8 +33,7 @@ def cubes(
     """Return cubes with contacts at heights in spans, whose frictions and loads may be off by a share."""
     chain = make.boxes(len(spans), contact_friction=0.45, pusher_friction=0.5)
     contacts = tuple(
-        replace(c, height=h, friction=(1.0 - share) * c.friction)
-        for c, h in zip(chain.contacts, spans, strict=True)
+        replace(c, height=h, friction=(1.0 - share) * c.friction) for c, h in zip(chain.contacts, spans, strict=True)
     )
     objects = tuple(replace(obj, center_height=z) for obj in chain.objects)
     names = [obj.name for obj in objects]
@@ -125,9 +124,7 @@ def test_inertia_moves_known_loads_as_the_balance_of_moments_says(make_chain: Ch
         [carried(IntervalChain.from_ranges(chain), *pair, rng) for pair in zip(twists, rates, strict=True)]
     )
     dynamics = ContactDynamics(chain)
-    np.testing.assert_allclose(
-        dynamics.margins(twists, rates), contacts.contact_margins_of(packed, world), atol=1e-8
-    )
+    np.testing.assert_allclose(dynamics.margins(twists, rates), contacts.contact_margins_of(packed, world), atol=1e-8)
     alpha, beta, gamma, _ = dynamics.rows_along(twists)
     along = np.array([carried(IntervalChain.from_ranges(chain), v, 0.7 * v, rng) for v in twists])
     rows = contacts.facet_rows(packed.rows, along, length)[0]
@@ -163,9 +160,7 @@ def test_what_is_in_the_set_holds_in_every_world(make_chain: ChainMaker, what: s
 
 
 @pytest.mark.parametrize("name", ["ecof", "robust", "translation", "stable"])
-def test_what_could_tip_is_refused_with_the_height_that_is_possible(
-    make_chain: ChainMaker, name: str
-) -> None:
+def test_what_could_tip_is_refused_with_the_height_that_is_possible(make_chain: ChainMaker, name: str) -> None:
     with pytest.raises(
         SupportError, match=r"a push at 200 mm could tip 'box0'.*up to [\d.]+ mm can be planned"
     ) as refused:

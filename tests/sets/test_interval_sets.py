@@ -83,9 +83,7 @@ def test_sets_over_intervals_are_nested(make_chain: ChainMaker) -> None:
     for seed in range(3):
         interval = widened(make_chain.random(seed, 3))
         twists = forward_twists(interval.chain, seed)
-        stable, robust, exact = (
-            stable_set_over(interval, s).contains(twists) for s in ("stable", "robust", "ecof")
-        )
+        stable, robust, exact = (stable_set_over(interval, s).contains(twists) for s in ("stable", "robust", "ecof"))
         assert not (stable & ~robust).any()
         assert not (robust & ~exact).any()
         assert stable.any()
@@ -135,9 +133,7 @@ def chain_on(support: Support, outline: FloatArray) -> Chain:
     """Return one object pushed by a plate somewhere; mechanics does not ask where."""
     obj = PushedObject("box", outline, 1.0, 0.3, support, np.array([0.3, 0.1, 0.4]))
     contact = Contact(np.array([0.0, -0.05]), np.array([0.0, 0.06]), 0.4, 0, -1)
-    return Chain(
-        (obj,), (contact,), Pusher(np.array([[-0.03, -0.1], [0.0, -0.1], [0.0, 0.1], [-0.03, 0.1]]), 0.4)
-    )
+    return Chain((obj,), (contact,), Pusher(np.array([[-0.03, -0.1], [0.0, -0.1], [0.0, 0.1], [-0.03, 0.1]]), 0.4))
 
 
 def pulls_of(points: FloatArray, twist: FloatArray, length: float) -> FloatArray:

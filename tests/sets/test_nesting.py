@@ -59,9 +59,7 @@ def test_stable_is_inside_robust_is_inside_ecof(make_chain: ChainMaker, pressure
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
-def test_nesting_holds_for_pushes_above_the_floor(
-    make_chain: ChainMaker, pressures: Pressures, n: int
-) -> None:
+def test_nesting_holds_for_pushes_above_the_floor(make_chain: ChainMaker, pressures: Pressures, n: int) -> None:
     """The load shifts with the friction force, in `ecof` by an affine pressure, in the others in any way."""
     chains = {seed: raised(make_chain.random(seed, n), 0.05 + 0.05 * seed) for seed in range(0, 12, 3)}
     found = [nested(chain, pressures, seed) for seed, chain in chains.items()]

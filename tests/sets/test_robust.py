@@ -135,9 +135,7 @@ def test_worst_case_is_a_pressure_that_does_it(make_chain: ChainMaker) -> None:
                 for i, points in worst.points.items():
                     center = transform_points(objects[i].pose_chain, objects[i].support.center)
                     np.testing.assert_allclose(worst.fractions[i] @ points, center, atol=1e-7)
-                    placed = FeetSupport(
-                        transform_points(inverse(objects[i].pose_chain), points), worst.fractions[i]
-                    )
+                    placed = FeetSupport(transform_points(inverse(objects[i].pose_chain), points), worst.fractions[i])
                     objects[i] = replace(objects[i], support=placed)
                 loaded = stable_set(replace(chain, objects=tuple(objects)))
                 assert low < loaded.contact_margins([twist])[0, worst.contact] < high

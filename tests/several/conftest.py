@@ -47,6 +47,4 @@ def problem_document(drive: str = "car", boxes: int = 1, **changes: Any) -> dict
 @pytest.fixture(scope="session")
 def problem() -> Problem:
     """Makes scenarios of several pushes; see `problem_document`."""
-    return lambda drive="car", boxes=1, **changes: scenario_from_document(
-        problem_document(drive, boxes, **changes)
-    )
+    return lambda drive="car", boxes=1, **changes: scenario_from_document(problem_document(drive, boxes, **changes))

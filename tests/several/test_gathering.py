@@ -311,9 +311,7 @@ def test_no_plan_has_a_closing_that_is_not_sure(monkeypatch: Patch) -> None:
     monkeypatch.setattr(closing, "closes", lambda chain, gap, push, friction: len(chain.objects) < 3)
     pairs = solved(document(gather="auto"))
     assert max(len(names) for _, names in kinds(pairs)) == 2
-    none = pushplan.plan(
-        scenario_from_document(document(gather="always")), seed=1, iterations=40, time_limit=60.0
-    )
+    none = pushplan.plan(scenario_from_document(document(gather="always")), seed=1, iterations=40, time_limit=60.0)
     assert not none.solved
     assert "does not surely become flush with 'a', 'b'" in none.reason
 
@@ -341,9 +339,7 @@ def test_what_the_robot_cannot_come_up_to_is_proven(
         {**alone, "goals": None, "start": [2.0, 1.4, 0.3], "goal": {"pose": [3.2, 3.4, 0.0]}},
     ):
         stated = {
-            key: value
-            for key, value in {**DOCUMENT, **more, "obstacles": obstacles}.items()
-            if value is not None
+            key: value for key, value in {**DOCUMENT, **more, "obstacles": obstacles}.items() if value is not None
         }
         plan = pushplan.plan(scenario_from_document(stated), seed=1, iterations=1)
         (why,) = plan.diagnosis
@@ -369,9 +365,7 @@ def test_what_was_lost_on_the_way_is_brought_to_what_stands_in_the_row() -> None
     moved = replace(result, scenario=result.scenario.with_row_at(elsewhere))
     ended: Any = SimpleNamespace(object_poses=np.array([[*elsewhere.values()]]))
     made = plan.scenario, plan, ended, (), (Replan(1.0, moved, "", 0.1),), "arrived", "", None, SENSOR, 1, ()
-    assert ClosedLoopRun(*made).goal_errors == pytest.approx(
-        (0.0, 0.0), abs=1e-12
-    )  # of the last plan's places
+    assert ClosedLoopRun(*made).goal_errors == pytest.approx((0.0, 0.0), abs=1e-12)  # of the last plan's places
 
 
 def test_what_closes_onto_the_row_comes_squarely_and_what_it_turns_may_wait_for_the_next() -> None:

@@ -28,9 +28,7 @@ LIMIT = 60.0
 HERE, THERE = (1.0, 1.0), (1.0, 2.0)
 
 
-def boxes(
-    ways: Mapping[str, tuple[tuple[float, float], tuple[float, float] | None]], **more: Any
-) -> Scenario:
+def boxes(ways: Mapping[str, tuple[tuple[float, float], tuple[float, float] | None]], **more: Any) -> Scenario:
     """Return boxes that go from one place to another, in any of four orientations; those without one may be moved."""
     document: dict[str, Any] = problem_document()
     (shape,) = document.pop("objects")
@@ -91,9 +89,7 @@ def test_an_object_ends_within_the_tolerance_where_that_saves_a_detour(stated: d
     document = problem_document()
     (shape,) = document.pop("objects")
     del document["start"], document["goal"]
-    document["objects"] = [
-        {**shape, "name": name, "pose": [x, 1.0, 0.0]} for name, x in (("a", 1.0), ("b", 2.0))
-    ]
+    document["objects"] = [{**shape, "name": name, "pose": [x, 1.0, 0.0]} for name, x in (("a", 1.0), ("b", 2.0))]
     document["goals"] = {"a": {"pose": [1.1, 1.005, 0.0], **stated}, "b": [2.1, 1.0, 0.0]}
     scenario = scenario_from_document(document)
     found = plan(scenario, first=True, time_limit=LIMIT)
@@ -123,9 +119,7 @@ def test_a_tour_costs_what_the_cheapest_of_all_orders_costs() -> None:
             others += [ends[piece].brought[k] for k in order[:at]]
             pushes = np.max([ends[piece].costs, *others], axis=0)
             faces = se2.compose(ends[piece].entries, inner)
-            ways = [
-                [shortest_drive(wheels, left, face) for face in faces] for left in se2.compose(plates, inner)
-            ]
+            ways = [[shortest_drive(wheels, left, face) for face in faces] for left in se2.compose(plates, inner)]
             begins = (costs[:, None] + there(scenario.pushes).transit_weight * np.array(ways)).min(axis=0)
             costs, plates = (begins[:, None] + pushes).min(axis=0), ends[piece].exits
         begun[order[0]] = min(begun[order[0]], float(costs.min()))

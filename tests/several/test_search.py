@@ -33,9 +33,7 @@ def prepared_of(scenario: Scenario) -> MultiPushSearch:
     return MultiPushSearch.of(scenario, PlanSettings().completed(scenario))
 
 
-def by_enumeration(
-    pushes: FloatArray, changes: FloatArray, first: FloatArray, goals: int, most: int
-) -> float:
+def by_enumeration(pushes: FloatArray, changes: FloatArray, first: FloatArray, goals: int, most: int) -> float:
     """Return the cheapest cost of all sequences, each looked at."""
     modes, nodes, _ = pushes.shape
     best = np.inf
@@ -177,8 +175,6 @@ def test_the_whole_of_a_turn_or_a_straight_push_passes_by_a_point_as_near_as_is_
     twists = np.array([[1.0, 0.2, 0.0], [1.0, 0.0, 0.9], [0.8, -0.4, -2.0], [0.0, 0.0, 3.0]])
     points = random.uniform(-2.0, 2.0, (20, 2))
     lengths = np.linspace(-10.0, 10.0, 40_001)
-    along = se2.compose(
-        start, se2.exp(lengths[:, None, None] * twists)
-    )  # whole circles, and far along the line
+    along = se2.compose(start, se2.exp(lengths[:, None, None] * twists))  # whole circles, and far along the line
     away = np.hypot(*np.moveaxis(along[:, :, None, :2] - points, -1, 0)).min(axis=0)
     np.testing.assert_allclose(passing_distances(start, twists, points), away, atol=1e-4)

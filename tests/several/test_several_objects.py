@@ -87,15 +87,11 @@ def test_what_makes_room_on_its_goal_is_brought_back(tmp_path: Path, capsys: Cap
 
 @pytest.mark.parametrize("command", ["check", "plan"])
 @pytest.mark.parametrize("goals", ["[1.2, 1.1, 90 deg]", "[{pose: [1.2, 1.0, 0]}, {pose: [1.1, 1.0, 0]}]"])
-def test_goals_that_overlap_are_refused_at_once(
-    command: str, goals: str, tmp_path: Path, capsys: Captured
-) -> None:
+def test_goals_that_overlap_are_refused_at_once(command: str, goals: str, tmp_path: Path, capsys: Captured) -> None:
     """The red box starts on its goal; wherever the other goes, it would stand on it."""
     stated = SWAP.replace("red-box: {pose: [2.2, 2.2, 0.0], symmetry: 2}", "red-box: [1.2, 1.0, 0.0]")
     file = tmp_path / "swap.yaml"
     file.write_text(stated.replace("other: [2.2, 1.0, 90 deg]", f"other: {goals}"), "utf-8")
     assert main([command, str(file)]) == 2
     told = capsys.readouterr().err
-    assert (
-        "10:42: goals.other: at their goals, 'red-box' and 'other' are 0 mm apart; allowed: at least" in told
-    )
+    assert "10:42: goals.other: at their goals, 'red-box' and 'other' are 0 mm apart; allowed: at least" in told

@@ -29,9 +29,7 @@ def on_feet(outline: FloatArray) -> FeetSupport:
     return FeetSupport(0.9 * outline, np.full(len(outline), 1.0 / len(outline)))
 
 
-def pushed(
-    world: World, twist: tuple[float, float, float], way: float = 0.1, step: float = 1e-3
-) -> ContactReport:
+def pushed(world: World, twist: tuple[float, float, float], way: float = 0.1, step: float = 1e-3) -> ContactReport:
     """Push with a constant twist for `way` m of the fastest corner."""
     vx, vy, omega = twist
     rate = np.hypot(vx, vy) + world.chain.reach * abs(omega)
@@ -56,9 +54,7 @@ def test_a_face_pushed_beyond_its_friction_cone_slides_along_the_cones_edge(mu: 
     report = pushed(World.from_chain(chain), (0.1, 0.09, 0.0))
     moved = report.objects[-1, 0] - report.objects[0, 0]
     assert (report.modes == Mode.SLIDE).all()
-    assert moved[1] / moved[0] == pytest.approx(
-        mu, abs=1e-6
-    )  # friction along the motion, force along the edge
+    assert moved[1] / moved[0] == pytest.approx(mu, abs=1e-6)  # friction along the motion, force along the edge
     assert abs(moved[2]) < 1e-6
     assert report.slide[-1, 0] == pytest.approx(moved[1] - report.poses[-1, 1], abs=1e-9)
 

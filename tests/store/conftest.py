@@ -59,9 +59,7 @@ def _closed_loop(plan: Plan) -> Case:
     execution = there(plan.execution)
     rng = np.random.default_rng(3)
     aside = np.linspace(0.0, 0.01, len(execution.t))[:, None, None] * rng.normal(size=3)
-    moved = replace(
-        execution, objects=execution.objects + aside, wrenches=rng.normal(size=(len(execution.t), 3))
-    )
+    moved = replace(execution, objects=execution.objects + aside, wrenches=rng.normal(size=(len(execution.t), 3)))
     t = execution.t[::7]
     measured = Measured(t, moved.objects[::7] + 1e-3 * rng.normal(size=moved.objects[::7].shape))
     events = (Event(0.0, "plan", "the first"), Event(1.5, "deviation", "an object is away from its pose"))
@@ -87,9 +85,7 @@ def _trial(plan: Plan) -> Case:
 @pytest.fixture(scope="session")
 def cases() -> dict[str, Case]:
     plans = {
-        name: Planner(scenario_from_text(FAST[name]), time_limit=60.0, iterations=3000, seed=1).plan(
-            first=True
-        )
+        name: Planner(scenario_from_text(FAST[name]), time_limit=60.0, iterations=3000, seed=1).plan(first=True)
         for name in ("push", "multi-push", "rearrangement")
     }
     assert all(plan.solved for plan in plans.values()), {name: plan.reason for name, plan in plans.items()}

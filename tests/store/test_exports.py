@@ -146,9 +146,7 @@ def test_rosbags_reads_the_bag_and_rviz_finds_its_topics(
             angle = 2 * math.atan2(turn.z, turn.w)
             at = above.transform.translation
             pose, frame = compose(np.array([at.x, at.y, angle]), pose), above.header.frame_id
-        np.testing.assert_allclose(
-            transform_points(pose, np.ones(2)), transform_points(place, np.ones(2)), atol=1e-9
-        )
+        np.testing.assert_allclose(transform_points(pose, np.ones(2)), transform_points(place, np.ones(2)), atol=1e-9)
     markers = {marker.ns for marker in store.deserialize_cdr(*found["/scene"][0][1:]).markers}
     assert {"pusher", "goal", *(f"object/{name}" for name in execution.names)} <= markers
     rviz = yaml.safe_load((tmp_path / "bag.rviz").read_text())["Visualization Manager"]

@@ -57,9 +57,7 @@ def assert_same(first: Any, second: Any) -> None:
 
 
 @EVERY
-def test_what_is_written_is_read_back_bit_for_bit(
-    kind: str, cases: dict[str, Case], logs: dict[str, Path]
-) -> None:
+def test_what_is_written_is_read_back_bit_for_bit(kind: str, cases: dict[str, Case], logs: dict[str, Path]) -> None:
     run, case = load_run(logs[kind]), cases[kind]
     assert_same(run.plan, dataclasses.replace(case.plan, execution=case.execution))
     assert_same(run.execution, case.execution)
@@ -91,9 +89,7 @@ def test_every_kind_of_log_is_verified_by_reading_it_once(
     assert [check.text for check in report.mismatches] == []
     assert report.versions == ()
     expected = {"push", "multi-push", "rearrangement", "trial"}
-    assert ({"pose", "margin", "goal error"} <= {check.quantity for check in report.checks}) == (
-        kind in expected
-    )
+    assert ({"pose", "margin", "goal error"} <= {check.quantity for check in report.checks}) == (kind in expected)
 
 
 def noticed(path: Path) -> bool:
@@ -151,9 +147,7 @@ def _alter(message: Any) -> bool:
     return False
 
 
-def test_every_change_of_a_topic_attachment_or_metadata_is_noticed(
-    logs: dict[str, Path], tmp_path: Path
-) -> None:
+def test_every_change_of_a_topic_attachment_or_metadata_is_noticed(logs: dict[str, Path], tmp_path: Path) -> None:
     """One record of each is changed or dropped, some repeated or moved, in a file that is sound as MCAP.
 
     Each in the smallest log that has such a record.
@@ -203,9 +197,7 @@ def test_a_resolved_scenario_that_contradicts_its_file_is_noticed_though_the_dig
         yield record
 
     report = verify_log(rewritten(logs["push"], tmp_path / "run.mcap", forged))
-    assert "scenario.json: says other than the scenario's file comes to" in [
-        c.text for c in report.mismatches
-    ]
+    assert "scenario.json: says other than the scenario's file comes to" in [c.text for c in report.mismatches]
 
 
 def test_a_log_cut_anywhere_is_read_to_there_or_refused(

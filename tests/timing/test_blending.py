@@ -53,9 +53,7 @@ def _check(scenario: Scenario, path: PushPath, stable: StableSet, blend: Blend) 
 
 
 @pytest.mark.parametrize("name", example_names())
-def test_packaged_scenarios_are_driven_in_nearly_the_time_of_no_stop_at_all(
-    planned: Planned, name: str
-) -> None:
+def test_packaged_scenarios_are_driven_in_nearly_the_time_of_no_stop_at_all(planned: Planned, name: str) -> None:
     scenario, path = planned(name)
     limits, stable = scenario.chain.pusher.limits, _set(scenario)
     blend = _blend(scenario, path)
@@ -137,9 +135,7 @@ def test_blends_keep_contacts_that_inertia_would_open(planned: Planned) -> None:
     fast = Limits(
         speed=0.5, acceleration=2.0, jerk=20.0, angular_speed=2.0, angular_acceleration=8.0, angular_jerk=80.0
     )
-    scenario = replace(
-        scenario, chain=replace(scenario.chain, pusher=replace(scenario.chain.pusher, limits=fast))
-    )
+    scenario = replace(scenario, chain=replace(scenario.chain, pusher=replace(scenario.chain.pusher, limits=fast)))
     contacts, stable = ContactDynamics(scenario.chain), _set(scenario)
     least = []
     for used in (None, contacts):

@@ -73,9 +73,7 @@ def test_a_cut_profile_is_the_same_motion_and_begins_phases_where_it_is_told(len
     cut, passed = split(whole, at)
     assert cut.duration == pytest.approx(whole.duration, rel=1e-12)
     for time in np.linspace(0.0, whole.duration * (1.0 - 1e-9), 50):
-        assert _speed_and_travel(cut, time) == pytest.approx(
-            _speed_and_travel(whole, time), rel=1e-9, abs=1e-15
-        )
+        assert _speed_and_travel(cut, time) == pytest.approx(_speed_and_travel(whole, time), rel=1e-9, abs=1e-15)
     begins = np.concatenate([[0.0], np.cumsum(cut.durations)])
     for i, place in enumerate(at):
         first = int(np.flatnonzero(passed == i + 1)[0])
