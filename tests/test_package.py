@@ -4,6 +4,7 @@ import ast
 import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable, Iterator
 from functools import cache
 from graphlib import TopologicalSorter
@@ -54,6 +55,14 @@ def test_all_that_the_core_is_called_with_has_a_kind_in_python() -> None:
     found = list(signatures(core))
     assert sum("(" in text for text in found) > 100
     assert not [text for text in found if "std::" in text or "pushplan::" in text]
+
+
+def test_every_source_of_the_core_is_listed() -> None:
+    """An sdist holds what is listed; a checkout is built without that, too."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["setuptools"]
+    (core,) = settings["ext-modules"]
+    there = {f"pushplan/core/{path.name}" for path in (ROOT / "pushplan" / "core").glob("*.[ch]pp")}
+    assert sorted([*core["sources"], *core["depends"]]) == sorted(there)
 
 
 def test_pythons_own_logging_is_found_from_the_checkout() -> None:
