@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from conftest import heed_interrupts, there
 from kinds import MULTI, SWAP, made
+from rough import first_plans
 
 import pushplan
 from pushplan.drawing import palette
@@ -90,8 +91,10 @@ def test_every_stage_of_an_answer_leads_from_the_dragged_start_to_the_dragged_go
     draft = Draft.of(scenarios[kind])
     key = next(key for key in draft.poses if key.startswith("goal"))
     draft, asked = draft.moved(key, draft.poses[key] + [-0.1, -0.1, 0.0]), Answers(scenarios[kind])
-    timed = asked.timed(draft)
-    for answer in (asked.path(draft), timed, asked.polished(timed, lambda: False)):
+    with first_plans():
+        timed = asked.timed(draft)
+        stages = asked.path(draft), timed, asked.polished(timed, lambda: False)
+    for answer in stages:
         assert answer.solved, answer.findings
         for task in there(answer.scenario).tasks:
             after = there(answer.plan).segments[-1].after
