@@ -57,6 +57,7 @@ def test_all_that_the_core_is_called_with_has_a_kind_in_python() -> None:
     assert not [text for text in found if "std::" in text or "pushplan::" in text]
 
 
+@pytest.mark.skipif(not (ROOT / "planners").is_dir(), reason="needs the sources, not a wheel")
 def test_every_source_of_the_core_is_listed() -> None:
     """An sdist holds what is listed; a checkout is built without that, too."""
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["setuptools"]
