@@ -30,7 +30,7 @@ def _convex(rng: np.random.Generator, size: float) -> FloatArray:
     return shapely.get_coordinates(hull)[:-1]
 
 
-def _scene(body: list[FloatArray], obstacles: list[FloatArray], circles: list[list[float]] = []) -> Scene:  # noqa: B006
+def _scene(body: list[FloatArray], obstacles: list[FloatArray], circles: Sequence[list[float]] = ()) -> Scene:
     return scene_of(body, obstacles, np.array(circles, dtype=np.float64).reshape(-1, 3), INFINITE, 5e-4)
 
 

@@ -125,13 +125,11 @@ Made<Number> rows_of(const std::vector<Thing> &things, Function numbers_of) {
 
 using Index = std::int64_t;
 
-template <class Number> Made<Number> flat(std::vector<Number> numbers) { return to_numpy(std::move(numbers)); }
-
 Made<Index> first_foot_of(const World &world) {
     std::vector<Index> first{0};
     for (const Object &object : world.objects)
         first.push_back(object.last_foot);
-    return flat(std::move(first));
+    return to_numpy(std::move(first));
 }
 
 Made<double> loads_of(const World &world) {
@@ -166,10 +164,12 @@ Made<double> friction_of(const World &world) {
     std::vector<double> friction;
     for (const Pair &pair : world.pairs)
         friction.push_back(pair.friction);
-    return flat(std::move(friction));
+    return to_numpy(std::move(friction));
 }
 
-Made<Index> order_of(const World &world) { return flat(std::vector<Index>(world.order.begin(), world.order.end())); }
+Made<Index> order_of(const World &world) {
+    return to_numpy(std::vector<Index>(world.order.begin(), world.order.end()));
+}
 
 nb::tuple world_to_tuple(const World &world) {
     return nb::make_tuple(to_table(world.feet), first_foot_of(world), loads_of(world), center_of(world),

@@ -358,25 +358,20 @@ class Replanner:
         reason, result = "", None
         try:
             self.believe(slides)
-            result = self._planned(start, previous, level, near, seed)
+            planner = self.planner(level)
+            result = planner.plan(
+                start,
+                self._goal(planner, start) if near is None else self._beside(planner, start, near),
+                seed=seed,
+                time_limit=self._settings.time_limit,
+                iterations=ITERATIONS,
+                previous=previous,
+                explain=False,
+            )
             reason = result.reason
         except PushplanError as error:
             reason = str(error)
         return Replan(now, result, reason, time.process_time() - began)
-
-    def _planned(
-        self, start: FloatArray, previous: PushPath | None, level: Caution, near: Near | None, seed: int
-    ) -> Plan:
-        planner = self.planner(level)
-        return planner.plan(
-            start,
-            self._goal(planner, start) if near is None else self._beside(planner, start, near),
-            seed=seed,
-            time_limit=self._settings.time_limit,
-            iterations=ITERATIONS,
-            previous=previous,
-            explain=False,
-        )
 
     def _goal(self, planner: Planner, start: FloatArray) -> FloatArray:
         """Return the exact goal, or the one within the tolerances that is the least way away if that is far less."""

@@ -86,6 +86,11 @@ def motion() -> Trajectory:
     return there(plan(load_scenario("two-crates"), first=True).trajectory)
 
 
+def _away(share: float, begin: FloatArray, end: FloatArray, points: FloatArray, placed: FloatArray) -> float:
+    pose = se2.between(begin, end, share)
+    return float(np.hypot(*(se2.transform_points(pose, points) - placed).T).max())
+
+
 def test_half_way_between_samples_the_body_is_no_farther_from_the_constant_twist(motion: Trajectory) -> None:
     reach, rate = 0.4, 20.0
     trajectory = replace(motion, rate=rate)
@@ -94,14 +99,10 @@ def test_half_way_between_samples_the_body_is_no_farther_from_the_constant_twist
     poses, between = trajectory.poses, trajectory.poses_at(trajectory.t[:-1] + 0.5 / rate)
     worst = 0.0
     for begin, middle, end in zip(poses[:-2], between, poses[1:-1], strict=False):
-        chord = se2.log(se2.relative(begin, end))
         placed = se2.transform_points(middle, points)
-
-        def away(share: float, begin=begin, chord=chord, placed=placed) -> float:  # type: ignore[no-untyped-def]
-            pose = se2.compose(begin, se2.exp(share * chord))
-            return float(np.hypot(*(se2.transform_points(pose, points) - placed).T).max())
-
-        found = minimize_scalar(away, bounds=(0.0, 1.0), method="bounded", options={"xatol": 1e-7})
+        found = minimize_scalar(
+            _away, args=(begin, end, points, placed), bounds=(0.0, 1.0), method="bounded", options={"xatol": 1e-7}
+        )
         worst = max(worst, float(found.fun))
     assert 1e-6 < worst < off_chords(trajectory, reach)
 
