@@ -117,8 +117,10 @@ class Validator:
     def _broken_row(self, segments: tuple[Segment, ...]) -> str:
         """Return that objects which shall stand in a row do not, or elsewhere than they shall."""
         row = self._scenario.row
-        if row is None or not segments:
+        if row is None:
             return ""
+        if not segments:  # objects of a scenario stand apart
+            return f"nothing brings {', '.join(row.left)} into the row"
         end, heading = segments[-1].after, float(segments[-1].path.end[2])
         bodies = {name: self._scenario.bodies[name].chain.objects[0] for name in row.of}
         outlines = {name: se2.transform_points(end[name], obj.outline) for name, obj in bodies.items()}

@@ -268,6 +268,7 @@ def test_the_validator_refuses_closes_that_are_none(made: tuple[Scenario, Plan])
     bent = replace(segments[close].path, twists=aside)
     assert "not straight" in judge.flaw_of(replace(segments[close], path=bent, trajectory=None))
     assert judge.flaw((*segments[: close + 1], *segments[close + 2 :]), None)
+    assert judge.flaw((), None) == "nothing brings a, b, c into the row"
     elsewhere = scenario_from_document(document({"pose": [3.0, 2.0, 0.1]}))
     assert "rear" in Validator(elsewhere).flaw(segments, None)
     at_wall = scenario_from_document(document({"wall": "xmin"}))
