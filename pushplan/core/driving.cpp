@@ -11,15 +11,39 @@ namespace {
 // Arcs below this (m, rad) are left out.
 constexpr double SHORTEST = 1e-12;
 
+double cost_rate(const Twist &twist) {
+    return std::hypot(twist.vx, twist.vy) + TURN_WEIGHT * std::abs(twist.omega);
+}
+
+// Letters of a car's words: their arcs are worked out once, as each of some twenty words has three to five of them.
+struct Letters {
+    std::array<Twist, 3> ahead; // by the sign of the curvature: right, straight, left; scaled to a cost rate of 1
+    std::array<double, 3> rate;
+    std::array<double, 3> extent; // how fast the axle moves and turns
+
+    explicit Letters(const Wheels &wheels) {
+        for (int k = 0; k < 3; ++k) {
+            const Twist twist{1.0, 0.0, (k - 1) / wheels.radius}, u = wheels.of_robot(twist);
+            rate[k] = cost_rate(u);
+            ahead[k] = {u.vx / rate[k], u.vy / rate[k], u.omega / rate[k]};
+            extent[k] = 1.0 + std::abs(twist.omega);
+        }
+    }
+};
+
 void find_car_words(const Wheels &wheels, double x, double y, double phi, DrivenWords &found) {
     const double r = wheels.radius;
+    const Letters letters(wheels);
     ReedsSheppWords words;
     find_reeds_shepp(x / r, y / r, phi, words);
     for (const ReedsSheppWord &word : words) {
         DrivenWord &driven = found.next();
-        for (int k = 0; k < word.count; ++k) {
-            const double ahead = std::copysign(1.0, word.lengths[k]);
-            driven.add(wheels, {ahead, 0.0, ahead * word.letters[k] / r}, std::abs(word.lengths[k]) * r);
+        for (int i = 0; i < word.count; ++i) {
+            const int k = 1 + static_cast<int>(word.letters[i]);
+            const double time = std::abs(word.lengths[i]) * r;
+            if (time * letters.extent[k] > SHORTEST)
+                driven.add(word.lengths[i] < 0.0 ? letters.ahead[k].reversed() : letters.ahead[k],
+                           time * letters.rate[k]);
         }
     }
 }
@@ -83,9 +107,8 @@ void DrivenWord::add(const Wheels &wheels, const Twist &twist, double time) {
     if (time * (std::hypot(twist.vx, twist.vy) + std::abs(twist.omega)) <= SHORTEST)
         return;
     const Twist u = wheels.of_robot(twist);
-    const double rate = std::hypot(u.vx, u.vy) + TURN_WEIGHT * std::abs(u.omega);
-    arcs[count++] = {{u.vx / rate, u.vy / rate, u.omega / rate}, time * rate};
-    cost += time * rate;
+    const double rate = cost_rate(u);
+    add({u.vx / rate, u.vy / rate, u.omega / rate}, time * rate);
 }
 
 void find_drives(const Wheels &wheels, const Pose &start, const Pose &goal, DrivenWords &found) {
@@ -130,6 +153,11 @@ bool Surroundings::is_free(const Pose &pose, const Arc &arc) const {
 
 DrivenWord drive(const Surroundings &around, const Wheels &wheels, const Pose &start, const Pose &goal, double bound,
                  int tries) {
+    DrivenWord none;
+    none.cost = INF;
+    // The robot's origin goes that far, whatever it does: most shortcuts need no words then.
+    if (std::hypot(goal.x - start.x, goal.y - start.y) >= bound)
+        return none;
     DrivenWords found;
     find_drives(wheels, start, goal, found);
     for (int i = 0; i < tries; ++i) {
@@ -140,8 +168,6 @@ DrivenWord drive(const Surroundings &around, const Wheels &wheels, const Pose &s
             return *best;
         best->cost = INF;
     }
-    DrivenWord none;
-    none.cost = INF;
     return none;
 }
 

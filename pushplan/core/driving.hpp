@@ -34,6 +34,11 @@ struct DrivenWord {
 
     // Append a twist of the axle's frame that is driven for `time`.
     void add(const Wheels &wheels, const Twist &twist, double time);
+    // Append an arc whose twist has a cost rate of 1.
+    void add(const Twist &twist, double length) {
+        arcs[count++] = {twist, length};
+        cost += length;
+    }
 
     const Arc *begin() const { return arcs.data(); }
     const Arc *end() const { return arcs.data() + count; }

@@ -19,10 +19,11 @@ bool is_above_zero(double length) { return length > WRONG_SIGN; }
 struct End {
     double phi, xi, eta, rho, theta;
 
-    // `side` is 1 where the last turn is to the same side as the first, -1 where it is to the other.
-    End(double x, double y, double phi, double side)
-        : phi(phi), xi(x - side * std::sin(phi)), eta(y - 1.0 + side * std::cos(phi)), rho(std::hypot(xi, eta)),
-          theta(std::atan2(eta, xi)) {}
+    End() = default;
+    // `side` is 1 where the last turn is to the same side as the first, -1 where it is to the other; c and s are
+    // cosine and sine of phi.
+    End(double x, double y, double phi, double c, double s, double side)
+        : phi(phi), xi(x - side * s), eta(y - 1.0 + side * c), rho(std::hypot(xi, eta)), theta(std::atan2(eta, xi)) {}
 };
 
 bool fill(ReedsSheppWord &word, std::initializer_list<double> letters, std::initializer_list<double> lengths) {
@@ -138,47 +139,67 @@ bool solve_lrslr(const End &end, ReedsSheppWord &word) {
 
 struct Formula {
     bool (*solve)(const End &, ReedsSheppWord &);
-    double side;  // see End
-    bool turned;  // the letters come in the opposite order
+    bool other_side; // the last turn is not to the side of the first
+    bool turned;     // the letters come in the opposite order
 };
 
 constexpr std::array<Formula, 11> FORMULAS = {{
-    {solve_lsl, 1.0, false},
-    {solve_lsr, -1.0, false},
-    {solve_lrl, 1.0, false},
-    {solve_lrlr_by_halves, -1.0, false},
-    {solve_lrlr, -1.0, false},
-    {solve_lrsl, 1.0, false},
-    {solve_lrsr, -1.0, false},
-    {solve_lrslr, -1.0, false},
-    {solve_lrl, 1.0, true},
-    {solve_lrsl, 1.0, true},
-    {solve_lrsr, -1.0, true},
+    {solve_lsl, false, false},
+    {solve_lsr, true, false},
+    {solve_lrl, false, false},
+    {solve_lrlr_by_halves, true, false},
+    {solve_lrlr, true, false},
+    {solve_lrsl, false, false},
+    {solve_lrsr, true, false},
+    {solve_lrslr, true, false},
+    {solve_lrl, false, true},
+    {solve_lrsl, false, true},
+    {solve_lrsr, true, true},
 }};
+
+// Driven backwards or not, mirrored or not.
+constexpr std::array<std::array<double, 2>, 4> SENSES = {{{1.0, 1.0}, {1.0, -1.0}, {-1.0, 1.0}, {-1.0, -1.0}}};
+
+// The ends of words by side, order of the letters and sense: several formulas have each of them.
+using Ends = std::array<std::array<std::array<End, SENSES.size()>, 2>, 2>;
+
+Ends ends_at(double x, double y, double phi) {
+    const double c = std::cos(phi), s = std::sin(phi);
+    Ends ends;
+    for (const bool turned : {false, true}) {
+        // The way back, seen from the goal, has the letters in the opposite order.
+        const double px = turned ? x * c + y * s : x, py = turned ? x * s - y * c : y;
+        for (std::size_t k = 0; k < SENSES.size(); ++k) {
+            const auto [flip, mirror] = SENSES[k];
+            const double sense = flip * mirror;
+            for (const bool other : {false, true})
+                ends[other][turned][k] =
+                    End(flip * px, mirror * py, sense * phi, c, sense * s, other ? -1.0 : 1.0);
+        }
+    }
+    return ends;
+}
 
 } // namespace
 
 void find_reeds_shepp(double x, double y, double phi, ReedsSheppWords &found) {
-    const double c = std::cos(phi), s = std::sin(phi);
+    const Ends ends = ends_at(x, y, phi);
     found.count = 0;
     for (const Formula &formula : FORMULAS) {
-        // The way back, seen from the goal, has the letters in the opposite order.
-        const double px = formula.turned ? x * c + y * s : x, py = formula.turned ? x * s - y * c : y;
-        for (const double flip : {1.0, -1.0}) {
-            for (const double mirror : {1.0, -1.0}) {
-                ReedsSheppWord &word = found.words[found.count];
-                if (!formula.solve(End(flip * px, mirror * py, flip * mirror * phi, formula.side), word))
-                    continue;
-                for (int i = 0; i < word.count; ++i) {
-                    word.lengths[i] *= flip;
-                    word.letters[i] *= mirror;
-                }
-                if (formula.turned) {
-                    std::reverse(word.letters.begin(), word.letters.begin() + word.count);
-                    std::reverse(word.lengths.begin(), word.lengths.begin() + word.count);
-                }
-                ++found.count;
+        for (std::size_t k = 0; k < SENSES.size(); ++k) {
+            const auto [flip, mirror] = SENSES[k];
+            ReedsSheppWord &word = found.words[found.count];
+            if (!formula.solve(ends[formula.other_side][formula.turned][k], word))
+                continue;
+            for (int i = 0; i < word.count; ++i) {
+                word.lengths[i] *= flip;
+                word.letters[i] *= mirror;
             }
+            if (formula.turned) {
+                std::reverse(word.letters.begin(), word.letters.begin() + word.count);
+                std::reverse(word.lengths.begin(), word.lengths.begin() + word.count);
+            }
+            ++found.count;
         }
     }
 }
