@@ -15,7 +15,7 @@ constexpr double SMOOTH = 0.3;
 constexpr double WIDE_GAP = 0.02;
 
 // What is left of a bend is rounding where the distances from both neighbours have no larger product, rad^2.
-constexpr double ROUNDING = 1e-14;
+constexpr double NO_BEND = 1e-14;
 
 // How large a bend may be, for a start, 1/rad; by how much of itself it may change from one level to the next (at
 // corners by more); and how near an end is looked for at least, rad.
@@ -160,7 +160,7 @@ Bends bends(const MeridianTable &table, const Gaps &gaps, const MeridianTable &f
             for (int j = 0; j < 2; ++j) {
                 const double off = found.end(g, i, j) - chord(table, a, b, middle, i, j);
                 worst = std::max(worst, std::abs(off));
-                known.bend[found.place(g, i, j)] = span > ROUNDING ? off / span : std::nan("");
+                known.bend[found.place(g, i, j)] = span > NO_BEND ? off / span : std::nan("");
                 worst_above = std::max(worst_above, 4.0 * span * std::abs(table.bend_at(std::max(a, b), i, j)));
             }
         }

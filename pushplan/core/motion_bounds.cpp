@@ -7,7 +7,7 @@ namespace pushplan {
 namespace {
 
 // Signs are not told of coefficients that are smaller by this factor than the largest one.
-constexpr double ROUNDING = 1e-9;
+constexpr double SIGNLESS = 1e-9;
 
 // Room (N) that a contact condition counts with at least, so that none left is much used and not a division by 0.
 constexpr double TINY = 1e-12;
@@ -70,7 +70,7 @@ template <int N, int C> Hull hull_of(const Polynomials<N, C> &p, int column) {
 
 // The limit where a polynomial tells which side counts; the smaller one where its sign is unclear.
 double limit_of(const Hull &sign, const TwoSided &limit) {
-    const double tiny = ROUNDING * std::max(-sign.low, sign.high);
+    const double tiny = SIGNLESS * std::max(-sign.low, sign.high);
     if (sign.low >= -tiny)
         return limit.positive;
     return sign.high > tiny ? std::min(limit.negative, limit.positive) : limit.negative;

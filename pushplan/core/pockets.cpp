@@ -58,7 +58,7 @@ Window window_of(const Steps &steps, const Cell &cell, const Span &aside, double
 }
 
 // The heading of a cell as one of those of a full turn.
-std::int64_t wrapped(std::int64_t heading, std::int64_t headings) {
+std::int64_t within_a_turn(std::int64_t heading, std::int64_t headings) {
     const std::int64_t rest = heading % headings;
     return rest < 0 ? rest + headings : rest;
 }
@@ -102,7 +102,7 @@ class Spreader {
                 continue;
             const Window window = window_of(steps_, cell, aside, c, s);
             const std::int64_t heading =
-                wrapped(cell.heading + steps_.turn + static_cast<std::int64_t>(row), steps_.headings);
+                within_a_turn(cell.heading + steps_.turn + static_cast<std::int64_t>(row), steps_.headings);
             for (std::int64_t column = window.first_column; column <= window.last_column; ++column)
                 for (std::int64_t line = window.first_row; line <= window.last_row; ++line)
                     if (!look_at({column, line, heading}))

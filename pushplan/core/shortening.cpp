@@ -41,14 +41,14 @@ double travel_of(const std::vector<Arc> &path) {
 }
 
 // A place on a path: which arc, how far into it (m of cost), and the pose there.
-struct Place {
+struct PlaceOnPath {
     std::size_t arc;
     double into;
     Pose pose;
 };
 
 // The place at the cost `s` along a path, which is not empty.
-Place locate(const Pose &start, const std::vector<Arc> &path, double s) {
+PlaceOnPath locate(const Pose &start, const std::vector<Arc> &path, double s) {
     Pose pose = start;
     std::size_t i = 0;
     for (; i + 1 < path.size() && s > path[i].length; ++i) {
@@ -60,7 +60,7 @@ Place locate(const Pose &start, const std::vector<Arc> &path, double s) {
 }
 
 // Travel (m) that a word must stay below to be cheaper than the piece of path between two places.
-double worth(const Objective &objective, const std::vector<Arc> &path, const Place &begin, const Place &end,
+double worth(const Objective &objective, const std::vector<Arc> &path, const PlaceOnPath &begin, const PlaceOnPath &end,
              double travel) {
     if (objective.kind == TRAVEL)
         return travel + objective.per_arc * static_cast<double>(end.arc - begin.arc + 1);
@@ -74,8 +74,8 @@ double worth(const Objective &objective, const std::vector<Arc> &path, const Pla
 }
 
 // The path with everything between two places exchanged for a word.
-std::vector<Arc> spliced(const std::vector<Arc> &path, const Place &begin, const std::array<Arc, 3> &word,
-                         const Place &end) {
+std::vector<Arc> spliced(const std::vector<Arc> &path, const PlaceOnPath &begin, const std::array<Arc, 3> &word,
+                         const PlaceOnPath &end) {
     std::vector<Arc> joined;
     joined.reserve(path.size() + 5);
     for (std::size_t k = 0; k < begin.arc; ++k)
@@ -169,7 +169,7 @@ std::vector<Arc> shorten(const Problem &problem, const Pose &start, const std::v
             continue;
         }
         const auto [low, high] = draw_piece(travel_of(path), random);
-        const Place begin = locate(start, path, low), end = locate(start, path, high);
+        const PlaceOnPath begin = locate(start, path, low), end = locate(start, path, high);
         // A word that costs less than the piece; what its arcs are worth in the objective is known only then.
         const double bound = worth(problem.objective, path, begin, end, high - low);
         const Family family = some_family(problem, random);
