@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -11,137 +11,187 @@ import shapely
 from numpy.typing import NDArray
 
 from pushplan.geometry import se2
+from pushplan.mechanics.body import Body
 from pushplan.mechanics.chain import LimitName, Limits
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import CircleObstacle, Scenario
 from pushplan.scenario.parts import Obstacle, Workspace
-from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 from pushplan.util.names import CLEARANCE_ROOM
 
 ObjectArray = NDArray[np.object_]
 
 
 @dataclass(frozen=True, eq=False)
-class Room:
-    """What moves and what it must not touch.
+class Moving:
+    """Bodies that move together.
 
     Attributes:
         names: (b,) of the bodies.
-        corners: (v, 2) of all bodies' outlines, chain frame, m.
-        body: (v,) index of the body that each corner belongs to.
-        shapes: (n,) obstacles as polygons, or as the centres of round ones.
-        radii: (n,) of the round obstacles, m; 0 for polygons.
-        tree: Of the obstacles, round ones as the squares around them.
-        walls: The workspace.
+        corners: (v, 2) of all their outlines, in the frame that moves, m.
+        counts: (b,) how many corners each of them has.
+        middles: (b, 2) of circles around them, likewise.
+        radii: (b,) of these, m.
     """
 
     names: tuple[str, ...]
     corners: FloatArray
-    body: IntArray
+    counts: IntArray
+    middles: FloatArray
+    radii: FloatArray
+
+    @classmethod
+    def of(cls, bodies: Sequence[Body]) -> Moving:
+        """Return some bodies."""
+        outlines = [body.outline for body in bodies]
+        middles = np.array([0.5 * (outline.min(axis=0) + outline.max(axis=0)) for outline in outlines])
+        away = [float(np.hypot(*(o - middle).T).max()) for o, middle in zip(outlines, middles, strict=True)]
+        counts = np.array([len(outline) for outline in outlines])
+        return cls(tuple(body.name for body in bodies), np.concatenate(outlines), counts, middles, np.array(away))
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """What stands still.
+
+    Attributes:
+        obstacles: (n,) all of it.
+        shapes: (n,) polygons, or the centres of round ones.
+        radii: (n,) of the round ones, m; 0 for polygons.
+        tree: Of them, round ones as the squares around them.
+    """
+
+    obstacles: tuple[Obstacle, ...]
     shapes: ObjectArray
     radii: FloatArray
     tree: shapely.STRtree
+
+    @classmethod
+    def of(cls, obstacles: tuple[Obstacle, ...]) -> Standing:
+        """Return obstacles."""
+        shapes, radii = _shapes(obstacles)
+        around, disc = shapes.copy(), radii > 0.0
+        around[disc] = shapely.buffer(shapes[disc], radii[disc], cap_style="square")
+        return cls(obstacles, shapes, radii, shapely.STRtree(around))
+
+    def near(self, shapes: ObjectArray, within: FloatArray | float) -> IntArray:
+        """Return which of some shapes are nearer than that (m) to which of these, at most: indices (2, k)."""
+        return np.asarray(self.tree.query(shapes, predicate="dwithin", distance=within))
+
+    def apart(self, bodies: ObjectArray, pairs: IntArray) -> FloatArray:
+        """Return the distances (k,) of bodies from these, by their indices (2, k), m."""
+        away = shapely.distance(bodies[pairs[0]], self.shapes[pairs[1]])
+        return np.asarray(np.maximum(away - self.radii[pairs[1]], 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Room:
+    """What moves, in one case or in several, and what it must not touch.
+
+    Attributes:
+        moving: (c,) bodies that move, by case.
+        walls: The workspace.
+        standing: What stands there in each case.
+        resting: What stands there in some of the cases.
+        rests: (c, r) whether each of these does.
+    """
+
+    moving: tuple[Moving, ...]
     walls: Workspace | None
+    standing: Standing
+    resting: Standing = field(default_factory=lambda: Standing.of(()))
+    rests: BoolArray = field(default_factory=lambda: np.zeros((1, 0), dtype=np.bool_))
 
     @classmethod
     def of(cls, scenario: Scenario) -> Room:
-        """Return that of a scenario."""
-        bodies = scenario.chain.bodies
-        shapes, radii = _shapes(scenario.obstacles)
-        around, disc = shapes.copy(), radii > 0.0
-        around[disc] = shapely.buffer(shapes[disc], radii[disc], cap_style="square")
-        return cls(
-            tuple(body.name for body in bodies),
-            np.concatenate([body.outline for body in bodies]),
-            np.repeat(np.arange(len(bodies)), [len(body.outline) for body in bodies]),
-            shapes,
-            radii,
-            shapely.STRtree(around),
-            scenario.workspace,
+        """Return that of a scenario, with a single case."""
+        return cls((Moving.of(scenario.chain.bodies),), scenario.workspace, Standing.of(tuple(scenario.obstacles)))
+
+    @cached_property
+    def _bodies(self) -> Moving:
+        """All that moves, in all cases."""
+        each = self.moving
+        return Moving(
+            tuple(name for one in each for name in one.names),
+            *(
+                np.concatenate(parts)
+                for parts in zip(*((m.corners, m.counts, m.middles, m.radii) for m in each), strict=True)
+            ),
         )
 
-    def only(self, bodies: Sequence[int]) -> Room:
-        """Return it with some of the bodies, by their indices, alone."""
-        kept = np.isin(self.body, bodies)
-        body = np.searchsorted(bodies, self.body[kept])
-        return replace(self, names=tuple(self.names[i] for i in bodies), corners=self.corners[kept], body=body)
-
     @cached_property
-    def _circles(self) -> tuple[FloatArray, FloatArray]:
-        """Middles (b, 2) and radii (b,) of circles around the bodies, chain frame, m."""
-        circles = [_circle_around(self.corners[self.body == k]) for k in range(len(self.names))]
-        return np.array([middle for middle, _ in circles]), np.array([radius for _, radius in circles])
+    def _firsts(self) -> tuple[IntArray, IntArray, IntArray]:
+        """First corners (b,) of the bodies; the first bodies (c,) of the cases, and how many these have (c,)."""
+        counts, bodies = self._bodies.counts, np.array([len(one.names) for one in self.moving])
+        return np.cumsum(counts) - counts, np.cumsum(bodies) - bodies, bodies
 
-    @cached_property
-    def _circle(self) -> tuple[FloatArray, float]:
-        """Middle (2,) and radius of a circle around all of them."""
-        return _circle_around(self.corners)
+    def gaps(self, poses: FloatArray, enough: float, case: IntArray | None = None) -> FloatArray:
+        """Return the distances (m,) of the bodies at poses (m, 3) from everything, m: 0 on overlap, capped.
 
-    @cached_property
-    def _rings(self) -> tuple[IntArray, IntArray]:
-        """First corners (b,) of the bodies, and how many they have (b,)."""
-        counts = np.bincount(self.body, minlength=len(self.names))
-        return np.cumsum(counts) - counts, counts
-
-    def gaps(self, poses: FloatArray, enough: float) -> FloatArray:
-        """Return the distances (m,) of the bodies at poses (m, 3) from everything, m: 0 on overlap, capped."""
-        middle, radius = self._circle
-        places, far = poses[:, :2] + se2.rotate(poses[:, 2], middle), enough + radius
-        close = self._wall_gaps(places) < far
-        close[self.tree.query(shapely.points(places), predicate="dwithin", distance=far)[0]] = True
+        Args:
+            poses: Of the frame that moves.
+            enough: Distances are no larger than that, m.
+            case: (m,) of each pose; None: all are of the first one.
+        """
+        case = np.zeros(len(poses), dtype=int) if case is None else case
+        _, first, count = self._firsts
+        counts = count[case]
+        pose = np.repeat(np.arange(len(poses)), counts)
+        body = first[case[pose]] + np.arange(len(pose)) - np.repeat(np.cumsum(counts) - counts, counts)
+        placed = poses[pose]
+        places = placed[:, :2] + se2.rotate(placed[:, 2], self._bodies.middles[body])
+        far = enough + self._bodies.radii[body]
         gaps = np.full(len(poses), enough)
-        if close.any():
-            gaps[close] = self._close_gaps(poses[close], enough)
-        return gaps
-
-    def _close_gaps(self, poses: FloatArray, enough: float) -> FloatArray:
-        """Return `gaps`, body by body."""
-        middles, radii = self._circles
-        places = poses[:, None, :2] + se2.rotate(poses[:, 2:3], middles)
-        gaps = np.full(len(poses), enough)
-        beside = (self._wall_gaps(places) - radii).min(axis=1) < enough  # few, as are bodies near obstacles
-        corners = self._corners(poses[beside])
-        gaps[beside] = self._wall_gaps(corners).min(axis=1, initial=enough)
-        far = np.broadcast_to(enough + radii, places.shape[:2]).ravel()
-        pairs = self.tree.query(shapely.points(places.reshape(-1, 2)), predicate="dwithin", distance=far)
-        near, which = np.unique(pairs[0], return_inverse=True)
-        apart = self._apart(self._bodies(poses, near), np.stack([which, pairs[1]]))
-        np.minimum.at(gaps, pairs[0] // len(self.names), apart)
+        beside = self._wall_gaps(places) < far  # few, as are bodies near obstacles
+        if beside.any():
+            corners, owner = self._corners(placed[beside], body[beside])
+            np.minimum.at(gaps, pose[beside][owner], self._wall_gaps(corners))
+        points = np.asarray(shapely.points(places))
+        for standing, rests in ((self.standing, None), (self.resting, self.rests)):
+            if not standing.obstacles:
+                continue
+            pairs = standing.near(points, far)
+            if rests is not None:
+                pairs = pairs[:, rests[case[pose[pairs[0]]], pairs[1]]]
+            near, which = np.unique(pairs[0], return_inverse=True)
+            apart = standing.apart(self._polygons(placed[near], body[near]), np.stack([which, pairs[1]]))
+            np.minimum.at(gaps, pose[pairs[0]], apart)
         return np.asarray(np.maximum(gaps, 0.0))
 
-    def nearest(self, pose: FloatArray, within: float) -> tuple[float, str, int | None]:
+    def nearest(self, pose: FloatArray, within: float, case: int = 0) -> tuple[float, str, Obstacle | None]:
         """Return the smallest distance at a pose (3,), whose it is, and from which obstacle (None: a wall).
 
         Something has to be nearer than `within`, m.
         """
-        walls = self._wall_gaps(self._corners(pose[None]))[0]
-        bodies = self._bodies(pose[None], np.arange(len(self.names)))
-        pairs = self.tree.query(bodies, predicate="dwithin", distance=within)
-        gaps = np.concatenate([self._apart(bodies, pairs), walls])
-        i = int(np.argmin(gaps))
-        if i < len(pairs[0]):
-            return float(gaps[i]), self.names[pairs[0, i]], int(pairs[1, i])
-        return max(float(gaps[i]), 0.0), self.names[self.body[i - len(pairs[0])]], None
+        _, first, count = self._firsts
+        names, body = self.moving[case].names, first[case] + np.arange(count[case])
+        placed = np.repeat(pose[None], len(body), axis=0)
+        corners, owner = self._corners(placed, body)
+        walls = self._wall_gaps(corners)
+        found: list[tuple[float, str, Obstacle | None]] = []
+        bodies = self._polygons(placed, body)
+        for standing in (self.standing, self.resting):
+            pairs = standing.near(bodies, within)
+            if standing is self.resting:
+                pairs = pairs[:, self.rests[case, pairs[1]]]
+            gaps = standing.apart(bodies, pairs)
+            found += [(float(gap), names[b], standing.obstacles[k]) for gap, b, k in zip(gaps, *pairs, strict=True)]
+        found.append((max(float(walls.min()), 0.0), names[owner[walls.argmin()]], None))
+        return min(found, key=lambda one: one[0])
 
-    def _corners(self, poses: FloatArray) -> FloatArray:
-        """The corners (m, v, 2) of the bodies at poses (m, 3)."""
-        return np.asarray(poses[:, None, :2] + se2.rotate(poses[:, 2:3], self.corners[None]))
+    def _corners(self, poses: FloatArray, body: IntArray) -> tuple[FloatArray, IntArray]:
+        """The corners (v, 2) of bodies (k,), each at a pose (k, 3), and whose they are (v,)."""
+        counts = self._bodies.counts[body]
+        owner = np.repeat(np.arange(len(body)), counts)
+        own = self._firsts[0][body[owner]] + np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+        placed = poses[owner]
+        return placed[:, :2] + se2.rotate(placed[:, 2], self._bodies.corners[own]), owner
 
-    def _bodies(self, poses: FloatArray, chosen: IntArray) -> ObjectArray:
-        """The polygons (k,) of some bodies at poses (m, 3), counted on from pose to pose."""
-        pose, body = np.divmod(chosen, len(self.names))
-        firsts, counts = (each[body] for each in self._rings)
-        owner = np.repeat(np.arange(len(chosen)), counts)
-        corners = self.corners[np.arange(len(owner)) + np.repeat(firsts + counts - np.cumsum(counts), counts)]
-        placed = poses[pose[owner]]
-        rings = shapely.linearrings(placed[:, :2] + se2.rotate(placed[:, 2], corners), indices=owner)
-        return np.asarray(shapely.polygons(rings))
-
-    def _apart(self, bodies: ObjectArray, pairs: IntArray) -> FloatArray:
-        """Distances (k,) of bodies from obstacles, by their indices (2, k), m."""
-        away = shapely.distance(bodies[pairs[0]], self.shapes[pairs[1]])
-        return np.asarray(np.maximum(away - self.radii[pairs[1]], 0.0))
+    def _polygons(self, poses: FloatArray, body: IntArray) -> ObjectArray:
+        """Bodies (k,), each at a pose (k, 3)."""
+        corners, owner = self._corners(poses, body)
+        return np.asarray(shapely.polygons(shapely.linearrings(corners, indices=owner)))
 
     def _wall_gaps(self, points: FloatArray) -> FloatArray:
         """Distances (...) of points (..., 2) from the walls, m; negative beyond, infinite where there are none."""
@@ -150,12 +200,6 @@ class Room:
         low, high = (self.walls.xmin, self.walls.ymin), (self.walls.xmax, self.walls.ymax)
         near = np.minimum(points - low, high - points)
         return np.asarray(np.minimum(near[..., 0], near[..., 1]))
-
-
-def _circle_around(points: FloatArray) -> tuple[FloatArray, float]:
-    """Middle (2,) and radius of a circle around points (k, 2), m."""
-    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    return middle, float(np.hypot(*(points - middle).T).max())
 
 
 def _shapes(obstacles: Sequence[Obstacle]) -> tuple[ObjectArray, FloatArray]:
@@ -195,6 +239,16 @@ class Motion:
     def along(cls, path: PushPath, reach: float) -> Motion:
         """Return the motion along a path."""
         return cls._of(path.knots, path.twists * path.lengths[:, None], reach)
+
+    @classmethod
+    def joined(cls, motions: Sequence[Motion]) -> tuple[Motion, FloatArray]:
+        """Return motions one after the other, between them a rest, and the travels (c,) at which they begin."""
+        rest = np.zeros((1, 3))
+        twists = [twists for one in motions for twists in (one.twists, rest)]
+        begins = np.cumsum([0.0, *(one.travel[-1] + 1.0 for one in motions)])[:-1]
+        travel = [one.travel + begin for one, begin in zip(motions, begins, strict=True)]
+        poses = np.concatenate([one.poses for one in motions])
+        return cls(poses, np.concatenate(twists[:-1]), np.concatenate(travel)), begins
 
     @classmethod
     def _of(cls, poses: FloatArray, twists: FloatArray, reach: float) -> Motion:
@@ -273,38 +327,50 @@ def find_collision(scenario: Scenario, poses: FloatArray) -> Collision | None:
         scenario: What moves, what is in the way, and how far to keep from it.
         poses: Between neighbours the twist is constant.
     """
-    return collision_along(scenario, Motion.through(poses, scenario.chain.reach))
+    motion = Motion.through(poses, scenario.chain.reach)
+    return find_collisions(Room.of(scenario), (motion,), scenario.clearance)[0]
 
 
-def collision_along(scenario: Scenario, motion: Motion, room: Room | None = None) -> Collision | None:
-    """Return `find_collision` of a motion in a `room`; None stands for the scenario's."""
-    required = scenario.clearance - CLEARANCE_ROOM
-    room = Room.of(scenario) if room is None else room
-    at = _first_too_near(room, motion, required)
-    if at is None:
-        return None
-    pose = motion.at(np.array([at]))[0]
-    gap, body, obstacle = room.nearest(pose, required + SPACING)
-    x, y, theta = (float(value) for value in pose)
-    return Collision((x, y, theta), body, None if obstacle is None else scenario.obstacles[obstacle], gap)
+def find_collisions(room: Room, motions: Sequence[Motion], clearance: float) -> list[Collision | None]:
+    """Return `find_collision` of motions, of each in its case of a room, with a clearance, m."""
+    required = clearance - CLEARANCE_ROOM
+    found: list[Collision | None] = []
+    for case, (motion, at) in enumerate(zip(motions, _first_too_near(room, motions, required), strict=True)):
+        if np.isinf(at):
+            found.append(None)
+            continue
+        pose = motion.at(np.array([at]))[0]
+        gap, body, obstacle = room.nearest(pose, required + SPACING, case)
+        x, y, theta = (float(value) for value in pose)
+        found.append(Collision((x, y, theta), body, obstacle, gap))
+    return found
 
 
-def _first_too_near(room: Room, motion: Motion, required: float) -> float | None:
-    """Return the travel at which a motion first comes nearer to something than required (m), to `SPACING`."""
-    whole = motion.travel[-1]
-    s = np.linspace(0.0, whole, int(np.ceil(whole / COARSE)) + 1)
-    gaps = room.gaps(motion.at(s), COARSE + 2.0 * required)
-    first = s[gaps < required].min(initial=np.inf)
-    ends = np.stack([s[:-1], s[1:], gaps[:-1], gaps[1:]])
-    while ends.shape[1]:
+def _first_too_near(room: Room, motions: Sequence[Motion], required: float) -> FloatArray:
+    """Return the travels (c,) at which motions first come nearer to something than required (m), to `SPACING`.
+
+    Infinite for those that do not. All are halved together, as a look at few poses takes nearly as long as at many.
+    """
+    motion, begins = Motion.joined(motions)
+    wholes = [one.travel[-1] for one in motions]
+    counts = [int(np.ceil(whole / COARSE)) + 1 for whole in wholes]
+    s = np.concatenate([b + np.linspace(0.0, w, n) for b, w, n in zip(begins, wholes, counts, strict=True)])
+    case = np.repeat(np.arange(len(motions)), counts)
+    gaps = room.gaps(motion.at(s), COARSE + 2.0 * required, case)
+    first = np.full(len(motions), np.inf)
+    np.minimum.at(first, case[gaps < required], s[gaps < required])
+    inner = case[:-1] == case[1:]
+    ends, case = np.stack([s[:-1], s[1:], gaps[:-1], gaps[1:]])[:, inner], case[:-1][inner]
+    while len(case):
         low, high, g, h = ends
-        unproven = (g + h - (high - low) < 2.0 * required) & (high - low > SPACING) & (low < first)
-        low, high, g, h = ends[:, unproven]
+        unproven = (g + h - (high - low) < 2.0 * required) & (high - low > SPACING) & (low < first[case])
+        (low, high, g, h), case = ends[:, unproven], case[unproven]
         middle = 0.5 * (low + high)
-        m = room.gaps(motion.at(middle), 0.5 * (high - low).max(initial=0.0) + 2.0 * required)
-        first = middle[m < required].min(initial=first)
+        m = room.gaps(motion.at(middle), 0.5 * (high - low).max(initial=0.0) + 2.0 * required, case)
+        np.minimum.at(first, case[m < required], middle[m < required])
         ends = np.hstack([np.stack([low, middle, g, m]), np.stack([middle, high, m, h])])
-    return None if np.isinf(first) else float(first)
+        case = np.concatenate([case, case])
+    return first - begins
 
 
 STEP, MOST = 4e-3, 250_000

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -10,12 +10,14 @@ import shapely
 
 from pushplan.geometry import se2
 from pushplan.geometry.polygon import TOUCH, find_touch, overlap_depth
+from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.faces import ways_through
-from pushplan.planners.clearance import Motion, Room, collision_along, excess
+from pushplan.planners.clearance import Collision, Motion, Moving, Room, Standing, excess, find_collisions
 from pushplan.plans.execution import Execution
 from pushplan.plans.load import Load
 from pushplan.plans.segment import Poses, Segment
 from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import PolygonObstacle
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, CLOSE, PUSH, RETREAT, TRANSIT
 
@@ -41,12 +43,13 @@ class Validator:
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
-        self._rooms: dict[tuple[int, tuple[str, ...], bytes], tuple[object, Room]] = {}
+        self._standing = Standing.of(tuple(scenario.obstacles))
+        self._moving: dict[int, tuple[Chain, Moving]] = {}
 
     def of(self, scenario: Scenario) -> Validator:
         """Return it for a scenario with the same room and the same loads, but other starts, goals or settings."""
-        other = Validator(scenario)
-        other._rooms = self._rooms
+        other: Validator = object.__new__(Validator)
+        other._scenario, other._standing, other._moving = scenario, self._standing, self._moving
         return other
 
     def flaw(self, segments: tuple[Segment, ...], execution: Execution | None, stable_set: str | None = None) -> str:
@@ -63,21 +66,30 @@ class Validator:
             or self._broken_row(segments)
             or self._lost_contact(execution)
             or self._too_heavy(execution)
-            or next(filter(None, (self.flaw_of(segment, stable_set) for segment in segments)), "")
+            or next(filter(None, self._flaws(segments, stable_set)), "")
         )
 
     def flaw_of(self, segment: Segment, stable_set: str | None = None) -> str:
         """Return what is wrong with a segment by itself, empty if nothing is."""
-        if not segment.pushes:
-            return self._flaw_alone(segment)
-        assert segment.load is not None
-        found = self._flaw_of_push(segment, segment.load, stable_set)
-        single = segment.load.problem is self._scenario
-        return found if single or not found else f"the push on {segment.load.face}: {found}"
+        return next(self._flaws((segment,), stable_set))
+
+    def _flaws(self, segments: tuple[Segment, ...], stable_set: str | None) -> Iterator[str]:
+        """Yield what is wrong with each of some segments by itself, empty if nothing is."""
+        if not segments:
+            return
+        motions = [self._motion(segment) for segment in segments]
+        hits = find_collisions(self._room(segments), motions, self._scenario.clearance)
+        for segment, motion, hit in zip(segments, motions, hits, strict=True):
+            if segment.load is None or not segment.pushes:
+                yield self._flaw_alone(segment, motion, hit)
+                continue
+            found = self._flaw_of_push(segment, segment.load, hit, stable_set)
+            single = segment.load.problem is self._scenario
+            yield found if single or not found else f"the push on {segment.load.face}: {found}"
 
     def too_near(self, load: Load, poses: FloatArray) -> bool:
         """Tell whether a load alone is too near to something at any of the poses (m, 3) of its contact's frame."""
-        room = self._room(load.problem, (), replace(load.problem, obstacles=self._scenario.obstacles))
+        room = Room((self._all(load.chain),), self._scenario.workspace, self._standing)
         clearance = self._scenario.clearance
         return bool((room.gaps(poses, 2.0 * clearance) <= clearance).any())
 
@@ -184,28 +196,19 @@ class Validator:
             return ""
         return f"the plan takes up to {needed:.6g} N when it is executed; robot.limits.force is {limit:.6g} N"
 
-    def _flaw_of_push(self, segment: Segment, load: Load, stable_set: str | None) -> str:
-        problem = segment.problem(self._scenario)
+    def _flaw_of_push(self, segment: Segment, load: Load, hit: Collision | None, stable_set: str | None) -> str:
         path, margin = segment.contact_path, segment.margin
-        if segment.trajectory is None:
-            motion = Motion.along(path, load.chain.reach)
-        else:
-            own = segment.contact_trajectory
-            fast = excess(own, load.chain.pusher.limits)
+        if segment.trajectory is not None:
+            fast = excess(segment.contact_trajectory, load.chain.pusher.limits)
             if fast:
                 return fast
-            motion = Motion.through(own.poses, load.chain.reach)
         least = float(load.stable_set(stable_set).margin(path.twists).min())
         if least <= margin:
             return f"the path's smallest margin is {least:.3g}; it must be above {margin:g}"
         wrong = self._flaw_of_close(segment, load) if segment.kind == CLOSE else ""
-        if wrong:
+        if wrong or hit is None:
             return wrong
-        standing = {name: pose for name, pose in segment.standing().items() if name != segment.onto}
-        hit = collision_along(problem, motion, self._room(load.problem, _key(standing), problem))
-        if hit is not None:
-            return f"the path is not free: {hit}; it must stay {1e3 * self._scenario.clearance:.3g} mm away"
-        return ""
+        return f"the path is not free: {hit}; it must stay {1e3 * self._scenario.clearance:.3g} mm away"
 
     def _flaw_of_close(self, segment: Segment, load: Load) -> str:
         """Return that a load does not go straight to what it is closed onto, or does not end at it."""
@@ -226,26 +229,17 @@ class Validator:
         deepest = max(overlap_depth(outlines[name], onto) for name in load.names)
         return f"it ends {1e3 * deepest:.3g} mm inside '{segment.onto}'" if deepest > TOUCH else ""
 
-    def _flaw_alone(self, segment: Segment) -> str:
+    def _flaw_alone(self, segment: Segment, motion: Motion, hit: Collision | None) -> str:
         """Return what the robot alone comes too near to, but for bodies that it comes up to or leaves."""
-        scenario, chain = self._scenario, self._scenario.tasks[0].chain
-        touched = () if segment.load is None or segment.kind == TRANSIT else segment.load.names
-        standing = segment.standing_obstacles(scenario, touched)
-        poses = segment.path.knots if segment.trajectory is None else segment.trajectory.poses
         if segment.trajectory is not None:
-            fast = excess(segment.trajectory, chain.pusher.limits)
+            fast = excess(segment.trajectory, self._scenario.pusher.limits)
             if fast:
                 return f"{segment.kind}: {fast}"
-        poses = se2.compose(poses, se2.inverse(chain.pusher.plate_pose))
-        free = replace(scenario, obstacles=(*scenario.obstacles, *standing), chain=chain)
-        kept = {name: pose for name, pose in segment.before.items() if name not in touched}
-        room = self._room(chain, ("alone", *_key(kept)), free).only(range(len(chain.carried)))
-        hit = collision_along(free, Motion.through(poses, chain.reach), room)
         if hit is not None:
             return f"a {segment.kind} is not free: {hit}"
-        return "" if segment.kind == TRANSIT else self._flaw_of_contact(segment, touched, poses)
+        return "" if segment.kind == TRANSIT else self._flaw_of_contact(segment, motion)
 
-    def _flaw_of_contact(self, segment: Segment, touched: tuple[str, ...], poses: FloatArray) -> str:
+    def _flaw_of_contact(self, segment: Segment, motion: Motion) -> str:
         """Return that the robot does not go straight to the load, or straight back, or overlaps it on the way."""
         twists = segment.path.twists
         sense = 1.0 if segment.kind == APPROACH else -1.0
@@ -256,29 +250,59 @@ class Validator:
             shapely.Polygon(se2.transform_points(segment.before[obj.name], obj.outline)).buffer(-2.0 * TOUCH)
             for task in self._scenario.tasks
             for obj in task.chain.objects
-            if obj.name in touched
+            if obj.name in _touched(segment)
         ]
-        chain = self._scenario.tasks[0].chain
-        motion = Motion.through(poses, chain.reach)
         whole = motion.travel[-1]
         along = motion.at(np.linspace(0.0, whole, int(np.ceil(whole / NEAR)) + 1))
-        for body in chain.carried:
+        for body in self._scenario.tasks[0].chain.carried:
             corners = along[:, None, :2] + se2.rotate(along[:, 2:], body.outline)
             moved = np.asarray(shapely.polygons(corners))
             if shapely.intersects(moved[:, None], touching).any():
                 return f"'{body.name}' overlaps the load in the {segment.kind}"
         return ""
 
-    def _room(self, owner: object, key: tuple[str, ...], scenario: Scenario) -> Room:
-        """Return what moves and stands in a scenario, kept by its owner and where all that rests is."""
-        known = (id(owner), key, b"")
-        if known not in self._rooms:
-            self._rooms[known] = (owner, Room.of(scenario))  # the owner is kept, so that its id stays its own
-        return self._rooms[known][1]
+    def _motion(self, segment: Segment) -> Motion:
+        """Return how the frame of a segment's contact moves; where there is none, that of the first load's."""
+        chain = self._scenario.tasks[0].chain if segment.load is None or not segment.pushes else segment.load.chain
+        if segment.pushes:
+            if segment.trajectory is None:
+                return Motion.along(segment.contact_path, chain.reach)
+            return Motion.through(segment.contact_trajectory.poses, chain.reach)
+        plate = segment.path.knots if segment.trajectory is None else segment.trajectory.poses
+        return Motion.through(se2.compose(plate, se2.inverse(chain.pusher.plate_pose)), chain.reach)
+
+    def _room(self, segments: tuple[Segment, ...]) -> Room:
+        """Return what moves in each of some segments, and what it must not touch."""
+        chain = self._scenario.tasks[0].chain
+        alone = Moving.of(chain.carried)
+        moving = [alone if s.load is None or not s.pushes else self._all(s.load.chain) for s in segments]
+        outlines = {obj.name: obj.outline for task in self._scenario.tasks for obj in task.chain.objects}
+        places: dict[tuple[str, bytes], int] = {}
+        resting: list[PolygonObstacle] = []
+        pairs = []
+        for case, segment in enumerate(segments):
+            for name, pose in segment.standing().items():
+                if name not in outlines or name == segment.onto or name in _touched(segment):
+                    continue
+                place = (name, np.asarray(pose).tobytes())
+                if place not in places:
+                    places[place] = len(resting)
+                    resting.append(PolygonObstacle(se2.transform_points(pose, outlines[name])))
+                pairs.append((case, places[place]))
+        rests = np.zeros((len(segments), len(resting)), dtype=np.bool_)
+        rests[tuple(np.array(pairs, dtype=int).reshape(-1, 2).T)] = True
+        return Room(tuple(moving), self._scenario.workspace, self._standing, Standing.of(tuple(resting)), rests)
+
+    def _all(self, chain: Chain) -> Moving:
+        """Return all that moves with a chain, kept."""
+        if id(chain) not in self._moving:
+            self._moving[id(chain)] = (chain, Moving.of(chain.bodies))  # it is kept, so that its id stays its own
+        return self._moving[id(chain)][1]
 
 
-def _key(poses: Poses) -> tuple[str, ...]:
-    return tuple(f"{name}:{np.asarray(pose).tobytes().hex()}" for name, pose in poses.items())
+def _touched(segment: Segment) -> tuple[str, ...]:
+    """Return the bodies that the robot comes up to, or leaves."""
+    return () if segment.load is None or segment.pushes or segment.kind == TRANSIT else segment.load.names
 
 
 def _apart(poses: Poses, others: Poses) -> float:

@@ -11,11 +11,9 @@ from several.conftest import Problem
 from pushplan.core.driving import Surroundings, WheelKind, Wheels, find_drives, find_reeds_shepp
 from pushplan.core.transit import find_transit, shortened, transit_is_free
 from pushplan.geometry import se2
-from pushplan.mechanics.body import BodyKind
-from pushplan.planners.clearance import Motion, Room, collision_along
+from pushplan.planners.clearance import Motion, Moving, Room, Standing, find_collisions
 from pushplan.planners.multi.room import _scenes, wheels_of
 from pushplan.plans.path import PushPath, cost_rate
-from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 
 AXLE = np.array([-0.3, 0.02, 0.1])
@@ -63,14 +61,6 @@ def test_an_axle_never_moves_sideways_and_a_car_turns_no_tighter_than_it_can(kin
                 assert (np.abs(arcs[:, 2]) * 0.8 <= np.abs(turned[:, 0]) + 1e-12).all()
 
 
-def robot_alone(scenario: Scenario) -> Room:
-    room = Room.of(scenario)
-    carried = [i for i, body in enumerate(scenario.chain.bodies) if body.kind is not BodyKind.OBJECT]
-    kept = np.isin(room.body, carried)
-    names = tuple(room.names[i] for i in carried)
-    return Room(names, room.corners[kept], room.body[kept], room.shapes, room.radii, room.tree, room.walls)
-
-
 @pytest.mark.parametrize("drive", ["car", "differential", "omnidirectional"])
 def test_ways_around_things_are_free_by_the_independent_check(problem: Problem, drive: str) -> None:
     standing = [{"box": [0.3, 1.5], "pose": [0.6, 0.0, 0.0]}, {"circle": 0.2, "center": [-0.6, 0.8]}]
@@ -85,7 +75,8 @@ def test_ways_around_things_are_free_by_the_independent_check(problem: Problem, 
     path = PushPath(start, arcs[:, :3], arcs[:, 3])
     assert max(se2.pose_error(path.end, goal)) < 1e-9
     motion = Motion.along(path, scenario.chain.reach)
-    assert collision_along(scenario, motion, robot_alone(scenario)) is None
+    room = Room((Moving.of(scenario.chain.carried),), scenario.workspace, Standing.of(scenario.obstacles))
+    assert find_collisions(room, (motion,), scenario.clearance) == [None]
     assert transit_is_free(around, start, arcs)
     assert not transit_is_free(Surroundings(robot, load, path.end), start, arcs)
     shorter = shortened(around, wheels, start, arcs, state, 100)
