@@ -44,7 +44,7 @@ WEAK = 192
 NO_CONTACT = 1e6
 """How negative the conditions of a chain count of which a contact has no length, N."""
 
-MOST = 10.0
+MOST_SCALE = 10.0
 """Largest scale that is looked at."""
 
 SHIFT = 7
@@ -137,7 +137,7 @@ class JointErrors:
     def most(self) -> float:
         """Largest scale at which every number still means something: no load is negative, no friction."""
         widths, share = self.box.widths, self.box.contact_friction
-        least = [MOST]
+        least = [MOST_SCALE]
         least += [1.0 / off for off in [*share, *widths[:, 0], *widths[:, 1]] if off > 0.0]
         least += [MOST_ANGLE / off for off in widths[:, 5] if off > 0.0]
         height = self.course.chain.contact_height
@@ -192,13 +192,13 @@ class JointErrors:
         found[~variants.exist] = -NO_CONTACT
         return np.asarray(found)
 
-    def worst(self) -> tuple[float, FloatArray]:
-        """Return rho, at most `most`, and the point (n, 6) of the box that loses a contact just above it.
+    def worst(self, most: float = MOST_SCALE) -> tuple[float, FloatArray]:
+        """Return rho, at most `most` and `self.most`, and the point (n, 6) of the box that loses a contact above it.
 
         The point is zero where none does up to there, or where a contact is lost with all numbers in the middle.
         """
         middle = np.zeros((1, len(self.course.chain.objects), len(KINDS)))
-        scale, known, about = self.most, middle, middle[0]
+        scale, known, about = min(most, self.most), middle, middle[0]
         if not scale > 0.0 or (self.values(np.zeros(1), middle, None) <= 0.0).any():
             return 0.0, about
         which: IntArray | None = None

@@ -9,7 +9,7 @@ first root is a formula, else it is bracketed.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -34,7 +34,7 @@ from pushplan.mechanics.perturb import Motion, aside, contact_ends, turn
 from pushplan.plans.robustness import MOST_ANGLE, MOST_SHARE, USED_UP, Robustness
 from pushplan.plans.segment import Segment
 from pushplan.plans.trajectory import Trajectory
-from pushplan.sim.joint_robustness import ErrorBox, JointErrors
+from pushplan.sim.joint_robustness import MOST_SCALE, ErrorBox, JointErrors
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 SAME = 1e-11
@@ -53,7 +53,9 @@ FINE = 1e-6
 """Share of its size to which a root is found."""
 
 
-def robustness_of(chain: Chain, trajectory: Trajectory, box: ErrorBox | None = None) -> Robustness:
+def robustness_of(
+    chain: Chain, trajectory: Trajectory, box: ErrorBox | None = None, least: Robustness | None = None
+) -> Robustness:
     """Return how far numbers of `chain` may be off when it is pushed along `trajectory`.
 
     Looked at are the trajectory's samples, those that an execution checks, with the twist and the twist rate as
@@ -63,6 +65,7 @@ def robustness_of(chain: Chain, trajectory: Trajectory, box: ErrorBox | None = N
         chain: The objects, their contacts on edges of both bodies.
         trajectory: As commanded.
         box: What may be off at once; None for `ErrorBox.fixed`.
+        least: What other pushes of the plan tolerate; then the less of either is returned, number by number.
 
     Returns:
         The robustness, its numbers None where a load is not known, or a push above the floor could lift a part.
@@ -72,19 +75,27 @@ def robustness_of(chain: Chain, trajectory: Trajectory, box: ErrorBox | None = N
     """
     if not chain.loads_known or not is_pressed(chain):
         return Robustness()
-    return robustness_along(chain, trajectory.directions, trajectory.rates_at(trajectory.t), box)
+    return robustness_along(chain, trajectory.directions, trajectory.rates_at(trajectory.t), box, least)
 
 
 def least_robustness(segments: Sequence[Segment]) -> Robustness:
-    """Return the least of what all pushes among the segments of a plan tolerate."""
-    return Robustness.least_of(
-        robustness_of(push.load.chain, push.contact_trajectory, ErrorBox.of(push.load))
-        for push in segments
-        if push.pushes and push.load is not None
-    )
+    """Return what all pushes among the segments of a plan tolerate; unknown where one of them is, or without any."""
+    least: Robustness | None = None
+    for push in reversed(segments):  # the last push of a row carries most: then others are asked up to its least only
+        if push.pushes and push.load is not None:
+            least = robustness_of(push.load.chain, push.contact_trajectory, ErrorBox.of(push.load), least)
+            if not least.known:
+                return least
+    return least or Robustness()
 
 
-def robustness_along(chain: Chain, twists: FloatArray, rates: FloatArray, box: ErrorBox | None = None) -> Robustness:
+def robustness_along(
+    chain: Chain,
+    twists: FloatArray,
+    rates: FloatArray,
+    box: ErrorBox | None = None,
+    least: Robustness | None = None,
+) -> Robustness:
     """Return that of a motion with body twists (m, 3), none zero, and rates (m, 3); see `robustness_of`."""
     moments = thinned(twists, rates, chain.characteristic_length)
     course = Course(chain, moments)
@@ -92,18 +103,20 @@ def robustness_along(chain: Chain, twists: FloatArray, rates: FloatArray, box: E
         return USED_UP
     everyone, senses = range(len(chain.objects)), (1.0, -1.0)
     length = 2.0 * chain.characteristic_length  # more than any contact is long
+    least = least or Robustness(0.0, MOST_SHARE, MOST_SHARE, length, MOST_ANGLE, MOST_SCALE)
+    friction, floor, load, aside_by, turned_by, scale = astuple(least)
     position = [course.moving(aside, i, d) for i in everyone for d in senses]
     angle = [course.moving(turn, i, d) for i in everyone for d in senses]
     below, above = course.nominal[..., 0], course.nominal[..., 1]  # mu f_n - f_t and mu f_n + f_t
     box = ErrorBox.fixed(chain) if box is None else box
     about = course if box.chain is chain else Course(box.chain, moments)
     return Robustness(
-        contact_friction=float(np.max(np.abs(above - below) / (above + below))),
-        floor_friction=min(course.least_floor(i) for i in everyone),
-        load=min(course.least_lean(i, axis) for i in everyone for axis in (0, 1)),
-        position=course.first_loss(position, length),
-        angle=course.first_loss(angle, MOST_ANGLE),
-        joint=JointErrors(about, box).worst()[0],
+        contact_friction=max(friction, float(np.max(np.abs(above - below) / (above + below)))),
+        floor_friction=min(floor, *(course.least_floor(i) for i in everyone)),
+        load=min(load, *(course.least_lean(i, axis) for i in everyone for axis in (0, 1))),
+        position=course.first_loss(position, min(length, aside_by)),
+        angle=course.first_loss(angle, turned_by),
+        joint=JointErrors(about, box).worst(scale)[0],
     )
 
 

@@ -2,6 +2,7 @@
 
 import json
 import runpy
+from dataclasses import astuple
 from functools import cache
 from itertools import count, product
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 import yaml
 from conftest import Captured, ChainMaker, Patch, there
+from kinds import made
 from plans_of import load_plain
 
 from pushplan.cli.main import main
@@ -30,7 +32,7 @@ from pushplan.scenario.model import Scenario
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.sim.joint_robustness import ErrorBox, JointErrors
-from pushplan.sim.robustness import Course, Moments, robustness_along, robustness_of, thinned
+from pushplan.sim.robustness import Course, Moments, least_robustness, robustness_along, robustness_of, thinned
 from pushplan.util.arrays import FloatArray
 
 ITERATIONS = 6000
@@ -257,6 +259,20 @@ def test_every_margin_is_positive_just_below_the_robustness_and_one_is_not_just_
     for point in [corner, *rng.choice([-1.0, 1.0], (8, *corner.shape))]:
         assert joint_errors["least"](box, 0.98 * scale, point, moments) > 0.0
     assert joint_errors["least"](box, 1.02 * scale, corner, moments) < 0.0
+
+
+@pytest.mark.parametrize("kind", ["rearrangement", "gathering"])
+def test_a_plan_tolerates_in_each_number_what_its_weakest_push_does(kind: str) -> None:
+    segments = made(kind).plan.segments
+    each = [
+        astuple(robustness_of(push.load.chain, push.contact_trajectory, ErrorBox.of(push.load)))
+        for push in segments
+        if push.pushes and push.load is not None
+    ]
+    assert len(each) > 1
+    friction, *others = zip(*each, strict=True)
+    # A contact friction is the factor down to which it may go; all others are what may be off.
+    np.testing.assert_allclose(astuple(least_robustness(segments)), [max(friction), *map(min, others)], rtol=2e-4)
 
 
 def test_what_is_stated_is_the_box_of_the_joint_robustness() -> None:

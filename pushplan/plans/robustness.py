@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from math import degrees, floor, log10, pi, radians
 
@@ -100,17 +99,6 @@ class Robustness:
     position: float | None = None
     angle: float | None = None
     joint: float | None = None
-
-    @classmethod
-    def least_of(cls, parts: Iterable[Robustness]) -> Robustness:
-        """Return what all parts of a plan tolerate; unknown where one of them is, and where there are none."""
-        each = list(parts)
-        if not each or not all(part.known for part in each):
-            return cls()
-        numbers = {field.name: [getattr(part, field.name) for part in each] for field in fields(cls)}
-        # A contact friction is the factor down to which it may go; all others are what may be off.
-        worst = {name: (max if name == "contact_friction" else min)(found) for name, found in numbers.items()}
-        return cls(**worst)
 
     @property
     def used_up(self) -> bool:
