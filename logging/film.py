@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-import textwrap
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -18,7 +17,7 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from pushplan.drawing import palette
-from pushplan.drawing.figure import margin_ticks
+from pushplan.drawing.figure import broken, margin_ticks
 from pushplan.drawing.floor import (
     draw_goals,
     draw_lines,
@@ -142,7 +141,7 @@ class Still:
         else:
             words = ["planned, but not executed" if plan.solved else "no plan", *plan.why_not]
         text = f"{self.run.scenario.name}: " + "\n".join(words)
-        lines = [line for sentence in text.splitlines() for line in textwrap.wrap(sentence, 140)]
+        lines = [line for sentence in text.splitlines() for line in broken(sentence, 140)]
         axes.text(0.0, 1.0, "\n".join(lines), transform=axes.transAxes, color=INK, va="top", fontsize=12)
 
 

@@ -177,3 +177,11 @@ def test_trials_say_how_many_arrive_and_count_what_is_outside(
     missed = next(line for line in close.lines if line.get_color() == palette.MISSED)
     np.testing.assert_allclose(np.asarray(missed.get_xydata()), [[0.0, 5.0]], atol=1e-9)
     _assert_nothing_covered(figures[0])
+
+
+def test_lines_of_a_picture_do_not_begin_with_a_unit() -> None:
+    sentence = "an object aside by 3.7 mm or turned by 1.6 deg; its load by 21 %"
+    for letters in range(10, 60):
+        lines = plot_figure.broken(sentence, letters)
+        assert " ".join(lines) == sentence
+        assert not [line for line in lines if line.startswith(("mm", "deg;", "%"))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -69,8 +70,9 @@ _PIECES = 24  # of the scale of margins in a key
 _TICKS, _TICK = 9, 0.3  # most of them on an axis; inches that each takes
 _CROWDED = 0.14
 """Of an axis of margins, what lies between two labels that would touch."""
-_LETTER = 0.57
-"""Mean width of a letter of the font over its height."""
+_UNBROKEN = "\N{NO-BREAK SPACE}"
+_LETTER, _PROSE = 0.57, 0.53
+"""Mean width of a letter of the font over its height: in names, and in sentences with their spaces."""
 
 
 @contextmanager
@@ -167,6 +169,12 @@ def outline_width(axes: Axes, outlines: Sequence[FloatArray]) -> float:
     return float(np.clip(narrowest(axes, outlines) / _BODY, 0.25, 0.9))
 
 
+def broken(sentence: str, letters: int, **options: Any) -> list[str]:
+    """Return a sentence in lines of so many letters; between a number and its unit none begins."""
+    whole = re.sub(r"(?<=\d) (?=%|(?:deg|rad|mm|cm|m|s|N|kg)\b)", _UNBROKEN, sentence)
+    return [line.replace(_UNBROKEN, " ") for line in textwrap.wrap(whole, letters, **options)]
+
+
 def draw_footer(figure: Figure, left: float, entries: Sequence[Artist], sentence: str = "") -> float:
     """Draw the key at the figure's lower edge, and a sentence above it; return the height of both, inches.
 
@@ -179,9 +187,9 @@ def draw_footer(figure: Figure, left: float, entries: Sequence[Artist], sentence
     top = float(_key(figure, left, entries).get_window_extent().y1) / figure.dpi if entries else _EDGE
     if not sentence:
         return top
-    letters = int(72.0 * (figure.get_figwidth() - 1.5 * left) / (_LETTER * 7.0))
+    letters = int(72.0 * (figure.get_figwidth() - 1.5 * left) / (_PROSE * 7.0))
     style: Any = {"fontsize": 7.0, "color": INK, "va": "bottom", "transform": figure.dpi_scale_trans}
-    text = figure.text(left, top + _BETWEEN, "\n".join(textwrap.wrap(sentence, letters)), **style)
+    text = figure.text(left, top + _BETWEEN, "\n".join(broken(sentence, letters)), **style)
     return float(text.get_window_extent().y1) / figure.dpi
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from pushplan.drawing import PANELS, PlotError, palette
-from pushplan.drawing.figure import axes_at, draw_footer, figure_for, letters_across, margin_ticks
+from pushplan.drawing.figure import axes_at, broken, draw_footer, figure_for, letters_across, margin_ticks
 from pushplan.drawing.floor import (
     draw_bodies,
     draw_by_margin,
@@ -223,7 +222,7 @@ class _Steps:
 def _title(plan: Plan, scene: Scene, executed: bool, letters: int) -> list[str]:
     """Return the lines of the title: what the plan, or another execution, comes to, or why there is none."""
     if not plan.solved:
-        return textwrap.wrap(
+        return broken(
             f"{cut(plan.scenario.name, letters // 2)}: no plan: {plan.reason}",
             letters,
             max_lines=8,
@@ -243,7 +242,7 @@ def _title(plan: Plan, scene: Scene, executed: bool, letters: int) -> list[str]:
 def _tell_more(figure: Figure, left: float, bottom: float, plan: Plan) -> float:
     """Write what else is known of why there is no plan; return the height that it takes, inches."""
     letters = int(letters_across_inches(_SIDE, _LETTERS))
-    lines = [line for sentence in plan.why_not[1:] for line in [*textwrap.wrap(sentence, letters), ""]][:-1]
+    lines = [line for sentence in plan.why_not[1:] for line in [*broken(sentence, letters), ""]][:-1]
     lines = lines if len(lines) <= 12 else [*lines[:11], "…"]
     text: Any = {"transform": figure.dpi_scale_trans, "fontsize": _LETTERS, "color": INK, "va": "top"}
     height = _LINE * len(lines)
