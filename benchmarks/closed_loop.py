@@ -42,6 +42,7 @@ from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose, exp, log
 from pushplan.planners.planner import plan
 from pushplan.plans.events import Replan
+from pushplan.plans.execution import wilson
 from pushplan.plans.goals import tolerance_of, worst_at_goal
 from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names, load_scenario, scenario_from_document
@@ -54,7 +55,6 @@ from pushplan.sim.physics.stepping import PhysicsSimulator
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
-from pushplan.util.wilson import wilson
 
 POSITION, ANGLE = 5e-3, np.radians(1.0)
 DISPLACED, TURNED = 5e-3, np.radians(3.0)

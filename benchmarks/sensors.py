@@ -40,6 +40,7 @@ from pushplan.bench.machine import Machine
 from pushplan.core.slip import Trace
 from pushplan.geometry.se2 import compose, exp, inverse, relative, rotate, twist_of, wrap_angle
 from pushplan.mechanics.contacts import carried_objects
+from pushplan.plans.execution import wilson
 from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
@@ -58,7 +59,6 @@ from pushplan.sim.control.simulated_push import (
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
-from pushplan.util.wilson import wilson
 
 MOST_REPLANS = 3
 LONGEST = 200.0

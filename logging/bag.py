@@ -27,12 +27,11 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 import pushplan.logging.metadata as metadata
 from pushplan.drawing.scene import PATH_SPACING, Scene
 from pushplan.geometry import se2
-from pushplan.logging.contacts import ContactShapes, LoadContacts
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.rviz import Frames, line_width, rviz_file
 from pushplan.logging.scene import contact_messages, nearest, scene
 from pushplan.logging.schemas import LEVELS
-from pushplan.logging.shown import CHAIN, WORLD, contact_names, smoothed_times, viewed
+from pushplan.logging.shown import CHAIN, WORLD, ContactShapes, LoadContacts, contact_names, smoothed_times, viewed
 from pushplan.logging.tables import base_in_plate, footprint_of
 from pushplan.logging.topics import pushed_at_samples
 from pushplan.plans.execution import Execution

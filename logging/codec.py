@@ -30,16 +30,14 @@ from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.faces import pushed_at, pusher_at, ways_through
 from pushplan.plans.events import Event, Measured, Replan
 from pushplan.plans.execution import Execution, StabilityLoss, TrialEnd
-from pushplan.plans.load import Load
+from pushplan.plans.load import Load, row_load
 from pushplan.plans.path import PushPath
-from pushplan.plans.plan import Diagnosis, Improvement, Nearest, Plan
+from pushplan.plans.plan import Diagnosis, Improvement, LazyField, Nearest, Plan
 from pushplan.plans.robustness import Robustness
-from pushplan.plans.row_load import row_load
 from pushplan.plans.segment import Segment
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
-from pushplan.util.lazy_field import LazyField
 
 MEDIA_TYPE = "application/x-pushplan-arrays"
 

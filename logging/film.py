@@ -30,9 +30,8 @@ from pushplan.drawing.floor import (
 from pushplan.drawing.palette import FAINT, INK
 from pushplan.drawing.scene import Scene
 from pushplan.geometry import se2
-from pushplan.logging.contacts import LoadContacts
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.shown import contact_names, part_at, worst_contacts
+from pushplan.logging.shown import LoadContacts, contact_names, part_at, worst_contacts
 from pushplan.plans.execution import Execution
 from pushplan.plans.load import Load
 from pushplan.plans.run import Run, segments_of

@@ -17,9 +17,17 @@ import numpy as np
 from pushplan.drawing import palette
 from pushplan.drawing.scene import Line, Scene, piece_colours
 from pushplan.geometry import se2
-from pushplan.logging.contacts import cone_height, largest_force, longest_arrow, object_size
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.shown import contact_names, parts_of, viewed, worst_contacts
+from pushplan.logging.shown import (
+    cone_height,
+    contact_names,
+    largest_force,
+    longest_arrow,
+    object_size,
+    parts_of,
+    viewed,
+    worst_contacts,
+)
 from pushplan.mechanics.contacts import friction_cone
 from pushplan.plans.execution import Execution
 from pushplan.plans.load import Load

@@ -27,8 +27,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from pushplan.drawing import palette
 from pushplan.drawing.scene import Scene
 from pushplan.geometry import se2
-from pushplan.logging.contacts import ContactShapes
-from pushplan.logging.shown import CHAIN, WORLD
+from pushplan.logging.shown import CHAIN, WORLD, ContactShapes
 from pushplan.mechanics.body import BodyKind
 from pushplan.plans.plan import Plan
 from pushplan.scenario.model import Scenario

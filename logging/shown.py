@@ -1,12 +1,22 @@
-"""Which samples of an execution viewers get, and what contacts and frames are called there."""
+"""What viewers get of a run: which samples, what contacts and frames are called, and the shapes of the contacts.
+
+The shapes are segment, friction cone, and the force as an arrow that suits the objects. Every viewer draws these, all
+in the plate frame, and one contact in one colour.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 
+from pushplan.geometry import se2
+from pushplan.mechanics.chain import Contact
+from pushplan.mechanics.contacts import friction_cone
 from pushplan.plans.execution import Execution
+from pushplan.plans.load import Load
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray, IntArray
@@ -94,3 +104,112 @@ def worst_contacts(execution: Execution, most: int = 6) -> list[int]:
     least = np.where(np.isnan(execution.margins), np.inf, execution.margins).min(axis=0, initial=np.inf)
     pushed = np.argsort(least, kind="stable")[: np.isfinite(least).sum()]
     return sorted(pushed[:most].tolist())
+
+
+_ARROW, _CONE, _HEAD = 0.9, 0.45, 0.3
+"""Length of the largest force's arrow and height of the cones, as shares of the size of an object (the root of its
+area); length of an arrow's head as a share of that of the longest arrow."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactShapes:
+    """A contact at n instants, plate frame, m.
+
+    Attributes:
+        column: Of the object that is pushed, in an execution.
+        name: What the contact is called.
+        segment: (2, 2) right and left end.
+        cones: (n, c, 3, 2) triangles: one at the point of application, or one at either end where that is not known.
+        shafts: (n, 2, 2) from the point of application to the tip of the force's arrow; None where it is not known.
+        heads: (n, 3, 2) triangles at the tips, which are their first corners; None likewise.
+    """
+
+    column: int
+    name: str
+    segment: FloatArray
+    cones: FloatArray
+    shafts: FloatArray | None = None
+    heads: FloatArray | None = None
+
+
+def object_size(scenario: Scenario) -> float:
+    """Return the side of a square as large as the median object, m."""
+    objects = [obj for task in scenario.tasks for obj in task.chain.objects]
+    return float(np.sqrt(np.median([shapely.Polygon(obj.outline).area for obj in objects])))
+
+
+def longest_arrow(scenario: Scenario) -> float:
+    """Return the length of the arrow of the largest force, m."""
+    return _ARROW * object_size(scenario)
+
+
+def cone_height(contact: Contact, size: float) -> float:
+    """Return how tall the friction cone of a contact is drawn, m, where objects have a size, m."""
+    return min(_CONE * size, 0.5 * contact.length)
+
+
+def largest_force(execution: Execution | None) -> float:
+    """Return the size of the largest finite force of an execution, N; 1 where there is none."""
+    if execution is None or execution.forces is None:
+        return 1.0
+    sizes = np.hypot(execution.forces[..., 0], execution.forces[..., 1])
+    return float(sizes.max(initial=0.0, where=np.isfinite(sizes))) or 1.0
+
+
+class LoadContacts:
+    """The contacts of loads, at rest or during an execution; arrows show shares of its largest force."""
+
+    def __init__(self, scenario: Scenario, execution: Execution | None = None) -> None:
+        self._names = list(scenario.poses)
+        self._size, self._longest = object_size(scenario), longest_arrow(scenario)
+        self._execution, self._largest = execution, largest_force(execution)
+
+    def at(self, load: Load, samples: IntArray | None = None) -> list[ContactShapes]:
+        """Return the contacts of a load at some `samples` (n,) of the execution; None stands for one at rest."""
+        shapes = []
+        for i, (name, contact) in enumerate(zip(load.names, load.chain.contacts, strict=True)):
+            column, tall = self._names.index(name), cone_height(contact, self._size)
+            count = 1 if samples is None else len(samples)
+            own = self._forces(column, samples)
+            parts = _without_force(contact, tall, count)
+            if own is not None:
+                parts = _with_force(contact, tall, *own, self._longest)
+            in_plate = [None if part is None else _moved(load.frame_plate, part) for part in parts]
+            shapes.append(ContactShapes(column, load.chain.contact_name(i), *in_plate))  # type: ignore[arg-type]
+        return shapes
+
+    def _forces(self, column: int, samples: IntArray | None) -> tuple[FloatArray, FloatArray] | None:
+        """Return where a force passes through a contact's segment (n,), as shares, and its arrow (n, 2), m."""
+        execution = self._execution
+        if samples is None or execution is None or execution.forces is None or execution.lambdas is None:
+            return None
+        arrows = execution.forces[samples, column] / self._largest
+        shares = np.nan_to_num(execution.lambdas[samples, column])
+        return shares, self._longest * np.nan_to_num(arrows, posinf=0, neginf=0)
+
+
+Parts = tuple[FloatArray, FloatArray, FloatArray | None, FloatArray | None]
+"""Segment, cones, shafts and heads, as in `ContactShapes`, in the contact's frame."""
+
+
+def _moved(frame: FloatArray, points: FloatArray) -> FloatArray:
+    return se2.transform_points(frame, points.reshape(-1, 2)).reshape(points.shape)
+
+
+def _without_force(contact: Contact, tall: float, count: int) -> Parts:
+    ends = np.stack([contact.right, contact.left])
+    return ends, np.tile(friction_cone(contact, ends, tall), (count, 1, 1, 1)), None, None
+
+
+def _with_force(contact: Contact, tall: float, shares: FloatArray, arrows: FloatArray, longest: float) -> Parts:
+    """Return a contact whose forces (n, 2), as arrows, m, pass through its segment at `shares` (n,) of its length."""
+    ends = np.stack([contact.right, contact.left])
+    points = ends[0] + shares[:, None] * (ends[1] - ends[0])
+    tips = points + arrows
+    lengths = np.hypot(arrows[:, 0], arrows[:, 1])[:, None]
+    along = np.divide(arrows, lengths, out=np.zeros_like(arrows), where=lengths > 0.0)
+    back = np.minimum(_HEAD * longest, lengths) * along
+    aside = 0.4 * np.stack([-back[:, 1], back[:, 0]], axis=1)
+    heads = np.stack([tips, tips - back + aside, tips - back - aside], axis=1)
+    cones = friction_cone(contact, points, tall)[:, None]
+    return ends, cones, np.stack([points, tips - 0.5 * back], axis=1), heads

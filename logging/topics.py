@@ -22,11 +22,10 @@ from google.protobuf.timestamp_pb2 import Timestamp
 
 import pushplan.logging.schemas as schemas
 from pushplan.drawing.scene import PATH_SPACING, smallest
-from pushplan.logging.contacts import LoadContacts
 from pushplan.logging.recorded import LogLine, RecordedRun
 from pushplan.logging.scene import NANO, contact_messages, frame_messages, nearest, placed, scene, tree
 from pushplan.logging.schemas import MessageClass, Topic
-from pushplan.logging.shown import CHAIN, WORLD, contact_names, smoothed_times, viewed
+from pushplan.logging.shown import CHAIN, WORLD, LoadContacts, contact_names, smoothed_times, viewed
 from pushplan.plans.events import WARNINGS, Feedback
 from pushplan.plans.execution import Execution, inertia_warning
 from pushplan.plans.load import Load

@@ -32,9 +32,8 @@ from pushplan.sets.stable_set import StableSet
 from pushplan.sim.kinematic import execute
 from pushplan.sim.robustness import least_robustness
 from pushplan.util.arrays import FloatArray, numbers
-from pushplan.util.collection import no_collection
 from pushplan.util.names import DEFAULT_PLANNER, RANKED_BY
-from pushplan.util.stopwatch import Stopwatch
+from pushplan.util.stopwatch import Stopwatch, no_collection
 
 # Loaded where they are needed: a single push does without them, and their modules take a while.
 if TYPE_CHECKING:

@@ -20,10 +20,9 @@ import pushplan.core.contacts as contacts
 import pushplan.core.robustness as core
 from pushplan.geometry.polygon import SHORTEST_CONTACT
 from pushplan.geometry.se2 import rotate, transform_points
-from pushplan.mechanics.chain import Chain, PushedObject
+from pushplan.mechanics.chain import Chain, InertiaTable, PushedObject, inertia_table
 from pushplan.mechanics.contacts import carried_objects
 from pushplan.mechanics.heights import is_pressed
-from pushplan.mechanics.inertia import InertiaTable, inertia_table
 from pushplan.mechanics.packed import (
     contact_facets,
     pack_chain,

@@ -18,7 +18,7 @@ from pushplan.geometry.se2 import compose, rotate
 from pushplan.mechanics.chain import PLATE, Chain, Contact
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.support import FeetSupport
-from pushplan.plans.execution import TrialEnd
+from pushplan.plans.execution import TrialEnd, wilson
 from pushplan.plans.goals import goal_columns, goal_units
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty
@@ -27,7 +27,6 @@ from pushplan.sim.report import ContactLoss, ContactReport, with_margins
 from pushplan.sim.slip.simulator import slip
 from pushplan.sim.world import World
 from pushplan.util.arrays import BoolArray, FloatArray
-from pushplan.util.wilson import wilson
 
 
 def sampled_world(scenario: Scenario, uncertainty: TrialUncertainty | None, rng: np.random.Generator) -> World:

@@ -12,8 +12,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
 from pushplan.planners.controls import straight_pushes
 from pushplan.planners.infeasible import pockets as pocket
-from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
-from pushplan.planners.infeasible.passage import passage_faults
+from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose, passage_faults
 from pushplan.planners.infeasible.turning import drive_radii
 from pushplan.planners.planner import plan
 from pushplan.planners.problem import build_problem

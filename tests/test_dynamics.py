@@ -9,13 +9,12 @@ from conftest import ChainMaker, pressure_of, there
 from test_contacts import slack
 
 from pushplan.geometry import se2
-from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject
+from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject, inertia_of
 from pushplan.mechanics.dynamics import (
     ContactDynamics,
     dynamic_margins,
     dynamic_rows,
 )
-from pushplan.mechanics.inertia import inertia_of
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.support import FeetSupport, UnknownSupport
 from pushplan.util.arrays import FloatArray

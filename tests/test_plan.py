@@ -13,7 +13,7 @@ from conftest import Captured, ChainMaker, Patch, there
 from plans_of import load_plain, push_of
 
 import pushplan
-from pushplan.bench.validation import validation_error
+from pushplan.bench.outcome import validation_error
 from pushplan.cli.main import main
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
@@ -33,8 +33,7 @@ from pushplan.plans.settings import Observer
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Goal, PolygonObstacle, Scenario
-from pushplan.sets.interval_set import stable_set_over
-from pushplan.sets.named import stable_set
+from pushplan.sets.named import stable_set, stable_set_over
 from pushplan.sets.stable_set import StableSet
 from pushplan.sim.kinematic import execute
 from pushplan.util.names import PLANNERS

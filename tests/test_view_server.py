@@ -12,7 +12,7 @@ from conftest import there
 pytest.importorskip("viser")
 pytest.importorskip("websockets")
 
-from pushplan.view.server import LARGEST_MESSAGE, serve
+from pushplan.view.window import LARGEST_MESSAGE, serve
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ import numpy as np
 
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
-from pushplan.planners.infeasible.reaching import beyond_reach
+from pushplan.planners.infeasible.diagnosis import beyond_reach
 from pushplan.planners.multi.hands import MARGIN, Floor, Hand, Hands
 from pushplan.planners.multi.multi_push import plan_cost
 from pushplan.planners.multi.row_steps import Chance, Node, Steps

@@ -27,9 +27,8 @@ from pushplan.planners.multi.multi_push import AHEAD
 from pushplan.planners.multi.room import NO_WALLS, packed_mode, reaches, wheels_of
 from pushplan.planners.problem import Posing, obstacles_of, sampling_box, walls_of
 from pushplan.planners.scene import bounding_circle, convex_pieces, flatten, scene_of, standing_shapes
-from pushplan.plans.load import Load
+from pushplan.plans.load import Load, Member, row_load
 from pushplan.plans.path import PushPath
-from pushplan.plans.row_load import Member, row_load
 from pushplan.plans.segment import Poses, Segment
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.model import Scenario

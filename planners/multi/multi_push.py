@@ -14,7 +14,7 @@ from pushplan.errors import EmptyStableSetError, PlanningError
 from pushplan.geometry import se2
 from pushplan.mechanics.body import area_at
 from pushplan.planners.infeasible.bounds import near_to
-from pushplan.planners.infeasible.reaching import beyond_reach
+from pushplan.planners.infeasible.diagnosis import beyond_reach
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes
 from pushplan.planners.multi.graph import PushSequence
 from pushplan.planners.multi.room import Contact, PushRoom, Question

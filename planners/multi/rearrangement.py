@@ -13,7 +13,7 @@ import numpy as np
 
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
-from pushplan.planners.infeasible.reaching import beyond_reach
+from pushplan.planners.infeasible.diagnosis import beyond_reach
 from pushplan.planners.multi.multi_push import MultiPushSearch, plan_cost
 from pushplan.planners.multi.order import GAIN, Order
 from pushplan.planners.multi.search import Limits

@@ -15,7 +15,7 @@ from pushplan.core.pushes import word_costs
 from pushplan.geometry import se2
 from pushplan.planners.multi.hands import SHORT, Floor, Hand, Hands, Move, Pushed
 from pushplan.planners.multi.row_places import AT_PLACE, RowPlace, front_of_placed, row_places
-from pushplan.plans.row_load import Member
+from pushplan.plans.load import Member
 from pushplan.plans.segment import Poses
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, CLOSE, PUSH, RETREAT, TRANSIT

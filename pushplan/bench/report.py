@@ -20,8 +20,8 @@ from pushplan.bench.plots import data_uri, plots_of
 from pushplan.bench.results import MISSING, Results, ranked_by_time
 from pushplan.bench.statistics import SOLVED, Comparison, compare_planners, median_interval, percentiles
 from pushplan.errors import PushplanError
+from pushplan.plans.execution import wilson
 from pushplan.util.files import write_whole
-from pushplan.util.wilson import wilson
 
 NOTHING = "–"
 

@@ -17,7 +17,7 @@ from pydantic import (
 
 from pushplan.scenario import fields as t
 from pushplan.scenario import units
-from pushplan.scenario.json_schema import finished
+from pushplan.scenario.schema import finished
 from pushplan.scenario.units import Quantity, fault, friction
 from pushplan.util import names
 from pushplan.util.naming import PLACE, OpenNames, planner_names, stable_set_names

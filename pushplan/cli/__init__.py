@@ -1,1 +1,1 @@
-"""The commands of the command line, one module each; its `command` is what runs."""
+"""The commands of the command line, one module each, those that few need in `more`."""

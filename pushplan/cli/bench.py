@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from pushplan.cli import parameters as p
-from pushplan.cli.console import Console, counted
+from pushplan.cli.console import Console, counted, span_text
 from pushplan.cli.main import DONE, MISMATCH
 
 if TYPE_CHECKING:
@@ -112,9 +112,6 @@ def bench(
     return _bench(read, output, selection, jobs, scheduler, accept_broken, shlex.join(words), console)
 
 
-command = bench
-
-
 def _refuse(word: str, given: dict[str, object], others: list[str]) -> None:
     """Raise when words were given that `word` would leave without effect."""
     some = [name for name in others if given[name]]
@@ -124,7 +121,7 @@ def _refuse(word: str, given: dict[str, object], others: list[str]) -> None:
 
 def _list(console: Console) -> int:
     from pushplan.bench.suite import suite_names, suite_text
-    from pushplan.cli.examples import first_comment
+    from pushplan.cli.more import first_comment
 
     about = {name: first_comment(suite_text(name)) for name in suite_names()}
     console.table(about.items())
@@ -194,7 +191,7 @@ def _report(folder: ResultsFolder, console: Console) -> Results:
 
 def _tell(suite: Suite, folder: ResultsFolder, tally: Tally, broken: int, console: Console) -> None:
     before = f", {tally.before} done before" if tally.before else ""
-    console.say((suite.name, "bold"), f": {counted(tally.done, 'run')} in {time_left(tally.seconds)}{before}")
+    console.say((suite.name, "bold"), f": {counted(tally.done, 'run')} in {span_text(tally.seconds)}{before}")
     console.table([(outcome, str(count)) for outcome, count in tally.counts.items()], styles=())
     if broken:
         console.say(f"{counted(broken, 'run')} broke off, which --accept-broken would take for done")
@@ -263,12 +260,5 @@ def progress_text(tally: Tally) -> str:
         parts.append(f"{tally.failed} failed")
     parts.append(f"{tally.left} left")
     if tally.to_end:
-        parts.append(f"about {time_left(tally.to_end)} to go")
+        parts.append(f"about {span_text(tally.to_end)} to go")
     return ", ".join(parts)
-
-
-def time_left(seconds: float) -> str:
-    """Return a time in the unit that people would choose."""
-    if seconds < 90.0:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"

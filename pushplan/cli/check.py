@@ -57,9 +57,6 @@ def check(console: Console, scenario: str, maps: tuple[Path, ...], plot: Path | 
     return 0
 
 
-command = check
-
-
 def ask(scenario: Scenario, console: Console) -> int:
     """Ask about numbers that the file may state but hardly means; return how many."""
     from pushplan.scenario.check import questions

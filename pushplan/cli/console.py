@@ -194,6 +194,14 @@ def time_text(seconds: float) -> str:
     return f"{1e3 * seconds:.3g} ms" if seconds < 1.0 else f"{seconds:.2f} s"
 
 
+def span_text(seconds: float) -> str:
+    """Return how long something takes, or is ago, in the unit that people would choose."""
+    for unit, size in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{max(seconds, 0.0):.0f} s"
+
+
 def counted(number: int, noun: str, plural: str = "") -> str:
     """Return a number with its noun, e.g. `1 arc`, `2 arcs`, or `2 feet` with the plural given."""
     return f"{number} {noun}" if number == 1 else f"{number} {plural or noun + 's'}"

@@ -57,9 +57,6 @@ def identify(
     return 0
 
 
-command = identify
-
-
 def _rows(found: Identification) -> list[tuple[str, str]]:
     """Return label and value of what was found, for people."""
     from pushplan.sim.identify.measured_push import ROUGH

@@ -53,7 +53,9 @@ class Commands(click.Group):
         """Return a command by its name, None where there is none."""
         if name not in COMMANDS | MORE:
             return _added_command(name)
-        command: click.Command = import_module(f"pushplan.cli.{name.replace('-', '_')}").command
+        attribute = name.replace("-", "_")
+        module = "more" if name in MORE else attribute
+        command: click.Command = getattr(import_module(f"pushplan.cli.{module}"), attribute)
         return command
 
     def resolve_command(

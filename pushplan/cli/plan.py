@@ -11,7 +11,6 @@ import click
 from pushplan.cli import parameters as p
 from pushplan.cli.console import Console
 from pushplan.cli.main import DEFECT, MISMATCH, error_document
-from pushplan.cli.page import write_page
 from pushplan.drawing import PANELS
 from pushplan.util.interruption import INTERRUPTED, Interruption, leaving_at_once
 from pushplan.util.names import COSTS
@@ -59,7 +58,7 @@ def plan(
     What the options leave open is taken from the scenario. A log is recorded without -o, too, in the folder of the
     recorded runs.
     """
-    from pushplan.cli.render import exit_code, headline, plan_document, plan_rows, remarks_on
+    from pushplan.cli.render import exit_code, headline, plan_document, plan_rows, remarks_on, write_page
 
     p.check_outputs([scenario, *maps], plot, html, log=log.output)
     with p.code_of(scenario, console.note, no_code):
@@ -81,17 +80,14 @@ def plan(
         console.note(f"error: {incomplete}")
         document["error"], code = error_document(incomplete), DEFECT
     if physics and not interruption.requested:
-        from pushplan.cli.physics import execute
+        from pushplan.cli.render import execute_in_physics
 
-        document["physics"], kept = execute(stated, done.plan, console)
+        document["physics"], kept = execute_in_physics(stated, done.plan, console)
         code = code if kept or incomplete is not None else MISMATCH
     if plot is not None:
         draw(done, done.plan, plot, panels, console)
     console.emit(document)
     return code
-
-
-command = plan
 
 
 def _load(source: str, maps: tuple[Path, ...], console: Console) -> Scenario:
@@ -106,7 +102,7 @@ def _load(source: str, maps: tuple[Path, ...], console: Console) -> Scenario:
 def _prepare(scenario: Scenario, search: dict[str, Any], physics: bool, console: Console) -> None:
     """Load what planning needs, and check that the chain can be pushed at all."""
     if physics:
-        from pushplan.cli.physics import require_executable
+        from pushplan.cli.render import require_executable
 
         require_executable(scenario)
     with console.working("loading the planner"):

@@ -1,8 +1,9 @@
-"""Plans and executions as a document for JSON, and the same document as lines for people."""
+"""What commands make of a plan and its execution: a document, lines for people, a page, an execution in MuJoCo."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from math import degrees, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,15 +12,20 @@ import numpy as np
 
 from pushplan.cli.console import Console, angle_text, counted, length_text, plain, time_text
 from pushplan.cli.main import DONE, MISMATCH, NO_PLAN
+from pushplan.errors import OutputError
 from pushplan.plans.execution import inertia_warning
+
+if TYPE_CHECKING:
+    from pushplan.logging.recorded import RecordedRun
+    from pushplan.plans.execution import Execution
+    from pushplan.plans.plan import Plan
+    from pushplan.plans.run import Run
+    from pushplan.scenario.model import Scenario
+    from pushplan.sim.report import ContactReport
+    from pushplan.util.arrays import FloatArray
 
 MOST_NAMES = 4
 """Names of objects that are pushed together which a line has, at most."""
-
-if TYPE_CHECKING:
-    from pushplan.plans.execution import Execution
-    from pushplan.plans.plan import Plan
-    from pushplan.util.arrays import FloatArray
 
 Document = dict[str, Any]
 Rows = list[tuple[str, str]]
@@ -153,3 +159,111 @@ def _where(plan: Plan, execution: Execution, margins: FloatArray) -> str:
     name = execution.names[int(column)]
     contact = name if load is None else load.contact_name(name)
     return f" at {execution.t[sample]:.2f} s, contact {contact}"
+
+
+def write_page(done: Run | RecordedRun, html: Path | None, log: Path | None, console: Console) -> Path | None:
+    """Write the page of a run and return where it is.
+
+    Args:
+        done: What the page plays.
+        html: Where the user wants it; what hinders that is an error.
+        log: Of the run, asked for by name: the page goes beside it where `html` is None, and what hinders that is
+            only a remark. None where there is none, or no page is wanted.
+        console: Takes remarks.
+
+    Raises:
+        OutputError: When the page that the user asked for cannot be written.
+    """
+    page = html or (None if log is None else _beside(log, console))
+    if page is None:
+        return None
+    from pushplan.logging.page import write_html
+
+    try:
+        with console.working(f"writing {page}"):
+            write_html(done, page)
+    except OutputError as error:
+        if html is not None:
+            raise
+        console.note(f"no page: {error}")
+        return None
+    return page
+
+
+def _beside(log: Path, console: Console) -> Path | None:
+    """Return where the page goes that is written beside a log; None where something else is there."""
+    from pushplan.util.files import check_output
+
+    page = log.with_suffix(".html")
+    if check_output(log).streamed or page == log:
+        return None
+    if page.is_file() and b'id="run"' not in page.read_bytes():
+        console.note(f"{page} exists and is no page of a run; --html names another one")
+        return None
+    return page
+
+
+def require_executable(scenario: Scenario) -> None:
+    """Find out before the work whether the engine can execute plans of this scenario.
+
+    Raises:
+        MissingEngineError: When it is not installed.
+        PhysicsError: When a load is not known, or nothing rubs on the floor.
+    """
+    from pushplan.sim.physics.engine import PhysicsError, engine
+
+    engine()
+    unknown = [repr(obj.name) for task in scenario.tasks for obj in task.chain.objects if not obj.support.known]
+    if unknown:
+        raise PhysicsError(
+            f"the physics engine cannot execute a push of {', '.join(unknown)}: it needs the load on every point of "
+            "the floor, and the scenario leaves open how the load rests there; allowed: support uniform, feet with "
+            "loads, or a pressure map"
+        )
+
+
+def execute_in_physics(scenario: Scenario, plan: Plan | None, console: Console) -> tuple[Document | None, bool]:
+    """Execute a plan in the engine, tell what every contact did; return that, and whether all held or nothing was."""
+    if plan is None or plan.trajectory is None:
+        console.say("nothing to execute in the physics engine: no plan was found")
+        return None, True
+    with console.working(f"executing {plan.trajectory.duration:.1f} s in the physics engine") as progress:
+
+        def share(done: float) -> None:
+            progress.tell(f"{100.0 * done:.0f} %")
+
+        from pushplan.sim.physics.simulate import simulate_in_physics
+
+        report = simulate_in_physics(plan, progress=share)
+    verdict = ("every contact held", "green") if report.kept else ("a contact moved", "red")
+    console.say("in the physics engine, at full speed: ", verdict)
+    if scenario.has_intervals:
+        console.say("  executed with the middles of intervals, and the lowest friction of contacts")
+    console.table(_contact_rows(report))
+    return _contacts_document(report), report.kept
+
+
+def _contact_rows(report: ContactReport) -> list[tuple[str, str]]:
+    rows = [(one.contact, str(one).split(" ", 1)[1]) for one in report.summaries]
+    if isfinite(report.clear):
+        moved = f"none moved by more than {1e3 * report.disturbed:.2g} mm"
+        rows.append(("objects at rest", f"{1e3 * report.clear:.3g} mm from what moves; {moved}"))
+    ends = [
+        f"{name} {1e3 * position:.2g} mm, {degrees(angle):.2g} deg"
+        for name, (position, angle) in zip(report.names, report.object_errors, strict=True)
+    ]
+    return [*rows, ("pose error", "; ".join(ends))]
+
+
+def _contacts_document(report: ContactReport) -> Document:
+    return {
+        "kept": report.kept,
+        "tolerance": report.tolerance,
+        "contacts": [asdict(one) | {"moved": one.moved_at is not None} for one in report.summaries],
+        "objects": [
+            {"object": name, "position": position, "angle": angle}
+            for name, (position, angle) in zip(report.names, report.object_errors.tolist(), strict=True)
+        ],
+        "disturbed": report.disturbed,
+        "clear": report.clear if isfinite(report.clear) else None,
+    }

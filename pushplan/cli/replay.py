@@ -15,10 +15,17 @@ import click
 from pushplan.cli import parameters as p
 from pushplan.cli.console import Console
 from pushplan.cli.main import DONE, MISMATCH
-from pushplan.cli.render import headline, plan_document, plan_rows, remarks_on
+from pushplan.cli.render import (
+    execute_in_physics,
+    headline,
+    plan_document,
+    plan_rows,
+    remarks_on,
+    require_executable,
+)
 from pushplan.errors import PushplanError, RunLogError
+from pushplan.plans.execution import wilson
 from pushplan.util.names import BESIDE_A_BAG
-from pushplan.util.wilson import wilson
 
 if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
@@ -107,8 +114,6 @@ def replay(
     with console.working(f"reading {source}"):
         run = _read(source, recovered, verify)
     if physics:
-        from pushplan.cli.physics import require_executable
-
         require_executable(run.scenario)
     document = _tell(run, recovered, console)
     report = None
@@ -117,9 +122,7 @@ def replay(
         document["verification"] = _verification(report)
     matches = report is None or report.matches
     if physics:
-        from pushplan.cli.physics import execute
-
-        document["physics"], kept = execute(run.scenario, run.plan, console)
+        document["physics"], kept = execute_in_physics(run.scenario, run.plan, console)
         matches = matches and kept
     if plot is not None or wanted:
         how: dict[str, dict[str, Any]] = {"plot": {"panels": panels}, "mp4": {"rate": rate}}
@@ -130,9 +133,6 @@ def replay(
         _export(run, plot, wanted, how, console)
     console.emit(document)
     return DONE if matches else MISMATCH
-
-
-command = replay
 
 
 def log_meant(log: Path | None, runs: Path | None) -> str:
@@ -151,7 +151,7 @@ def log_meant(log: Path | None, runs: Path | None) -> str:
 
 def _read(source: str, recovered: Path | None, messages: bool) -> RecordedRun:
     if recovered is not None:
-        from pushplan.logging.recover import recover
+        from pushplan.logging.recording import recover
 
         return recover(source, recovered)
     from pushplan.logging.reader import load_run

@@ -10,7 +10,6 @@ import click
 from pushplan.cli import parameters as p
 from pushplan.cli.console import Console, angle_text, length_text
 from pushplan.cli.main import DEFECT, DONE, MISMATCH, NO_PLAN, error_document
-from pushplan.cli.page import write_page
 from pushplan.cli.trial import UNCERTAINTY
 from pushplan.errors import PlanningError
 from pushplan.scenario import units
@@ -97,6 +96,7 @@ def simulate(
     no_code: bool,
 ) -> int:
     """Push in a simulated world with disturbances, along the plan or in closed loop."""
+    from pushplan.cli.render import require_executable, write_page
     from pushplan.logging.recording import IncompleteLogError
     from pushplan.scenario.file import load_scenario
 
@@ -107,7 +107,6 @@ def simulate(
         incomplete = None
         how: dict[str, Any] = {"log": log.where, "runs": log.runs}
         if physics:
-            from pushplan.cli.physics import require_executable
             from pushplan.sim.physics.stepping import PhysicsSimulator
 
             require_executable(stated)
@@ -129,9 +128,6 @@ def simulate(
         console.note(f"error: {incomplete}")
         return DEFECT
     return DONE if done.outcome == "arrived" else MISMATCH
-
-
-command = simulate
 
 
 def _disturbances(scenario: Scenario, words: tuple[dict[str, Any], ...]) -> list[Disturbance]:

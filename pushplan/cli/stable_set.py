@@ -59,8 +59,8 @@ def stable_set(console: Console, scenario: str, sets: tuple[str, ...], plot: Pat
 
     p.check_outputs([scenario], plot)
     with p.code_of(scenario, console.note, no_code), console.working("computing stable sets"):
-        from pushplan.sets.cor_window import default_window
         from pushplan.sets.named import add_set
+        from pushplan.sets.stable_set import default_window
 
         stated = load_scenario(scenario)
         names = dict.fromkeys(add_set(name) for name in sets or [stated.stability.set])
@@ -84,9 +84,6 @@ def stable_set(console: Console, scenario: str, sets: tuple[str, ...], plot: Pat
         }
         console.emit({"scenario": stated.name, "window": window, "sets": regions})
     return 0
-
-
-command = stable_set
 
 
 def describe(scenario: Scenario, name: str) -> Described:

@@ -12,7 +12,6 @@ import click
 from pushplan.cli import parameters as p
 from pushplan.cli.console import Console, angle_text, length_text
 from pushplan.cli.main import DEFECT, DONE, NO_PLAN, error_document
-from pushplan.cli.page import write_page
 from pushplan.errors import PlanningError
 from pushplan.scenario import units
 from pushplan.util.names import SIMULATORS
@@ -125,6 +124,7 @@ def trial(
     low, high = trials.interval
     rate = f"{int(trials.arrived.sum())} of {trials.samples} samples arrive"
     console.say((name, "bold"), f": {rate} ({100 * low:.1f} to {100 * high:.1f} % at 95 %)")
+    from pushplan.cli.render import write_page
     from pushplan.plans.run import Run
 
     planned = Run(trials.scenario, trials.plan, trials.plan.execution)
@@ -145,9 +145,6 @@ def trial(
         document["error"] = error_document(incomplete)
     console.emit(document)
     return DONE if incomplete is None else DEFECT
-
-
-command = trial
 
 
 def draw_trials(plan: Plan, ends: Sequence[TrialEnd], path: Path, console: Console) -> None:

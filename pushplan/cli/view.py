@@ -40,6 +40,3 @@ def view(console: Console, scenario: str, maps: tuple[Path, ...], port: int, no_
         finally:
             window.close()
     return 0
-
-
-command = view

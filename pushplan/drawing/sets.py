@@ -26,8 +26,7 @@ from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts import friction_cone
 from pushplan.sets.cor import Window
-from pushplan.sets.cor_window import default_window, grown
-from pushplan.sets.stable_set import StableSet
+from pushplan.sets.stable_set import StableSet, default_window, grown
 from pushplan.util.printable import cut
 
 TURN_NAMES = {+1: "left turns", -1: "right turns"}

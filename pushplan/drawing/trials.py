@@ -27,8 +27,8 @@ from pushplan.drawing.floor import (
 from pushplan.drawing.palette import ARRIVED, FAINT, INK, MISSED
 from pushplan.drawing.scene import Scene
 from pushplan.geometry.se2 import compose, transform_points
+from pushplan.plans.execution import wilson
 from pushplan.util.printable import cut
-from pushplan.util.wilson import wilson
 
 if TYPE_CHECKING:
     from pushplan.plans.execution import TrialEnd

@@ -14,9 +14,8 @@ import pushplan.core.contacts as contacts
 import pushplan.core.sphere as sphere
 import pushplan.core.uncertain as uncertain
 from pushplan.errors import PushplanError
-from pushplan.mechanics.chain import GRAVITY, Chain
+from pushplan.mechanics.chain import GRAVITY, Chain, InertiaTable, inertia_table
 from pushplan.mechanics.heights import counts_by_centre, inertia_shifts
-from pushplan.mechanics.inertia import InertiaTable, inertia_table
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.packed import pack_chain
 from pushplan.mechanics.sphere import WORTHWHILE, by_direction, checked_twists

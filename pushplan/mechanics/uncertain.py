@@ -15,10 +15,9 @@ import numpy as np
 import pushplan.core.contacts as contacts
 import pushplan.core.uncertain as uncertain
 from pushplan.geometry.se2 import transform_points
-from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject
+from pushplan.mechanics.chain import GRAVITY, Chain, InertiaTable, PushedObject, inertia_table
 from pushplan.mechanics.contacts import carried_objects
 from pushplan.mechanics.heights import CELLS_MISS, LoadArea, load_areas, loads_move
-from pushplan.mechanics.inertia import InertiaTable, inertia_table
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.packed import contact_rows, pack_objects
 from pushplan.mechanics.perturb import with_objects

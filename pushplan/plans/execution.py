@@ -171,3 +171,17 @@ def inertia_warning(scenario: Scenario, execution: Execution) -> str:
         f"inertia was left out (limits.contact: quasi-static), and at this speed a contact slips "
         f"(margin {least:.2g}): push more slowly, or use dynamic limits"
     )
+
+
+Z95 = 1.959963984540054
+"""Standard deviations on either side that hold 95 % of a normal distribution."""
+
+
+def wilson(successes: int, count: int) -> tuple[float, float]:
+    """Return Wilson's 95 % score interval of a share: in doubt even when all of few succeed (Wilson 1927)."""
+    if count == 0:
+        return math.nan, math.nan
+    share, z2 = successes / count, Z95 * Z95 / count
+    middle = (share + 0.5 * z2) / (1.0 + z2)
+    half = Z95 * math.sqrt(share * (1.0 - share) / count + 0.25 * z2 / count) / (1.0 + z2)
+    return max(0.0, middle - half), min(1.0, middle + half)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import numpy as np
 
@@ -14,13 +14,45 @@ from pushplan.plans.path import PushPath
 from pushplan.plans.segment import Segment, join
 from pushplan.plans.trajectory import Trajectory
 from pushplan.util.arrays import FloatArray, IntArray, frozen
-from pushplan.util.lazy_field import LazyField
 from pushplan.util.names import DEFAULT_COST, PUSH
 
 if TYPE_CHECKING:
     from pushplan.plans.execution import Execution
     from pushplan.plans.robustness import Robustness
     from pushplan.scenario.model import Scenario
+
+T = TypeVar("T")
+
+
+class LazyField(Generic[T]):
+    """A field that takes a value, or a function without arguments that returns it.
+
+    Args:
+        default: Its value where none is given.
+    """
+
+    def __init__(self, default: T) -> None:
+        self._default = default
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> T: ...
+    @overload
+    def __get__(self, instance: object, owner: type) -> T: ...
+    def __get__(self, instance: Any, owner: type) -> T:
+        """Return the value; without an instance the default, which is how `dataclass` learns of it."""
+        if instance is None:
+            return self._default
+        values = vars(instance)
+        if callable(values[self._name]):
+            values[self._name] = values[self._name]()
+        value: T = values[self._name]
+        return value
+
+    def __set__(self, instance: object, value: T | Callable[[], T]) -> None:
+        vars(instance)[self._name] = value
 
 
 @dataclass(frozen=True)

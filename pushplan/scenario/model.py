@@ -249,10 +249,9 @@ class Scenario:
             name: One of `names.STABLE_SETS`; None stands for that of `stability`.
 
         Raises:
-            PushplanError: See `sets.named.stable_set` and `sets.interval_set.stable_set_over`.
+            PushplanError: See `sets.named.stable_set` and `stable_set_over`.
         """
-        from pushplan.sets.interval_set import stable_set_over
-        from pushplan.sets.named import stable_set
+        from pushplan.sets.named import stable_set, stable_set_over
 
         wanted = name or self.stability.set
         return stable_set(self.chain, wanted) if self.interval is None else stable_set_over(self.interval, wanted)

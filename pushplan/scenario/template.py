@@ -67,7 +67,7 @@ def write_new_scenario(name: str, *, drive: str = "omnidirectional", map_file: P
 
 def new_scenario_text(name: str, drive: str = "omnidirectional") -> str:
     """Return a commented scenario called `name`, with the line that lets editors complete and check it."""
-    from pushplan.scenario.json_schema import schema_file
+    from pushplan.scenario.schema import schema_file
 
     text = (files("pushplan") / "new_scenario.yaml").read_text(encoding="utf-8")
     text = text.replace('name: "my-push"', f"name: {json.dumps(name, ensure_ascii=False)}", 1)

@@ -7,21 +7,22 @@ sphere, COR regions, cones, radii) follows from it by root finding.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cached_property, lru_cache
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike
 
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.sphere import Meridians, TurningRadii, by_direction, checked_twists
+from pushplan.mechanics.sphere import POLE, Meridians, TurningRadii, by_direction, checked_twists, twists_at
 from pushplan.sets.boundary_following import RefinedMeridians, find_meridians, refine_meridians
 from pushplan.sets.cor import Window, cor_polygons
-from pushplan.sets.meridians import Asked, margin_peaks
-from pushplan.sets.stable_extent import sphere_area, translation_cone, turning_radii
-from pushplan.util.arrays import BoolArray, FloatArray, columns_of
+from pushplan.sets.meridians import Asked, inner_ends, margin_peaks, maximise
+from pushplan.util.arrays import BoolArray, FloatArray, IntArray, columns_of, frozen
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -140,3 +141,106 @@ class StableSet(ABC):
 
     def _asked(self, minimum: float) -> Asked:
         return Asked(self.margin_values, self.chain.characteristic_length, minimum)
+
+
+_DIRECTIONS = 720
+
+
+def translation_cone(margin_values: Callable[[FloatArray], FloatArray], minimum: float) -> FloatArray | None:
+    """Return unit directions [right-most, left-most] (2, 2) of translations with margin > `minimum`.
+
+    Each contact allows a convex cone of directions, so that the intersection is one cone.
+    """
+
+    def excess(member: IntArray, lon: FloatArray) -> FloatArray:
+        del member
+        return margin_values(twists_at(lon, np.zeros_like(lon), 1.0)) - minimum
+
+    lon = -np.pi + 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+    step = lon[1] - lon[0]
+    middle = lon[[int(np.argmax(excess(np.arange(len(lon)), lon)))]]
+    best, value = maximise(excess, middle - step, middle + step, 0.0, 40)
+    if value[0] <= 0.0:
+        return None
+    offsets = step * np.arange(1, _DIRECTIONS)
+    ends = []
+    for side in (-1.0, +1.0):
+        ring = best[0] + side * offsets
+        values = excess(np.arange(len(ring)), ring)
+        first = int(np.argmax(values <= 0.0))
+        inside = ring[first - 1] if first else best[0]
+        f_inside = values[first - 1] if first else value[0]
+        bracket = np.array([[inside, ring[first], f_inside, values[first]]])
+        ends.append(float(inner_ends(excess, bracket)[0]))
+    return frozen([[np.cos(end), np.sin(end)] for end in ends], (2, 2), "translation cone")
+
+
+def turning_radii(meridians: Meridians, length: float) -> TurningRadii:
+    """Return the smallest distance from the origin to a COR on meridians, either sense, for a unit of length, m."""
+    highest = np.concatenate([[0.0], meridians.upper]).max()
+    lowest = np.concatenate([[0.0], meridians.lower]).min()
+    return TurningRadii(left=_radius(highest, length), right=_radius(-lowest, length))
+
+
+def _radius(latitude: float, length: float) -> float:
+    return length * max(float(np.tan(POLE - latitude)), 0.0) if latitude > 0.0 else np.inf
+
+
+def sphere_area(refined: RefinedMeridians) -> float:
+    """Return the solid angle of the twists on refined meridians, sr.
+
+    Between refined meridians, d apart, ends run along great circles, from a to b; the area between that and the
+    equator is 2 atan(tan(d / 2) sin((a + b) / 2) / cos((a - b) / 2)).
+    """
+    rows = refined.meridians
+    first = np.append(np.searchsorted(rows.longitude, refined.longitude), len(rows))
+    count, apart = np.diff(first), np.diff(refined.longitude)
+    gaps = np.flatnonzero(count[:-1] == count[1:])  # others are no wider than SMALLEST_GAP
+    area = 0.0
+    for j in range(count.max(initial=0)):
+        k = gaps[count[gaps] > j]
+        for end, sign in ((rows.upper, +1.0), (rows.lower, -1.0)):
+            a, b = end[first[k] + j], end[first[k + 1] + j]
+            height = np.sin(0.5 * (a + b)) / np.cos(0.5 * (a - b))
+            area += sign * float(2.0 * np.arctan(np.tan(0.5 * apart[k]) * height).sum())
+    return area
+
+
+_SHOWN_RADII = 2.2
+"""How many smallest turning radii are shown to either side."""
+_SHOWN_RADIUS = 1.3
+"""Of the tightest turn of the drive that is stable, so much of its radius is shown, if it is not too wide."""
+_ASPECT = 0.7
+"""Least width of the window over its height."""
+_PAD = 0.04
+
+
+def default_window(chain: Chain, sets: Iterable[StableSet]) -> Window:
+    """Return a window that holds the chain and the tightest turns to both sides, of all `sets` and of the drive."""
+    sets, drive = list(sets), chain.pusher.drive
+    outlines = [body.outline for body in chain.bodies]
+    radii = [each.turning_radii() for each in sets]
+    left = [_SHOWN_RADII * r.left for r in radii if isfinite(r.left)]
+    right = [_SHOWN_RADII * r.right for r in radii if isfinite(r.right)]
+    turns = np.array([[0.0, max(left, default=0.0)], [0.0, -max(right, default=0.0)]])
+    window = _around([*outlines, turns])
+    wider, far = grown(window, 0.5), 2.0 * float(np.hypot(window[2] - window[0], window[3] - window[1]))
+    for sense, line in zip((+1, -1), drive.turning_centres(far), strict=False):
+        regions = [each.cor_region(sense, wider).intersection(shapely.LineString(line)) for each in sets]
+        nearest = min((one.distance(shapely.Point(line[0])) for one in regions if not one.is_empty), default=0.0)
+        outlines.append(line[0] + _SHOWN_RADIUS * nearest * (line[1] - line[0]) / np.hypot(*(line[1] - line[0])))
+    return _around([*outlines, turns])
+
+
+def _around(outlines: list[FloatArray]) -> Window:
+    points = np.concatenate([np.atleast_2d(outline) for outline in outlines])
+    low, high = points.min(axis=0), points.max(axis=0)
+    width, height = (1.0 + 2.0 * _PAD) * (high - low)
+    (x, y), width = 0.5 * (low + high), max(width, _ASPECT * height)
+    return (float(x - width / 2), float(y - height / 2), float(x + width / 2), float(y + height / 2))
+
+
+def grown(window: Window, share: float) -> Window:
+    """Return the window with `share` of its width and height added on every side."""
+    dx, dy = share * (window[2] - window[0]), share * (window[3] - window[1])
+    return (window[0] - dx, window[1] - dy, window[2] + dx, window[3] + dy)

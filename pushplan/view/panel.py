@@ -12,8 +12,7 @@ from pushplan.drawing.palette import ALONE as GREY
 from pushplan.drawing.palette import MARGIN_WORDS, PLATE, SLIPS, TURNS, object_colours
 from pushplan.plans.segment import Segment
 from pushplan.sets.cor import Window
-from pushplan.sets.cor_window import default_window
-from pushplan.sets.stable_set import StableSet
+from pushplan.sets.stable_set import StableSet, default_window
 from pushplan.util.arrays import FloatArray
 from pushplan.view.answers import Answer
 from pushplan.view.draft import MOST_DRAGGED, ROBOT, START, Draft

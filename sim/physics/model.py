@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pushplan.geometry.se2 import rotate
-from pushplan.mechanics.chain import GRAVITY, PLATE, Chain, Contact, PushedObject
-from pushplan.mechanics.inertia import inertia_of
+from pushplan.mechanics.chain import GRAVITY, PLATE, Chain, Contact, PushedObject, inertia_of
 from pushplan.mechanics.packed import pack_object
 from pushplan.sim.feet import Feet, feet_of
 from pushplan.sim.physics.engine import PhysicsError, PhysicsSettings, engine

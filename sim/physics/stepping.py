@@ -17,8 +17,7 @@ from numpy.typing import ArrayLike
 
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.mechanics.chain import Chain, PushedObject
-from pushplan.mechanics.inertia import inertia_of
+from pushplan.mechanics.chain import Chain, PushedObject, inertia_of
 from pushplan.scenario.parts import CircleObstacle
 from pushplan.sim.feet import feet_of
 from pushplan.sim.intake import FARTHEST

@@ -39,7 +39,7 @@ from pushplan.bench.statistics import (
 from pushplan.bench.store import ResultsFolder
 from pushplan.bench.suite import RunSpec, suite_from_text
 from pushplan.cli.main import main
-from pushplan.util.wilson import wilson
+from pushplan.plans.execution import wilson
 
 Make = Callable[[RunSpec], Outcome]
 

@@ -15,12 +15,11 @@ from conftest import there
 
 import pushplan
 from pushplan.bench.batch import run_suite
-from pushplan.bench.outcome import ATTRIBUTES, STATUSES, Outcome, validated
+from pushplan.bench.outcome import ATTRIBUTES, STATUSES, Outcome, clearance, validated, validation_error
 from pushplan.bench.random_problems import DRIVES, LEAST_MARGIN, generate, tightest_turn
 from pushplan.bench.schema import ProblemParameters
 from pushplan.bench.store import PARAMETERS, ResultsFolder
 from pushplan.bench.suite import RunSpec, suite_from_text
-from pushplan.bench.validation import clearance, validation_error
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Run
 from pushplan.scenario.file import scenario_from_text

@@ -17,7 +17,7 @@ from pushplan.planners.planner import plan
 from pushplan.scenario.check import check_scenario
 from pushplan.scenario.file import scenario_from_document, scenario_from_text
 from pushplan.scenario.model import Scenario
-from pushplan.sets.interval_set import stable_set_over
+from pushplan.sets.named import stable_set_over
 from pushplan.util.arrays import FloatArray
 
 TEXT = """\

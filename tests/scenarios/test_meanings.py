@@ -22,9 +22,8 @@ from pushplan.bench.suite import suite_names, suite_text
 from pushplan.cli.main import main
 from pushplan.scenario import bodies, schema, units
 from pushplan.scenario.file import example_names, example_text, load_scenario
-from pushplan.scenario.json_schema import scenario_schema, schema_file, schema_text
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.schema import ScenarioFile
+from pushplan.scenario.schema import ScenarioFile, scenario_schema, schema_file, schema_text
 from pushplan.scenario.source import Source
 from pushplan.scenario.units import Quantity, Stated, either_way, friction, or_interval
 from pushplan.scenario.validation import validate

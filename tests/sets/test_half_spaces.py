@@ -23,8 +23,7 @@ from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
 from pushplan.plans.path import PushPath
 from pushplan.sets.grid_cor_set import grid_cor_set
-from pushplan.sets.interval_set import stable_set_over
-from pushplan.sets.named import stable_set
+from pushplan.sets.named import stable_set, stable_set_over
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import STABLE_SETS

@@ -18,8 +18,7 @@ from pushplan.mechanics.heights import counts_by_centre, load_areas, tipping_roo
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.packed import pack_chain
 from pushplan.mechanics.support import FeetSupport
-from pushplan.sets.interval_set import stable_set_over
-from pushplan.sets.named import stable_set
+from pushplan.sets.named import stable_set, stable_set_over
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import KNOWN_LOAD_SETS
 

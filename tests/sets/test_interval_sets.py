@@ -18,8 +18,7 @@ from pushplan.mechanics.support import (
     UniformSupport,
 )
 from pushplan.mechanics.uncertain import pack_intervals
-from pushplan.sets.interval_set import stable_set_over
-from pushplan.sets.named import stable_set
+from pushplan.sets.named import stable_set, stable_set_over
 from pushplan.util.arrays import FloatArray
 
 

@@ -20,8 +20,8 @@ from pushplan.geometry import se2
 from pushplan.planners.validator import Validator
 from pushplan.plans.events import Replan
 from pushplan.plans.goals import errors_at_goal
+from pushplan.plans.load import row_load
 from pushplan.plans.plan import Plan
-from pushplan.plans.row_load import row_load
 from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer
 from pushplan.scenario.file import scenario_from_document

@@ -23,7 +23,7 @@ import pushplan.logging.schemas as schemas
 from pushplan.errors import RunLogError
 from pushplan.logging.mcap_file import McapFile
 from pushplan.logging.reader import load_run
-from pushplan.logging.recover import recover
+from pushplan.logging.recording import recover
 from pushplan.logging.writer import RunLogWriter
 from pushplan.plans.load import Load
 from pushplan.scenario.model import Scenario
