@@ -218,13 +218,8 @@ def sampling_box(scenario: Scenario) -> Box:
     """Return (xmin, ymin, xmax, ymax) to sample from: the workspace, or around everything with room to turn."""
     if scenario.workspace is not None:
         return walls_of(scenario)
-    points = [np.array([scenario.start[:2], scenario.goal.pose_chain[:2]])]
-    for obstacle in scenario.obstacles:
-        if isinstance(obstacle, CircleObstacle):
-            points.append(obstacle.center + obstacle.radius * np.array([[-1.0, -1.0], [1.0, 1.0]]))
-        else:
-            points.append(obstacle.outline)
-    corners = np.concatenate(points)
+    ends = np.array([scenario.start[:2], scenario.goal.pose_chain[:2]])
+    corners = np.concatenate([ends, *(obstacle.box for obstacle in scenario.obstacles)])
     room = 4.0 * body_reach(scenario) + 0.25 * float(np.ptp(corners, axis=0).max())
     low, high = corners.min(axis=0) - room, corners.max(axis=0) + room
     return (float(low[0]), float(low[1]), float(high[0]), float(high[1]))

@@ -236,6 +236,7 @@ def run_closed_loop(
     world: World | None = None,
     disturbances: Sequence[Disturbance] = (),
     *,
+    watched: bool = True,
     plan: Plan | None = None,
     settings: ControlSettings = DEFAULTS,
     sensor: Sensor = SENSOR,
@@ -246,12 +247,13 @@ def run_closed_loop(
     progress: Callable[[float], None] | None = None,
     simulator_of: Callable[[World], Simulator] = SlipSimulator,
 ) -> ClosedLoopRun:
-    """Push objects to their goals in a simulated world, watching them.
+    """Push objects to their goals in a simulated world, watching them or not.
 
     Args:
         scenario: What is believed.
         world: What is there; None for the world as the scenario states it.
         disturbances: What happens to objects meanwhile.
+        watched: Measure, correct and replan; else a plan is executed whatever happens.
         plan: What to do at first; see `Controller`.
         settings: Of the controller.
         sensor: How objects are measured.
@@ -269,13 +271,21 @@ def run_closed_loop(
         OutputError: As `pushplan.run`.
     """
     there = World.from_scenario(scenario) if world is None else world
-    asked = scenario, plan, settings, sensor, seed, tuple(disturbances)
-    with _Growing(*asked, observer, progress, log, runs) as growing:
-        controller = Controller(scenario, settings, plan=plan, observer=observer)
-        growing.begin(controller.plan, controller)
+    asked = settings if watched else None, sensor, seed, tuple(disturbances)
+    with _Growing(scenario, plan, *asked, observer, progress, log, runs) as growing:
+        driver: Controller | OpenLoop
+        if watched:
+            driver = controller = Controller(scenario, settings, plan=plan, observer=observer)
+            plan = controller.plan
+        else:
+            controller, plan = None, plan_in(scenario, observer=observer) if plan is None else plan
+            if plan.trajectory is None:
+                raise PlanningError(f"there is no plan: {plan.reason}")
+            driver = OpenLoop(plan, settings.rate)
+        growing.begin(plan, controller)
         course = simulate_push(
             there,
-            controller,
+            driver,
             settings.rate,
             disturbances,
             sensor,
@@ -283,59 +293,30 @@ def run_closed_loop(
             progress=growing.grown,
             simulator_of=simulator_of,
         )
-        outcome, reason = controller.phase.value, controller.reason
-        if course.jammed:
-            outcome, reason = "jammed", JAMMED
-        elif not course.over:
-            outcome, reason = "time limit", f"it was not there after {course.t[-1]:.0f} s"
+        if controller is None:
+            outcome, reason = _end_of_plan(scenario, plan, settings, course)
+        else:
+            outcome, reason = _end_of(controller, course)
         events = events_until(float(course.t[-1]), course.names, disturbances, controller)
-        replans = tuple(controller.replans)
-        made = scenario, controller.plan, course, events, replans, outcome, reason, settings, sensor, seed
-        return growing.end(ClosedLoopRun(*made, tuple(disturbances)))
+        replans = () if controller is None else tuple(controller.replans)
+        return growing.end(ClosedLoopRun(scenario, plan, course, events, replans, outcome, reason, *asked))
 
 
-def run_open_loop(
-    scenario: Scenario,
-    world: World | None = None,
-    disturbances: Sequence[Disturbance] = (),
-    *,
-    plan: Plan | None = None,
-    settings: ControlSettings = DEFAULTS,
-    log: Where = False,
-    runs: Path | str | None = None,
-    observer: Observer = SILENT,
-    progress: Callable[[float], None] | None = None,
-    simulator_of: Callable[[World], Simulator] = SlipSimulator,
-) -> ClosedLoopRun:
-    """Execute a plan of any kind in a simulated world whatever happens; see `run_closed_loop`.
+def _end_of(controller: Controller, course: SimulatedPush) -> tuple[str, str]:
+    """Return outcome and reason of what a controller has driven."""
+    if course.jammed:
+        return "jammed", JAMMED
+    if not course.over:
+        return "time limit", f"it was not there after {course.t[-1]:.0f} s"
+    return controller.phase.value, controller.reason
 
-    Raises:
-        PlanningError: When there is no plan.
-        SupportError: When the load under an object is not known.
-        OutputError: As `pushplan.run`.
-    """
-    there = World.from_scenario(scenario) if world is None else world
-    with _Growing(scenario, plan, None, SENSOR, 1, disturbances, observer, progress, log, runs) as growing:
-        plan = plan_in(scenario, observer=observer) if plan is None else plan
-        if plan.trajectory is None:
-            raise PlanningError(f"there is no plan: {plan.reason}")
-        growing.begin(plan)
-        driver = OpenLoop(plan, settings.rate)
-        course = simulate_push(
-            there,
-            driver,
-            settings.rate,
-            disturbances,
-            progress=growing.grown,
-            simulator_of=simulator_of,
-        )
-        placed = with_places(scenario, plan)
-        tolerance = tolerance_of(placed, settings.position_tolerance, settings.angle_tolerance)
-        off = worst_at_goal(placed, course.object_poses[-1])
-        reached = off[0] <= tolerance[0] and off[1] <= tolerance[1]
-        failed = "jammed" if course.jammed else "stalled" if course.stalled else "missed"
-        outcome = "arrived" if reached and not course.jammed else failed
-        reason = {"jammed": JAMMED, "missed": MISSED, "stalled": STALLED}.get(outcome, "")
-        events = events_until(float(course.t[-1]), course.names, disturbances, None)
-        made = scenario, plan, course, events, (), outcome, reason, None, SENSOR, 1
-        return growing.end(ClosedLoopRun(*made, tuple(disturbances)))
+
+def _end_of_plan(scenario: Scenario, plan: Plan, settings: ControlSettings, course: SimulatedPush) -> tuple[str, str]:
+    """Return outcome and reason of a plan that was executed whatever happened."""
+    if course.jammed:
+        return "jammed", JAMMED
+    placed = with_places(scenario, plan)
+    tolerance = tolerance_of(placed, settings.position_tolerance, settings.angle_tolerance)
+    if all(np.less_equal(worst_at_goal(placed, course.object_poses[-1]), tolerance)):
+        return "arrived", ""
+    return ("stalled", STALLED) if course.stalled else ("missed", MISSED)

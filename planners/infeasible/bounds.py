@@ -17,7 +17,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.body import SEAM, Body, as_one
 from pushplan.planners.infeasible.turn_bound import Price, turn_bound
 from pushplan.plans.path import TURN_WEIGHT
-from pushplan.scenario.model import CircleObstacle, Obstacle, Scenario
+from pushplan.scenario.model import Obstacle, Scenario
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import CLEARANCE_ROOM
 
@@ -66,11 +66,8 @@ def blocked(obstacles: Sequence[Obstacle], radius: float) -> BaseGeometry:
 
 def grown(obstacles: Sequence[Obstacle], radius: float) -> NDArray[np.object_]:
     """Return where the centre of a disc cannot be for each of the obstacles."""
-    shapes = [
-        shapely.Point(o.center) if isinstance(o, CircleObstacle) else shapely.Polygon(o.outline) for o in obstacles
-    ]
-    own = [o.radius if isinstance(o, CircleObstacle) else 0.0 for o in obstacles]
-    return np.asarray(shapely.buffer(shapes, np.array(own) + radius, quad_segs=ARC_SEGMENTS))
+    radii = np.array([o.radius for o in obstacles]) + radius
+    return np.asarray(shapely.buffer([o.core for o in obstacles], radii, quad_segs=ARC_SEGMENTS))
 
 
 def reached(free: BaseGeometry, place: BaseGeometry, within: float) -> BaseGeometry:
@@ -106,11 +103,7 @@ def _floor(scenario: Scenario, radius: float) -> BaseGeometry:
         empty = corners[0] >= corners[2] or corners[1] >= corners[3]
         return shapely.Polygon() if empty else shapely.box(*corners)
     points = [scenario.start[:2], scenario.goal.pose_chain[:2]]
-    for obstacle in scenario.obstacles:
-        if isinstance(obstacle, CircleObstacle):
-            points += [obstacle.center - obstacle.radius, obstacle.center + obstacle.radius]
-        else:
-            points += list(obstacle.outline)
+    points += [corner for obstacle in scenario.obstacles for corner in obstacle.box]
     return shapely.MultiPoint(np.array(points)).envelope.buffer(_AROUND + 4.0 * radius, join_style="mitre")
 
 

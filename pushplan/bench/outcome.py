@@ -23,7 +23,7 @@ from pushplan.plans.execution import Execution
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Run
 from pushplan.run import run
-from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import AUTO
 from pushplan.util.stopwatch import Stopwatch
@@ -269,12 +269,7 @@ def clearance(scenario: Scenario, execution: Execution) -> float | None:
     """
     found = [np.inf]
     obstacles = shapely.STRtree(
-        [
-            shapely.Point(one.center).buffer(one.radius, quad_segs=64)
-            if isinstance(one, CircleObstacle)
-            else shapely.Polygon(one.outline)
-            for one in scenario.obstacles
-        ]
+        [one.core.buffer(one.radius, quad_segs=64) if one.radius else one.core for one in scenario.obstacles]
     )
     for poses, outline in _moving(scenario, execution):
         reach = float(np.linalg.norm(outline, axis=1).max())

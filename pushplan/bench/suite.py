@@ -14,11 +14,11 @@ from pathlib import Path
 
 from pushplan.bench.random_problems import GeneratorError, generate
 from pushplan.bench.schema import LimitSection, Planner, StatedProblem, SuiteFile
-from pushplan.errors import Finding, PushplanError, ScenarioError
-from pushplan.scenario.file import load_scenario, scenario_from_text
+from pushplan.errors import PushplanError, ScenarioError
+from pushplan.scenario.file import load_scenario, names_in, read_named, scenario_from_text
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.source import MOST_BYTES, DocumentError, Source
-from pushplan.scenario.validation import nearest, validate
+from pushplan.scenario.source import DocumentError, Source
+from pushplan.scenario.validation import validate
 from pushplan.util.naming import PLACE
 
 KEY_LENGTH = 16
@@ -214,7 +214,7 @@ def run_with_key(runs: Sequence[RunSpec], key: str) -> RunSpec:
 
 def suite_names() -> tuple[str, ...]:
     """Return the names of the packaged suites, in alphabetical order."""
-    return tuple(sorted(path.stem for path in PACKAGED.glob("*.yaml")))
+    return names_in(PACKAGED)
 
 
 def suite_text(name: str) -> str:
@@ -228,19 +228,7 @@ def load_suite(source: str | Path) -> Suite:
     Raises:
         SuiteError: With everything found wrong, in the suite and in the scenarios that it names.
     """
-    path = Path(source)
-    if isinstance(source, str) and source in suite_names() and not path.is_file():
-        path = PACKAGED / f"{source}.yaml"
-    try:
-        with path.open("rb") as file:
-            data = file.read(MOST_BYTES + 1)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        text = f"cannot read the file: {reason}"
-        if isinstance(error, FileNotFoundError) and path.name == str(source):
-            known = list(suite_names())
-            text += f"; no packaged suite is called so either{nearest(path.name, known)} there are {', '.join(known)}"
-        raise SuiteError(str(source), [Finding("", text)]) from error
+    data, path = read_named(source, PACKAGED, "suite", SuiteError)
     return suite_from_text(data, path)
 
 

@@ -17,7 +17,7 @@ from pushplan.mechanics.chain import GRAVITY, PLATE, PushedObject, Pusher
 from pushplan.mechanics.heights import tipping_room
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import CircleObstacle, Obstacle, Row, Snapping
+from pushplan.scenario.parts import Row, Snapping
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import KNOWN_LOAD_SETS
 
@@ -295,19 +295,13 @@ def room(scenario: Scenario, pose: FloatArray) -> float:
     """Return the distance of the chain at `pose` to the nearest obstacle or wall, m; infinite without any."""
     corners = [transform_points(pose, body.outline) for body in scenario.chain.bodies]
     bodies = shapely.MultiPolygon([shapely.Polygon(outline) for outline in corners])
-    distances = [_distance(bodies, obstacle) for obstacle in scenario.obstacles]
+    distances = [float(shapely.distance(bodies, one.core)) - one.radius for one in scenario.obstacles]
     area = scenario.workspace
     if area is not None:
         walls = np.array([area.xmin, area.ymin, -area.xmax, -area.ymax])
         points = np.concatenate(corners)
         distances.append(float((np.hstack([points, -points]) - walls).min()))
     return min(distances, default=np.inf)
-
-
-def _distance(bodies: shapely.MultiPolygon, obstacle: Obstacle) -> float:
-    if isinstance(obstacle, CircleObstacle):
-        return float(shapely.distance(bodies, shapely.Point(obstacle.center))) - obstacle.radius
-    return float(shapely.distance(bodies, shapely.Polygon(obstacle.outline)))
 
 
 def _place(scenario: Scenario, pose: FloatArray) -> dict[str, object]:

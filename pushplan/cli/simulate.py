@@ -176,7 +176,7 @@ def _simulated(
     with console.working("planning and pushing") as progress:
         import numpy as np
 
-        from pushplan.closed_loop import run_closed_loop, run_open_loop
+        from pushplan.closed_loop import run_closed_loop
         from pushplan.plans.settings import Observer
         from pushplan.sim.control.simulated_push import SENSOR as USUAL
         from pushplan.sim.trials import sampled_world
@@ -188,12 +188,11 @@ def _simulated(
         world, observer = World.from_scenario(scenario), Observer(message=progress.announce)
         if uncertainty is not None:
             world = sampled_world(scenario, uncertainty, np.random.default_rng([seed, 0]))
-        if not closed_loop:
-            return run_open_loop(scenario, world, disturbances, observer=observer, progress=told, **how)
         return run_closed_loop(
             scenario,
             world,
             disturbances,
+            watched=closed_loop,
             sensor=sensor or USUAL,
             seed=seed,
             observer=observer,

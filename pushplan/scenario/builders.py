@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import CircleObstacle, Obstacle, PolygonObstacle
+from pushplan.scenario.parts import Obstacle
 from pushplan.util.names import SCENARIO_FORMAT
 
 Document = dict[str, Any]
@@ -83,6 +83,7 @@ def build_scenario(
     Raises:
         ScenarioError: With everything found wrong.
     """
+    standing = [one.document() if isinstance(one, Obstacle) else {"polygon": _numbers(one)} for one in obstacles]
     document = {
         "format": SCENARIO_FORMAT,
         "name": name,
@@ -92,20 +93,10 @@ def build_scenario(
         "pusher": pusher,
         "start": start,
         "goal": {"pose": goal} if of is None else {"pose": goal, "of": of},
-        "obstacles": [obstacle_document(obstacle) for obstacle in obstacles],
+        "obstacles": standing,
         **more,
     }
     return scenario_from_document(document, Path(f"{name}.json"), attachments)
-
-
-def obstacle_document(obstacle: Obstacle | ArrayLike) -> Document:
-    """Return an obstacle in the form that it has in a file; an array (v, 2) is a polygon in the world."""
-    if isinstance(obstacle, CircleObstacle):
-        return {"circle": obstacle.radius, "center": obstacle.center.tolist()}
-    if isinstance(obstacle, PolygonObstacle):
-        unknown = {"unknown": "obstacle"} if obstacle.unknown else {}
-        return {"polygon": _numbers(obstacle.outline), **unknown}
-    return {"polygon": _numbers(obstacle)}
 
 
 def _numbers(values: ArrayLike) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,12 @@ _FOLDER, _SUFFIX = Path(__file__).parents[1] / "scenarios", ".yaml"
 
 def example_names() -> tuple[str, ...]:
     """Return the names of the packaged scenarios, in alphabetical order."""
-    found = (entry.name for entry in _FOLDER.iterdir())
+    return names_in(_FOLDER)
+
+
+def names_in(folder: Path) -> tuple[str, ...]:
+    """Return the names of what a folder of the package holds, in alphabetical order."""
+    found = (entry.name for entry in folder.iterdir())
     return tuple(sorted(name.removesuffix(_SUFFIX) for name in found if name.endswith(_SUFFIX)))
 
 
@@ -54,17 +59,37 @@ def load_scenario(source: str | Path, maps: Sequence[str | Path] = ()) -> Scenar
         ScenarioError: With everything found wrong: syntax, values, geometry, start and goals.
         ImportedFileError: When a map cannot be read.
     """
+    data, path = read_named(source, _FOLDER, "scenario", ScenarioError)
+    scenario = _read(data, path, Attachments({}, path.parent), by_hand=path.parent != _FOLDER)
+    return _with_maps(scenario, maps) if maps else scenario
+
+
+def read_named(
+    source: str | Path, folder: Path, what: str, refused: Callable[[str, list[Finding]], ScenarioError]
+) -> tuple[bytes, Path]:
+    """Return what a file holds, and where it is: one of the user's, or one in a folder of the package by its name.
+
+    Args:
+        source: File, or name.
+        folder: Of what is packaged.
+        what: A file there is, for messages.
+        refused: Makes the error of one that cannot be read.
+    """
     path = Path(source)
-    packaged = isinstance(source, str) and source in example_names() and not path.is_file()
-    if packaged:
-        path = _FOLDER / f"{source}{_SUFFIX}"
+    if isinstance(source, str) and source in names_in(folder) and not path.is_file():
+        path = folder / f"{source}{_SUFFIX}"
     try:
         with path.open("rb") as file:
-            data = file.read(MOST_BYTES + 1)
+            return file.read(MOST_BYTES + 1), path
     except (OSError, ValueError) as error:
-        raise ScenarioError(str(source), [Finding("", _unreadable(source, error))]) from error
-    scenario = _read(data, path, Attachments({}, path.parent), by_hand=not packaged)
-    return _with_maps(scenario, maps) if maps else scenario
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        text, beside = f"cannot read the file: {reason}", Path(f"{source}{_SUFFIX}")
+        if isinstance(error, FileNotFoundError) and beside.is_file():
+            text += f"; did you mean '{beside}'?"
+        elif isinstance(error, FileNotFoundError) and path.name == source:
+            known = names_in(folder)
+            text += f"; no packaged {what} is called so either{nearest(source, known)} there are {', '.join(known)}"
+        raise refused(str(source), [Finding("", text)]) from error
 
 
 def _with_maps(alone: Scenario, maps: Sequence[str | Path]) -> Scenario:
@@ -148,16 +173,3 @@ def _read(data: bytes, path: Path, attachments: Attachments, by_hand: bool = Tru
     follow = "one more error may" if more == 1 else f"{more} more errors may"
     what = f"{question.what}; {follow} follow from it"
     raise ScenarioError(str(path), [Finding(question.where, what, question.line, question.column)])
-
-
-def _unreadable(source: str | Path, error: Exception) -> str:
-    reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    text = f"cannot read the file: {reason}"
-    beside = Path(f"{source}.yaml")
-    if isinstance(error, FileNotFoundError) and beside.is_file():
-        return f"{text}; did you mean '{beside}'?"
-    if isinstance(error, FileNotFoundError) and isinstance(source, str) and Path(source).name == source:
-        known = list(example_names())
-        near = nearest(source, known)
-        text += f"; no packaged scenario is called so either{near} there are {', '.join(known)}"
-    return text

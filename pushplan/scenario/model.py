@@ -417,10 +417,4 @@ def _resolved_goal(goal: Goal) -> dict[str, Any]:
 def _resolved_surroundings(scenario: Scenario) -> dict[str, Any]:
     area = scenario.workspace
     room = {} if area is None else {"workspace": {"x": [area.xmin, area.xmax], "y": [area.ymin, area.ymax]}}
-    return {**room, "obstacles": [_resolved_obstacle(obstacle) for obstacle in scenario.obstacles]}
-
-
-def _resolved_obstacle(obstacle: Obstacle) -> dict[str, Any]:
-    if isinstance(obstacle, CircleObstacle):
-        return {"circle": obstacle.radius, "center": obstacle.center.tolist()}
-    return {"polygon": obstacle.outline.tolist(), **({"unknown": "obstacle"} if obstacle.unknown else {})}
+    return {**room, "obstacles": [obstacle.document() for obstacle in scenario.obstacles]}

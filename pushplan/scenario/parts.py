@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
+import shapely
 
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
@@ -237,13 +238,28 @@ class PolygonObstacle:
 
     outline: FloatArray
     unknown: bool = False
+    radius: ClassVar[float] = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "outline", frozen(self.outline, (None, 2), "outline of an obstacle"))
 
+    @property
+    def core(self) -> shapely.Polygon:
+        """What all of its points are no farther from than `radius`, in the world: itself."""
+        return shapely.Polygon(self.outline)
+
+    @property
+    def box(self) -> FloatArray:
+        """(2, 2) lower left and upper right corner of the box around it, in the world, m."""
+        return np.stack([self.outline.min(axis=0), self.outline.max(axis=0)])
+
+    def document(self) -> dict[str, Any]:
+        """Return it in the form that it has in a file."""
+        return {"polygon": self.outline.tolist(), **({"unknown": "obstacle"} if self.unknown else {})}
+
     def __str__(self) -> str:
         """Say where it is."""
-        return _obstacle_at(0.5 * (self.outline.min(axis=0) + self.outline.max(axis=0)))
+        return _obstacle_at(self.box.mean(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,6 +276,20 @@ class CircleObstacle:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "center", frozen(self.center, (2,), "centre of an obstacle"))
+
+    @property
+    def core(self) -> shapely.Point:
+        """What all of its points are no farther from than `radius`, in the world: its centre."""
+        return shapely.Point(self.center)
+
+    @property
+    def box(self) -> FloatArray:
+        """(2, 2) lower left and upper right corner of the box around it, in the world, m."""
+        return np.stack([self.center - self.radius, self.center + self.radius])
+
+    def document(self) -> dict[str, Any]:
+        """Return it in the form that it has in a file."""
+        return {"circle": self.radius, "center": self.center.tolist()}
 
     def __str__(self) -> str:
         """Say where it is."""

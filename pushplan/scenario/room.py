@@ -132,7 +132,7 @@ def placement_troubles(what: str, bodies: Sequence[tuple[str, FloatArray]], room
         room: What to keep away from.
     """
     obstacles, clearance = room.obstacles, room.clearance
-    boxes = _boxes(obstacles)
+    boxes = np.array([obstacle.box for obstacle in obstacles]).reshape(-1, 2, 2)
     for name, outline in bodies:
         troubles = list(_beyond_walls(outline, room.workspace, clearance))
         low, high = outline.min(axis=0) - 2.0 * clearance, outline.max(axis=0) + 2.0 * clearance
@@ -142,17 +142,6 @@ def placement_troubles(what: str, bodies: Sequence[tuple[str, FloatArray]], room
         if any(all_near):
             troubles.append(f"is as near to more obstacles than these {MOST_TOLD}, which are not listed")
         yield from (f"at the {what}, '{name}' {trouble}" for trouble in troubles)
-
-
-def _boxes(obstacles: Sequence[Obstacle]) -> FloatArray:
-    """Return the lower left and the upper right corner (n, 2, 2) of boxes around obstacles, m."""
-    boxes = np.empty((len(obstacles), 2, 2))
-    for box, obstacle in zip(boxes, obstacles, strict=True):
-        if isinstance(obstacle, CircleObstacle):
-            box[:] = obstacle.center - obstacle.radius, obstacle.center + obstacle.radius
-        else:
-            box[:] = obstacle.outline.min(axis=0), obstacle.outline.max(axis=0)
-    return boxes
 
 
 def _beyond_walls(outline: FloatArray, workspace: Workspace | None, clearance: float) -> Iterator[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import types
+from collections.abc import Sequence
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, RootModel, ValidationError
@@ -36,7 +37,7 @@ def validate(model: type[Model], source: Source) -> Model | None:
     return None if known else valid
 
 
-def nearest(word: str, known: list[str]) -> str:
+def nearest(word: str, known: Sequence[str]) -> str:
     """Return `; did you mean '...'?` with the known word most like `word`, or `;`."""
     close = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.65)
     return f"; did you mean '{close[0]}'?" if close else ";"

@@ -12,7 +12,6 @@ import yaml
 
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PLATE
-from pushplan.scenario.builders import obstacle_document
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import CircleObstacle, Obstacle, PolygonObstacle, Scenario
 from pushplan.util.arrays import FloatArray, frozen
@@ -66,7 +65,7 @@ class Draft:
         if scenario.pushes is not None:
             poses[ROBOT] = scenario.pushes.robot_start
         for k, obstacle in enumerate(scenario.obstacles):
-            poses[f"obstacle/{k}"] = np.array([*middle(obstacle), 0.0])
+            poses[f"obstacle/{k}"] = np.array([*obstacle.box.mean(axis=0), 0.0])
         return cls(scenario, poses, np.zeros(len(scenario.chain.objects) if scenario.kind == "push" else 0))
 
     def moved(self, key: str, pose: FloatArray) -> Self:
@@ -128,7 +127,7 @@ class Draft:
             self._move_load(document)
         if ROBOT in self.poses:
             document["robot"]["start"] = self.poses[ROBOT].tolist()
-        document["obstacles"] = [obstacle_document(obstacle) for obstacle in self.obstacles]
+        document["obstacles"] = [obstacle.document() for obstacle in self.obstacles]
         return document
 
     def _move_load(self, document: dict[str, Any]) -> None:
@@ -164,15 +163,8 @@ class Draft:
         return text
 
 
-def middle(obstacle: Obstacle) -> FloatArray:
-    """Return the point (2,) that an obstacle is dragged by."""
-    if isinstance(obstacle, CircleObstacle):
-        return obstacle.center
-    return np.asarray(0.5 * (obstacle.outline.min(axis=0) + obstacle.outline.max(axis=0)))
-
-
 def _moved(obstacle: Obstacle, place: FloatArray) -> Obstacle:
-    began = middle(obstacle)
+    began = obstacle.box.mean(axis=0)
     if np.array_equal(place, [*began, 0.0]):
         return obstacle  # to the last bit
     if isinstance(obstacle, CircleObstacle):
