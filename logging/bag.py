@@ -240,10 +240,7 @@ class _Contents:
     def _rigid(self) -> Any:
         """Return the message for /tf_static."""
         frames, scenario = self._frames, self._scenario
-        pairs = [
-            (frames.map, frames.odom, np.zeros(3)),
-            (frames.base, PUSHER, se2.inverse(self._base)),
-        ]
+        pairs = [(frames.map, frames.odom, np.zeros(3)), (frames.base, PUSHER, se2.inverse(self._base))]
         if scenario.kind == "push":
             pairs.append((PUSHER, CHAIN, se2.inverse(scenario.pusher.plate_pose)))
         return self._bag.make("tf2_msgs/TFMessage", [self._transform(*pair, 0.0) for pair in pairs])
@@ -312,14 +309,7 @@ class _Contents:
             yield kind, self._width, line, points
 
     def _marker(
-        self,
-        entity: SceneEntity,
-        number: int,
-        kind: int,
-        scale: float,
-        shape: Any,
-        points: list[Point],
-        time: float,
+        self, entity: SceneEntity, number: int, kind: int, scale: float, shape: Any, points: list[Point], time: float
     ) -> Any:
         bag, color = self._bag, shape.color
         frame = self._frames.map if entity.frame_id == WORLD else entity.frame_id

@@ -337,10 +337,7 @@ def _placed(load: Load, plate: FloatArray, places: FloatArray, ends: FloatArray,
 
 @cache
 def _hints(kind: type) -> dict[str, Any]:
-    return get_type_hints(
-        kind,
-        localns={**_TYPES, "Execution": Execution, "Load": Load, "Scenario": Scenario},
-    )
+    return get_type_hints(kind, localns={**_TYPES, "Execution": Execution, "Load": Load, "Scenario": Scenario})
 
 
 def _fits(value: Any, hint: Any) -> bool:

@@ -150,11 +150,7 @@ def _progress() -> dict[str, Any]:
     """A plot of the cost of the best path over the planner's iterations, both out of one message."""
     topic = schemas.COSTS.name
     plot = _plot("Cost of the best path over iterations", [_line(f"{topic}.cost[:]", "cost (m)", palette.PATH)])
-    return {
-        **plot,
-        "xAxisVal": "currentCustom",
-        "xAxisPath": {"value": f"{topic}.iterations[:]", "enabled": True},
-    }
+    return {**plot, "xAxisVal": "currentCustom", "xAxisPath": {"value": f"{topic}.iterations[:]", "enabled": True}}
 
 
 def _plot(title: str, lines: list[dict[str, Any]]) -> dict[str, Any]:

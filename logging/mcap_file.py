@@ -150,12 +150,7 @@ class McapFile:
         found = [(one, self._schemas.get(one.schema_id, none)) for one in self._channels.values()]
         return frozenset(
             Channel(
-                one.topic,
-                one.message_encoding,
-                of.name,
-                of.encoding,
-                of.data,
-                tuple(sorted(one.metadata.items())),
+                one.topic, one.message_encoding, of.name, of.encoding, of.data, tuple(sorted(one.metadata.items()))
             )
             for one, of in found
         )

@@ -80,12 +80,7 @@ def _events(run: Run | RecordedRun) -> list[tuple[float, str, str | None]]:
 def _world(scenario: Scenario, scene: Scene) -> dict[str, Any]:
     names = contact_names(scenario)
     bodies = [
-        {
-            "name": body.name,
-            "kind": body.kind.value,
-            "outline": _plain(body.outline),
-            "colour": body.colour,
-        }
+        {"name": body.name, "kind": body.kind.value, "outline": _plain(body.outline), "colour": body.colour}
         for body in scene.bodies
     ]
     reach = max(float(np.linalg.norm(body.outline, axis=1).max()) for body in scene.bodies)

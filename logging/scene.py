@@ -146,11 +146,7 @@ def _loop(outline: FloatArray, z: float, paint: Paint) -> LinePrimitive:
 
 
 def _line(
-    points: FloatArray,
-    z: float,
-    paint: Paint,
-    kind: int = LinePrimitive.LINE_STRIP,
-    pixels: float = _PIXELS,
+    points: FloatArray, z: float, paint: Paint, kind: int = LinePrimitive.LINE_STRIP, pixels: float = _PIXELS
 ) -> LinePrimitive:
     """Return a line through points (k, 2) at height `z`, m, of the same width at every zoom."""
     primitive = LinePrimitive(

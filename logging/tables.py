@@ -158,10 +158,7 @@ def trajectory_document(run: Run | RecordedRun) -> dict[str, Any]:
         "footprint": footprint_of(scenario).tolist(),
         "goals": goals,
         "segments": segments,
-        "polynomials": {
-            "breaks": trajectory.breaks.tolist(),
-            "coefficients": trajectory.coefficients.tolist(),
-        },
+        "polynomials": {"breaks": trajectory.breaks.tolist(), "coefficients": trajectory.coefficients.tolist()},
         "samples": {"rate": trajectory.rate, **_samples(trajectory, base)},
     }
 

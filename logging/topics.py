@@ -211,11 +211,7 @@ class _Messages:
         message = schemas.ExecutionEnd(samples=len(execution.t), goal_position_error=position, goal_angle_error=angle)
         if execution.loss is not None:
             loss = execution.loss
-            message.loss.time, message.loss.contact, message.loss.margin = (
-                loss.time,
-                loss.contact,
-                loss.margin,
-            )
+            message.loss.time, message.loss.contact, message.loss.margin = (loss.time, loss.contact, loss.margin)
             message.loss.pose.extend(loss.pose)
         yield self._sent(schemas.EXECUTION_END, float(execution.t[-1]), message)
 

@@ -386,7 +386,4 @@ class RunLogWriter:
 
 def _ended(outcome: str, seconds: Mapping[str, float] | None) -> dict[str, str]:
     """Return how a run ended as metadata."""
-    return {
-        "outcome": outcome,
-        **{f"{phase}_s": metadata.exact(spent) for phase, spent in (seconds or {}).items()},
-    }
+    return {"outcome": outcome, **{f"{phase}_s": metadata.exact(spent) for phase, spent in (seconds or {}).items()}}

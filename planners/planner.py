@@ -161,13 +161,7 @@ class Planner:
             PlanningError: When a pose is none, too near to something, or start and goal are the same.
         """
         began = time.perf_counter()
-        given = {
-            "seed": seed,
-            "time_limit": time_limit,
-            "iterations": iterations,
-            "gap": gap,
-            "observer": observer,
-        }
+        given = {"seed": seed, "time_limit": time_limit, "iterations": iterations, "gap": gap, "observer": observer}
         known: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
         settings = replace(self.settings, first=first, **known)
         scenario = self._asked(start, goal, robot)

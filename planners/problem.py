@@ -108,10 +108,7 @@ class Posing:
     """
 
     def __init__(
-        self,
-        scene: Scene | None = None,
-        controls: dict[float, Controls] | None = None,
-        meridians: int = MERIDIANS,
+        self, scene: Scene | None = None, controls: dict[float, Controls] | None = None, meridians: int = MERIDIANS
     ) -> None:
         self._scene, self._meridians = scene, meridians
         self._controls = {} if controls is None else controls

@@ -331,7 +331,4 @@ def _is_taken(close: Segment, push: Segment) -> bool:
     assert close.load is not None
     assert push.load is not None
     *before, taken = push.load.links
-    return tuple(before) == close.load.links and (taken.object, taken.pusher) == (
-        close.onto,
-        close.load.names[-1],
-    )
+    return tuple(before) == close.load.links and (taken.object, taken.pusher) == (close.onto, close.load.names[-1])

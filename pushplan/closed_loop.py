@@ -29,14 +29,7 @@ from pushplan.sim.control.again import CONTROL
 from pushplan.sim.control.controller import DEFAULTS, SILENT, Controller
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
-from pushplan.sim.control.simulated_push import (
-    SENSOR,
-    Disturbance,
-    OpenLoop,
-    SimulatedPush,
-    Simulator,
-    simulate_push,
-)
+from pushplan.sim.control.simulated_push import SENSOR, Disturbance, OpenLoop, SimulatedPush, Simulator, simulate_push
 from pushplan.sim.report import at_poses, judged
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World

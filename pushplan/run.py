@@ -18,11 +18,7 @@ from pushplan.util.stopwatch import Stopwatch
 
 
 def run(
-    scenario: Scenario,
-    *,
-    log: Where = None,
-    runs: Path | str | None = None,
-    **options: Unpack[PlanOptions],
+    scenario: Scenario, *, log: Where = None, runs: Path | str | None = None, **options: Unpack[PlanOptions]
 ) -> Run:
     """Plan, execute in the kinematic simulator, and record both.
 
@@ -55,11 +51,7 @@ def run(
 
 
 def record(
-    found: Plan,
-    *,
-    log: Where = None,
-    runs: Path | str | None = None,
-    observer: Observer | None = None,
+    found: Plan, *, log: Where = None, runs: Path | str | None = None, observer: Observer | None = None
 ) -> Run:
     """Record a plan that is there already; arguments and errors as for `run`."""
     settings = PlanSettings(seed=found.seed)

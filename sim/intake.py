@@ -133,10 +133,7 @@ class Intake:
         for name, pose in zip(names, poses, strict=True):
             if not (np.abs(pose) <= FARTHEST).all():
                 if what in names or not np.isnan(pose).all():
-                    self.drop(
-                        name,
-                        f"{name} at {pose.tolist()}; allowed: numbers from -{FARTHEST:g} to {FARTHEST:g}",
-                    )
+                    self.drop(name, f"{name} at {pose.tolist()}; allowed: numbers from -{FARTHEST:g} to {FARTHEST:g}")
                 pose[:] = np.nan
         return poses
 

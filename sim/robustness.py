@@ -23,12 +23,7 @@ from pushplan.geometry.se2 import rotate, transform_points
 from pushplan.mechanics.chain import Chain, InertiaTable, PushedObject, inertia_table
 from pushplan.mechanics.contacts import carried_objects
 from pushplan.mechanics.heights import is_pressed
-from pushplan.mechanics.packed import (
-    contact_facets,
-    pack_chain,
-    pack_objects,
-    push_room,
-)
+from pushplan.mechanics.packed import contact_facets, pack_chain, pack_objects, push_room
 from pushplan.mechanics.perturb import Motion, aside, contact_ends, turn
 from pushplan.plans.robustness import MOST_ANGLE, MOST_SHARE, USED_UP, Robustness
 from pushplan.plans.segment import Segment

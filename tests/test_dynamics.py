@@ -10,11 +10,7 @@ from test_contacts import slack
 
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject, inertia_of
-from pushplan.mechanics.dynamics import (
-    ContactDynamics,
-    dynamic_margins,
-    dynamic_rows,
-)
+from pushplan.mechanics.dynamics import ContactDynamics, dynamic_margins, dynamic_rows
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.support import FeetSupport, UnknownSupport
 from pushplan.util.arrays import FloatArray

@@ -15,11 +15,7 @@ import pushplan.core.contacts as contacts
 from pushplan.errors import SupportError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY, PushedObject
-from pushplan.mechanics.contacts import (
-    center_range,
-    ecof,
-    friction_wrench,
-)
+from pushplan.mechanics.contacts import center_range, ecof, friction_wrench
 from pushplan.mechanics.packed import pack_object
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport

@@ -61,12 +61,7 @@ def _closed(scenario: Scenario, problem: Problem, end: int) -> tuple[Steps, IntA
 
 
 def _wander(
-    scenario: Scenario,
-    problem: Problem,
-    pose: FloatArray,
-    sign: float,
-    travel: float,
-    rng: np.random.Generator,
+    scenario: Scenario, problem: Problem, pose: FloatArray, sign: float, travel: float, rng: np.random.Generator
 ) -> list[FloatArray]:
     """Poses (3,) after each `travel` ahead of the body's middle, along random pushes, until one is not free."""
     middle = problem.scene.body_bound
@@ -116,10 +111,7 @@ def test_every_stable_twist_lies_in_the_hull(name: str) -> None:
     problem = build_problem(scenario, stable)
     middle = problem.scene.body_bound[:2]
     hull = push_hull(pocket._extreme_twists(scenario, stable, problem), middle)
-    found, length = (
-        stable.meridians(scenario.required_margin, count=30_011),
-        stable.chain.characteristic_length,
-    )
+    found, length = (stable.meridians(scenario.required_margin, count=30_011), stable.chain.characteristic_length)
     twists = np.concatenate([twists_at(found.longitude, ends, length) for ends in (found.lower, found.upper)])
     ahead = twists[:, 0] - twists[:, 2] * middle[1]
     points = np.stack([(twists[:, 1] + twists[:, 2] * middle[0]) / ahead, twists[:, 2] / ahead], axis=1)

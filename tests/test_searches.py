@@ -238,7 +238,6 @@ def test_drawn_families_are_stable_and_drivable(stable: StableSet, drive: Drive)
 def test_a_drive_that_cannot_push_stably_is_refused_with_the_reason(stable: StableSet) -> None:
     sideways = Drive("differential", np.array([-0.25, 0.0, np.pi / 2]))
     with pytest.raises(
-        EmptyStableSetError,
-        match="the differential cannot push the chain: its best push keeps 'box2' on 'box1'",
+        EmptyStableSetError, match="the differential cannot push the chain: its best push keeps 'box2' on 'box1'"
     ):
         control_segments(stable, sideways, 1e-6)

@@ -81,9 +81,7 @@ def test_a_controller_neither_answers_nan_nor_goes_on_without_measurements(key: 
 
 
 @pytest.mark.parametrize(
-    "covariance",
-    [*NUMBERS, -np.eye(3), np.triu(np.ones((3, 3))), np.full((3, 3), math.nan), np.eye(2)],
-    ids=name,
+    "covariance", [*NUMBERS, -np.eye(3), np.triu(np.ones((3, 3))), np.full((3, 3), math.nan), np.eye(2)], ids=name
 )
 def test_what_is_no_covariance_is_told(covariance: Any) -> None:
     controller, seen = Controller(plan()), compose(plan().scenario.start, plan().scenario.chain.places)

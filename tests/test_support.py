@@ -9,11 +9,7 @@ from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.contacts import friction_wrench
 from pushplan.mechanics.sphere import twists_about
-from pushplan.mechanics.support import (
-    FeetSupport,
-    PressureMapSupport,
-    UniformSupport,
-)
+from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
 from pushplan.sim.feet import DEGREE, feet_of, polygon_rule
 from pushplan.util.arrays import FloatArray
 

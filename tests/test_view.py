@@ -145,12 +145,7 @@ def test_a_body_is_dragged_by_itself(scenario: Scenario) -> None:
     stage = Stage(seen, draft)
     stage.handle("/start", draft.poses["start"], lambda pose, dropped: taken.append((pose, dropped)))
     stage.draw_bodies(draft, Scene.of(scenario))
-    for phase, end in (
-        ("start", (0.1, 0.0)),
-        ("update", (0.2, 0.1)),
-        ("update", (np.nan, 0.0)),
-        ("end", (0.3, 0.1)),
-    ):
+    for phase, end in (("start", (0.1, 0.0)), ("update", (0.2, 0.1)), ("update", (np.nan, 0.0)), ("end", (0.3, 0.1))):
         event = SimpleNamespace(phase=phase, start_position=(0.1, 0.0, 0.04), end_position=(*end, 0.04))
         asyncio.run(seen.drags["/start/body0"](event))
     moves = np.array([pose - draft.poses["start"] for pose, _ in taken])

@@ -304,11 +304,7 @@ def _any_in(region: BaseGeometry, points: Sequence[shapely.Point]) -> bool:
 
 
 def _parting(
-    scenario: Scenario,
-    radius: float,
-    free: BaseGeometry,
-    region: BaseGeometry,
-    points: Sequence[shapely.Point],
+    scenario: Scenario, radius: float, free: BaseGeometry, region: BaseGeometry, points: Sequence[shapely.Point]
 ) -> tuple[int, ...]:
     """Return the obstacles that, grown, bound a region and cover points beyond it, or bound where these are."""
     beyond = shapely.union_all([*points, *(reached(free, point, WITHIN) for point in points)])

@@ -257,13 +257,7 @@ class Ways:
                 self._keep(self._words, node, target, float(least[target]), 0)
 
     def _keep(
-        self,
-        queue: list[_Way],
-        origin: int,
-        target: int,
-        cost: float,
-        tries: int,
-        arcs: FloatArray | None = None,
+        self, queue: list[_Way], origin: int, target: int, cost: float, tries: int, arcs: FloatArray | None = None
     ) -> None:
         promise = float(self._paths[origin][:, 3].sum()) + cost + float(self._to_goal[target])
         heapq.heappush(queue, _Way(promise, next(self._numbers), origin, target, tries, arcs))

@@ -252,11 +252,7 @@ class NoFitError(TimingError):
 
 
 def fit_lengths(
-    end: Callable[[FloatArray], FloatArray],
-    goal: FloatArray,
-    path: PushPath,
-    lengths: FloatArray,
-    rows: LengthRows,
+    end: Callable[[FloatArray], FloatArray], goal: FloatArray, path: PushPath, lengths: FloatArray, rows: LengthRows
 ) -> FloatArray:
     """Return the lengths (k,) at which a motion along a path's twists ends on a pose.
 

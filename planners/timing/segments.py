@@ -38,13 +38,7 @@ def time_segments(
     return tuple(_timed(scenario, segment, rate, stable_set, scene) for segment in segments)
 
 
-def _timed(
-    scenario: Scenario,
-    segment: Segment,
-    rate: float,
-    stable_set: str | None,
-    scene: Scene | None,
-) -> Segment:
+def _timed(scenario: Scenario, segment: Segment, rate: float, stable_set: str | None, scene: Scene | None) -> Segment:
     pusher = scenario.pusher
     if not segment.pushes or segment.load is None:
         alone = time_path(segment.path, Bounds(pusher.limits), rate)
@@ -57,8 +51,4 @@ def _timed(
         timed = time_path(segment.contact_path, bounds, rate)
     own = segment.load.chain.pusher
     least = float(stable.margin(segment.contact_path.twists).min())
-    return replace(
-        segment,
-        trajectory=replace(timed, base=own.base_pose).of_frame(own.plate_pose),
-        min_margin=least,
-    )
+    return replace(segment, trajectory=replace(timed, base=own.base_pose).of_frame(own.plate_pose), min_margin=least)

@@ -25,11 +25,7 @@ from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import SCENARIO_FORMAT
 
-DRIVES: tuple[Literal["omnidirectional", "differential", "car"], ...] = (
-    "omnidirectional",
-    "differential",
-    "car",
-)
+DRIVES: tuple[Literal["omnidirectional", "differential", "car"], ...] = ("omnidirectional", "differential", "car")
 
 CHAIN_DRAWS = 10
 """Chains that are drawn for one with the turns that are asked for."""

@@ -161,15 +161,7 @@ class Store:
 
     def expect(self, suite: Suite, runs: Sequence[RunSpec], machine: Machine, version: str) -> None:
         """Note which runs the suite consists of now; results of earlier ones stay."""
-        values = (
-            FORMAT,
-            suite.name,
-            suite.source,
-            version,
-            json.dumps(machine.versions),
-            machine.text,
-            now(),
-        )
+        values = (FORMAT, suite.name, suite.source, version, json.dumps(machine.versions), machine.text, now())
         rows = [(r.key, i, r.problem.name, r.label, r.stable_set, r.seed) for i, r in enumerate(runs)]
         with self._transaction():
             self._database.execute(
@@ -189,18 +181,12 @@ class Store:
                 self._expect_problem(problem, parameters, suite, machine, version)
 
     def _expect_problem(
-        self,
-        problem: Problem,
-        parameters: tuple[object, ...],
-        suite: Suite,
-        machine: Machine,
-        version: str,
+        self, problem: Problem, parameters: tuple[object, ...], suite: Suite, machine: Machine, version: str
     ) -> None:
         known = self._experiment(problem, version)
         if known is not None:
             self._database.execute(
-                f"UPDATE experiments SET ({', '.join(PARAMETERS)}) = (?, ?, ?, ?) WHERE id = ?",
-                (*parameters, known),
+                f"UPDATE experiments SET ({', '.join(PARAMETERS)}) = (?, ?, ?, ?) WHERE id = ?", (*parameters, known)
             )
             return
         seeds = ",".join(str(seed) for seed in suite.seeds)
@@ -256,16 +242,7 @@ class Store:
             self._database.execute(
                 "UPDATE pushplan_runs SET (runid, outcome, message, arcs, log, host, ended) = (?, ?, ?, ?, ?, ?, ?) "
                 "WHERE key = ?",
-                (
-                    number,
-                    result.status,
-                    result.message,
-                    json.dumps(result.arcs),
-                    log,
-                    result.host,
-                    now(),
-                    run.key,
-                ),
+                (number, result.status, result.message, json.dumps(result.arcs), log, result.host, now(), run.key),
             )
             points = sampled(result.progress, result.values.get("time") or 0.0)
             self._database.executemany(f"INSERT INTO progress VALUES ({number}, ?, ?, ?)", points)
@@ -278,10 +255,7 @@ class Store:
     def _planner(self, run: RunSpec) -> int:
         """Return the id of a planner with its settings and stable set."""
         settings = {**planner_settings(run.planner), "set": run.stable_set}
-        row = (
-            f"{run.label} ({run.stable_set})",
-            "".join(f"{name} = {value}\n" for name, value in settings.items()),
-        )
+        row = (f"{run.label} ({run.stable_set})", "".join(f"{name} = {value}\n" for name, value in settings.items()))
         known = self._single("SELECT id FROM plannerConfigs WHERE name = ? AND settings = ?", row)
         return self._insert("plannerConfigs", (None, *row)) if known is None else known
 

@@ -43,13 +43,7 @@ if TYPE_CHECKING:
 )
 @click.option("--rerun", metavar="KEY", default="", help="Do the run with this key again, and only that.")
 @click.option("--accept-broken", is_flag=True, help="Exit code 0 also when runs crashed or exceeded a limit.")
-@click.option(
-    "--compare",
-    type=p.PATH,
-    nargs=2,
-    metavar="OLD NEW",
-    help="Compare the results of two folders.",
-)
+@click.option("--compare", type=p.PATH, nargs=2, metavar="OLD NEW", help="Compare the results of two folders.")
 @click.option(
     "--threshold",
     type=p.Number("threshold", 0.0, 1000.0, {"%": 1.0}),

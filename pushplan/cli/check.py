@@ -219,10 +219,7 @@ def _snapped_rows(snapping: Snapping | None) -> list[tuple[str, str]]:
     if snapping is None:
         return []
     rows = [
-        (
-            f"snapped {moved.name}",
-            f"by {1e3 * moved.gap:.3g} mm and {degrees(moved.turn):.3g} deg onto {moved.onto}",
-        )
+        (f"snapped {moved.name}", f"by {1e3 * moved.gap:.3g} mm and {degrees(moved.turn):.3g} deg onto {moved.onto}")
         for moved in snapping.objects
     ]
     if snapping.sideways:

@@ -28,12 +28,7 @@ if TYPE_CHECKING:
 @click.option("--seed", type=p.SEED, metavar="N", default=1, show_default=True, help="Seed of the search.")
 @click.option("--jobs", type=p.COUNT, metavar="N", help="Threads (default: one a processor).")
 def identify(
-    console: Console,
-    logs: tuple[Path, ...],
-    output: Path | None,
-    into: str | None,
-    seed: int,
-    jobs: int | None,
+    console: Console, logs: tuple[Path, ...], output: Path | None, into: str | None, seed: int, jobs: int | None
 ) -> int:
     """Learn friction and loads from logs of pushes of the same objects in which the objects' poses are."""
     if into is not None and output is None:

@@ -125,11 +125,7 @@ class Named(click.ParamType[Any]):
             name, equals, text = (piece.strip() for piece in pair.partition("="))
             if name not in self.units or not equals:
                 known = ", ".join(self.units)
-                self.fail(
-                    f"'{pair}' is not NAME=VALUE with a NAME of {known}{nearest(name, self.units)}",
-                    param,
-                    ctx,
-                )
+                self.fail(f"'{pair}' is not NAME=VALUE with a NAME of {known}{nearest(name, self.units)}", param, ctx)
             units = self.units[name]
             try:
                 found[name] = text if units is None else number_from(text, units)
@@ -288,12 +284,7 @@ map_option = click.option(
     multiple=True,
     help="Add the obstacles of a ROS map (YAML); may be given again.",
 )
-runs_option = click.option(
-    "--runs",
-    type=PATH,
-    metavar="DIR",
-    help="Folder of the recorded runs.",
-)
+runs_option = click.option("--runs", type=PATH, metavar="DIR", help="Folder of the recorded runs.")
 no_code_option = click.option(
     "--no-code", is_flag=True, help="Refuse planners and stable sets that a file names as module:attribute."
 )

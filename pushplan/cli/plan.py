@@ -119,11 +119,7 @@ def _prepare(scenario: Scenario, search: dict[str, Any], physics: bool, console:
 
 
 def _run(
-    scenario: Scenario,
-    search: dict[str, Any],
-    log: p.LogChoice,
-    interruption: Interruption,
-    console: Console,
+    scenario: Scenario, search: dict[str, Any], log: p.LogChoice, interruption: Interruption, console: Console
 ) -> tuple[Run, IncompleteLogError | None]:
     """Plan, execute and record; return the run, and what kept its log from being written to the end."""
     from pushplan.logging.recording import IncompleteLogError

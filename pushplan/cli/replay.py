@@ -15,14 +15,7 @@ import click
 from pushplan.cli import parameters as p
 from pushplan.cli.console import Console
 from pushplan.cli.main import DONE, MISMATCH
-from pushplan.cli.render import (
-    execute_in_physics,
-    headline,
-    plan_document,
-    plan_rows,
-    remarks_on,
-    require_executable,
-)
+from pushplan.cli.render import execute_in_physics, headline, plan_document, plan_rows, remarks_on, require_executable
 from pushplan.errors import PushplanError, RunLogError
 from pushplan.plans.execution import wilson
 from pushplan.util.names import BESIDE_A_BAG
@@ -76,11 +69,7 @@ def option_of(name: str) -> str:
 @_writer_options
 @click.option("--export", "exports", type=p.EXPORT, multiple=True, help="Write a FILE by an exporter of yours.")
 @click.option(
-    "--rate",
-    type=p.RATE,
-    default=1.0,
-    metavar="X",
-    help="With --mp4: seconds of the run in each of the film.",
+    "--rate", type=p.RATE, default=1.0, metavar="X", help="With --mp4: seconds of the run in each of the film."
 )
 @click.option("--frames", metavar="MAP,BASE", help="With --ros2: frames above the chain, or MAP,ODOM,BASE.")
 @click.option(
@@ -180,13 +169,7 @@ def _tell(run: RecordedRun, recovered: Path | None, console: Console) -> Documen
     console.table([*rows, ("outcome", run.outcome), *(("lost", loss) for loss in run.losses)])
     if recovered is not None:
         console.say(f"{recovered}: a clean log of what is whole")
-    return {
-        **about,
-        "outcome": run.outcome,
-        "lost": run.losses,
-        "recovered": recovered,
-        "verification": None,
-    }
+    return {**about, "outcome": run.outcome, "lost": run.losses, "recovered": recovered, "verification": None}
 
 
 def _best(run: RecordedRun) -> str:

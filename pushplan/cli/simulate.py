@@ -71,12 +71,7 @@ MOST_DISPLACED = 1.0
     "rate=30,delay=0.1s,position=1mm,angle=0.3deg.",
 )
 @click.option(
-    "--seed",
-    type=p.SEED,
-    metavar="N",
-    default=1,
-    show_default=True,
-    help="Seed of friction, loads and noise.",
+    "--seed", type=p.SEED, metavar="N", default=1, show_default=True, help="Seed of friction, loads and noise."
 )
 @click.option("--physics", is_flag=True, help="Let MuJoCo simulate the world: full speed, all inertia.")
 @p.log_options("Write the run's log (MCAP) here, and its page beside it.")
@@ -145,11 +140,7 @@ def _disturbances(scenario: Scenario, words: tuple[dict[str, Any], ...]) -> list
                 told = f"{name} is {one[name]:g} m: mm? a plain number is m; allowed: up to {MOST_DISPLACED:g} m"
                 raise p.UsageError(f"--disturb: {told}")
     return [
-        Disturbance(
-            one["time"],
-            _index(scenario, one["object"]),
-            *(one.get(k, 0.0) for k in ("x", "y", "turn")),
-        )
+        Disturbance(one["time"], _index(scenario, one["object"]), *(one.get(k, 0.0) for k in ("x", "y", "turn")))
         for one in words
     ]
 

@@ -44,12 +44,7 @@ UNCERTAINTY = p.Named(_UNITS, _uncertainty)
 @p.command
 @click.argument("source", type=p.SCENARIO, metavar="SCENARIO|RUN.mcap")
 @click.option(
-    "--samples",
-    type=p.COUNT,
-    metavar="N",
-    default=200,
-    show_default=True,
-    help="Number of Monte Carlo samples.",
+    "--samples", type=p.COUNT, metavar="N", default=200, show_default=True, help="Number of Monte Carlo samples."
 )
 @click.option(
     "--uncertainty",
@@ -62,11 +57,7 @@ UNCERTAINTY = p.Named(_UNITS, _uncertainty)
 @click.option("--seed", type=p.SEED, metavar="N", default=1, show_default=True, help="Seed of the samples.")
 @click.option("--jobs", type=p.COUNT, metavar="N", help="Threads (default: one a processor).")
 @click.option(
-    "--simulator",
-    type=p.SIMULATOR,
-    default=SIMULATORS[0],
-    show_default=True,
-    help="What executes the plan.",
+    "--simulator", type=p.SIMULATOR, default=SIMULATORS[0], show_default=True, help="What executes the plan."
 )
 @p.log_options("Write the log (MCAP) here: plan and ends; beside it the plan's page.")
 @p.plot_option
@@ -179,10 +170,7 @@ def _rows(trials: Trials) -> list[tuple[str, str]]:
         ("uncertainty", trials.uncertainty.words if trials.uncertainty else _stated(trials)),
         ("contacts held", f"in {100.0 * trials.held:.1f} %"),
         ("first to move", failed or "none"),
-        (
-            f"goal error ({of})",
-            f"median {_off(position[0], angle[0])}, 90 % within {_off(position[1], angle[1])}",
-        ),
+        (f"goal error ({of})", f"median {_off(position[0], angle[0])}, 90 % within {_off(position[1], angle[1])}"),
         ("largest error", _off(position[2], angle[2])),
     ]
     if trials.jammed.any():
@@ -232,13 +220,7 @@ def _document(trials: Trials, worst: Path | None) -> dict[str, object]:
         "jammed": int(trials.jammed.sum()),
         "first_failures": trials.first_failures,
         "failures": [
-            {
-                "sample": end.sample,
-                "contact": end.contact,
-                "mode": end.mode,
-                "time": end.time,
-                "point": end.point,
-            }
+            {"sample": end.sample, "contact": end.contact, "mode": end.mode, "time": end.time, "point": end.point}
             for end in trials.ends
             if end.contact
         ],

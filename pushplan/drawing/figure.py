@@ -101,14 +101,7 @@ class MarginScale(Patch):
 
 class _ScaleHandler(HandlerBase):
     def create_artists(
-        self,
-        legend: Legend,
-        orig_handle: Artist,
-        x0: float,
-        y0: float,
-        width: float,
-        height: float,
-        *more: Any,
+        self, legend: Legend, orig_handle: Artist, x0: float, y0: float, width: float, height: float, *more: Any
     ) -> list[Artist]:
         del legend, orig_handle
         shares = np.arange(_PIECES) / _PIECES

@@ -190,12 +190,7 @@ def draw_nearest(axes: Axes, scene: Scene) -> None:
         for outline in scene.outlines(scene.nearest_poses):
             axes.add_patch(
                 Polygon(
-                    outline,
-                    fill=False,
-                    edgecolor=NEAREST,
-                    linewidth=width,
-                    linestyle="--",
-                    zorder=_z(Layer.PATH),
+                    outline, fill=False, edgecolor=NEAREST, linewidth=width, linestyle="--", zorder=_z(Layer.PATH)
                 )
             )
 
@@ -210,25 +205,13 @@ def draw_numbers(axes: Axes, scene: Scene) -> None:
             spot = spot + np.array([reach, 0.0])
         spots.append(spot)
         box = {"boxstyle": "circle,pad=0.18", "facecolor": "white", "edgecolor": INK, "linewidth": 0.5}
-        style: Any = {
-            "ha": "center",
-            "va": "center",
-            "fontsize": SMALL,
-            "color": INK,
-            "clip_on": True,
-            "bbox": box,
-        }
+        style: Any = {"ha": "center", "va": "center", "fontsize": SMALL, "color": INK, "clip_on": True, "bbox": box}
         axes.text(float(spot[0]), float(spot[1]), str(rest.number), zorder=_z(Layer.MARK), **style)
 
 
 def draw_marks(axes: Axes, scene: Scene) -> None:
     """Mark where something was noticed or done in a closed loop."""
-    look: Any = {
-        "markersize": 5.0,
-        "markeredgecolor": "white",
-        "markeredgewidth": 0.6,
-        "zorder": _z(Layer.MARK),
-    }
+    look: Any = {"markersize": 5.0, "markeredgecolor": "white", "markeredgewidth": 0.6, "zorder": _z(Layer.MARK)}
     for mark in scene.marks:
         axes.plot(*mark.place, marker=_EVENT_MARKS[mark.kind], color=palette.EVENTS[mark.kind], **look)
 
@@ -271,15 +254,7 @@ def draw_path_name(axes: Axes, scene: Scene) -> None:
     look: Any = {"fontsize": SMALL, "color": INK, "bbox": HALO, "zorder": _z(Layer.MARK)}
     line_to: Any = {"arrowstyle": "-", "color": FAINT, "linewidth": 0.6}
     place, beside = ((float(x), float(y)) for x, y in (line.points[k], spot))
-    axes.annotate(
-        "path",
-        place,
-        beside,
-        ha="center",
-        va="center",
-        arrowprops=line_to,
-        **look,
-    )
+    axes.annotate("path", place, beside, ha="center", va="center", arrowprops=line_to, **look)
 
 
 def draw_scene(axes: Axes, scene: Scene) -> None:

@@ -223,10 +223,7 @@ def _title(plan: Plan, scene: Scene, executed: bool, letters: int) -> list[str]:
     """Return the lines of the title: what the plan, or another execution, comes to, or why there is none."""
     if not plan.solved:
         return broken(
-            f"{cut(plan.scenario.name, letters // 2)}: no plan: {plan.reason}",
-            letters,
-            max_lines=8,
-            placeholder=" …",
+            f"{cut(plan.scenario.name, letters // 2)}: no plan: {plan.reason}", letters, max_lines=8, placeholder=" …"
         )
     if executed:
         replans = sum(mark.kind == "replan" for mark in scene.marks)

@@ -212,14 +212,7 @@ def draw_contacts(axes: Axes, chain: Chain) -> None:
 def name_objects(axes: Axes, chain: Chain) -> None:
     """Write every object's name into it, in the chain frame; across the push if they are many."""
     turned, letters = (90.0, _ACROSS) if len(chain.objects) > 2 else (0.0, 2 * _ACROSS)
-    style: Any = {
-        "ha": "center",
-        "va": "center",
-        "fontsize": SMALL,
-        "clip_on": True,
-        "bbox": HALO,
-        "color": INK,
-    }
+    style: Any = {"ha": "center", "va": "center", "fontsize": SMALL, "clip_on": True, "bbox": HALO, "color": INK}
     for obj in chain.objects:
         polygon = shapely.Polygon(obj.outline)
         inside = polygon.centroid if polygon.contains(polygon.centroid) else polygon.representative_point()

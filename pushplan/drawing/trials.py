@@ -15,15 +15,7 @@ from matplotlib.patches import Circle
 
 from pushplan.drawing import palette
 from pushplan.drawing.figure import MarginScale, axes_at, draw_footer, equal_ticks, figure_for, letters_across
-from pushplan.drawing.floor import (
-    draw_bodies,
-    draw_goals,
-    draw_room,
-    draw_swept,
-    scene_keys,
-    set_view,
-    view_of,
-)
+from pushplan.drawing.floor import draw_bodies, draw_goals, draw_room, draw_swept, scene_keys, set_view, view_of
 from pushplan.drawing.palette import ARRIVED, FAINT, INK, MISSED
 from pushplan.drawing.scene import Scene
 from pushplan.geometry.se2 import compose, transform_points
@@ -78,8 +70,7 @@ def plot_trials(plan: Plan, ends: Sequence[TrialEnd], path: str | Path) -> None:
         count = f"{arrived} of {len(ends)} arrive"
         told = f"{count} ({100 * low:.0f} to {100 * high:.0f} % at 95 %)"
         floor.set_title(
-            cut(scenario.name, max(8, letters_across(floor, 10.0) - len(told) - 2)) + ": " + told,
-            loc="left",
+            cut(scenario.name, max(8, letters_across(floor, 10.0) - len(told) - 2)) + ": " + told, loc="left"
         )
         _draw_close(axes_at(figure, _LEFT + width + _GAP, bottom, _HEIGHT, _HEIGHT), scenario, ends)
 

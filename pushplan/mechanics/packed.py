@@ -130,11 +130,7 @@ def contact_facets(right: FloatArray, left: FloatArray, friction: FloatArray, le
 
 
 def _pack(
-    objects: Sequence[PushedObject],
-    pushers: Sequence[int],
-    contact_height: float,
-    rows: FloatArray,
-    length: float,
+    objects: Sequence[PushedObject], pushers: Sequence[int], contact_height: float, rows: FloatArray, length: float
 ) -> contacts.PackedChain:
     packers = [_pack_support(obj, contact_height) for obj in objects]
     stops = np.cumsum([len(part) for _, _, part, _ in packers])
@@ -168,15 +164,7 @@ def _pack_support(obj: PushedObject, height: float) -> tuple[int, list[float], F
         kind = contacts.AFFINE if shift > 0.0 or gradient.any() else contacts.UNIFORM
         return kind, row, _edges(spread.offsets), series_coefficients(spread.offsets, radius)
     positions, fractions, stiffness = support.point_loads
-    row = [
-        obj.friction_load,
-        *transform_points(obj.pose_chain, stiffness @ positions),
-        radius,
-        0.0,
-        0.0,
-        0.0,
-        *last,
-    ]
+    row = [obj.friction_load, *transform_points(obj.pose_chain, stiffness @ positions), radius, 0.0, 0.0, 0.0, *last]
     parts = np.column_stack([spread.offsets, fractions, stiffness, np.zeros(len(positions))])
     return contacts.POINTS, row, parts, np.zeros((len(WEIGHTS), contacts.TERMS), dtype=np.complex128)
 
@@ -205,10 +193,7 @@ class _Spread(NamedTuple):
         """
         support, turn = obj.support, float(obj.pose_chain[2])
         if isinstance(support, UniformSupport):
-            corners, rotation = (
-                rotate(turn, support.outline - support.moments.centroid),
-                rotate(turn, np.eye(2)).T,
-            )
+            corners, rotation = (rotate(turn, support.outline - support.moments.centroid), rotate(turn, np.eye(2)).T)
             base = 1.0 / support.moments.area + corners @ rotate(turn, support.gradient)
             return cls(base, np.ones(len(corners)), corners, rotation @ support.moments.second @ rotation.T)
         if not support.known:

@@ -179,7 +179,4 @@ class IntervalInertia:
         step = max(_AT_ONCE // (3 * max(len(self._points.mass), 1)), 1)
         for i in range(0, max(len(twists), 1), step):
             v, dv = twists[i : i + step], rates[i : i + step]
-            yield (
-                contacts.inertia_per_object(self._known, v, dv),
-                contacts.inertia_per_object(self._points, v, dv),
-            )
+            yield (contacts.inertia_per_object(self._known, v, dv), contacts.inertia_per_object(self._points, v, dv))

@@ -46,8 +46,7 @@ class PolygonShape(t.Strict):
 
 
 Shape = Annotated[
-    Annotated[BoxShape, Tag("<box>")] | Annotated[PolygonShape, Tag("<polygon>")],
-    t.by_key("box", "polygon"),
+    Annotated[BoxShape, Tag("<box>")] | Annotated[PolygonShape, Tag("<polygon>")], t.by_key("box", "polygon")
 ]
 
 
@@ -170,8 +169,7 @@ class MotionLimits(t.Strict):
         default=_LIMITS.angular_speed, description="an angular speed in rad/s, or [least, most]"
     )
     angular_acceleration: t.AngularAcceleration = Field(
-        default=_LIMITS.angular_acceleration,
-        description="an angular acceleration in rad/s^2, or [least, most]",
+        default=_LIMITS.angular_acceleration, description="an angular acceleration in rad/s^2, or [least, most]"
     )
     angular_jerk: t.AngularJerk = Field(default=_LIMITS.angular_jerk, description="an angular jerk in rad/s^3")
     contact: Literal[names.CONTACT_LIMITS] = Field(  # type: ignore[valid-type]
@@ -219,8 +217,7 @@ class PolygonPart(PolygonShape):
 
 
 Part = Annotated[
-    Annotated[BoxPart, Tag("<box>")] | Annotated[PolygonPart, Tag("<polygon>")],
-    t.by_key("box", "polygon"),
+    Annotated[BoxPart, Tag("<box>")] | Annotated[PolygonPart, Tag("<polygon>")], t.by_key("box", "polygon")
 ]
 Footprint = Annotated[
     Annotated[Part, Tag("<one>")] | Annotated[Annotated[tuple[Part, ...], t.Several(1, MOST_PARTS)], Tag("<list>")],
@@ -244,8 +241,7 @@ class Robot(t.Strict):
     footprint: Footprint | None = Field(default=None, description=FOOTPRINT)
     drive: Drive | None = Field(default=None, description=DRIVE)
     start: t.Pose | None = Field(
-        default=None,
-        description="[x, y, theta] of the plate's frame in the world; asks for a multi-push plan",
+        default=None, description="[x, y, theta] of the plate's frame in the world; asks for a multi-push plan"
     )
     base: t.Pose | None = Field(
         default=None,

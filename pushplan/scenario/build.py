@@ -25,10 +25,7 @@ from pushplan.scenario.one_load import (
     surroundings_of,
     turned_goals,
 )
-from pushplan.scenario.parts import (
-    PlacedObject,
-    Row,
-)
+from pushplan.scenario.parts import PlacedObject, Row
 from pushplan.scenario.room import Attachments, build_surroundings, placed, placement_troubles
 from pushplan.scenario.schema import GatheringFile, GoalPose, ObjectGoal, RearrangementFile
 from pushplan.scenario.source import Place, Source, shorten
@@ -224,9 +221,7 @@ def _check_row(scenario: Scenario, source: Source) -> None:
     narrow = np.array([[0.0, -1e-3], [length, -1e-3], [length, 1e-3], [0.0, 1e-3]])
     robot = placed(chain.carried, se2.compose(row.pose, se2.inverse(chain.pusher.plate_pose)))
     for what in placement_troubles(
-        "end",
-        [(f"row of {length:.3g} m", se2.transform_points(row.pose, narrow)), *robot],
-        surroundings_of(scenario),
+        "end", [(f"row of {length:.3g} m", se2.transform_points(row.pose, narrow)), *robot], surroundings_of(scenario)
     ):
         source.error(("goals", "row", "pose"), what)
 

@@ -88,13 +88,7 @@ def build_bodies(stated: RoomFile, read: ReadFile, source: Source) -> Bodies | N
     floors = [floor_friction(obj, file) for obj in file.objects]
     objects = tuple(
         PushedObject(
-            obj.name,
-            part.outline,
-            middle(obj.mass),
-            middle(floor),
-            support,
-            layout.poses[i],
-            _center_height(obj),
+            obj.name, part.outline, middle(obj.mass), middle(floor), support, layout.poses[i], _center_height(obj)
         )
         for i, (obj, part, support, floor) in enumerate(zip(file.objects, parts, supports, floors, strict=True))
         if support is not None

@@ -173,9 +173,7 @@ def contact_heights(file: RoomFile, pairs: Iterable[Pair], source: Source) -> di
 
 
 def make_contacts(
-    segments: Mapping[Pair, FloatArray],
-    frictions: Mapping[Pair, float | Span],
-    heights: Mapping[Pair, Span],
+    segments: Mapping[Pair, FloatArray], frictions: Mapping[Pair, float | Span], heights: Mapping[Pair, Span]
 ) -> tuple[Contact, ...]:
     """Return the contacts in the order of the objects that they push, with their lowest frictions."""
     pairs = sorted(segments, key=lambda pair: pair[1])

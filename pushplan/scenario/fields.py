@@ -62,8 +62,7 @@ Weight = Annotated[float, Quantity("a weight", {}, 0.0, 1000.0)]
 Gap = Annotated[float, Quantity("a share", units.FRACTION, 0.0, 100.0, "1 %")]
 Share = Annotated[float, Quantity("a share", units.FRACTION, 0.0, 0.9, "20 %")]
 Face = Annotated[
-    float | str,
-    OrWord(Quantity(f"{', '.join(FACES)}, or an angle", units.ANGLE, -10.0, 10.0, "120 deg"), FACES),
+    float | str, OrWord(Quantity(f"{', '.join(FACES)}, or an angle", units.ANGLE, -10.0, 10.0, "120 deg"), FACES)
 ]
 Most = Annotated[int, Quantity("a whole number", {}, 1, 100, whole=True)]
 Symmetry = Annotated[int, Quantity("a whole number", {}, 1, 360, whole=True)]
@@ -79,8 +78,7 @@ AngularSpeed = Annotated[
     float | Span, either_way(Quantity("an angular speed", units.ANGULAR_SPEED, 1e-4, 100.0, "60 deg/s"))
 ]
 AngularAcceleration = Annotated[
-    float | Span,
-    either_way(Quantity("an angular acceleration", units.ANGULAR_ACCELERATION, 1e-4, 1e3, "90 deg/s^2")),
+    float | Span, either_way(Quantity("an angular acceleration", units.ANGULAR_ACCELERATION, 1e-4, 1e3, "90 deg/s^2"))
 ]
 AngularJerk = Annotated[float, Quantity("an angular jerk", units.ANGULAR_JERK, 1e-4, 1e5, "900 deg/s^3")]
 

@@ -122,9 +122,7 @@ def scenario_from_text(
 
 
 def scenario_from_document(
-    document: Mapping[str, Any],
-    path: str | Path = "scenario.json",
-    attachments: Mapping[str, bytes] | None = None,
+    document: Mapping[str, Any], path: str | Path = "scenario.json", attachments: Mapping[str, bytes] | None = None
 ) -> Scenario:
     """Return the scenario that plain data state; see `pushplan.scenario.builders` for functions that make them.
 

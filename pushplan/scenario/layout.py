@@ -93,11 +93,7 @@ def outline_of(stated: BoxShape | PolygonShape) -> FloatArray:
 
 
 def lay_out(
-    parts: Sequence[Part],
-    width: float,
-    thickness: float,
-    source: Source,
-    within: SnapTolerance | None = None,
+    parts: Sequence[Part], width: float, thickness: float, source: Source, within: SnapTolerance | None = None
 ) -> Layout | None:
     """Place the plate and all parts, or report why not and return None.
 

@@ -137,11 +137,7 @@ def _beside(name: str, image: str) -> str:
 
 
 def ros_map_of(
-    name: str,
-    read: Callable[[str], bytes],
-    *,
-    unknown_is_free: bool = False,
-    tolerance: float | None = None,
+    name: str, read: Callable[[str], bytes], *, unknown_is_free: bool = False, tolerance: float | None = None
 ) -> RosMap:
     """Return the map whose files another one reads; see `read_ros_map`.
 

@@ -19,13 +19,7 @@ from pushplan.scenario import schema
 from pushplan.scenario.chain import build_bodies
 from pushplan.scenario.layout import millimetres
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import (
-    Goal,
-    PlannerSettings,
-    Pushes,
-    StabilitySettings,
-    Uncertainty,
-)
+from pushplan.scenario.parts import Goal, PlannerSettings, Pushes, StabilitySettings, Uncertainty
 from pushplan.scenario.room import Attachments, Surroundings, build_surroundings, placed, placement_troubles
 from pushplan.scenario.schema import GoalPose, RearrangementFile, RoomFile, ScenarioFile
 from pushplan.scenario.source import Place, Source, shorten

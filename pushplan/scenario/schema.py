@@ -197,8 +197,7 @@ class RoomFile(t.Strict):
     name: t.Name | None = Field(default=None, description=NAME)
     floor: Floor = Field(description="{friction: ...}")
     uncertainty: UncertaintyShares = Field(
-        default_factory=UncertaintyShares,
-        description="{contact_friction: ..., floor_friction: ..., load: ...}",
+        default_factory=UncertaintyShares, description="{contact_friction: ..., floor_friction: ..., load: ...}"
     )
     snap: SnapChoice | None = Field(default=None, description=SNAP)
     objects: Annotated[tuple[Object, ...], t.Several(1, 200)] = Field(
@@ -270,8 +269,7 @@ class RowGoal(t.Strict):
         description=f"a list of 1 to {MOST_IN_ROW} names of objects, from the pusher outward"
     )
     pose: t.Pose | None = Field(
-        default=None,
-        description="[x, y, theta] in the world of the middle of the row's rear face, +x along the push",
+        default=None, description="[x, y, theta] in the world of the middle of the row's rear face, +x along the push"
     )
     wall: Literal[names.WALLS] | None = Field(  # type: ignore[valid-type]
         default=None, description=f"the wall that the row's front shall be at: {one_of(names.WALLS)}"
@@ -334,11 +332,7 @@ def schema_file(name: str = "scenario") -> Path:
 
 def finished(schema: dict[str, Any], title: str) -> dict[str, Any]:
     """Return a schema of pydantic's with a title, and without those that it makes from keys."""
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **_without_titles(schema),
-        "title": title,
-    }
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_without_titles(schema), "title": title}
 
 
 def _without_titles(node: Any) -> Any:

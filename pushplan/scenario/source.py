@@ -301,10 +301,7 @@ _HINTS = (
         "a ':' cannot stand here; indent the line like its neighbours, or quote the text",
     ),
     ("could not find expected ':'", "a key without ':' and value"),
-    (
-        "expected <block end>, but found",
-        "the line is not indented like its neighbours, or a bracket is left over",
-    ),
+    ("expected <block end>, but found", "the line is not indented like its neighbours, or a bracket is left over"),
     ("expected ',' or ']'", "a list in [...] lacks a ',' or its ']'"),
     ("expected ',' or '}'", "a mapping in {...} lacks a ',' or its '}'"),
     ("unexpected end of stream", "a quoted text lacks its closing quote"),

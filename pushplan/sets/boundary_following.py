@@ -9,15 +9,7 @@ import numpy as np
 
 import pushplan.core.boundary as boundary
 from pushplan.mechanics.sphere import Meridians
-from pushplan.sets.meridians import (
-    Asked,
-    Family,
-    SphereSamples,
-    Table,
-    climb,
-    inner_ends,
-    maximise,
-)
+from pushplan.sets.meridians import Asked, Family, SphereSamples, Table, climb, inner_ends, maximise
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 _WIDER = (1.0, 10.0, 100.0)

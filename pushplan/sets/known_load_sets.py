@@ -48,10 +48,7 @@ def emptiness(stable: StableSet, minimum: float) -> tuple[str, int | None]:
     if best > minimum:
         return "", None
     if best > 0.0:
-        return (
-            f"no push has a margin above {minimum:.3g}; the largest is {best:.3g}; allowed: less than that",
-            None,
-        )
+        return (f"no push has a margin above {minimum:.3g}; the largest is {best:.3g}; allowed: less than that", None)
     at_best = f" (the best misses by a margin of {-best:.3g})" if len(margins) else ""
     weakest = weakest_contact(stable, twists[margins.argmax()]) if len(margins) else 0
     names = contact_words(stable.chain, weakest)

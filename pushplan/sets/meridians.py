@@ -207,12 +207,7 @@ def margin_peaks(margin: MarginFunction, length: float) -> tuple[FloatArray, Flo
 
 
 def climb(
-    margin: MarginFunction,
-    length: float,
-    at: FloatArray,
-    values: FloatArray,
-    first_step: float,
-    goal: float = np.inf,
+    margin: MarginFunction, length: float, at: FloatArray, values: FloatArray, first_step: float, goal: float = np.inf
 ) -> None:
     """Move unit vectors (m, 3) with margins (m,) uphill, each until it is above the goal or cannot get there.
 

@@ -74,12 +74,7 @@ class Stage:
     ) -> None:
         """Add handles that drag what hangs under `name` along some axes, which arrows show or not."""
         controls = self._scene.add_transform_controls(
-            name,
-            scale=self.handle_size,
-            active_axes=axes,
-            disable_axes=not arrows,
-            depth_test=False,
-            **_placed(pose),
+            name, scale=self.handle_size, active_axes=axes, disable_axes=not arrows, depth_test=False, **_placed(pose)
         )
 
         async def update(event: Any) -> None:  # on the server's loop, so that the order of events is kept
@@ -260,10 +255,7 @@ def _solid(outline: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _placed(pose: FloatArray) -> dict[str, Any]:
     """Return a pose in the plane in viser's words."""
     half = 0.5 * float(pose[2])
-    return {
-        "position": (float(pose[0]), float(pose[1]), 0.0),
-        "wxyz": (np.cos(half), 0.0, 0.0, np.sin(half)),
-    }
+    return {"position": (float(pose[0]), float(pose[1]), 0.0), "wxyz": (np.cos(half), 0.0, 0.0, np.sin(half))}
 
 
 def _pose(node: Any) -> FloatArray:

@@ -271,11 +271,7 @@ class Window:
         x, y = 0.5 * (window.xmin + window.xmax), 0.5 * (window.ymin + window.ymax)
         reach = max(task.chain.reach for task in self.draft.original.tasks)
         away = 0.95 * max(float(window.size.max()), 4.0 * reach)
-        self.server.initial_camera.position = (
-            x,
-            y - 1e-3 * away,
-            away,
-        )  # from above: the plane is dragged in
+        self.server.initial_camera.position = (x, y - 1e-3 * away, away)  # from above: the plane is dragged in
         self.server.initial_camera.look_at = (x, y, 0.0)
 
         def fit(client: Any) -> None:  # beside the panel; on phones, above it
@@ -289,9 +285,7 @@ class Window:
             camera.position = (middle[0], middle[1] - 1e-3 * far, far)
             camera.look_at = (*middle, 0.0)
 
-        def fit_until_seen(
-            client: Any,
-        ) -> None:  # a slow page begins with the first camera after it was told of ours
+        def fit_until_seen(client: Any) -> None:  # a slow page begins with the first camera after it was told of ours
             fit(client)
             first = np.array(self.server.initial_camera.position)
             for _ in range(_LOOKS):

@@ -260,10 +260,7 @@ def piece_of(found: Identification) -> Document:
     between = [_contact(found, one) for one in found.estimates if _told(one, "contact_friction")]
     objects = [_object(found, i) for i in range(len(found.unknowns.loads))]
     objects = [obj for obj in objects if len(obj) > 1]
-    return {
-        **({"objects": objects} if objects else {}),
-        **({"contacts": {"between": between}} if between else {}),
-    }
+    return {**({"objects": objects} if objects else {}), **({"contacts": {"between": between}} if between else {})}
 
 
 def with_learned(document: Mapping[str, Any], piece: Mapping[str, Any]) -> Document:

@@ -118,11 +118,7 @@ def _add_foot(body: Any, name: str, offset: FloatArray, mass: float, armature: f
     mujoco = engine()
     foot = body.add_body(name=name, pos=[*offset, 0.0])
     foot.explicitinertial = True
-    foot.mass, foot.inertia, foot.ipos = (
-        _FOOT_MASS * mass,
-        [_FOOT_MASS * mass * _FOOT_RADIUS**2] * 3,
-        [0.0] * 3,
-    )
+    foot.mass, foot.inertia, foot.ipos = (_FOOT_MASS * mass, [_FOOT_MASS * mass * _FOOT_RADIUS**2] * 3, [0.0] * 3)
     foot.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0.0, 0.0, 1.0], armature=armature)
     foot.add_geom(
         name=name,
@@ -186,10 +182,7 @@ def add_contacts(
     """
     impedance = impedance_of(chain.objects, dt, indentation)
     for k, contact in enumerate(chain.contacts):
-        for own, other, side in (
-            (contact.pushed, contact.pusher, 1.0),
-            (contact.pusher, contact.pushed, -1.0),
-        ):
+        for own, other, side in ((contact.pushed, contact.pusher, 1.0), (contact.pusher, contact.pushed, -1.0)):
             face = f"contact{k}/face{other}"
             _add_face(bodies[other], face, contact, edge_extent(contact, _outline(chain, other)), -side)
             for end, place in enumerate(edge_extent(contact, _outline(chain, own))):

@@ -20,14 +20,7 @@ from pushplan.geometry import se2
 from pushplan.plans.plan import Plan
 from pushplan.sim.physics.drive import ContactWatch, Motion, Recording, drive
 from pushplan.sim.physics.engine import PhysicsError, PhysicsSettings
-from pushplan.sim.report import (
-    ContactReport,
-    Part,
-    columns_of,
-    contact_motion,
-    report_of,
-    wanted_at_end,
-)
+from pushplan.sim.report import ContactReport, Part, columns_of, contact_motion, report_of, wanted_at_end
 from pushplan.sim.slip.simulator import SETTLED, step_times
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, IntArray

@@ -289,11 +289,7 @@ def _add_solid(spec: Any, body: Any, name: str, at: FloatArray, rounding: float)
         half = np.sqrt(0.5)  # a plane's z axis is its outside: a quarter turn about (-y, x, 0)
         middle = [*(0.5 * (at[0] + at[1])), 0.0]
         body.add_geom(
-            type=kinds.mjGEOM_PLANE,
-            size=[1.0, 1.0, 1.0],
-            pos=middle,
-            quat=[half, -half * y, half * x, 0.0],
-            **common,
+            type=kinds.mjGEOM_PLANE, size=[1.0, 1.0, 1.0], pos=middle, quat=[half, -half * y, half * x, 0.0], **common
         )
         return
     square = len(at) == 4 and np.allclose(at[0] + at[2], at[1] + at[3], atol=1e-12)

@@ -19,15 +19,7 @@ from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.plans.plan import Plan
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sim.intake import FARTHEST
-from pushplan.sim.report import (
-    ContactReport,
-    Mode,
-    Part,
-    first_closed,
-    report_of,
-    wanted_at_end,
-    with_margins,
-)
+from pushplan.sim.report import ContactReport, Mode, Part, first_closed, report_of, wanted_at_end, with_margins
 from pushplan.sim.slip.packing import Pair, Piece, cut, pack_bodies, pack_world
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, frozen, numbers

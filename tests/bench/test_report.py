@@ -28,14 +28,7 @@ from pushplan.bench.report import (
     write_report,
 )
 from pushplan.bench.results import Results, read_results, write_tables
-from pushplan.bench.statistics import (
-    compare_versions,
-    holm,
-    median_interval,
-    percentiles,
-    rank_test,
-    success_test,
-)
+from pushplan.bench.statistics import compare_versions, holm, median_interval, percentiles, rank_test, success_test
 from pushplan.bench.store import ResultsFolder
 from pushplan.bench.suite import RunSpec, suite_from_text
 from pushplan.cli.main import main
@@ -109,12 +102,7 @@ def _ranked(spec: RunSpec) -> Outcome:
     """`auto` ranks by time, and so does `slow` unless it is called `far`; two of three trials arrive."""
     found = typical(spec)
     by_time = int(spec.label != "far")
-    more = {
-        "by_time": by_time,
-        "duration": 20.0,
-        "lower_bound": 10.0 if by_time else 2.0,
-        "trial_success": 2 / 3,
-    }
+    more = {"by_time": by_time, "duration": 20.0, "lower_bound": 10.0 if by_time else 2.0, "trial_success": 2 / 3}
     return replace(found, values={**found.values, **more}) if found.status == "ok" else found
 
 

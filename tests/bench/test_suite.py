@@ -14,13 +14,7 @@ from conftest import Captured, Patch, heed_interrupts, there
 from pushplan.bench.batch import Selection, run_suite
 from pushplan.bench.executor import local_engine
 from pushplan.bench.store import ResultsFolder
-from pushplan.bench.suite import (
-    RunSpec,
-    Suite,
-    SuiteError,
-    load_suite,
-    suite_from_text,
-)
+from pushplan.bench.suite import RunSpec, Suite, SuiteError, load_suite, suite_from_text
 from pushplan.cli.main import main
 from pushplan.scenario.file import example_text
 

@@ -78,10 +78,7 @@ def carried(interval: IntervalChain, v: FloatArray, dv: FloatArray, rng: np.rand
         g = rest @ points
         velocity = np.stack([v[0] - v[2] * points[:, 1], v[1] + v[2] * points[:, 0]], axis=1)
         u = velocity / np.linalg.norm(velocity, axis=1, keepdims=True)
-        turned = [
-            -dv[2] * g[1] - v[2] * v[1] - v[2] ** 2 * g[0],
-            dv[2] * g[0] + v[2] * v[0] - v[2] ** 2 * g[1],
-        ]
+        turned = [-dv[2] * g[1] - v[2] * v[1] - v[2] ** 2 * g[0], dv[2] * g[0] + v[2] * v[0] - v[2] ** 2 * g[1]]
         push = obj.mass * (dv[:2] + turned)
         z = height[i] if obj.center_height is None else obj.center_height
         ahead = [j for j in range(n) if chain.contacts[j].pusher == i]

@@ -11,12 +11,7 @@ import pushplan.core.uncertain as uncertain
 from pushplan.mechanics import support as supports
 from pushplan.mechanics.chain import GRAVITY, Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.intervals import IntervalChain
-from pushplan.mechanics.support import (
-    FeetSupport,
-    PressureMapSupport,
-    Support,
-    UniformSupport,
-)
+from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support, UniformSupport
 from pushplan.mechanics.uncertain import pack_intervals
 from pushplan.sets.named import stable_set, stable_set_over
 from pushplan.util.arrays import FloatArray

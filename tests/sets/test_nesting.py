@@ -31,11 +31,7 @@ def near_boundary(stable: StableSet, rng: np.random.Generator, count: int) -> Fl
 
 def nested(chain: Chain, pressures: Pressures, seed: int, rounds: int = 2) -> tuple[int, int]:
     """Check the nesting on random twists; return how many `robust` allows, and for how many loads it was tried."""
-    robust, stable, rng = (
-        stable_set(chain, "robust"),
-        stable_set(chain, "stable"),
-        np.random.default_rng(seed),
-    )
+    robust, stable, rng = (stable_set(chain, "robust"), stable_set(chain, "stable"), np.random.default_rng(seed))
     twists = np.concatenate([near_boundary(each, rng, 40) for each in (robust, stable)])
     margins, tried = robust.margin(twists), 0
     assert not (stable.contains(twists) & (margins <= 0.0)).any()

@@ -227,8 +227,7 @@ def test_the_plate_pushes_with_what_the_floor_holds_against(count: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("count", "twist"),
-    [(1, (1.0, 0.5, 2.0)), (1, (1.0, -0.2, 14.0)), (2, (1.0, 0.4, 2.0)), (2, (1.0, 0.0, 8.0))],
+    ("count", "twist"), [(1, (1.0, 0.5, 2.0)), (1, (1.0, -0.2, 14.0)), (2, (1.0, 0.4, 2.0)), (2, (1.0, 0.0, 8.0))]
 )
 def test_slipping_objects_end_where_the_physics_engine_puts_them(
     count: int, twist: tuple[float, float, float]

@@ -34,8 +34,7 @@ def motion(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
 
 
 @pytest.mark.parametrize(
-    ("name", "trajectory"),
-    [*((name, "blended") for name in example_names()), ("hook", "exact"), ("carts", "exact")],
+    ("name", "trajectory"), [*((name, "blended") for name in example_names()), ("hook", "exact"), ("carts", "exact")]
 )
 def test_packaged_scenarios_keep_half_of_their_margin(name: str, trajectory: str) -> None:
     scenario = replace(load_scenario(name), trajectory=trajectory)
