@@ -41,10 +41,10 @@ from pushplan.bench.schema import ProblemParameters
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose, exp, log
 from pushplan.planners.planner import plan
-from pushplan.plans.events import Replan
 from pushplan.plans.execution import wilson
 from pushplan.plans.goals import tolerance_of, worst_at_goal
 from pushplan.plans.plan import Plan
+from pushplan.plans.run import Replan
 from pushplan.scenario.file import example_names, load_scenario, scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.controller import Controller

@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pushplan.geometry.se2 import compose, exp, inverse, relative, twist_of, wrap_angle
-from pushplan.plans.events import Event, Replan
 from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
+from pushplan.plans.run import Event, Replan
 from pushplan.sim.control.following import Following
 from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.settings import ControlSettings

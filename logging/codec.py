@@ -28,12 +28,12 @@ from numpy.typing import NDArray
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.faces import pushed_at, pusher_at, ways_through
-from pushplan.plans.events import Event, Measured, Replan
 from pushplan.plans.execution import Execution, StabilityLoss, TrialEnd
 from pushplan.plans.load import Load, row_load
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Improvement, LazyField, Nearest, Plan
 from pushplan.plans.robustness import Robustness
+from pushplan.plans.run import Event, Measured, Replan
 from pushplan.plans.segment import Segment
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario

@@ -34,9 +34,9 @@ from pushplan.logging.writer import (
     SERIES_KNOWN,
     TRIAL,
 )
-from pushplan.plans.events import Event, Feedback, Measured, Replan
 from pushplan.plans.execution import Execution, StabilityLoss, TrialEnd
 from pushplan.plans.plan import Improvement, Plan
+from pushplan.plans.run import Event, Feedback, Measured, Replan
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.util.files import PARTIAL

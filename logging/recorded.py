@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from pushplan.logging.mcap_file import Channel
-from pushplan.plans.events import Event, Feedback
 from pushplan.plans.execution import Execution, TrialEnd
 from pushplan.plans.plan import Improvement, Plan
+from pushplan.plans.run import Event, Feedback
 from pushplan.scenario.model import Scenario
 
 

@@ -26,11 +26,10 @@ from pushplan.logging.recorded import LogLine, RecordedRun
 from pushplan.logging.scene import NANO, contact_messages, frame_messages, nearest, placed, scene, tree
 from pushplan.logging.schemas import MessageClass, Topic
 from pushplan.logging.shown import CHAIN, WORLD, LoadContacts, contact_names, smoothed_times, viewed
-from pushplan.plans.events import WARNINGS, Feedback
 from pushplan.plans.execution import Execution, inertia_warning
 from pushplan.plans.load import Load
 from pushplan.plans.plan import Improvement, Plan
-from pushplan.plans.run import segments_of
+from pushplan.plans.run import WARNINGS, Feedback, segments_of
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray, IntArray
 from pushplan.util.names import PUSHER

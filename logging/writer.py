@@ -31,9 +31,9 @@ from pushplan.logging.layout import LAYOUT_FILE, layout_text
 from pushplan.logging.mcap_file import mcap_writer
 from pushplan.logging.recorded import LogLine, RecordedRun
 from pushplan.logging.topics import lines_of, messages
-from pushplan.plans.events import Event, Feedback, Measured, Replan
 from pushplan.plans.execution import Execution, TrialEnd
 from pushplan.plans.plan import Improvement, Plan
+from pushplan.plans.run import Event, Feedback, Measured, Replan
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 from pushplan.util.files import Output

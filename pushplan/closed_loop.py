@@ -16,12 +16,11 @@ from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.recording import Recording, Where
 from pushplan.logging.writer import RunLogWriter
 from pushplan.planners.planner import plan as plan_in
-from pushplan.plans.events import Event, Feedback, Measured, Replan
 from pushplan.plans.execution import Execution
 from pushplan.plans.goals import tolerance_of, with_places, worst_at_goal
 from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
-from pushplan.plans.run import segments_of
+from pushplan.plans.run import Event, Feedback, Measured, Replan, segments_of
 from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.run import fields_of
 from pushplan.scenario.model import Scenario

@@ -23,9 +23,8 @@ from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.body import outline_of_all
 from pushplan.mechanics.chain import Limits
-from pushplan.plans.events import Event
 from pushplan.plans.plan import Plan
-from pushplan.plans.run import Run
+from pushplan.plans.run import Event, Run
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sim.intake import FARTHEST, Intake
 from pushplan.util.arrays import BoolArray, FloatArray

@@ -7,9 +7,8 @@ from functools import cache
 import numpy as np
 
 import pushplan
-from pushplan.plans.events import Event, Feedback, Measured
 from pushplan.plans.plan import Nearest
-from pushplan.plans.run import Run
+from pushplan.plans.run import Event, Feedback, Measured, Run
 from pushplan.scenario.file import example_text, load_scenario, scenario_from_text
 
 SWAP = """\

@@ -35,9 +35,9 @@ from pushplan.util.names import CLOSE
 from pushplan.util.printable import cut
 
 if TYPE_CHECKING:
-    from pushplan.plans.events import Event
     from pushplan.plans.execution import Execution
     from pushplan.plans.plan import Plan
+    from pushplan.plans.run import Event
     from pushplan.plans.segment import Segment
     from pushplan.scenario.model import Scenario
     from pushplan.sets.stable_set import StableSet

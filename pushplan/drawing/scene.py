@@ -23,9 +23,9 @@ from pushplan.util.arrays import FloatArray, IntArray
 from pushplan.util.names import CLOSE, PUSH, PUSHER, ROBOT, TRANSIT
 
 if TYPE_CHECKING:
-    from pushplan.plans.events import Event
     from pushplan.plans.execution import Execution
     from pushplan.plans.plan import Plan
+    from pushplan.plans.run import Event
     from pushplan.plans.segment import Poses, Segment
     from pushplan.scenario.model import Scenario
 

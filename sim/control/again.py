@@ -11,8 +11,8 @@ import numpy as np
 from pushplan.errors import PushplanError, RunLogError
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.verify import Check, check_way
-from pushplan.plans.events import Feedback
 from pushplan.plans.execution import Execution
+from pushplan.plans.run import Feedback
 from pushplan.sim.control.controller import Controller
 from pushplan.sim.control.sensing import Measurements, Sensor
 from pushplan.sim.control.settings import ControlSettings

@@ -20,11 +20,11 @@ from numpy.typing import ArrayLike
 
 from pushplan.geometry.se2 import compose, exp, inverse, log, relative, twist_of
 from pushplan.planners.timing.segments import time_segments
-from pushplan.plans.events import Event, Replan
 from pushplan.plans.goals import with_places, worst_at_goal
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
+from pushplan.plans.run import Event, Replan
 from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer
 from pushplan.scenario.model import Obstacle, Scenario

@@ -19,9 +19,9 @@ from pushplan.geometry.se2 import compose, exp, inverse, log, relative
 from pushplan.mechanics.perturb import slid
 from pushplan.planners.timing.arc_limits import motion_bounds
 from pushplan.planners.timing.exact_timing import time_path
-from pushplan.plans.events import Replan
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.plan import Plan
+from pushplan.plans.run import Replan
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Obstacle
 from pushplan.sim.control.closing import (

@@ -17,9 +17,9 @@ from pushplan.mechanics.perturb import slid, with_contact_friction
 from pushplan.planners.clearance import find_collision
 from pushplan.planners.multi.room import DETOUR, TOLERANCE_USED
 from pushplan.planners.planner import Planner, plan
-from pushplan.plans.events import Replan
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
+from pushplan.plans.run import Replan
 from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.model import Obstacle, Scenario
 from pushplan.scenario.parts import Goal

@@ -15,11 +15,11 @@ from pushplan.planners.multi.multi_push import AHEAD
 from pushplan.planners.multi.room import find_drive
 from pushplan.planners.planner import Planner
 from pushplan.planners.timing.segments import time_segments
-from pushplan.plans.events import Replan
 from pushplan.plans.goals import in_row
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
+from pushplan.plans.run import Replan
 from pushplan.plans.segment import Poses, Segment
 from pushplan.plans.settings import Margin, Observer, PlanSettings
 from pushplan.scenario.model import Obstacle, Scenario

@@ -11,7 +11,7 @@ import numpy as np
 
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import between, compose, exp, pose_error, relative, wrap_angle
-from pushplan.plans.events import Measured
+from pushplan.plans.run import Measured
 from pushplan.util.arrays import FloatArray
 
 JUMP = (0.01, math.radians(0.5))

@@ -17,9 +17,9 @@ from pushplan.geometry.polygon import exit_distance
 from pushplan.geometry.se2 import compose, exp, inverse, log, relative, rotate, transform_points, twist_of
 from pushplan.mechanics.chain import PLATE, Chain
 from pushplan.mechanics.contacts import carried_objects
-from pushplan.plans.events import Event, Measured
 from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
+from pushplan.plans.run import Event, Measured
 from pushplan.sim.control.sensing import Measurements, Sensor
 from pushplan.sim.intake import FARTHEST
 from pushplan.sim.report import columns_of

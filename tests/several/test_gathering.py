@@ -18,10 +18,10 @@ import pushplan
 from pushplan.closed_loop import ClosedLoopRun
 from pushplan.geometry import se2
 from pushplan.planners.validator import Validator
-from pushplan.plans.events import Replan
 from pushplan.plans.goals import errors_at_goal
 from pushplan.plans.load import row_load
 from pushplan.plans.plan import Plan
+from pushplan.plans.run import Replan
 from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer
 from pushplan.scenario.file import scenario_from_document

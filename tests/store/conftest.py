@@ -16,10 +16,10 @@ from mcap.writer import Writer
 
 from pushplan.logging.writer import RunLogWriter
 from pushplan.planners.planner import Planner
-from pushplan.plans.events import Event, Feedback, Measured, Replan
 from pushplan.plans.execution import Execution, TrialEnd
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty
+from pushplan.plans.run import Event, Feedback, Measured, Replan
 from pushplan.scenario.file import load_scenario, scenario_from_text
 from pushplan.sim.trials import execute_trials
 from pushplan.trial import TRIAL
