@@ -47,7 +47,8 @@ from pushplan.planners.multi.search import Limits, search
 from pushplan.planners.planner import Planner
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.file import scenario_from_document
-from pushplan.scenario.model import Goal, PolygonObstacle, Scenario
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import Goal, PolygonObstacle
 from pushplan.sim.control.rest import travel_of
 from pushplan.util.arrays import FloatArray
 

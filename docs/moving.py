@@ -24,7 +24,8 @@ from pushplan.drawing.scene import Scene
 from pushplan.logging.film import HEIGHT, WIDTH, Film
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Run
-from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import CircleObstacle
 
 DOCS = Path(__file__).parent
 FRAMES, PACE = 40, 100

@@ -134,8 +134,7 @@ class ContactShapes:
 
 def object_size(scenario: Scenario) -> float:
     """Return the side of a square as large as the median object, m."""
-    objects = [obj for task in scenario.tasks for obj in task.chain.objects]
-    return float(np.sqrt(np.median([shapely.Polygon(obj.outline).area for obj in objects])))
+    return float(np.sqrt(np.median([shapely.Polygon(obj.outline).area for obj in scenario.objects])))
 
 
 def longest_arrow(scenario: Scenario) -> float:

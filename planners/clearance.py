@@ -15,8 +15,8 @@ from pushplan.mechanics.body import Body
 from pushplan.mechanics.chain import LimitName, Limits
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory
-from pushplan.scenario.model import CircleObstacle, Scenario
-from pushplan.scenario.parts import Obstacle, Workspace
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import CircleObstacle, Obstacle, Workspace
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 from pushplan.util.names import CLEARANCE_ROOM
 

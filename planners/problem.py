@@ -26,7 +26,8 @@ from pushplan.planners.controls import MARGIN_FLOOR, MERIDIANS, control_segments
 from pushplan.planners.scene import build_scene, convex_pieces, standing_shapes
 from pushplan.planners.timing.arc_limits import Bounds, arc_limits, contact_limits_of, motion_bounds
 from pushplan.plans.path import PushPath, cost_rate
-from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import CircleObstacle
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import BoolArray, FloatArray
 

@@ -216,9 +216,7 @@ class Validator:
         if (np.abs(twists[:, 1:]) > STRAIGHT).any() or (twists[:, 0] <= 0.0).any():
             return "the close is not straight"
         outlines = {
-            obj.name: se2.transform_points(segment.after[obj.name], obj.outline)
-            for task in self._scenario.tasks
-            for obj in task.chain.objects
+            obj.name: se2.transform_points(segment.after[obj.name], obj.outline) for obj in self._scenario.objects
         }
         if segment.onto not in outlines or segment.onto in load.names:
             return f"it closes onto {segment.onto!r}, which does not stand there"
@@ -248,8 +246,7 @@ class Validator:
         # Drawn in by what touching bodies may overlap.
         touching = [
             shapely.Polygon(se2.transform_points(segment.before[obj.name], obj.outline)).buffer(-2.0 * TOUCH)
-            for task in self._scenario.tasks
-            for obj in task.chain.objects
+            for obj in self._scenario.objects
             if obj.name in _touched(segment)
         ]
         whole = motion.travel[-1]

@@ -17,7 +17,8 @@ from pushplan.planners.problem import scenario_scene
 from pushplan.planners.scene import convex_pieces, scene_of
 from pushplan.plans.path import TURN_WEIGHT
 from pushplan.scenario.file import load_scenario, scenario_from_text
-from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import CircleObstacle
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import CLEARANCE_ROOM
 

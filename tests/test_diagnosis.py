@@ -18,7 +18,8 @@ from pushplan.planners.planner import plan
 from pushplan.planners.problem import build_problem
 from pushplan.plans.plan import CAUSES, Diagnosis, Plan
 from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_text
-from pushplan.scenario.model import PolygonObstacle, Scenario, StabilitySettings
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import PolygonObstacle, StabilitySettings
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray
 

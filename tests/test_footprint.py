@@ -16,7 +16,8 @@ from pushplan.planners.clearance import find_collision
 from pushplan.planners.scene import build_scene
 from pushplan.plans.path import cost_rate
 from pushplan.scenario.file import scenario_from_document, scenario_from_text
-from pushplan.scenario.model import PolygonObstacle, Scenario
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import PolygonObstacle
 from pushplan.util.arrays import FloatArray
 
 TEXT = """

@@ -16,7 +16,8 @@ from pushplan.planners.planner import plan
 from pushplan.planners.problem import Posing
 from pushplan.plans.path import TURN_WEIGHT, PushPath
 from pushplan.scenario.file import example_names, scenario_from_text
-from pushplan.scenario.model import PolygonObstacle, Scenario
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import PolygonObstacle
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
 

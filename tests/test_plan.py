@@ -32,7 +32,8 @@ from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import load_scenario
-from pushplan.scenario.model import Goal, PolygonObstacle, Scenario
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import Goal, PolygonObstacle
 from pushplan.sets.named import stable_set, stable_set_over
 from pushplan.sets.stable_set import StableSet
 from pushplan.sim.kinematic import execute

@@ -23,7 +23,7 @@ from pushplan.drawing.trials import plot_trials
 from pushplan.geometry import se2
 from pushplan.plans.execution import TrialEnd
 from pushplan.plans.plan import Plan
-from pushplan.scenario.model import Workspace
+from pushplan.scenario.parts import Workspace
 from pushplan.sets.named import stable_set
 
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}

@@ -21,7 +21,8 @@ from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
 from pushplan.mechanics.body import BodyKind
 from pushplan.scenario.file import example_names, load_scenario
-from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import CircleObstacle
 from pushplan.verification import verify_run
 
 LIMIT = 0.5

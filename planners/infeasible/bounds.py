@@ -17,7 +17,8 @@ from pushplan.geometry import se2
 from pushplan.mechanics.body import SEAM, Body, as_one
 from pushplan.planners.infeasible.turn_bound import Price, turn_bound
 from pushplan.plans.path import TURN_WEIGHT
-from pushplan.scenario.model import Obstacle, Scenario
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import Obstacle
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import CLEARANCE_ROOM
 

@@ -23,8 +23,8 @@ from pushplan.planners.infeasible.bounds import between, grown, largest_disc, re
 from pushplan.planners.infeasible.pockets import boxed_in_faults
 from pushplan.planners.infeasible.turning import turning_faults
 from pushplan.plans.plan import Diagnosis
-from pushplan.scenario.model import CircleObstacle, Scenario
-from pushplan.scenario.parts import PolygonObstacle
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import CircleObstacle, PolygonObstacle
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import CLEARANCE_ROOM

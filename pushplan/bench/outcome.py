@@ -256,7 +256,7 @@ def _moving(scenario: Scenario, execution: Execution) -> Iterator[tuple[FloatArr
     robot = compose(execution.poses, inverse(chain.pusher.plate_pose))
     for body in chain.carried:
         yield robot, body.outline
-    objects = {obj.name: obj for task in scenario.tasks for obj in task.chain.objects}
+    objects = {obj.name: obj for obj in scenario.objects}
     for k, name in enumerate(execution.names):
         yield execution.objects[:, k], objects[name].outline
 

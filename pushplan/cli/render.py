@@ -213,7 +213,7 @@ def require_executable(scenario: Scenario) -> None:
     from pushplan.sim.physics.engine import PhysicsError, engine
 
     engine()
-    unknown = [repr(obj.name) for task in scenario.tasks for obj in task.chain.objects if not obj.support.known]
+    unknown = [repr(obj.name) for obj in scenario.objects if not obj.support.known]
     if unknown:
         raise PhysicsError(
             f"the physics engine cannot execute a push of {', '.join(unknown)}: it needs the load on every point of "

@@ -349,9 +349,8 @@ def _bodies(scenario: Scenario) -> Iterator[Body]:
         yield Body(ROBOT, BodyKind.ROBOT, outline, palette.ROBOT, Layer.ROBOT)
     plate = se2.transform_points(of_plate, pusher.outline)
     yield Body(PUSHER, BodyKind.PLATE, plate, palette.PLATE, Layer.PLATE)
-    objects = [obj for task in scenario.tasks for obj in task.chain.objects]
-    colours = palette.object_colours([obj.name for obj in objects])
-    for obj, colour in zip(objects, colours, strict=True):
+    colours = palette.object_colours(list(scenario.poses))
+    for obj, colour in zip(scenario.objects, colours, strict=True):
         yield Body(obj.name, BodyKind.OBJECT, obj.outline, colour, Layer.OBJECT)
 
 

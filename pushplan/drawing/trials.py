@@ -77,14 +77,10 @@ def plot_trials(plan: Plan, ends: Sequence[TrialEnd], path: str | Path) -> None:
 
 def _draw_ends(axes: Axes, scenario: Scenario, ends: Sequence[TrialEnd]) -> None:
     """Outline the objects where they end, one colour for samples that arrive and one for the others."""
-    objects = [obj for task in scenario.tasks for obj in task.chain.objects]
     for arrived, colour in ((False, MISSED), (True, ARRIVED)):
         shown = [end for end in ends if end.arrived == arrived][:_MOST]
-        outlines = [
-            transform_points(pose, obj.outline)
-            for end in shown
-            for obj, pose in zip(objects, end.objects, strict=True)
-        ]
+        ended = ((obj, pose) for end in shown for obj, pose in zip(scenario.objects, end.objects, strict=True))
+        outlines = [transform_points(pose, obj.outline) for obj, pose in ended]
         look: Any = {"facecolors": "none", "edgecolors": colour, "linewidths": 0.5, "zorder": 9.5}
         axes.add_collection(PolyCollection(outlines, alpha=0.5 if len(shown) < 20 else 0.15, **look))
 

@@ -143,8 +143,7 @@ class Segment:
         poses = self.standing()
         return tuple(
             PolygonObstacle(se2.transform_points(poses[obj.name], obj.outline))
-            for task in scenario.tasks
-            for obj in task.chain.objects
+            for obj in scenario.objects
             if obj.name in poses and obj.name not in leave_out
         )
 

@@ -13,7 +13,7 @@ from pushplan.geometry import se2
 from pushplan.geometry.polygon import overlap_depth
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.faces import ways_through
-from pushplan.scenario.chain import build_bodies, widened
+from pushplan.scenario.chain import build_bodies, check_differ, widened
 from pushplan.scenario.layout import millimetres
 from pushplan.scenario.model import NotOneLoad, Scenario
 from pushplan.scenario.one_load import (
@@ -30,7 +30,7 @@ from pushplan.scenario.room import Attachments, build_surroundings, placed, plac
 from pushplan.scenario.schema import GatheringFile, GoalPose, ObjectGoal, RearrangementFile
 from pushplan.scenario.source import Place, Source, shorten
 from pushplan.scenario.units import highest, lowest
-from pushplan.scenario.validation import nearest, validate
+from pushplan.scenario.validation import unknown_object, validate
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import PUSHER
 
@@ -82,18 +82,13 @@ def _rearrangement(source: Source, attachments: Attachments) -> Scenario | None:
 def _names_are_known(file: RearrangementFile, source: Source) -> bool:
     """Tell whether names differ, and goals are for objects, and report what is not so."""
     names = [obj.name for obj in file.objects]
-    for i, name in enumerate(names):
-        if name in names[:i]:
-            what = f"'{name}' is also objects[{names.index(name)}]; give it another"
-            source.error(("objects", i, "name"), what)
+    check_differ(names, source)
     row = isinstance(file, GatheringFile)
     aimed = file.goals.row.of if isinstance(file, GatheringFile) else tuple(file.goals)
     for i, name in enumerate(aimed):
         place: Place = ("goals", "row", "of", i) if row else ("goals", name)
         if name not in names:
-            near = nearest(str(name), names)
-            what = f"no object is called '{shorten(str(name))}'{near} allowed: {', '.join(names)}"
-            source.error(place, what, at_key=not row)
+            source.error(place, unknown_object(str(name), names), at_key=not row)
         elif name in aimed[:i]:
             source.error(place, f"'{name}' stands in the row already; allowed: each object once")
     return not source.findings

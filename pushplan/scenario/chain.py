@@ -24,7 +24,7 @@ from pushplan.mechanics.support import (
 )
 from pushplan.scenario import bodies, schema
 from pushplan.scenario.contacts import contact_frictions, contact_heights, find_segments, make_contacts
-from pushplan.scenario.layout import Layout, Part, SnapTolerance, describe_overlap, lay_out, outline_of
+from pushplan.scenario.layout import Layout, Part, describe_overlap, lay_out, outline_of
 from pushplan.scenario.parts import Snapping
 from pushplan.scenario.schema import RoomFile
 from pushplan.scenario.source import Source
@@ -75,8 +75,7 @@ def build_bodies(stated: RoomFile, read: ReadFile, source: Source) -> Bodies | N
         for i, (obj, part) in enumerate(zip(file.objects, parts, strict=True))
     ]
     snap = schema.Snap(position=file.snap) if isinstance(file.snap, float) else file.snap
-    within = None if snap is None else SnapTolerance(snap.position, snap.angle)
-    layout = lay_out(parts, file.pusher.width, file.pusher.thickness, source, within)
+    layout = lay_out(parts, file.pusher.width, file.pusher.thickness, source, snap)
     if layout is None:
         return None
     segments = find_segments(parts, layout, source)
@@ -107,13 +106,19 @@ def build_bodies(stated: RoomFile, read: ReadFile, source: Source) -> Bodies | N
     return Bodies(chain, interval, ends, _resolved(stated, layout), layout.snapping)
 
 
-def _check_names(file: RoomFile, source: Source) -> None:
-    names = [obj.name for obj in file.objects]
-    reserved = (*RESERVED_NAMES, *((ROBOT,) if file.robot.footprint else ()))
+def check_differ(names: Sequence[str], source: Source) -> None:
+    """Report objects that are called as another one."""
     for i, name in enumerate(names):
         if name in names[:i]:
-            first = names.index(name)
-            source.error(("objects", i, "name"), f"objects[{first}] is called '{name}' too; names differ")
+            what = f"objects[{names.index(name)}] is called '{name}' too; names differ"
+            source.error(("objects", i, "name"), what)
+
+
+def _check_names(file: RoomFile, source: Source) -> None:
+    names = [obj.name for obj in file.objects]
+    check_differ(names, source)
+    reserved = (*RESERVED_NAMES, *((ROBOT,) if file.robot.footprint else ()))
+    for i, name in enumerate(names):
         if name.lower() in reserved:
             what = f"'{name}' is reserved; allowed: any name but {', '.join(reserved)}"
             source.error(("objects", i, "name"), what)

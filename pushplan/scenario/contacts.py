@@ -11,9 +11,9 @@ from pushplan.geometry.polygon import TOUCH, find_touch
 from pushplan.mechanics.chain import PLATE, Contact
 from pushplan.scenario.layout import Layout, Part, describe_gap, describe_overlap, millimetres
 from pushplan.scenario.schema import RoomFile
-from pushplan.scenario.source import Place, Source, shorten
+from pushplan.scenario.source import Place, Source
 from pushplan.scenario.units import Span, highest, lowest
-from pushplan.scenario.validation import nearest
+from pushplan.scenario.validation import unknown_object
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import PUSHER
 
@@ -140,8 +140,7 @@ def _stated(file: RoomFile, names: Sequence[str], source: Source) -> dict[frozen
         place = ("contacts", "between", i, "objects")
         unknown = [(k, name) for k, name in enumerate(entry.objects) if name not in known]
         for k, name in unknown:
-            what = f"no object is called '{shorten(name)}'{nearest(name, known)} allowed: {', '.join(known)}"
-            source.error((*place, k), what)
+            source.error((*place, k), unknown_object(name, known))
         pair = frozenset(entry.objects)
         if len(pair) == 1 and not unknown:
             source.error(place, "names one object twice; allowed: two objects that touch")

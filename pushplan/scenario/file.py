@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -40,9 +39,9 @@ def example_text(name: str) -> str:
     """
     known = example_names()
     if name not in known:
-        close = difflib.get_close_matches(name.lower(), known, n=1)
-        meant = f"did you mean '{close[0]}'? " if close else ""
-        raise PushplanError(f"no packaged scenario is called '{name}'; {meant}there are {', '.join(known)}")
+        raise PushplanError(
+            f"no packaged scenario is called '{name}'{nearest(name, known)} there are {', '.join(known)}"
+        )
     return (_FOLDER / (name + _SUFFIX)).read_text(encoding="utf-8")
 
 

@@ -19,6 +19,7 @@ from pushplan.geometry import se2
 from pushplan.geometry.polygon import SHORTEST_CONTACT, TOUCH, find_touch, overlap_depth, simple_polygon
 from pushplan.scenario.bodies import BoxShape, PolygonShape
 from pushplan.scenario.parts import Snapped, Snapping
+from pushplan.scenario.schema import Snap
 from pushplan.scenario.source import Source
 from pushplan.util.arrays import FloatArray
 
@@ -43,14 +44,6 @@ class Part:
     outline: FloatArray
     offset: float | None = None
     pose: FloatArray | None = None
-
-
-@dataclass(frozen=True)
-class SnapTolerance:
-    """How far an object may be from the contact that it is moved onto: m along the normal, rad."""
-
-    position: float
-    angle: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +86,7 @@ def outline_of(stated: BoxShape | PolygonShape) -> FloatArray:
 
 
 def lay_out(
-    parts: Sequence[Part], width: float, thickness: float, source: Source, within: SnapTolerance | None = None
+    parts: Sequence[Part], width: float, thickness: float, source: Source, within: Snap | None = None
 ) -> Layout | None:
     """Place the plate and all parts, or report why not and return None.
 
@@ -141,9 +134,7 @@ class _First(NamedTuple):
     sideways: float = 0.0
 
 
-def _place_first(
-    part: Part, width: float, thickness: float, source: Source, within: SnapTolerance | None
-) -> _First | None:
+def _place_first(part: Part, width: float, thickness: float, source: Source, within: Snap | None) -> _First | None:
     middle = float(part.pose[1]) - part.offset if part.pose is not None and part.offset is not None else 0.0
     plate = box_outline(thickness, width)
     plate += [-0.5 * thickness, middle]
@@ -229,7 +220,7 @@ def _edge_span(outline: FloatArray, side: int) -> tuple[float, float, float] | N
     return float(side * x.max()), float(ends[:, 1].min()), float(ends[:, 1].max())
 
 
-def snap(bodies: Sequence[Named], part: Part, pose: FloatArray, within: SnapTolerance) -> tuple[FloatArray, Snapped]:
+def snap(bodies: Sequence[Named], part: Part, pose: FloatArray, within: Snap) -> tuple[FloatArray, Snapped]:
     """Return the pose (3,) that lays an edge of an object on the nearest edge of another body, and how it was moved.
 
     The object turns about the centroid of its outline, which then moves along the other edge's normal: sideways its
@@ -249,7 +240,7 @@ def snap(bodies: Sequence[Named], part: Part, pose: FloatArray, within: SnapTole
     return turned - [*(gap * normal), 0.0], Snapped(part.name, onto, gap, turn)
 
 
-def _is_too_far(i: int, moved: Snapped, within: SnapTolerance, source: Source) -> bool:
+def _is_too_far(i: int, moved: Snapped, within: Snap, source: Source) -> bool:
     """Tell whether an object is farther from its contact than `snap` allows, and report it."""
     if abs(moved.gap) <= within.position and abs(moved.turn) <= within.angle:
         return False
@@ -264,7 +255,7 @@ def _is_too_far(i: int, moved: Snapped, within: SnapTolerance, source: Source) -
 
 
 def _candidates(
-    fixed: FloatArray, outline: FloatArray, pose: FloatArray, within: SnapTolerance
+    fixed: FloatArray, outline: FloatArray, pose: FloatArray, within: Snap
 ) -> list[tuple[float, float, float, FloatArray]]:
     """Return effort, gap (m), turn (rad) and normal (2,) of every edge of `fixed` that an edge could lie on."""
     own = np.roll(outline, -1, axis=0) - outline

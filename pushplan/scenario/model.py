@@ -14,19 +14,16 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pushplan.errors import ChainError, PushplanError
 from pushplan.geometry import polygon, se2
-from pushplan.mechanics.chain import Chain, Pusher
+from pushplan.mechanics.chain import Chain, PushedObject, Pusher
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.scenario.parts import (
     DEFAULT_TOLERANCE,
-    CircleObstacle,
     Goal,
     Obstacle,
     PlacedObject,
     PlannerSettings,
-    PolygonObstacle,
     Pushes,
     Row,
-    Snapped,
     Snapping,
     StabilitySettings,
     Task,
@@ -39,22 +36,6 @@ from pushplan.util.arrays import FloatArray, frozen
 
 if TYPE_CHECKING:
     from pushplan.sets.stable_set import StableSet
-
-__all__ = [
-    "CircleObstacle",
-    "Goal",
-    "Obstacle",
-    "PlacedObject",
-    "PlannerSettings",
-    "PolygonObstacle",
-    "Pushes",
-    "Scenario",
-    "Snapped",
-    "Snapping",
-    "StabilitySettings",
-    "Uncertainty",
-    "Workspace",
-]
 
 
 class NotOneLoadError(PushplanError, AttributeError):
@@ -279,6 +260,11 @@ class Scenario:
             return tuple(Task(body.chain, body.start, body.goals) for body in self.bodies.values())
         goals = (self.goal,) if self.pushes is None else self.pushes.goals
         return (Task(self.chain, self.start, goals),)
+
+    @property
+    def objects(self) -> tuple[PushedObject, ...]:
+        """All objects, in the order of `poses`."""
+        return tuple(obj for task in self.tasks for obj in task.chain.objects)
 
     @property
     def poses(self) -> dict[str, FloatArray]:

@@ -22,8 +22,8 @@ from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Goal, PlannerSettings, Pushes, StabilitySettings, Uncertainty
 from pushplan.scenario.room import Attachments, Surroundings, build_surroundings, placed, placement_troubles
 from pushplan.scenario.schema import GoalPose, RearrangementFile, RoomFile, ScenarioFile
-from pushplan.scenario.source import Place, Source, shorten
-from pushplan.scenario.validation import nearest, salvage, validate
+from pushplan.scenario.source import Place, Source
+from pushplan.scenario.validation import salvage, unknown_object, validate
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import DEFAULT_PLANNER, RANKED_BY, TRANSIT_CLEARANCE
 
@@ -124,9 +124,7 @@ def _goals_exist(file: ScenarioFile, stated: Mapping[Place, GoalPose], source: S
     known = [obj.name for obj in file.objects]
     for place, goal in stated.items():
         if goal.of is not None and goal.of not in known:
-            near = nearest(goal.of, known)
-            what = f"no object is called '{shorten(goal.of)}'{near} allowed: {', '.join(known)}"
-            source.error((*place, "of"), what)
+            source.error((*place, "of"), unknown_object(goal.of, known))
             return False
     return True
 

@@ -12,7 +12,7 @@ from pydantic_core import ErrorDetails
 
 from pushplan.scenario import units
 from pushplan.scenario.schema import ScenarioFile
-from pushplan.scenario.source import Place, Source
+from pushplan.scenario.source import Place, Source, shorten
 from pushplan.scenario.units import show
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -41,6 +41,11 @@ def nearest(word: str, known: Sequence[str]) -> str:
     """Return `; did you mean '...'?` with the known word most like `word`, or `;`."""
     close = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.65)
     return f"; did you mean '{close[0]}'?" if close else ";"
+
+
+def unknown_object(name: str, known: Sequence[str]) -> str:
+    """Return that no object has a name, and the names that there are."""
+    return f"no object is called '{shorten(name)}'{nearest(name, known)} allowed: {', '.join(known)}"
 
 
 def _is_tag(step: object) -> bool:

@@ -13,7 +13,8 @@ import yaml
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PLATE
 from pushplan.scenario.file import scenario_from_document
-from pushplan.scenario.model import CircleObstacle, Obstacle, PolygonObstacle, Scenario
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import CircleObstacle, Obstacle, PolygonObstacle
 from pushplan.util.arrays import FloatArray, frozen
 
 START, GOAL, ROBOT = "start", "goal", "robot"

@@ -27,7 +27,8 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.run import Event, Replan
 from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer
-from pushplan.scenario.model import Obstacle, Scenario
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import Obstacle
 from pushplan.sim.control.estimator import Estimator
 from pushplan.sim.control.following import Following
 from pushplan.sim.control.jobs import Phase, PushJob, alone, is_last, push_job

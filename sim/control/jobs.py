@@ -10,7 +10,8 @@ from enum import Enum
 from pushplan.geometry.se2 import compose, inverse, relative, wrap_angle
 from pushplan.plans.plan import Plan
 from pushplan.plans.segment import Poses, Segment
-from pushplan.scenario.model import Obstacle, Scenario
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import Obstacle
 from pushplan.sim.closing import OFF as CLOSES
 from pushplan.sim.control.rest import standing_obstacles
 from pushplan.util.arrays import FloatArray

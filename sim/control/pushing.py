@@ -23,7 +23,7 @@ from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Replan
 from pushplan.plans.trajectory import Trajectory
-from pushplan.scenario.model import Obstacle
+from pushplan.scenario.parts import Obstacle
 from pushplan.sim.control.closing import (
     LONGEST,
     ClosingPush,

@@ -21,8 +21,8 @@ from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Replan
 from pushplan.plans.settings import Observer, PlanSettings
-from pushplan.scenario.model import Obstacle, Scenario
-from pushplan.scenario.parts import Goal
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import Goal, Obstacle
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World

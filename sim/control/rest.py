@@ -22,8 +22,8 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.run import Replan
 from pushplan.plans.segment import Poses, Segment
 from pushplan.plans.settings import Margin, Observer, PlanSettings
-from pushplan.scenario.model import Obstacle, Scenario
-from pushplan.scenario.parts import Goal
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import Goal, Obstacle
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, AUTO, TRANSIT
 

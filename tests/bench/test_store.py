@@ -23,7 +23,8 @@ from pushplan.bench.suite import RunSpec, suite_from_text
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Run
 from pushplan.scenario.file import scenario_from_text
-from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import CircleObstacle
 from pushplan.sets.named import stable_set
 from pushplan.util.stopwatch import Stopwatch
 

@@ -18,7 +18,8 @@ from pushplan.errors import ImportedFileError, ScenarioError
 from pushplan.scenario.drawings import read_csv_outlines, read_svg_outlines
 from pushplan.scenario.fields import MOST_CORNERS
 from pushplan.scenario.maps import cells_of, covering, hole_free, read_ros_map
-from pushplan.scenario.model import PolygonObstacle, Scenario
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import PolygonObstacle
 
 MAP = """\
 image: map.pgm

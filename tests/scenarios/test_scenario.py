@@ -23,7 +23,8 @@ from pushplan.scenario import source
 from pushplan.scenario.builders import box, build_scenario, plate, polygon
 from pushplan.scenario.check import check_scenario, questions
 from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_text
-from pushplan.scenario.model import CircleObstacle, PolygonObstacle, Scenario
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import CircleObstacle, PolygonObstacle
 from pushplan.scenario.room import MOST_TOLD
 
 FEET = "support: {feet: [[0.04, 0.03], [-0.04, 0.03], [0, -0.03]]}"

@@ -21,7 +21,7 @@ from pushplan.scenario.file import scenario_from_document, scenario_from_text
     ("[2.2, 1.0, 90 deg]", "[9.0, 1.0, 0]", "goals.other: at the goal, 'other' leaves the workspace"),
     ("pose: [3.0, 3.0, 0.0]", "pose: [1.2, 1.1, 0.0]", "objects[2].pose: 'bin' overlaps 'red-box' by 75 mm;"),
     (", pose: [3.0, 3.0, 0.0]", "", "objects[2].pose: is missing; needed: [x, y, theta] in the world"),
-    ("name: bin", "name: red-box", "7:12: objects[2].name: 'red-box' is also objects[0]; give it another"),
+    ("name: bin", "name: red-box", "7:12: objects[2].name: objects[0] is called 'red-box' too; names differ"),
     (", start: [2.4, 1.6, 0.0]", "", "robot.start: is missing"),
     ("workspace:", "goal: {pose: [0, 0, 0]}\nworkspace:", "goal: does not go together with goals"),
 ])  # fmt: skip

@@ -22,7 +22,8 @@ from pushplan.planners.timing.parts import corners_of
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import example_names
-from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import CircleObstacle
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.sim.kinematic import execute
