@@ -161,10 +161,9 @@ def test_at_every_place_the_objects_keep_their_poses_and_the_plate_touches() -> 
         np.testing.assert_allclose(middle, 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("face", "offset", "message"),
-    [("b7 rear", 0.0, "no face"), ("left", 0.0, "2 faces"), ("b0 rear", 0.5, "no face")],
-)
+@pytest.mark.parametrize(("face", "offset", "message"), [
+    ("b7 rear", 0.0, "no face"), ("left", 0.0, "2 faces"), ("b0 rear", 0.5, "no face"),
+])  # fmt: skip
 def test_what_is_no_face_is_refused(face: str, offset: float, message: str) -> None:
     with pytest.raises(ChainError, match=message):
         pushed_at(scenario_from_document(_document((0, 1, 2))).chain, face, offset)

@@ -118,29 +118,21 @@ def test_plans_respect_the_force(force: Any, breakaway: float, binds: bool) -> N
     assert there(plan.max_force) <= limit
 
 
-@pytest.mark.parametrize(
-    ("force", "breakaway", "reason"),
-    [
-        ("1.3 lbf", 1.3, "at least 5.907 N: 4.544 N to slide, 1.3 times as much to break away; robot"),
-        (4.7, 1.0, "at least 4.771 N: 4.544 N to slide, 1.05 times as much to speed up; robot"),
-        (7.64, 1.3, "the straightest ones, take more force than robot.limits.force: 7.649 N at most"),
-    ],
-)
+@pytest.mark.parametrize(("force", "breakaway", "reason"), [
+    ("1.3 lbf", 1.3, "at least 5.907 N: 4.544 N to slide, 1.3 times as much to break away; robot"),
+    (4.7, 1.0, "at least 4.771 N: 4.544 N to slide, 1.05 times as much to speed up; robot"),
+    (7.64, 1.3, "the straightest ones, take more force than robot.limits.force: 7.649 N at most"),
+])  # fmt: skip
 def test_no_plan_takes_too_much_force(force: Any, breakaway: float, reason: str) -> None:
     scenario = scenario_from_document(crates(force=force, breakaway=breakaway))
     with pytest.raises(PushplanError, match=reason):
         raise PushplanError(pushplan.plan(scenario, seed=1, time_limit=60.0, iterations=500).reason)
 
 
-@pytest.mark.parametrize(
-    ("force", "gather", "loads"),
-    [
-        (6.0, "always", {"a", "ab", "abc"}),
-        (4.0, "auto", {"a", "ab", "c"}),
-        (2.5, "auto", {"a", "b", "c"}),
-        (1.5, "auto", set()),
-    ],
-)
+@pytest.mark.parametrize(("force", "gather", "loads"), [
+    (6.0, "always", {"a", "ab", "abc"}), (4.0, "auto", {"a", "ab", "c"}), (2.5, "auto", {"a", "b", "c"}),
+    (1.5, "auto", set()),
+])  # fmt: skip
 def test_a_row_too_heavy_together_is_pushed_in_groups_or_one_by_one(
     force: float, gather: str, loads: set[str]
 ) -> None:

@@ -309,11 +309,10 @@ def test_a_motion_that_loses_a_contact_as_stated_bears_nothing(make_chain: Chain
     )
 
 
-@pytest.mark.parametrize(
-    "support",
-    [UnknownSupport, lambda outline: FeetSupport(outline, center_of_mass=np.zeros(2))],
-    ids=["unknown", "feet"],
-)
+@pytest.mark.parametrize("support", [
+    UnknownSupport,
+    lambda outline: FeetSupport(outline, center_of_mass=np.zeros(2)),
+], ids=["unknown", "feet"])  # fmt: skip
 def test_nothing_is_said_where_loads_are_not_known(make_chain: ChainMaker, support: object) -> None:
     assert callable(support)
     ahead = np.array([[[0.1, 0.0, 0.0], np.zeros(3), np.zeros(3)]])

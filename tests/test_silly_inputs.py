@@ -130,25 +130,20 @@ def test_a_follower_neither_answers_nan_nor_goes_on(key: str, value: Any) -> Non
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "word", None, 1e300], ids=name)
-@pytest.mark.parametrize(
-    "made",
-    [
-        *(lambda v, f=f: Sensor(**{f: v}) for f in ("rate", "delay", "position", "angle")),
-        *(
-            lambda v, f=f: ControlSettings(**{f: v})
-            for f in ("rate", "looks", "position_noise", "patience", "detour", "worth")
-        ),
-        *(lambda v, k=k: Disturbance(*[v if j == k else 1 for j in range(5)]) for k in (0, 1, 4)),
-        lambda v: Follower(plan(), off=(v, v)),
-        lambda v: Follower(plan(), slipped=(0.1, v)),
-        lambda v: Follower(plan(), period=v),
-        lambda v: Follower(plan(), speed=v),
-        lambda v: World.from_scenario(plan().scenario).with_contact_friction(v),
-        lambda v: replace(World.from_scenario(plan().scenario), other_friction=v),
-        lambda v: pushplan.SlipSimulator(World.from_scenario(plan().scenario)).move([v, 0, 0], 1.0),
-        lambda v: pushplan.SlipSimulator(World.from_scenario(plan().scenario)).move([1, 0, 0], v),
-    ],
-)
+@pytest.mark.parametrize("made", [
+    *(lambda v, f=f: Sensor(**{f: v}) for f in ("rate", "delay", "position", "angle")),
+    *(
+        lambda v, f=f: ControlSettings(**{f: v})
+        for f in ("rate", "looks", "position_noise", "patience", "detour", "worth")
+    ),
+    *(lambda v, k=k: Disturbance(*[v if j == k else 1 for j in range(5)]) for k in (0, 1, 4)),
+    lambda v: Follower(plan(), off=(v, v)), lambda v: Follower(plan(), slipped=(0.1, v)),
+    lambda v: Follower(plan(), period=v), lambda v: Follower(plan(), speed=v),
+    lambda v: World.from_scenario(plan().scenario).with_contact_friction(v),
+    lambda v: replace(World.from_scenario(plan().scenario), other_friction=v),
+    lambda v: pushplan.SlipSimulator(World.from_scenario(plan().scenario)).move([v, 0, 0], 1.0),
+    lambda v: pushplan.SlipSimulator(World.from_scenario(plan().scenario)).move([1, 0, 0], v),
+])  # fmt: skip
 def test_what_is_simulated_and_set_is_refused(made: Any, value: Any) -> None:
     with pytest.raises((PushplanError, TypeError, ValueError)):
         made(value)

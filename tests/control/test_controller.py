@@ -96,11 +96,7 @@ def test_travel_keeps_to_its_bound_and_what_remains_is_told(
 ) -> None:
     settings, plan = replace(SELDOM, detour=detour), plan_of(name)
     run = run_closed_loop(
-        scenario(name),
-        off_by_a_fifth(name),
-        [disturbance(name, share, 1, -1.5)],
-        plan=plan,
-        settings=settings,
+        scenario(name), off_by_a_fifth(name), [disturbance(name, share, 1, -1.5)], plan=plan, settings=settings
     )
     planned, driven = (travel(poses) for poses in (there(plan.trajectory).poses, run.simulated.poses))
     assert driven <= detour[0] * planned + detour[1] + 2e-3
@@ -163,15 +159,10 @@ class Sensed(Driven[Controller]):
 ROUGH = Sensor(position=5e-3, angle=np.radians(1.5))
 
 
-@pytest.mark.parametrize(
-    ("sensor", "short", "on_board", "stated"),
-    [
-        (Sensor(), 0.05, False, {}),
-        (Sensor(), 0.05, True, {}),
-        (ROUGH, 0.0, False, {"covariance": np.diag([25e-6, 25e-6, np.radians(1.5) ** 2])}),
-    ],
-    ids=["odometry", "a camera on board", "covariance"],
-)
+@pytest.mark.parametrize(("sensor", "short", "on_board", "stated"), [
+    (Sensor(), 0.05, False, {}), (Sensor(), 0.05, True, {}),
+    (ROUGH, 0.0, False, {"covariance": np.diag([25e-6, 25e-6, np.radians(1.5) ** 2])}),
+], ids=["odometry", "a camera on board", "covariance"])  # fmt: skip
 def test_a_robot_tells_how_it_moves_what_it_sees_from_itself_and_how_well(
     sensor: Sensor, short: float, on_board: bool, stated: dict[str, ArrayLike]
 ) -> None:
@@ -207,10 +198,9 @@ class SeenAside(Driven[Controller]):
         return self.controller.step(now, object_poses, measured_at)
 
 
-@pytest.mark.parametrize(
-    ("off", "count", "end"),
-    [(5.4e-3, 20, Phase.ARRIVED), (5.4e-3, 2000, Phase.GAVE_UP), (6.5e-3, 20, Phase.GAVE_UP)],
-)
+@pytest.mark.parametrize(("off", "count", "end"), [
+    (5.4e-3, 20, Phase.ARRIVED), (5.4e-3, 2000, Phase.GAVE_UP), (6.5e-3, 20, Phase.GAVE_UP),
+])  # fmt: skip
 def test_where_an_error_is_at_its_tolerance_it_is_measured_for_longer(off: float, count: int, end: Phase) -> None:
     """5 mm are allowed, and a longer way is not worth less than one: sixteen measurements tell that to 0.75 mm."""
     controller = Controller(plan_of("one-box"))
@@ -282,9 +272,7 @@ def test_a_plate_that_has_not_come_up_to_its_load_goes_on_until_it_has() -> None
 
 
 @pytest.mark.parametrize("ahead", [0.008, 0.018, 0.03])
-def test_a_load_that_is_pushed_on_and_seems_as_far_away_as_before_tells_where_the_plate_is(
-    ahead: float,
-) -> None:
+def test_a_load_that_is_pushed_on_and_seems_as_far_away_as_before_tells_where_the_plate_is(ahead: float) -> None:
     """The plate is further on than it believes; beyond 12 mm a load that seems open by so much may be askew, too."""
     goal = {"pose": [2.0, 1.05, 0.1], "of": "b0"}
     planned = scenario_from_document(problem_document("differential", goal=goal))

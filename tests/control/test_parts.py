@@ -293,15 +293,9 @@ def test_what_has_slid_is_kept_off_obstacles(slide: float) -> None:
     assert found.solved == (slide < 0.0), found.reason
 
 
-@pytest.mark.parametrize(
-    ("aside", "margin", "ends"),
-    [
-        (0.0, "auto", (-1.0, 1e-6)),
-        (0.053, "auto", (0.1, 0.9)),
-        (0.053, 0.05, (1.0, 4.0)),
-        (0.075, "auto", (1.0, 4.0)),
-    ],
-)
+@pytest.mark.parametrize(("aside", "margin", "ends"), [
+    (0.0, "auto", (-1.0, 1e-6)), (0.053, "auto", (0.1, 0.9)), (0.053, 0.05, (1.0, 4.0)), (0.075, "auto", (1.0, 4.0)),
+])  # fmt: skip
 def test_where_no_path_leads_to_the_goal_one_ends_as_near_as_it_can(
     aside: float, margin: float | Literal["auto"], ends: tuple[float, float]
 ) -> None:
@@ -353,12 +347,7 @@ def test_what_a_slide_was_taken_for_is_forgotten_and_what_is_known_well_is_not(
 ) -> None:
     """Both objects slide from the beginning of a short arc, or wheels err along a long one."""
     chain, random, period = crates.chain, np.random.default_rng(5), 1.0 / 30.0
-    estimator, believed, true, way = (
-        Estimator(ControlSettings(), 2, np.zeros(3)),
-        np.zeros(3),
-        np.zeros(3),
-        0.0,
-    )
+    estimator, believed, true, way = (Estimator(ControlSettings(), 2, np.zeros(3)), np.zeros(3), np.zeros(3), 0.0)
     scales = np.array([1.03, 1.0, 0.99]) if slides == 0.0 else np.ones(3)
     twist, k = np.array([0.2, 0.0, -0.14]), 0
     while way < length:

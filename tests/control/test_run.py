@@ -106,10 +106,7 @@ def test_a_loop_that_is_killed_leaves_what_has_happened(
     np.testing.assert_array_equal(cut.feedback.measured.t, run.simulated.measured.t[: len(cut.feedback.measured.t)])
     assert cut.feedback.measured.t[-1] > 1.9
     stopped = cut.feedback.events
-    assert [event.kind for event in stopped[:2]] == [
-        "plan",
-        "deviation",
-    ]  # contacts are less rough than believed
+    assert [event.kind for event in stopped[:2]] == ["plan", "deviation"]  # contacts are less rough than believed
     assert stopped == there(back.feedback).events[: len(stopped)]
 
 

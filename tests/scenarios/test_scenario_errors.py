@@ -137,33 +137,30 @@ def test_every_float_that_python_prints_is_read_back(value: float) -> None:
     assert resolve(repr(value)) == value
 
 
-@pytest.mark.parametrize(
-    ("text", "finding"),
-    [
-        ("a: *x", "f:1:4: a: aliases (*x) are not supported; write the value out"),
-        ("a: &x 1", "f:1:4: a: anchors (&x) are not supported; leave it out"),
-        ("a: !!float 1", "f:1:4: a: tags (tag:yaml.org,2002:float) are not supported; leave it out"),
-        ("a: !mine 1", "f:1:4: a: tags (!mine) are not supported; leave it out"),
-        ("b:\n  <<: {a: 1}", "f:2:3: b.<<: merge keys (<<) are not supported; write the keys out"),
-        ("a: 1\nb: 2\na: 3", "f:3:1: a: the key stands twice, first in line 1; keep one"),
-        ("x:\n  - {a: 1, a: 2}", "f:2:12: x[0].a: the key stands twice, first in line 2; keep one"),
-        ("? [1, 2]\n: 3", "f:1:3: ?: a key must be text, not a list or a mapping"),
-        ("a: 1\n---\nb: 2", "f:2:1: a second document begins here; a file must hold one"),
-        ("a: 1\n\tb: 2", "f:2:1: not valid YAML: a tab cannot stand here; indent with spaces"),
-        ("a: [1, 2", "f:1:9: not valid YAML: a list in [...] lacks a ',' or its ']'"),
-        ("a: {b: 1", "f:1:9: not valid YAML: a mapping in {...} lacks a ',' or its '}'"),
-        ("a: 'x", "f:1:6: not valid YAML: a quoted text lacks its closing quote"),
-        (
-            "a: b: c",
-            "f:1:5: not valid YAML: a ':' cannot stand here; indent the line like its neighbours, or quote the text",
-        ),
-        ('a: "\\U00110000"', "f:1:7: not valid YAML: a number or an escape is out of range"),
-        ("a: x\x00y", "f:1:5: the control character U+0000 is not allowed"),
-        ("a: 1\nb: \u2028", "f:2:4: the control character U+2028 is not allowed"),
-        (b"a: 1\nb: '\xff'", "f:2:5: the byte 0xff is not UTF-8; save the file as UTF-8"),
-        ("a".encode("utf-16"), "f:1:1: the byte 0xff is not UTF-8; save the file as UTF-8"),
-    ],
-)
+@pytest.mark.parametrize(("text", "finding"), [
+    ("a: *x", "f:1:4: a: aliases (*x) are not supported; write the value out"),
+    ("a: &x 1", "f:1:4: a: anchors (&x) are not supported; leave it out"),
+    ("a: !!float 1", "f:1:4: a: tags (tag:yaml.org,2002:float) are not supported; leave it out"),
+    ("a: !mine 1", "f:1:4: a: tags (!mine) are not supported; leave it out"),
+    ("b:\n  <<: {a: 1}", "f:2:3: b.<<: merge keys (<<) are not supported; write the keys out"),
+    ("a: 1\nb: 2\na: 3", "f:3:1: a: the key stands twice, first in line 1; keep one"),
+    ("x:\n  - {a: 1, a: 2}", "f:2:12: x[0].a: the key stands twice, first in line 2; keep one"),
+    ("? [1, 2]\n: 3", "f:1:3: ?: a key must be text, not a list or a mapping"),
+    ("a: 1\n---\nb: 2", "f:2:1: a second document begins here; a file must hold one"),
+    ("a: 1\n\tb: 2", "f:2:1: not valid YAML: a tab cannot stand here; indent with spaces"),
+    ("a: [1, 2", "f:1:9: not valid YAML: a list in [...] lacks a ',' or its ']'"),
+    ("a: {b: 1", "f:1:9: not valid YAML: a mapping in {...} lacks a ',' or its '}'"),
+    ("a: 'x", "f:1:6: not valid YAML: a quoted text lacks its closing quote"),
+    (
+        "a: b: c",
+        "f:1:5: not valid YAML: a ':' cannot stand here; indent the line like its neighbours, or quote the text",
+    ),
+    ('a: "\\U00110000"', "f:1:7: not valid YAML: a number or an escape is out of range"),
+    ("a: x\x00y", "f:1:5: the control character U+0000 is not allowed"),
+    ("a: 1\nb: \u2028", "f:2:4: the control character U+2028 is not allowed"),
+    (b"a: 1\nb: '\xff'", "f:2:5: the byte 0xff is not UTF-8; save the file as UTF-8"),
+    ("a".encode("utf-16"), "f:1:1: the byte 0xff is not UTF-8; save the file as UTF-8"),
+])  # fmt: skip
 def test_refusals_say_where_and_why(text: bytes | str, finding: str) -> None:
     assert refusal(text) == finding
 

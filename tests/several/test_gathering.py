@@ -210,10 +210,7 @@ def test_what_is_moved_first_keeps_off_those_that_are_placed(drive: dict[str, An
 
 def test_unequal_boxes_and_polygons_stand_flush() -> None:
     stated = document(gather="always")
-    shapes = (
-        {"box": [0.10, 0.20]},
-        {"polygon": [[0.0, 0.0], [0.2, 0.0], [0.25, 0.06], [0.2, 0.12], [0.0, 0.12]]},
-    )
+    shapes = ({"box": [0.10, 0.20]}, {"polygon": [[0.0, 0.0], [0.2, 0.0], [0.25, 0.06], [0.2, 0.12], [0.0, 0.12]]})
     objects = [dict(obj) for obj in stated["objects"]]
     objects[0]["shape"], objects[1]["shape"] = shapes
     plan = solved({**stated, "objects": objects})
@@ -295,11 +292,9 @@ def test_loads_of_a_row_are_flush_and_have_the_intervals_of_their_objects() -> N
     assert interval.pressures == {0: 0.1, 1: 0.1, 2: 0.1}
 
 
-@pytest.mark.parametrize(
-    ("off", "push", "flush"),
-    [(closing.OFF, 0.02, True), ((0.0, np.radians(25.0)), 0.02, False), (closing.OFF, 1e-4, False)],
-    ids=["as it may stand", "turned far", "pushed too little"],
-)
+@pytest.mark.parametrize(("off", "push", "flush"), [
+    (closing.OFF, 0.02, True), ((0.0, np.radians(25.0)), 0.02, False), (closing.OFF, 1e-4, False),
+], ids=["as it may stand", "turned far", "pushed too little"])  # fmt: skip
 def test_a_closing_is_simulated(
     made: tuple[Scenario, Plan], monkeypatch: Patch, off: tuple[float, float], push: float, flush: bool
 ) -> None:
@@ -321,14 +316,10 @@ CAGE = [{"box": [0.1, 1.3], "pose": [x, 1.4, 0]} for x in (1.4, 2.6)]
 CAGE += [{"box": [1.3, 0.1], "pose": [2.0, y, 0]} for y in (0.8, 2.0)]
 
 
-@pytest.mark.parametrize(
-    ("obstacles", "told", "blocking"),
-    [
-        ([*CAGE, {"box": [0.1, 4.0], "pose": [3.9, 2.0, 0]}], "'b' cannot be reached", (0, 1, 2, 3)),
-        ([{"box": [0.04, 3.8], "pose": [0.62, 1.9, 0]}], "the robot is boxed in", (0,)),
-    ],
-    ids=["a caged object", "a wall but for a gap"],
-)
+@pytest.mark.parametrize(("obstacles", "told", "blocking"), [
+    ([*CAGE, {"box": [0.1, 4.0], "pose": [3.9, 2.0, 0]}], "'b' cannot be reached", (0, 1, 2, 3)),
+    ([{"box": [0.04, 3.8], "pose": [0.62, 1.9, 0]}], "the robot is boxed in", (0,)),
+], ids=["a caged object", "a wall but for a gap"])  # fmt: skip
 def test_what_the_robot_cannot_come_up_to_is_proven(
     obstacles: list[dict[str, Any]], told: str, blocking: tuple[int, ...]
 ) -> None:

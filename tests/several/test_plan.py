@@ -143,9 +143,7 @@ def test_a_planner_answers_as_the_whole_call_does_and_again_among_other_things(p
     assert around.cost != once.cost
 
 
-def test_a_plan_for_the_rest_leaves_room_for_corrections_unless_that_takes_too_much_travel(
-    problem: Problem,
-) -> None:
+def test_a_plan_for_the_rest_leaves_room_for_corrections_unless_that_takes_too_much_travel(problem: Problem) -> None:
     scenario = problem("differential", contacts={"friction": 0.5})
     first = plan(scenario, seed=1, iterations=1, time_limit=60.0)
     rest = RestPlanner(scenario, first, (5e-3, np.radians(1.0)), Observer())

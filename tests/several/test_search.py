@@ -70,10 +70,7 @@ def side_by_side(problem: Problem, second_is: float = 0.15) -> Scenario:
         {"name": "a", "shape": {"box": [0.15, 0.15]}, "mass": 1.0, "offset": 0.1},
         {"name": "b", "shape": {"box": [second_is, 0.15]}, "mass": 1.0, "pose": [0.5 * second_is, -0.2, 0.0]},
     ]
-    robot, goal = (
-        {"footprint": {"box": [0.4, 0.4], "pose": [-0.215, 0, 0]}},
-        {"pose": [2.0, 1.2, 0.3], "of": "a"},
-    )
+    robot, goal = ({"footprint": {"box": [0.4, 0.4], "pose": [-0.215, 0, 0]}}, {"pose": [2.0, 1.2, 0.3], "of": "a"})
     return problem("differential", objects=objects, pusher={"width": 0.4}, robot=robot, goal=goal)
 
 
