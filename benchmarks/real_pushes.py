@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 import shapely
+from finger_push import FingerPush
 from random_chains import tell
 from scipy.optimize import least_squares, minimize
 
@@ -33,7 +34,7 @@ from pushplan.scenario.file import scenario_from_document
 from pushplan.sim.identify.identify import identify_pushes
 from pushplan.sim.identify.measured_push import MeasuredPush
 from pushplan.sim.identify.unknowns import MOST_BORDER, MOST_TILT, PressedOutline
-from pushplan.sim.slip.simulator import FingerPush, simulate_poses
+from pushplan.sim.slip.simulator import simulate_poses
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, IntArray
 

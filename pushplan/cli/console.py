@@ -15,7 +15,7 @@ import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
@@ -107,7 +107,6 @@ class Console:
 
     json: bool = False
     verbose: bool = False
-    imported: set[str] = field(default_factory=set)
 
     def say(self, *parts: str | tuple[str, str]) -> None:
         """Write a line of the result, for people: texts, or texts with a style such as `bold` or `red`."""

@@ -1,6 +1,9 @@
 """Simulated slip against mechanics worked out otherwise, measured pushes, and its solver."""
 
+import runpy
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +20,7 @@ from pushplan.scenario.parts import PolygonObstacle
 from pushplan.sim.physics.chains import simulate_twist
 from pushplan.sim.physics.engine import SLIPPING
 from pushplan.sim.report import ContactReport, Mode
-from pushplan.sim.slip.simulator import FingerPush, SlipSettings, SlipSimulator, simulate_poses
+from pushplan.sim.slip.simulator import SlipSettings, SlipSimulator, simulate_poses
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 
@@ -152,7 +155,10 @@ REAL = np.array(
 MIT MCube lab (Yu et al., IROS 2016), as logged in github.com/robinzhoucmu/Pushing, Apache-2.0; units changed."""
 
 
-def square(fingers: FloatArray, friction: float = 0.225) -> FingerPush:
+FingerPush = runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "finger_push.py"))["FingerPush"]
+
+
+def square(fingers: FloatArray, friction: float = 0.225) -> Any:
     obj = PushedObject("square", SQUARE[::-1], 1.0, 0.3, UniformSupport(SQUARE), np.zeros(3))
     return FingerPush(obj, fingers, friction)
 
