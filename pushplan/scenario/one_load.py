@@ -113,10 +113,14 @@ def one_load(source: Source, attachments: Attachments) -> Scenario | None:
 
 
 def _stated_goals(file: ScenarioFile) -> dict[Place, GoalPose]:
-    """Return the goals of a file by where each stands."""
-    if isinstance(file.goal, GoalPose):
-        return {("goal",): file.goal}
-    return {("goal", i): goal for i, goal in enumerate(file.goal)}
+    """Return the goals of a file by where each stands; a bare pose is that of the chain frame."""
+    stated: Any = file.goal
+    several = isinstance(stated, tuple) and not isinstance(stated[0], float)
+    each = {("goal", i): goal for i, goal in enumerate(stated)} if several else {("goal",): stated}
+    return {
+        place: goal if isinstance(goal, GoalPose) else GoalPose.model_construct(pose=goal)
+        for place, goal in each.items()
+    }
 
 
 def _goals_exist(file: ScenarioFile, stated: Mapping[Place, GoalPose], source: Source) -> bool:
@@ -145,9 +149,8 @@ def _check_for_several_only(file: ScenarioFile, source: Source) -> None:
     """Report what says nothing of one push with the plate in contact."""
     if file.robot.start is not None:
         return
-    several_goals = not isinstance(file.goal, GoalPose)
     meaningless: dict[Place, bool] = {
-        ("goal",): several_goals,
+        ("goal",): ("goal",) not in _stated_goals(file),
         ("goal", "symmetry"): isinstance(file.goal, GoalPose) and file.goal.symmetry > 1,
         ("pusher", "faces"): file.pusher.faces is not None,
         ("pusher", "offsets"): file.pusher.offsets is not None,

@@ -29,7 +29,7 @@ from pushplan.scenario.parts import DEFAULT_TOLERANCE, TOLERANCE_OF_SEVERAL
 from pushplan.scenario.units import fault
 from pushplan.util import names
 
-GOAL = "{pose: [x, y, theta], ...}, or a list of 1 to 100 of these, any of which will do"
+GOAL = "[x, y, theta], {pose: [x, y, theta], ...}, or a list of 1 to 100 of these, any of which will do"
 GOALS = "a mapping from names of objects to poses [x, y, theta], {pose: ..., symmetry: ...} or lists of these"
 ROW = "{of: [name, name, ...], pose: [x, y, theta]}, or wall: ... or anywhere: true in place of the pose"
 SNAP = "a length in m, e.g. 5 mm, or {position: 5 mm, angle: 2 deg}"
@@ -221,17 +221,6 @@ class RoomFile(t.Strict):
     )
 
 
-class ScenarioFile(RoomFile):
-    """One load, in contact with the plate or anywhere."""
-
-    start: t.Pose = Field(default=(0.0, 0.0, 0.0), description="[x, y, theta] of the chain frame in the world")
-    goal: Annotated[
-        Annotated[GoalPose, Tag("<one>")]
-        | Annotated[Annotated[tuple[GoalPose, ...], t.Several(1, 100)], Tag("<list>")],
-        Discriminator(t.one_or_list),
-    ] = Field(description=GOAL)
-
-
 def _goal_form(value: object) -> str:
     """Tell a goal from a list of goals: a pose is a list of numbers."""
     if not isinstance(value, list | tuple):
@@ -240,16 +229,27 @@ def _goal_form(value: object) -> str:
     return "<list>" if several else "<bare>"
 
 
-_Goal = Annotated[
-    Annotated[t.Pose, Tag("<bare>")] | Annotated[ObjectGoal, Tag("<one>")],
-    Discriminator(lambda value: "<bare>" if isinstance(value, list | tuple) else "<one>"),
-]
+_BARE_OR_ONE = Discriminator(lambda value: "<bare>" if isinstance(value, list | tuple) else "<one>")
+_Goal = Annotated[Annotated[t.Pose, Tag("<bare>")] | Annotated[GoalPose, Tag("<one>")], _BARE_OR_ONE]
+_ObjectGoal = Annotated[Annotated[t.Pose, Tag("<bare>")] | Annotated[ObjectGoal, Tag("<one>")], _BARE_OR_ONE]
 _Goals = Annotated[
     Annotated[t.Pose, Tag("<bare>")]
     | Annotated[ObjectGoal, Tag("<one>")]
-    | Annotated[Annotated[tuple[_Goal, ...], t.Several(1, 100)], Tag("<list>")],
+    | Annotated[Annotated[tuple[_ObjectGoal, ...], t.Several(1, 100)], Tag("<list>")],
     Discriminator(_goal_form),
 ]
+
+
+class ScenarioFile(RoomFile):
+    """One load, in contact with the plate or anywhere."""
+
+    start: t.Pose = Field(default=(0.0, 0.0, 0.0), description="[x, y, theta] of the chain frame in the world")
+    goal: Annotated[
+        Annotated[t.Pose, Tag("<bare>")]
+        | Annotated[GoalPose, Tag("<one>")]
+        | Annotated[Annotated[tuple[_Goal, ...], t.Several(1, 100)], Tag("<list>")],
+        Discriminator(_goal_form),
+    ] = Field(description=GOAL)
 
 
 class RearrangementFile(RoomFile):

@@ -13,7 +13,7 @@ import mutators
 import numpy as np
 import pytest
 from conftest import Patch, calls_of, there
-from kinds import SWAP
+from kinds import MULTI, SWAP
 from scenarios.conftest import Changed
 
 import pushplan
@@ -224,6 +224,20 @@ def _row(**changes: Any) -> Scenario:
 def test_arguments_and_file_state_the_same_scenario() -> None:
     assert _row() == scenario_from_text(TEXT)
     assert _row(obstacles=[PolygonObstacle(TRIANGLE)]) == _row(obstacles=[TRIANGLE.tolist()])
+
+
+@pytest.mark.parametrize(
+    ("bare", "stated"),
+    [
+        ("[1, 0.2, 5 deg]", "{pose: [1, 0.2, 5 deg]}"),
+        ("[[1, 0.2, 5 deg], {pose: [1, 1, 0], of: box}]", "[{pose: [1, 0.2, 5 deg]}, {pose: [1, 1, 0], of: box}]"),
+    ],
+)
+def test_a_goal_may_be_a_pose_alone(bare: str, stated: str) -> None:
+    goal = "{pose: [0.6, 0.4, 0.0], of: box}"
+    assert scenario_from_text(MULTI.replace(goal, bare)) == scenario_from_text(MULTI.replace(goal, stated))
+    with pytest.raises(ScenarioError, match=r"goal: is a list of 2; allowed: \[x, y, theta\]"):
+        scenario_from_text(MULTI.replace(goal, "[1, 2]"))
 
 
 def test_mistakes_are_told_all_at_once_by_place() -> None:
