@@ -50,7 +50,7 @@ from pushplan.scenario.model import Scenario
 from pushplan.sim.control.controller import Controller
 from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.replanner import Aim
-from pushplan.sim.control.simulated_push import Disturbance, Driven, OpenLoop, Simulator, simulate_push
+from pushplan.sim.control.simulated_push import Disturbance, ErringRobot, OpenLoop, Simulator, simulate_push
 from pushplan.sim.physics.stepping import PhysicsSimulator
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
@@ -184,7 +184,7 @@ def _apart(random: np.random.Generator, seed: int) -> dict[str, Any]:
 
 
 @dataclass(eq=False)
-class Astray(Driven[Controller]):
+class Astray(ErringRobot[Controller]):
     """A robot whose plate is not where the controller believes it to be when an approach begins.
 
     Attributes:

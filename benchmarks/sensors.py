@@ -51,7 +51,7 @@ from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import (
     Disturbance,
-    Driven,
+    ErringRobot,
     SimulatedPush,
     Simulator,
     simulate_push,
@@ -134,7 +134,7 @@ ERRORS = {
 
 
 @dataclass(eq=False)
-class Erring(Driven[Controller | Tracker]):
+class Erring(ErringRobot[Controller | Tracker]):
     """A robot whose eyes and wheels err.
 
     Attributes:

@@ -34,9 +34,10 @@ from pushplan.geometry.se2 import (
     twist_of,
     wrap_angle,
 )
-from pushplan.sim.control.sensing import errors_in_words
+from pushplan.sim.control.sensing import NOISY, noise_between
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.touching import tangents_of
+from pushplan.sim.control.values import COMMON, DELAY, NAMES, OWN, START_THETA, WHEELS, errors_in_words
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 ROOM = 320
@@ -51,12 +52,6 @@ STEPS = np.array([1e-5, 1e-5, 1e-5, 1e-4, 1e-5, 1e-5, 1e-5])
 """Steps of the differences by which derivatives are taken."""
 KNOT = 10
 """Poses of the plate between two that its way is added up from."""
-NOISY = 24
-"""Measurements of an object from which noise is estimated."""
-COMMON = 7
-"""Numbers that all objects share: x, y and theta of C, tau, s_v, c, s_w."""
-OWN = slice(3, COMMON)
-"""Those of clock and wheels, which stay the same from one push to the next."""
 PINNED = 1e6
 """Factor of what is likely of a value by which it is held where it is."""
 KNOWN = 1.0 / 3.0
@@ -74,12 +69,14 @@ class Sample:
         poses: (n, 3) of the objects, NaN where unseen.
         places: (n, 3) X_i.
         noise: (2,) its standard deviations as stated, m and rad.
+        found: (2,) likewise as found from measurements about then; None while there are too few.
     """
 
     time: float
     poses: FloatArray
     places: FloatArray
     noise: FloatArray
+    found: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +112,8 @@ class Estimator:
         count: Number of objects.
         wheels: (3,) pose of what the wheels move in the frame that is told of and in which the places are.
         known: Of a push before: what it found of clock and wheels is the prior.
-        aside: Standard deviation of where the load is along the plate, m: the plate has come up to it. That is no
-            error of the camera, and the plate stands elsewhere by as much.
+        aside_deviation: Standard deviation of where the load is along the plate, m: the plate has come up to it.
+            That is no error of the camera, and the plate stands elsewhere by as much.
         tangents: (n, 2) direction along the plate in each object's frame.
 
     Attributes:
@@ -132,7 +129,7 @@ class Estimator:
         wheels: FloatArray,
         known: Estimator | None = None,
         *,
-        aside: float = 0.0,
+        aside_deviation: float = 0.0,
         tangents: FloatArray | None = None,
     ) -> None:
         self.settings, self._count, self._wheels = settings, count, wheels
@@ -145,9 +142,9 @@ class Estimator:
             self._center[OWN] = known.values[OWN]
             self._prior[OWN] = np.maximum(np.sqrt(np.diag(known.covariance)[OWN]), DOUBT * self._prior[OWN])
         self._along = np.zeros(3 * count)  # how offsets change if the load stands 1 m farther to the left
-        if aside > 0.0 and tangents is not None:
+        if aside_deviation > 0.0 and tangents is not None:
             self._along.reshape(-1, 3)[:, :2] = tangents
-        self._shift = aside * np.array([0.0, 1.0, *np.zeros(COMMON - 2), *-self._along])  # of all values
+        self._shift = aside_deviation * np.array([0.0, 1.0, *np.zeros(COMMON - 2), *-self._along])  # of all values
         self.values: FloatArray = self._center.copy()
         self.covariance: FloatArray = self._likely
         self._found = np.zeros(2)
@@ -169,18 +166,19 @@ class Estimator:
     @property
     def late(self) -> float:
         """By how much measurements may be late, s."""
-        return max(0.0, float(self.values[3] + 2.0 * math.sqrt(self.covariance[3, 3])))
+        return max(0.0, float(self.values[DELAY] + 2.0 * math.sqrt(self.covariance[DELAY, DELAY])))
 
     def noise(self, samples: Sequence[Sample]) -> FloatArray:
         """Return standard deviations (k, 2) of samples, m and rad, as stated or as found where that is more."""
         stated = np.array([sample.noise for sample in samples])
-        return np.asarray(np.maximum(np.maximum(stated, self._found), 1e-6))
+        found = np.array([self._found if sample.found is None else sample.found for sample in samples])
+        return np.asarray(np.maximum(np.maximum(stated, found), 1e-6))
 
     def unstamped(self) -> None:
         """Expect what comes without a time to be late."""
         late = self.settings.late
-        self._center[3], self._prior[3] = late, late
-        self.values[3], self.covariance[3, 3] = late, late**2
+        self._center[DELAY], self._prior[DELAY] = late, late
+        self.values[DELAY], self.covariance[DELAY, DELAY] = late, late**2
         self._precision = _inverse(self._likely)
 
     def moved(self, time: float, plate: FloatArray) -> None:
@@ -215,7 +213,7 @@ class Estimator:
             driven: m.
             turned: rad, to either side.
         """
-        heading, _, along, aside, turns = (math.sqrt(self.covariance[p, p]) for p in range(2, COMMON))
+        heading, _, along, aside, turns = (math.sqrt(self.covariance[p, p]) for p in range(START_THETA, COMMON))
         return math.hypot(heading, along, aside, 0.5 * turns * turned) * driven
 
     def scaled(self, twist: FloatArray, wheels: FloatArray) -> FloatArray:
@@ -229,7 +227,7 @@ class Estimator:
 
     def asked(self, twist: FloatArray, wheels: FloatArray) -> FloatArray:
         """Return the body twist (3,) to tell a frame so that it does another; see `scaled`."""
-        s, c, w = self.values[4:7]
+        s, c, w = self.values[WHEELS]
         x, y, turn = twist_of(wheels, twist)
         size = (1 + s) ** 2 + c**2
         told = [((1 + s) * x + c * y) / size, ((1 + s) * y - c * x) / size, turn / (1 + w)]
@@ -294,7 +292,7 @@ class Estimator:
     def residuals(self, samples: list[Sample]) -> FloatArray:
         """Return what measurements are off (k, n, 3) of what is expected with closed contacts, in their frames."""
         times, poses, places = _arrays(samples)
-        plates = self._plates(self.values, *self._moments(times - self.values[3]))
+        plates = self._plates(self.values, *self._moments(times - self.values[DELAY]))
         return self._errors(plates, poses, places)
 
     def spread(self, sample: Sample) -> FloatArray:
@@ -306,10 +304,10 @@ class Estimator:
 
     def fit(self, now: float) -> None:
         """Find the most likely values for all samples that are old enough."""
+        self._look_at_noise(now - HOLD)
         samples = [sample for sample in self._samples if sample.time <= now - HOLD]
         if len(samples) < 8:
             return
-        self._look_at_noise(samples)
         linear = self.linear(samples)  # one Gauss-Newton step on from the last fit
         self.covariance = _inverse(linear.hessian)
         self.values = self.values - self.covariance @ linear.gradient
@@ -349,7 +347,7 @@ class Estimator:
         """Return how far the plate had driven (k,) when samples were taken, m."""
         history = self._history[: self._count_moved]
         ways = np.append(0.0, np.cumsum(np.hypot(*np.diff(history[:, 1:3], axis=0).T)))
-        times = np.array([sample.time for sample in samples]) - self.values[3]
+        times = np.array([sample.time for sample in samples]) - self.values[DELAY]
         return np.asarray(np.interp(times, history[:, 0], ways))
 
     def estimates(self, names: Sequence[str]) -> dict[str, tuple[float, float]]:
@@ -361,8 +359,7 @@ class Estimator:
         """
         own = [f"{name} {axis}" for name in names for axis in ("x", "y", "theta")]
         sigma = np.sqrt(np.diag(self.covariance))
-        keys = ["start x", "start y", "start theta", "delay", "odometry", "drift", "turns", *own]
-        return {key: (float(v), float(s)) for key, v, s in zip(keys, self.values, sigma, strict=False)}
+        return {key: (float(v), float(s)) for key, v, s in zip([*NAMES, *own], self.values, sigma, strict=False)}
 
     def words(self) -> str:
         """Return what was found, and what was not."""
@@ -371,15 +368,18 @@ class Estimator:
             values[COMMON:] -= along * (values[COMMON:] @ along) / (along @ along)
         return errors_in_words(values, np.sqrt(np.diag(self.covariance)), self._prior)
 
-    def _look_at_noise(self, samples: list[Sample]) -> None:
-        """Estimate the noise from what differs from one measurement to the next."""
-        recent = samples[-4 * NOISY :]
-        close = np.diff([sample.time for sample in recent]) < 0.15
-        errors = np.diff(self.residuals(recent), axis=0)[close] / math.sqrt(2.0)
-        errors = errors[~np.isnan(errors[..., 0])]
-        if len(errors) >= NOISY:
-            found = 1.48 * np.median(np.abs(errors), axis=0)
-            self._found = np.array([0.5 * (found[0] + found[1]), found[2]])
+    def _look_at_noise(self, until: float) -> None:
+        """Estimate the noise of the last samples up to a time; earlier ones keep what was found then.
+
+        A camera that gets worse has measured well before.
+        """
+        recent = [sample for sample in self._samples if sample.time <= until][-4 * NOISY :]
+        if len(recent) < 2:
+            return
+        found = noise_between(np.array([sample.time for sample in recent]), self.residuals(recent))
+        if found is not None:
+            since, self._found = recent[-2 * NOISY :][0].time, found
+            self._samples = [replace(s, found=found) if s.time >= since else s for s in self._samples]
 
     def _errors(self, plates: FloatArray, poses: FloatArray, places: FloatArray) -> FloatArray:
         expected = compose(plates[:, None], compose(places, self.values[COMMON:].reshape(-1, 3)))
@@ -390,19 +390,19 @@ class Estimator:
     def _linear(self, samples: list[Sample]) -> tuple[FloatArray, FloatArray]:
         """Return errors (k, n, 3) and their derivatives (k, n, 3, p); by those of B_i, which is small, minus 1."""
         times, poses, places = _arrays(samples)
-        moments = self._moments(times - self.values[3])
+        moments = self._moments(times - self.values[DELAY])
         plates = self._plates(self.values, *moments)
         moved = np.zeros((len(samples), 3, COMMON))  # body motions of the plate by each value
         away = plates[:, :2] - compose(self._history[0, 1:], self.values[:3])[:2]
         for p in (0, 1):
             ahead = rotate(float(self._history[0, 3]), np.eye(3)[p, :2])
             moved[:, :2, p] = rotate(-plates[:, 2], np.broadcast_to(ahead, away.shape))
-        moved[:, :2, 2] = rotate(-plates[:, 2], np.stack([-away[:, 1], away[:, 0]], axis=-1))
-        moved[:, 2, 2] = 1.0
-        for p in range(3, COMMON):
+        moved[:, :2, START_THETA] = rotate(-plates[:, 2], np.stack([-away[:, 1], away[:, 0]], axis=-1))
+        moved[:, 2, START_THETA] = 1.0
+        for p in range(DELAY, COMMON):
             values = self.values.copy()
             values[p] += STEPS[p]
-            at = self._moments(times - values[3]) if p == 3 else moments
+            at = self._moments(times - values[DELAY]) if p == DELAY else moments
             moved[:, :, p] = log(relative(plates, self._plates(values, *at))) / STEPS[p]
         there = compose(places, self.values[COMMON:].reshape(-1, 3))
         jacobian = np.zeros((*there.shape, len(self.values)))
@@ -448,7 +448,7 @@ def _arrays(samples: list[Sample]) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def _scaled(twists: FloatArray, values: FloatArray, wheels: FloatArray) -> FloatArray:
     """Return the twists (k, 3) that a frame does when it is told others; see `Estimator.scaled`."""
-    s, c, w = values[4:7]
+    s, c, w = values[WHEELS]
     x, y, turn = twist_of(wheels, twists).T
     scaled = np.empty(twists.shape)
     scaled[:, 0], scaled[:, 1], scaled[:, 2] = (1 + s) * x - c * y, (1 + s) * y + c * x, (1 + w) * turn

@@ -424,7 +424,9 @@ class PushLoop:
         self._take_place(compose(self.plate, shift))
         known, along = self.estimator, tangents_of(self.scenario.chain.places, self._normals)
         off = known.astray(*self._job.alone)
-        self.estimator = Estimator(self.settings, len(along), self._wheels, known, aside=off, tangents=along)
+        self.estimator = Estimator(
+            self.settings, len(along), self._wheels, known, aside_deviation=off, tangents=along
+        )
         self.moved(self._now)
         if not self._touch.over:
             self._straight(self._ahead, self._touch.length)

@@ -18,6 +18,8 @@ JUMP = (0.01, math.radians(0.5))
 """What (m, rad) the measured pose of the plate may be off from one to the next."""
 MEMORY = 3.0
 """How long poses of the plate and measurements are kept, s."""
+NOISY, CLOSE = 24, 0.15
+"""Measurements of an object from which noise is estimated, and time (s) up to which one comes next to another."""
 
 
 @dataclass(frozen=True)
@@ -191,35 +193,22 @@ class Sightings:
         return np.asarray(around + [off[there[:, i], i].mean(axis=0) for i in range(len(around))])
 
 
-def errors_in_words(values: FloatArray, sigma: FloatArray, prior: FloatArray) -> str:
-    """Return what errors of sensors and wheels were found, and what is not observable yet.
+def noise_between(times: FloatArray, errors: FloatArray) -> FloatArray | None:
+    """Return the standard deviations (2,), m and rad, by which errors differ from one measurement to the next.
 
     Args:
-        values: (7 + 3 n,) as those of `estimator.Estimator`.
-        sigma: Their standard deviations.
-        prior: Likewise, before anything was measured.
+        times: (k,) of measurements, s.
+        errors: (k, n, 3) of objects, NaN where unseen.
+
+    Returns:
+        None where there are too few that come next to one another.
     """
-    found, open_yet = [], []
-    x, y, theta, tau, s, c, w = values[:7]
-    far = float(np.hypot(x, y))
-    bias = values[7:].reshape(-1, 3)
-    offset, turned = float(np.hypot(*bias[:, :2].T).max()), float(np.abs(bias[:, 2]).max())
-    for value, k, text in (
-        (far, 0, f"plate's start {1e3 * far:.1f} mm off"),
-        (abs(theta), 2, f"directions {math.degrees(theta):.2f} deg off"),
-        (offset, 7, f"camera offset {1e3 * offset:.1f} mm"),
-        (turned, 9, f"headings {math.degrees(turned):.2f} deg off"),
-        (abs(tau), 3, f"delay {1e3 * tau:.0f} ms"),
-        (abs(s), 4, f"odometry {100 * abs(s):.1f} % {'short' if s > 0 else 'long'}"),
-        (abs(c), 5, f"drift aside {100 * abs(c):.1f} %"),
-        (abs(w), 6, f"turns {100 * abs(w):.1f} % {'short' if w > 0 else 'long'}"),
-    ):
-        if value > 4.0 * sigma[k] and value > 0.2 * prior[k]:
-            found.append(text)
-        elif sigma[k] > 0.8 * prior[k] and value < prior[k]:
-            open_yet.append(text.split(" ")[0])
-    told = ", ".join(found)
-    return told + (f"; not observable yet: {', '.join(open_yet)}" if found and open_yet else "")
+    steps = np.diff(errors, axis=0)[np.diff(times) < CLOSE] / math.sqrt(2.0)
+    steps = steps[~np.isnan(steps[..., 0])]
+    if len(steps) < NOISY:
+        return None
+    size = 1.48 * np.median(np.abs(steps), axis=0)
+    return np.array([0.5 * (size[0] + size[1]), size[2]])
 
 
 class Odometry:

@@ -179,7 +179,7 @@ D = TypeVar("D", bound=Driver)
 
 
 @dataclass(eq=False)
-class Driven(ABC, Generic[D]):
+class ErringRobot(ABC, Generic[D]):
     """A robot whose sensors or wheels err: it has a controller's load and segment, and a `step` of its own.
 
     Attributes:

@@ -24,7 +24,7 @@ from pushplan.sim.control.controller import Controller
 from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
-from pushplan.sim.control.simulated_push import Disturbance, Driven, OpenLoop, SimulatedPush, simulate_push
+from pushplan.sim.control.simulated_push import Disturbance, ErringRobot, OpenLoop, SimulatedPush, simulate_push
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 
@@ -131,7 +131,7 @@ def test_a_measured_plate_is_led_back_to_the_path_on_twists_that_the_contacts_be
     assert [event.kind for event in controller.events] == ["plan", "jump"]
 
 
-class Sensed(Driven[Controller]):
+class Sensed(ErringRobot[Controller]):
     """A controller on a robot whose wheels go less than they are told, with its own sensors."""
 
     def __init__(self, controller: Controller, short: float, on_board: bool, **stated: ArrayLike) -> None:
@@ -182,7 +182,7 @@ def test_a_robot_tells_how_it_moves_what_it_sees_from_itself_and_how_well(
     assert 0.0 < sigma < 5e-3
 
 
-class SeenAside(Driven[Controller]):
+class SeenAside(ErringRobot[Controller]):
     """A controller that sees its load aside in the first measurements of its first look."""
 
     def __init__(self, controller: Controller, off: float, count: int) -> None:
@@ -216,7 +216,7 @@ def test_unknown_loads_are_refused_before_anything_takes_long() -> None:
         Controller(replace(scenario("one-box"), chain=replace(chain, objects=(box,))))
 
 
-class NoticedOnTheWay(Driven[Controller]):
+class NoticedOnTheWay(ErringRobot[Controller]):
     """A controller that is told at 1 s what stands in the room."""
 
     def __init__(self, controller: Controller, obstacles: tuple[CircleObstacle, ...]) -> None:
