@@ -1,5 +1,6 @@
 """What the controller is made of."""
 
+import math
 from dataclasses import replace
 from typing import Literal
 
@@ -9,6 +10,7 @@ from conftest import there
 
 import pushplan
 from pushplan.geometry.se2 import compose, exp, inverse, relative, twist_of
+from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.perturb import slid
 from pushplan.planners.clearance import find_collision
 from pushplan.planners.planner import Planner
@@ -225,6 +227,40 @@ def test_slides_are_told_from_constant_errors(crates: pushplan.Scenario, what: s
     if found is not None:
         assert found.size == pytest.approx(slides[found.contact], abs=3e-3)
         assert found.since == pytest.approx(begin * 10.0, abs=1.5)
+
+
+def noticed_after(chain: Chain, rate: float, seed: int) -> float:
+    """Return how far (m) all that a chain holds has slid by so much a metre when that is found; inf where never.
+
+    It begins after 0.3 m of a straight, on an arc of 1 m of radius.
+    """
+    estimator, random, period = (
+        Estimator(ControlSettings(), len(chain.objects), np.zeros(3)),
+        np.random.default_rng(seed),
+        1 / 30,
+    )
+    plate, way = np.zeros(3), 0.0
+    for k in range(210):
+        step, far = 0.2 * period * min(1.0, 0.1 * k), max(0.0, rate * (way - 0.3))
+        estimator.moved(k * period, plate)
+        places = slid(chain, [far] + [0.0] * (len(chain.objects) - 1)).places
+        seen = compose(plate, places) + random.normal(size=places.shape) * NOISE[[0, 0, 1]]
+        estimator.add(Sample(k * period, seen, chain.places, NOISE))
+        if k % 8 == 0:
+            estimator.fit(k * period)
+            found = find_slide(estimator, chain, 0.0)
+            if found is not None:
+                return far if rate and found.size > 0.0 else -math.inf
+        plate, way = compose(plate, exp(np.array([step, 0.0, step if way > 0.3 else 0.0]))), way + step
+    return math.inf
+
+
+def test_a_single_box_that_slides_on_an_arc_is_noticed_before_8_mm() -> None:
+    """That the wheels are elsewhere by as much explains nearly the same; with none, nothing is noticed."""
+    chain = pushplan.load_scenario("one-box").chain
+    far = np.array([noticed_after(chain, 0.01, seed) for seed in range(6)])
+    assert ((far > 0.0) & (far < 8e-3)).all()
+    assert {noticed_after(chain, 0.0, seed) for seed in range(6)} == {math.inf}
 
 
 def test_a_sensor_has_its_rate_delay_and_noise() -> None:
