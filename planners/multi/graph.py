@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.core.driving import Surroundings, shortest_drive
+from pushplan.core.driving import Surroundings, shortest_drives
 from pushplan.core.pushes import approaches_are_free, find_push, settles, word_costs
 from pushplan.core.sequences import cheapest_sequence
 from pushplan.core.transit import find_transit, shortened, transit_is_free
@@ -210,7 +210,7 @@ class Graph:
         second = self._room.contacts[step.contact].packed
         goal = second.robot_at(step.before, second.approach)
         way = shortened(around, wheels, step.start, step.transit, self._state, SHORTCUTS)
-        if way[:, 3].sum() > LONG * shortest_drive(wheels, step.start, goal):
+        if way[:, 3].sum() > LONG * shortest_drives(wheels, step.start[None], goal[None])[0, 0]:
             other = self._found_transit(around, step.start, goal, EFFORT[0])
             if other is not None:
                 other = shortened(around, wheels, step.start, other, self._state, SHORTCUTS)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pushplan.core.collision import SLACK, Scene, sweep_is_free
-from pushplan.core.driving import Surroundings, WheelKind, Wheels, shortest_drive
+from pushplan.core.driving import Surroundings, WheelKind, Wheels, shortest_drives
 from pushplan.core.problem import MOST_FAMILIES
 from pushplan.core.pushes import PackedMode
 from pushplan.core.transit import find_transit, shortened
@@ -99,10 +99,9 @@ class PushRoom:
             if packed is not None and reaches(load, packed):
                 contacts.append(Contact(mode, mode.margin(level), packed, _with_body(robot, mode.load.problem)))
         packed_modes = [contact.packed for contact in contacts]
-        ends = [(m.robot_at(NOWHERE, m.retreat), m.robot_at(NOWHERE, m.approach)) for m in packed_modes]
-        shortest = [[shortest_drive(wheels, left[0], taken[1]) for taken in ends] for left in ends]
-        table = np.array(shortest).reshape(len(ends), len(ends))
-        return cls(scenario, wheels, robot, load, tuple(contacts), table)
+        left = np.array([mode.robot_at(NOWHERE, mode.retreat) for mode in packed_modes]).reshape(-1, 3)
+        taken = np.array([mode.robot_at(NOWHERE, mode.approach) for mode in packed_modes]).reshape(-1, 3)
+        return cls(scenario, wheels, robot, load, tuple(contacts), shortest_drives(wheels, left, taken))
 
     def of_twin(self, scenario: Scenario, modes: tuple[ContactMode, ...]) -> PushRoom:
         """Return the same for a load that differs in name and place only; ways around it are shared."""

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pushplan.core.driving import shortest_drive
+from pushplan.core.driving import shortest_drives
 from pushplan.core.pushes import word_costs
 from pushplan.geometry import se2
 from pushplan.planners.multi.hands import SHORT, Floor, Hand, Hands, Move, Pushed
@@ -132,8 +132,8 @@ class Steps:
     def _least_drive(self, plate: FloatArray, member: Member) -> float:
         """Return what the robot's way to an object costs at least, m."""
         before = se2.compose(self.entries[member], [-self.choice.approach, 0.0, 0.0])
-        way = shortest_drive(self.floor.wheels, plate, before) + self.choice.approach
-        return self.choice.transit_weight * way
+        way = shortest_drives(self.floor.wheels, plate[None], before[None])[0, 0] + self.choice.approach
+        return self.choice.transit_weight * float(way)
 
     def next(self, now: Node, closes: bool, delivers: bool) -> Iterator[tuple[float, Chance]]:
         """Yield what may come after a node, with bounds of the cost until the end."""

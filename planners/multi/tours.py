@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from pushplan.core.driving import shortest_drive
-from pushplan.core.pushes import approaches_are_free, find_push
+from pushplan.core.driving import shortest_drives
+from pushplan.core.pushes import push_costs
 from pushplan.geometry import se2
 from pushplan.planners.multi.room import PushRoom
 from pushplan.planners.multi.transfers import Piece, Situation, plates_after
@@ -126,14 +126,9 @@ def _push_costs(room: PushRoom, pose: FloatArray, goals: FloatArray, asked: Bool
     """
     pushes = room.scenario.pushes
     assert pushes is not None
-    costs = np.full((len(room.contacts), len(goals)), math.inf)
-    for k, contact in enumerate(room.contacts):
-        mode = contact.packed
-        if not approaches_are_free(room.robot, mode, pose[None], False)[0]:
-            continue
-        ends = approaches_are_free(room.robot, mode, goals, True)
-        for goal in np.flatnonzero(ends if asked is None else ends & asked[k]):
-            costs[k, goal] = find_push(contact.scene, mode, pose, goals[goal])[0]
+    asked = np.ones((len(room.contacts), len(goals)), dtype=np.bool_) if asked is None else asked
+    contacts = [(contact.scene, contact.packed) for contact in room.contacts]
+    costs = push_costs(room.robot, contacts, pose, goals, asked)
     return costs + pushes.transit_weight * (pushes.approach + pushes.retreat)
 
 
@@ -199,8 +194,7 @@ class Tours:
         assert room.scenario.pushes is not None
         inner = se2.inverse(room.scenario.chain.pusher.plate_pose)
         starts, goals = (se2.compose(poses, inner) for poses in (plates, self._ends[piece].entries))
-        ways = np.array([[shortest_drive(room.wheels, start, goal) for goal in goals] for start in starts])
-        return room.scenario.pushes.transit_weight * ways
+        return room.scenario.pushes.transit_weight * shortest_drives(room.wheels, starts, goals)
 
     def _costs(self, piece: int, sets: IntArray) -> FloatArray:
         """Return what the pushes of a body cost while sets of bodies (s,), by bits, are left: (s, m, k), m."""

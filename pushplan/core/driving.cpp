@@ -197,6 +197,18 @@ nb::list drives_as_arrays(const Wheels &wheels, const Numbers &start, const Numb
     return out;
 }
 
+Made<double> shortest_between(const Wheels &wheels, const Numbers &starts, const Numbers &goals) {
+    const auto from = to_rows<Pose>(starts, "starts"), to = to_rows<Pose>(goals, "goals");
+    std::vector<double> costs;
+    {
+        nb::gil_scoped_release free;
+        for (const Pose &start : from)
+            for (const Pose &goal : to)
+                costs.push_back(shortest_drive(wheels, start, goal));
+    }
+    return to_numpy(std::move(costs), {starts.shape(0), goals.shape(0)});
+}
+
 } // namespace
 
 void bind_driving(nb::module_ &core) {
@@ -226,12 +238,7 @@ void bind_driving(nb::module_ &core) {
         .def_prop_ro("place", [](const Surroundings &around) { return to_array(around.place); });
     m.def("find_reeds_shepp", &reeds_shepp_as_arrays, nb::arg("x"), nb::arg("y"), nb::arg("phi"));
     m.def("find_drives", &drives_as_arrays, nb::arg("wheels"), nb::arg("start"), nb::arg("goal"));
-    m.def(
-        "shortest_drive",
-        [](const Wheels &wheels, const Numbers &start, const Numbers &goal) {
-            return shortest_drive(wheels, to_pose(start), to_pose(goal));
-        },
-        nb::arg("wheels"), nb::arg("start"), nb::arg("goal"));
+    m.def("shortest_drives", &shortest_between, nb::arg("wheels"), nb::arg("starts"), nb::arg("goals"));
 }
 
 } // namespace pushplan

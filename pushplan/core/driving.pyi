@@ -57,5 +57,5 @@ def find_reeds_shepp(x: float, y: float, phi: float) -> list[tuple[FloatArray, F
 def find_drives(wheels: Wheels, start: FloatArray, goal: FloatArray) -> list[FloatArray]:
     """Return the arcs (k, 4) of every word between two poses (3,) of the robot, whatever is in the way."""
 
-def shortest_drive(wheels: Wheels, start: FloatArray, goal: FloatArray) -> float:
-    """Return the cost of the cheapest word between two poses (3,) of the robot where nothing is in the way, m."""
+def shortest_drives(wheels: Wheels, starts: FloatArray, goals: FloatArray) -> FloatArray:
+    """Return (n, m) costs of cheapest words from poses (n, 3) of the robot to poses (m, 3) in an empty room, m."""

@@ -10,6 +10,9 @@ namespace {
 // Words that are swept for a push, at most.
 constexpr int PUSH_TRIES = 6;
 
+// Poses along a turn or a straight push, of which the nearest to a goal is looked for.
+constexpr int ALONG = 400;
+
 } // namespace
 
 Pose PackedMode::robot_at(const Pose &load, double behind) const {
@@ -74,6 +77,41 @@ bool approach_is_free(const Scene &robot, const PackedMode &mode, const Pose &lo
     if (gap < mode.clearance - ROUNDING || separation(robot, away, enough) < enough)
         return false;
     return sweep_is_free(scene_with_gap(robot, gap, mode.clearance), away, {1.0, 0.0, 0.0}, behind);
+}
+
+std::vector<Passing> find_passings(const PackedMode &mode, const Pose &load, const Pose &inner,
+                                   const std::vector<Pose> &goals, double distance, double angle, double far) {
+    const Pose begin = mode.settled(joined(load, mode.contact)), back = seen_from(mode.contact, {0.0, 0.0, 0.0});
+    const Pose own = joined(back, inner);
+    const double stride = far / (ALONG - 1);
+    std::vector<Passing> found;
+    for (const Family &family : mode.families) {
+        for (const Twist &twist : family) {
+            if (twist.is_zero())
+                continue;
+            const double speed = std::hypot(twist.vx - twist.omega * own.y, twist.vy + twist.omega * own.x);
+            double best = INF;
+            Passing passing{};
+            for (int k = 0; k < ALONG;) {
+                const Pose at = step(begin, twist, k * stride), pose = joined(at, own);
+                double nearest = INF;
+                for (std::size_t g = 0; g < goals.size(); ++g) {
+                    const double away = std::hypot(pose.x - goals[g].x, pose.y - goals[g].y);
+                    const double turned = std::abs(floored_mod(pose.theta - goals[g].theta + PI, 2.0 * PI) - PI);
+                    const double share = std::max(away / distance, turned / angle);
+                    if (share <= 1.0 && share < best)
+                        best = share, passing = {joined(at, back), static_cast<int>(g)};
+                    nearest = std::min(nearest, away);
+                }
+                // No pose is within the distance until it is driven.
+                const double strides = (nearest - distance) / (speed * stride);
+                k += strides >= ALONG ? ALONG : strides > 1.0 ? static_cast<int>(strides) : 1;
+            }
+            if (best <= 1.0)
+                found.push_back(passing);
+        }
+    }
+    return found;
 }
 
 namespace {
@@ -156,6 +194,50 @@ nb::tuple push_between(const Scene &scene, const PackedMode &mode, const Numbers
     return nb::make_tuple(found.cost, to_table(found.arcs));
 }
 
+// Return (m, g) what single pushes cost by contacts, pairs of a scene and a mode, to goals; infinite where none is free.
+Made<double> push_costs(const Scene &robot, const nb::list &contacts, const Numbers &start, const Numbers &goals,
+                        const Given<bool> &asked) {
+    const auto ends = to_rows<Pose>(goals, "goals");
+    const Pose first = to_pose(start);
+    std::vector<std::pair<const Scene *, const PackedMode *>> pairs;
+    for (const nb::handle contact : contacts) {
+        const auto pair = nb::cast<nb::tuple>(contact);
+        pairs.emplace_back(&nb::cast<const Scene &>(pair[0]), &nb::cast<const PackedMode &>(pair[1]));
+    }
+    const auto count = static_cast<std::ptrdiff_t>(ends.size());
+    const auto rows = static_cast<std::ptrdiff_t>(pairs.size());
+    if (asked.ndim() != 2 || asked.shape(0) != rows || asked.shape(1) != count)
+        throw std::invalid_argument("what is asked for is a table of contacts and goals");
+    std::vector<double> costs(ends.size() * pairs.size(), INF);
+    {
+        nb::gil_scoped_release free;
+        for (std::size_t k = 0; k < pairs.size(); ++k) {
+            const auto &[scene, mode] = pairs[k];
+            if (!approach_is_free(robot, *mode, first, false))
+                continue;
+            for (std::size_t g = 0; g < ends.size(); ++g) {
+                const std::size_t i = k * ends.size() + g;
+                if (asked.data()[i] && approach_is_free(robot, *mode, ends[g], true))
+                    costs[i] = find_push(*scene, *mode, first, ends[g]).cost;
+            }
+        }
+    }
+    return to_numpy(std::move(costs), {rows, count});
+}
+
+nb::tuple passings_of(const PackedMode &mode, const Numbers &load, const Numbers &inner, const Numbers &goals,
+                      const Numbers &within, double far) {
+    if (within.size() != 2)
+        throw std::invalid_argument("a tolerance is a distance and an angle");
+    const auto found = find_passings(mode, to_pose(load), to_pose(inner), to_rows<Pose>(goals, "goals"),
+                                     within.data()[0], within.data()[1], far);
+    std::vector<Pose> poses;
+    std::vector<std::int64_t> rows;
+    for (const Passing &one : found)
+        poses.push_back(one.load), rows.push_back(one.goal);
+    return nb::make_tuple(to_table(poses), to_numpy(std::move(rows)));
+}
+
 bool settles_at(const Scene &scene, const PackedMode &mode, const Numbers &load) {
     const Pose at = to_pose(load);
     nb::gil_scoped_release free;
@@ -181,6 +263,10 @@ void bind_pushes(nb::module_ &core) {
     m.def("word_costs", &costs_between, nb::arg("mode"), nb::arg("starts"), nb::arg("goals"), nb::arg("sofar"),
           nb::arg("left"), nb::arg("below"));
     m.def("find_push", &push_between, nb::arg("scene"), nb::arg("mode"), nb::arg("start"), nb::arg("goal"));
+    m.def("push_costs", &push_costs, nb::arg("robot"), nb::arg("contacts"), nb::arg("start"), nb::arg("goals"),
+          nb::arg("asked"));
+    m.def("find_passings", &passings_of, nb::arg("mode"), nb::arg("load"), nb::arg("inner"), nb::arg("goals"),
+          nb::arg("within"), nb::arg("far"));
     m.def("settles", &settles_at, nb::arg("scene"), nb::arg("mode"), nb::arg("load"));
     m.def("approaches_are_free", &approaches_are_free, nb::arg("robot"), nb::arg("mode"), nb::arg("loads"),
           nb::arg("back"));

@@ -52,4 +52,17 @@ bool settles(const Scene &scene, const PackedMode &mode, const Pose &load);
 // Return whether the straight way to the contact, or back from it, is free with the load at a pose.
 bool approach_is_free(const Scene &robot, const PackedMode &mode, const Pose &load, bool back);
 
+// A load's pose where a turn or a straight push passes by one of some goals, and that goal's row.
+struct Passing {
+    Pose load;
+    int goal;
+};
+
+// Return where turns and straight pushes of a contact pass by goals within a distance (m) and an angle (rad).
+//
+// `inner` is the frame, in the load's, that the goals are of; of each push as long as `far`, m, the pose of so many
+// that is nearest to a goal is taken.
+std::vector<Passing> find_passings(const PackedMode &mode, const Pose &load, const Pose &inner,
+                                   const std::vector<Pose> &goals, double distance, double angle, double far);
+
 } // namespace pushplan

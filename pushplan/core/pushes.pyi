@@ -1,7 +1,7 @@
 """Pushes of the load by one contact between two poses, and the straight ways to the contact and back."""
 
 from pushplan.core.collision import Scene
-from pushplan.util.arrays import BoolArray, FloatArray
+from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 ARCS: int
 """Of a push, at most: the settling one, and those of a word."""
@@ -75,6 +75,37 @@ def find_push(scene: Scene, mode: PackedMode, start: FloatArray, goal: FloatArra
 
     Returns:
         Its cost, m, infinite if there is none; and (ARCS, 4) the twists, in the contact's frame, and lengths.
+    """
+
+def push_costs(
+    robot: Scene,
+    contacts: list[tuple[Scene, PackedMode]],
+    start: FloatArray,
+    goals: FloatArray,
+    asked: BoolArray,
+) -> FloatArray:
+    """Return what single pushes cost from a pose of the load, with room for approach and retreat, (m, g), m.
+
+    Args:
+        robot: The robot among what stands in the room.
+        contacts: m times the chain with a contact there, and the contact.
+        start: (3,) pose of the load.
+        goals: (g, 3) likewise.
+        asked: (m, g) which of them are looked for; the others cost infinitely much, as those that are not free.
+    """
+
+def find_passings(
+    mode: PackedMode, load: FloatArray, inner: FloatArray, goals: FloatArray, within: FloatArray, far: float
+) -> tuple[FloatArray, IntArray]:
+    """Return where turns and straight pushes pass by goals, (k, 3) poses of the load, and by which, (k,) rows.
+
+    Args:
+        mode: The contact.
+        load: (3,) pose that the pushes begin at.
+        inner: (3,) pose in the load's frame of the frame that the goals are of.
+        goals: (g, 3) poses of it.
+        within: (2,) how far from a goal counts, m and rad.
+        far: Length of each push, m; 400 poses along it are looked at, and the nearest to a goal is taken.
     """
 
 def settles(scene: Scene, mode: PackedMode, load: FloatArray) -> bool:

@@ -10,7 +10,7 @@ import pytest
 from conftest import Patch, there
 from several.conftest import problem_document
 
-from pushplan.core.driving import shortest_drive
+from pushplan.core.driving import shortest_drives
 from pushplan.geometry import se2
 from pushplan.planners.multi.rearrangement import RearrangementSearch
 from pushplan.planners.multi.room import TOLERANCE_USED
@@ -119,8 +119,8 @@ def test_a_tour_costs_what_the_cheapest_of_all_orders_costs() -> None:
             others += [ends[piece].brought[k] for k in order[:at]]
             pushes = np.max([ends[piece].costs, *others], axis=0)
             faces = se2.compose(ends[piece].entries, inner)
-            ways = [[shortest_drive(wheels, left, face) for face in faces] for left in se2.compose(plates, inner)]
-            begins = (costs[:, None] + there(scenario.pushes).transit_weight * np.array(ways)).min(axis=0)
+            ways = shortest_drives(wheels, se2.compose(plates, inner), faces)
+            begins = (costs[:, None] + there(scenario.pushes).transit_weight * ways).min(axis=0)
             costs, plates = (begins[:, None] + pushes).min(axis=0), ends[piece].exits
         begun[order[0]] = min(begun[order[0]], float(costs.min()))
     assert Tours.of(pieces, now).begun(now.plate, now.left) == pytest.approx(begun, abs=1e-9)

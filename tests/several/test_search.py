@@ -8,14 +8,13 @@ import pytest
 from conftest import there
 from several.conftest import Problem, problem_document
 
-from pushplan.core.pushes import ARCS, find_push, word_costs
+from pushplan.core.pushes import ARCS, find_passings, find_push, word_costs
 from pushplan.core.samples import descend
 from pushplan.core.sequences import cheapest_sequence
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import places
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes
 from pushplan.planners.multi.multi_push import MultiPushSearch
-from pushplan.planners.multi.near_goals import passing_distances
 from pushplan.planners.multi.room import Question, lower_bounds
 from pushplan.planners.multi.search import Limits, search
 from pushplan.planners.planner import plan
@@ -167,11 +166,26 @@ def test_two_pushes_move_a_box_aside_where_one_takes_six_metres(problem: Problem
     assert sum(step.cost for step in better.steps) < 0.6
 
 
-def test_the_whole_of_a_turn_or_a_straight_push_passes_by_a_point_as_near_as_is_said() -> None:
-    start, random = np.array([0.3, -0.2, 0.7]), np.random.default_rng(1)
-    twists = np.array([[1.0, 0.2, 0.0], [1.0, 0.0, 0.9], [0.8, -0.4, -2.0], [0.0, 0.0, 3.0]])
-    points = random.uniform(-2.0, 2.0, (20, 2))
-    lengths = np.linspace(-10.0, 10.0, 40_001)
-    along = se2.compose(start, se2.exp(lengths[:, None, None] * twists))  # whole circles, and far along the line
-    away = np.hypot(*np.moveaxis(along[:, :, None, :2] - points, -1, 0)).min(axis=0)
-    np.testing.assert_allclose(passing_distances(start, twists, points), away, atol=1e-4)
+def test_pushes_pass_by_goals_where_the_nearest_of_many_poses_is(problem: Problem) -> None:
+    room = prepared_of(problem("car", 2)).room(0)
+    inner, load, far = room.scenario.chain.objects[0].pose_chain, np.array([0.3, -0.2, 0.7]), 4.0
+    random, within, passed = np.random.default_rng(1), np.array([0.05, 0.2]), 0
+    for mode in (contact.packed for contact in room.contacts):
+        begin = se2.compose(se2.compose(load, mode.contact), se2.exp(mode.settling * mode.settle))
+        twists = [twist for twist in mode.families.reshape(-1, 3) if twist.any()]
+        arcs = [se2.compose(begin, se2.exp(np.linspace(0.0, far, 400)[:, None] * twist)) for twist in twists]
+        loads = [se2.compose(arc, se2.inverse(mode.contact)) for arc in arcs]
+        goals = se2.compose(np.array([own[random.integers(400)] for own in loads]), inner)
+        goals += random.uniform(-1.5, 1.5, goals.shape) * [0.03, 0.03, 0.1]
+        expected = []
+        for own in loads:
+            apart = se2.compose(own, inner)[:, None] - goals
+            away, turned = np.hypot(apart[..., 0], apart[..., 1]), np.abs(se2.wrap_angle(apart[..., 2]))
+            share = np.maximum(away / within[0], turned / within[1])
+            k, goal = np.unravel_index(share.argmin(), share.shape)
+            if share[k, goal] <= 1.0:
+                expected.append((*own[k], goal))
+        poses, rows = find_passings(mode, load, inner, goals, within, far)
+        np.testing.assert_allclose(np.column_stack([poses, rows]), np.array(expected).reshape(-1, 4), atol=1e-9)
+        passed += len(rows)
+    assert passed > 0
