@@ -304,7 +304,7 @@ def _touched(segment: Segment) -> tuple[str, ...]:
 
 def _apart(poses: Poses, others: Poses) -> float:
     """Return the largest error (m or rad) between poses and those of the same names among others."""
-    return max((max(se2.pose_error(np.asarray(pose), np.asarray(others[name]))) for name, pose in poses.items()))
+    return float(se2.pose_errors(np.array([*poses.values()]), np.array([others[name] for name in poses])).max())
 
 
 def _wrong_order(first: Segment, second: Segment) -> str:

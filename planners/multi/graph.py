@@ -66,6 +66,9 @@ LONG = 1.05
 """A way that is so much longer than the shortest one where nothing is in the way is looked for once more. In rooms of
 ReloPush that makes first plans 4 % shorter; more tries add 0.1 %."""
 
+SHORTER = 1e-6
+"""Smallest saving of a shorter way, m."""
+
 SAME = 1e-9
 """Costs that differ by less are what was assumed, m."""
 
@@ -209,8 +212,11 @@ class Graph:
         around, wheels = self._room.around(step.before), self._room.wheels
         second = self._room.contacts[step.contact].packed
         goal = second.robot_at(step.before, second.approach)
-        way = shortened(around, wheels, step.start, step.transit, self._state, SHORTCUTS)
-        if way[:, 3].sum() > LONG * shortest_drives(wheels, step.start[None], goal[None])[0, 0]:
+        least = float(shortest_drives(wheels, step.start[None], goal[None])[0, 0])
+        way = step.transit
+        if way[:, 3].sum() > least + SHORTER:
+            way = shortened(around, wheels, step.start, way, self._state, SHORTCUTS)
+        if way[:, 3].sum() > LONG * least:
             other = self._found_transit(around, step.start, goal, EFFORT[0])
             if other is not None:
                 other = shortened(around, wheels, step.start, other, self._state, SHORTCUTS)

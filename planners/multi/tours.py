@@ -13,7 +13,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import shapely
 
 from pushplan.core.driving import shortest_drives
 from pushplan.core.pushes import push_costs
@@ -31,9 +30,6 @@ FEW = 8
 
 HARD = 3.0
 """A body can always be brought to a goal for so much more than its cheapest push alone costs, it is assumed, m."""
-
-SAME = 1e-6
-"""Goals at which a body covers the same, but for so much, are one place, m."""
 
 
 class Rooms:
@@ -115,7 +111,7 @@ class Ends:
 
         others = [k for k in rooms.moved if k != piece]
         waiting = {k: among(k, now.poses[k]) for k in others}
-        brought = {k: among(k, goal) for k in others for goal in _only_place(pieces[k])}
+        brought = {k: among(k, goal) for k in others for goal in pieces[k].only_place}
         return cls(entries, exits[kept], least(free), waiting, brought)
 
 
@@ -130,12 +126,6 @@ def _push_costs(room: PushRoom, pose: FloatArray, goals: FloatArray, asked: Bool
     contacts = [(contact.scene, contact.packed) for contact in room.contacts]
     costs = push_costs(room.robot, contacts, pose, goals, asked)
     return costs + pushes.transit_weight * (pushes.approach + pushes.retreat)
-
-
-def _only_place(piece: Piece) -> list[FloatArray]:
-    """Return one of the goals (3,) of a body where it covers the same at all of them, else none."""
-    away = shapely.hausdorff_distance(piece.goal_areas[0], np.array(piece.goal_areas))
-    return [piece.goals[0].pose_chain] if (away < SAME).all() else []
 
 
 class Tours:

@@ -19,6 +19,9 @@ from pushplan.plans.segment import Poses
 from pushplan.scenario.parts import Goal, PolygonObstacle
 from pushplan.util.arrays import FloatArray, frozen
 
+SAME = 1e-6
+"""Goals at which a body covers the same, but for so much, are one place, m."""
+
 
 @dataclass(frozen=True, eq=False)
 class Piece:
@@ -51,6 +54,12 @@ class Piece:
     def goal_areas(self) -> list[shapely.MultiPolygon]:
         """What it covers at each of its goals."""
         return [self.area(goal.pose_chain) for goal in self.goals]
+
+    @cached_property
+    def only_place(self) -> list[FloatArray]:
+        """One of its goals (3,) where it covers the same at all of them, else none."""
+        away = shapely.hausdorff_distance(self.goal_areas[0], np.array(self.goal_areas))
+        return [self.goals[0].pose_chain] if (away < SAME).all() else []
 
 
 @dataclass(frozen=True, eq=False)
