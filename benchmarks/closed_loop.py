@@ -320,16 +320,11 @@ def carried_out(problems: Iterator[tuple[Scenario, Plan]], verbose: bool, physic
 
 
 def _told(row: Row) -> str:
-    rests = sum(_is_rest(replan) for replan in row.replans)
+    rests = sum(replan.rest and replan.solved for replan in row.replans)
     arrived = "arrives" if row.closed else "MISSES "
     off = f"{1e3 * row.error[0]:.1f} mm {np.degrees(row.error[1]):.2f} deg"
     way = f"{row.travel:.1f} m, {row.planned:.1f} planned"
     return f"{arrived} {way}: {off}, {rests} plans for the rest, {row.seconds:.0f} s: {row.why}"
-
-
-def _is_rest(replan: Replan) -> bool:
-    """Tell whether this is a plan for the rest, not one of a single push."""
-    return replan.solved and replan.result is not None and replan.result.path is None
 
 
 def report(rows: list[Row]) -> int:
@@ -340,7 +335,7 @@ def report(rows: list[Row]) -> int:
         low, high = wilson(count, len(rows))
         shares[who] = count / len(rows)
         print(f"{who:7} loop: {count} of {len(rows)} arrive ({100 * low:.1f} to {100 * high:.1f} %)")
-    every = [replan for row in rows for replan in row.replans if not _is_rest(replan)]
+    every = [replan for row in rows for replan in row.replans if not replan.rest]
     replans = np.array([replan.seconds for replan in every])
     solved = np.array([replan.seconds for replan in every if replan.solved])
     for words, value, wanted, good in (

@@ -62,12 +62,14 @@ class Replan:
         result: What was planned; None where the start or the chain is none to plan with.
         reason: Why there is no plan; empty if there is one.
         seconds: CPU time that it took, s; NaN of one that was read from a log.
+        rest: Whether it is of all that is left to do, several pushes, and not of the one that was begun.
     """
 
     time: float
     result: Plan | None
     reason: str
     seconds: float
+    rest: bool = False
 
     @property
     def solved(self) -> bool:
@@ -114,7 +116,7 @@ def segments_of(plan: Plan | None, feedback: Feedback | None) -> tuple[Segment, 
     """
     replans = () if feedback is None else feedback.replans
     plans = [] if plan is None else [plan]
-    plans += [r.result for r in replans if r.solved and r.result is not None and r.result.path is None]
+    plans += [r.result for r in replans if r.rest and r.solved and r.result is not None]
     return tuple(segment for one in plans for segment in one.segments)
 
 

@@ -180,7 +180,7 @@ class RestPlanner:
                 result, reason = None, str(error)
             if result is not None and result.solved and travel_of(result.segments) <= most:
                 break
-        return Replan(now, result, reason, time.process_time() - began)
+        return Replan(now, result, reason, time.process_time() - began, rest=True)
 
     @property
     def _margins(self) -> tuple[Margin | None, ...]:

@@ -356,7 +356,19 @@ def test_what_was_lost_on_the_way_is_brought_to_what_stands_in_the_row() -> None
     elsewhere = {name: pose + np.array([0.05, 0.0, 0.0]) for name, pose in result.segments[-1].after.items()}
     moved = replace(result, scenario=result.scenario.with_row_at(elsewhere))
     ended: Any = SimpleNamespace(object_poses=np.array([[*elsewhere.values()]]))
-    made = plan.scenario, plan, ended, (), (Replan(1.0, moved, "", 0.1),), "arrived", "", None, SENSOR, 1, ()
+    made = (
+        plan.scenario,
+        plan,
+        ended,
+        (),
+        (Replan(1.0, moved, "", 0.1, rest=True),),
+        "arrived",
+        "",
+        None,
+        SENSOR,
+        1,
+        (),
+    )
     assert ClosedLoopRun(*made).goal_errors == pytest.approx((0.0, 0.0), abs=1e-12)  # of the last plan's places
 
 
