@@ -25,7 +25,6 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 from building import FLAGS, INCLUDE  # noqa: E402
 
-CORE = Path("pushplan/core")
 FILES = "friction.cpp,contacts.cpp,inertia.hpp,sphere.cpp,uncertain.cpp,centred.cpp,scene.cpp,steering.cpp"
 TESTS = (
     "tests/test_contacts.py tests/test_friction.py tests/test_support.py tests/test_dynamics.py tests/sets "
@@ -58,11 +57,13 @@ class Checkout:
         self.folder, self.jobs = folder, jobs
         leave = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "build", "dist", "*.so")
         shutil.copytree(ROOT, folder, symlinks=True, ignore=leave)
-        self.objects = folder / "objects"
+        # Beside the package, as if installed: a core of other sources than those that lie in it is refused.
+        self.core, self.objects = folder / "core", folder / "objects"
+        (folder / "pushplan" / "core").rename(self.core)
         self.objects.mkdir()
         project = tomllib.loads((folder / "pyproject.toml").read_text("utf-8"))
         (extension,) = project["tool"]["setuptools"]["ext-modules"]
-        self.sources = [folder / name for name in extension["sources"]]
+        self.sources = [self.core / Path(name).name for name in extension["sources"]]
         include = [f"-I{folder}" for folder in (*INCLUDE, sysconfig.get_path("include"))]
         self._compile = ["g++", *FLAGS, "-fPIC", "-MMD", *include, "-c"]
 
@@ -131,12 +132,12 @@ def main() -> int:
         every = [
             (name, *one)
             for name in options.files.split(",")
-            for one in mutants((copy.folder / CORE / name).read_text("utf-8"))
+            for one in mutants((copy.core / name).read_text("utf-8"))
         ]
         chosen = random.Random(options.seed).sample(every, min(options.count, len(every)))
         noticed = 0
         for name, number, line, changed in chosen:
-            path, before = copy.folder / CORE / name, (copy.folder / CORE / name).read_text("utf-8")
+            path, before = copy.core / name, (copy.core / name).read_text("utf-8")
             lines = before.splitlines()
             lines[number] = changed
             path.write_text("\n".join(lines) + "\n", "utf-8")
