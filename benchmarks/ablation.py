@@ -116,7 +116,7 @@ def scenes(family: str, count: int) -> Iterator[Scenario]:
 
 
 def measure(scenario: Scenario, arguments: argparse.Namespace) -> dict[str, list[Run]]:
-    scenario = replace(scenario, planner=replace(scenario.planner, cost="travel", arc_price=0.0))
+    scenario = scenario.with_planner(cost="travel", arc_price=0.0)
     stable = scenario.stable_set()
     posed = scenario.with_margin(margins_to_try(scenario, stable)[0])
     problem = build_problem(posed, stable)

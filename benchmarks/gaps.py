@@ -39,7 +39,7 @@ def cases() -> Iterator[tuple[str, str, Scenario]]:
 
 def solved(scenario: Scenario, by: str) -> Plan:
     """Plan without a price of arcs, so that what is ranked is what the bound is of."""
-    asked = replace(scenario, planner=replace(scenario.planner, cost=by, arc_price=0.0))
+    asked = scenario.with_planner(cost=by, arc_price=0.0)
     return pushplan.plan(asked, seed=1, iterations=ITERATIONS, time_limit=600.0)
 
 

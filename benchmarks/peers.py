@@ -157,7 +157,7 @@ def compare(given: argparse.Namespace, programs: Path) -> dict[str, list[str]]:
     for family in given.families:
         every: dict[str, list[Run]] = {planner: [] for planner in given.planners}
         for scenario in problems(family, given.scenes):
-            asked = replace(scenario, planner=replace(scenario.planner, cost="travel", arc_price=0.0))
+            asked = scenario.with_planner(cost="travel", arc_price=0.0)
             runs = {
                 planner: [
                     run_cpp(asked, planner, seed, given.seconds, programs)

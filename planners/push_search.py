@@ -387,4 +387,4 @@ class _Searches:
 
 def by_travel(scenario: Scenario) -> Scenario:
     """Return the scenario with paths ranked by travel."""
-    return replace(scenario, planner=replace(scenario.planner, cost="travel"))
+    return scenario.with_planner(cost="travel")

@@ -53,10 +53,8 @@ def plain(scenario: Scenario) -> Scenario:
     limits = replace(pusher.limits, contact="quasi-static")
     words = {**stated, "limits": {**stated["limits"], "contact": "quasi-static"}}
     return replace(
-        scenario,
+        scenario.with_margin(0.0).with_planner(cost="travel", arc_price=ARC_PRICE),
         chain=replace(scenario.chain, pusher=replace(pusher, limits=limits)),
-        stability=replace(scenario.stability, margin=0.0),
-        planner=replace(scenario.planner, cost="travel", arc_price=ARC_PRICE),
         trajectory="exact",
         stated={**scenario.stated, "pusher": words},
     )

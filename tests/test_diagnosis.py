@@ -19,7 +19,7 @@ from pushplan.planners.problem import build_problem
 from pushplan.plans.plan import CAUSES, Diagnosis, Plan
 from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_text
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import PolygonObstacle, StabilitySettings
+from pushplan.scenario.parts import PolygonObstacle
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray
 
@@ -198,7 +198,7 @@ TURNING = (
 
 @pytest.fixture(scope="module")
 def carts() -> Scenario:
-    return replace(load_scenario("carts"), stability=StabilitySettings("ecof", 0.02))
+    return load_scenario("carts").with_margin(0.02)
 
 
 @pytest.mark.parametrize("drive", TURNING)

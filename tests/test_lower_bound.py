@@ -40,9 +40,7 @@ def bound_of(scenario: Scenario, most: float = math.inf) -> float:
 
 def test_nothing_in_the_way_leaves_straight_travel_and_the_turns_that_the_pushes_need() -> None:
     scenario = scenario_from_text(AHEAD.replace("[2.0, 0.0, 0.0]", "[3.0, 4.0, -90 deg]"), "ahead.yaml")
-    result = plan(
-        replace(scenario, planner=replace(scenario.planner, cost="travel", arc_price=0.0)), iterations=20_000
-    )
+    result = plan(scenario.with_planner(cost="travel", arc_price=0.0), iterations=20_000)
     assert result.lower_bound is not None
     assert 5.0 + TURN_WEIGHT * math.pi / 2.0 < bound_of(scenario) < result.lower_bound
     assert result.lower_bound < there(result.path).cost < 1.03 * result.lower_bound

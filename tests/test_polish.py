@@ -154,9 +154,8 @@ ITERATIONS = 3_000
 
 
 def ranked(cost: str, weight: float = 1.0, trajectory: str = "exact") -> Scenario:
-    scenario = load_plain("two-crates")
-    settings = replace(scenario.planner, cost=cost, weight=weight, seed=6)
-    return replace(scenario, planner=settings, trajectory=trajectory)
+    scenario = load_plain("two-crates").with_planner(cost=cost, weight=weight, seed=6)
+    return replace(scenario, trajectory=trajectory)
 
 
 @cache

@@ -142,7 +142,7 @@ def document(scenario: Scenario) -> dict[str, object]:
             }
             for k, contact in enumerate(chain.contacts)
         ],
-        "uncertainty": asdict(scenario.uncertainty),
+        "uncertainty": scenario.uncertainty.model_dump(),
         "snapped": None if scenario.snapping is None else asdict(scenario.snapping),
         "start": _place(scenario, scenario.start),
         "goal": _place(scenario, scenario.goal.pose_chain),

@@ -108,14 +108,14 @@ def _prepare(scenario: Scenario, search: dict[str, Any], physics: bool, console:
     with console.working("loading the planner"):
         import pushplan.run
         from pushplan.cli.check import require_pushable
-        from pushplan.scenario.parts import StabilitySettings
         from pushplan.sets.named import add_set
 
         del pushplan
         chosen = add_set(search["stable_set"] or scenario.stability.set)
         kept = scenario.stability.margin if search["margin"] is None else search["margin"]
         for one in [scenario.alone(name) for name in scenario.bodies] or [scenario]:
-            require_pushable(replace(one, stability=StabilitySettings(chosen, kept)))
+            stability = one.stability.model_copy(update={"set": chosen, "margin": kept})
+            require_pushable(replace(one, stability=stability))
 
 
 def _run(

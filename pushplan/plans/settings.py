@@ -144,8 +144,4 @@ class PlanSettings:
                 "pusher.limits.contact: quasi-static"
             )
         cost = scenario.planner.cost if self.cost is None else self.cost
-        return replace(
-            scenario,
-            stability=replace(scenario.stability, margin=margin),
-            planner=replace(scenario.planner, cost=cost),
-        )
+        return scenario.with_margin(margin).with_planner(cost=cost)

@@ -159,7 +159,7 @@ def widened(file: File) -> File:
     )
 
 
-def _widened(obj: bodies.Object, share: schema.UncertaintyShares) -> bodies.Object:
+def _widened(obj: bodies.Object, share: schema.Uncertainty) -> bodies.Object:
     update = dict[str, Any]()
     if obj.floor_friction is not None:
         update["floor_friction"] = around(obj.floor_friction, share.floor_friction)

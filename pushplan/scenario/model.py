@@ -21,15 +21,13 @@ from pushplan.scenario.parts import (
     Goal,
     Obstacle,
     PlacedObject,
-    PlannerSettings,
     Pushes,
     Row,
     Snapping,
-    StabilitySettings,
     Task,
-    Uncertainty,
     Workspace,
 )
+from pushplan.scenario.schema import PlannerSettings, StabilitySettings, Uncertainty
 from pushplan.scenario.source import Source
 from pushplan.util import names
 from pushplan.util.arrays import FloatArray, frozen
@@ -300,9 +298,13 @@ class Scenario:
             raise PushplanError("the scenario asks for one push: it has no robot.start")
         return se2.compose(self.pushes.robot_start, se2.inverse(self.chain.pusher.plate_pose))
 
-    def with_margin(self, margin: float) -> Scenario:
-        """Return the scenario with a number for `stability.margin`."""
-        return dataclasses.replace(self, stability=dataclasses.replace(self.stability, margin=margin))
+    def with_margin(self, margin: float | Literal["auto"]) -> Scenario:
+        """Return the scenario with another `stability.margin`."""
+        return dataclasses.replace(self, stability=self.stability.model_copy(update={"margin": margin}))
+
+    def with_planner(self, **changes: Any) -> Scenario:
+        """Return the scenario with other settings in `planner`, such as `cost="travel"`."""
+        return dataclasses.replace(self, planner=self.planner.model_copy(update=changes))
 
     def resolved(self) -> dict[str, Any]:
         """Return the scenario as plain data in the form of a scenario file, nothing left open.
@@ -318,7 +320,7 @@ class Scenario:
             **_resolved_task(self),
             **_resolved_surroundings(self),
             "clearance": self.clearance,
-            "stability": dataclasses.asdict(self.stability),
+            "stability": self.stability.model_dump(),
             "trajectory": self.trajectory,
             "planner": _resolved_planner(self),
         }
@@ -343,7 +345,7 @@ class Scenario:
 
 def _resolved_uncertainty(uncertainty: Uncertainty) -> dict[str, Any]:
     """Return the shares as the file has them; what they stand for is made of them again when it is read."""
-    shares = dataclasses.asdict(uncertainty)
+    shares = uncertainty.model_dump()
     return {"uncertainty": shares} if any(shares.values()) else {}
 
 
@@ -390,7 +392,7 @@ def _resolved_row(row: Row) -> dict[str, Any]:
 
 def _resolved_planner(scenario: Scenario) -> dict[str, Any]:
     """Return what bears on one push, or on several."""
-    planner = dataclasses.asdict(scenario.planner)
+    planner = scenario.planner.model_dump()
     return planner if scenario.pushes is None else {key: planner[key] for key in ("time_limit", "seed", "gap")}
 
 

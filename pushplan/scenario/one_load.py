@@ -6,7 +6,6 @@ What files of several objects state as well is built and checked here, too.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from pushplan.scenario import schema
 from pushplan.scenario.chain import build_bodies
 from pushplan.scenario.layout import millimetres
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import Goal, PlannerSettings, Pushes, StabilitySettings, Uncertainty
+from pushplan.scenario.parts import Goal, Pushes
 from pushplan.scenario.room import Attachments, Surroundings, build_surroundings, placed, placement_troubles
 from pushplan.scenario.schema import GoalPose, RearrangementFile, RoomFile, ScenarioFile
 from pushplan.scenario.source import Place, Source
@@ -36,7 +35,7 @@ _OF_SEVERAL = {"name", "cost", "time_limit", "seed", "gap"}
 
 def shared(file: RoomFile, source: Source, room: Surroundings, attachments: Attachments) -> dict[str, Any]:
     """Return what all kinds of scenarios have in common."""
-    planner = PlannerSettings(**file.planner.model_dump())
+    planner = file.planner if file.robot.start is None else file.planner.model_copy(update={"cost": RANKED_BY})
     return {
         "name": file.name or source.path.stem,
         "path": source.path,
@@ -46,11 +45,11 @@ def shared(file: RoomFile, source: Source, room: Surroundings, attachments: Atta
         "workspace": room.workspace,
         "obstacles": room.obstacles,
         "clearance": file.clearance,
-        "stability": StabilitySettings(file.stability.set, file.stability.margin),
-        "planner": planner if file.robot.start is None else replace(planner, cost=RANKED_BY),
+        "stability": file.stability,
+        "planner": planner,
         "trajectory": file.trajectory,
         "attachments": attachments.contents,
-        "uncertainty": Uncertainty(**file.uncertainty.model_dump()),
+        "uncertainty": file.uncertainty,
     }
 
 

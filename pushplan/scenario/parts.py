@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 import shapely
@@ -13,7 +13,6 @@ import shapely
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.intervals import IntervalChain
-from pushplan.util import names
 from pushplan.util.arrays import FloatArray, frozen
 
 DEFAULT_TOLERANCE = (0.002, math.radians(0.2))
@@ -301,56 +300,3 @@ def _obstacle_at(place: FloatArray) -> str:
 
 
 Obstacle = PolygonObstacle | CircleObstacle
-
-
-@dataclass(frozen=True)
-class Uncertainty:
-    """Shares of the stated values by which these may be off, as the file's one line has them.
-
-    Attributes:
-        contact_friction: Of all coefficients between plate and objects.
-        floor_friction: Of all coefficients between objects and floor.
-        load: Of the load on each foot, or of the pressure at every place, of each object; its weight stays.
-    """
-
-    contact_friction: float = 0.0
-    floor_friction: float = 0.0
-    load: float = 0.0
-
-
-@dataclass(frozen=True)
-class StabilitySettings:
-    """The stable set that limits the pusher's twists, and the margin that they keep inside it.
-
-    Attributes:
-        set: One of `names.STABLE_SETS`.
-        margin: The twists' margins exceed this number; `auto` stands for min(0.05, half of the largest margin
-            there is), lowered where no path is found with it.
-    """
-
-    set: str = names.DEFAULT_STABLE_SET
-    margin: float | Literal["auto"] = "auto"
-
-
-@dataclass(frozen=True)
-class PlannerSettings:
-    """How to search.
-
-    Attributes:
-        name: The planner, one of `names.PLANNERS`.
-        time_limit: Wall-clock limit, s.
-        seed: Of the random numbers.
-        cost: What ranks paths, one of `names.COSTS`.
-        weight: Of the margin in `cost: margin`: what a metre at the set's boundary costs more than one at the safest
-            twist, as a share.
-        gap: Share above the lower bound at which a path is good enough to stop.
-        arc_price: What an arc counts beside its length when paths are ranked, m.
-    """
-
-    name: str = names.DEFAULT_PLANNER
-    time_limit: float = 2.0
-    seed: int = 1
-    cost: str = names.DEFAULT_COST
-    weight: float = 1.0
-    gap: float = 0.0
-    arc_price: float = 0.03

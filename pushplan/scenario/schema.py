@@ -40,12 +40,15 @@ OBSTACLES = (
 )
 
 
-class UncertaintyShares(t.Strict):
+class Uncertainty(t.Strict):
     """By what share of the stated value coefficients and loads may be off; explicit intervals come before it."""
 
     contact_friction: t.Share = Field(default=0.0, description=SHARE)
+    """Of all coefficients between plate and objects."""
     floor_friction: t.Share = Field(default=0.0, description=SHARE)
+    """Of all coefficients between objects and floor."""
     load: t.Share = Field(default=0.0, description=SHARE)
+    """Of the load on each foot, or of the pressure at every place, of each object; its weight stays."""
 
 
 class Snap(t.Strict):
@@ -165,29 +168,37 @@ Obstacle = Annotated[
 ]
 
 
-class StabilityChoice(t.Strict):
+class StabilitySettings(t.Strict):
     """Which stable set limits the pusher's twists, and how far inside it they stay."""
 
     set: Literal[names.STABLE_SETS] = Field(  # type: ignore[valid-type]
         default=names.DEFAULT_STABLE_SET, description=one_of(names.STABLE_SETS)
     )
     margin: t.Margin = Field(default=names.AUTO, description="auto, or a margin from 0 to 0.99")
+    """The twists' margins exceed this number; `auto` stands for min(0.05, half of the largest margin there is),
+    lowered where no path is found with it."""
 
 
-class PlannerChoice(t.Strict):
+class PlannerSettings(t.Strict):
     """Which planner runs, for how long, with which random numbers."""
 
     name: Annotated[Literal[names.PLANNERS], BeforeValidator(t.still_here)] = Field(  # type: ignore[valid-type]
         default=names.DEFAULT_PLANNER, description=one_of(names.PLANNERS)
     )
     time_limit: t.Duration = Field(default=2.0, description="a time in s")
+    """Wall-clock limit, s."""
     seed: t.Seed = Field(default=1, description="a whole number")
     cost: Literal[names.COSTS] = Field(  # type: ignore[valid-type]
         default=names.DEFAULT_COST, description=one_of(names.COSTS)
     )
+    """What ranks paths."""
     weight: t.Weight = Field(default=1.0, description="a weight from 0 to 1000")
+    """Of the margin in `cost: margin`: what a metre at the set's boundary costs more than one at the safest twist, as
+    a share."""
     gap: t.Gap = Field(default=0.0, description="a share from 0 to 100")
+    """Share above the lower bound at which a path is good enough to stop."""
     arc_price: t.ArcPrice = Field(default=0.03, description=LENGTH)
+    """What an arc counts beside its length when paths are ranked, m."""
 
 
 class RoomFile(t.Strict):
@@ -196,8 +207,8 @@ class RoomFile(t.Strict):
     format: Literal["pushplan/1"] = Field(description=names.SCENARIO_FORMAT)
     name: t.Name | None = Field(default=None, description=NAME)
     floor: Floor = Field(description="{friction: ...}")
-    uncertainty: UncertaintyShares = Field(
-        default_factory=UncertaintyShares, description="{contact_friction: ..., floor_friction: ..., load: ...}"
+    uncertainty: Uncertainty = Field(
+        default_factory=Uncertainty, description="{contact_friction: ..., floor_friction: ..., load: ...}"
     )
     snap: SnapChoice | None = Field(default=None, description=SNAP)
     objects: Annotated[tuple[Object, ...], t.Several(1, 200)] = Field(
@@ -212,12 +223,12 @@ class RoomFile(t.Strict):
     workspace: Area | None = Field(default=None, description="{x: [min, max], y: [min, max]}")
     obstacles: Annotated[tuple[Obstacle, ...], t.Several(0, 10_000)] = Field(default=(), description=OBSTACLES)
     clearance: t.Clearance = Field(default=names.COLLISION_CLEARANCE, description=LENGTH)
-    stability: StabilityChoice = Field(default_factory=StabilityChoice, description="{set: ..., margin: ...}")
+    stability: StabilitySettings = Field(default_factory=StabilitySettings, description="{set: ..., margin: ...}")
     trajectory: Literal[names.TRAJECTORIES] = Field(  # type: ignore[valid-type]
         default=names.DEFAULT_TRAJECTORY, description=one_of(names.TRAJECTORIES)
     )
-    planner: PlannerChoice = Field(
-        default_factory=PlannerChoice, description="{name: ..., time_limit: ..., seed: ...}"
+    planner: PlannerSettings = Field(
+        default_factory=PlannerSettings, description="{name: ..., time_limit: ..., seed: ...}"
     )
 
 

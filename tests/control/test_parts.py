@@ -362,7 +362,7 @@ def test_where_no_path_leads_to_the_goal_one_ends_as_near_as_it_can(
     from pushplan.sim.control.replanner import BOLD, NEARBY, Replanner
 
     carts = pushplan.load_scenario("carts")
-    carts = replace(carts, stability=replace(carts.stability, margin=margin))
+    carts = carts.with_margin(margin)
     replanner = Replanner(carts, ControlSettings(time_limit=60.0), Observer())
     start, still = compose(carts.goal.pose_chain, inverse([0.45, aside, 2.0 * aside])), np.zeros(2)
     given = 0.0, start, None, still, 1.0
@@ -386,7 +386,7 @@ def test_a_margin_that_planners_chose_is_lowered_where_nothing_else_leads_to_the
     from pushplan.sim.control.replanner import Replanner
 
     carts = pushplan.load_scenario("carts")
-    carts = replace(carts, stability=replace(carts.stability, margin=0.05))
+    carts = carts.with_margin(0.05)
     start = compose(carts.goal.pose_chain, inverse([0.45, aside, 2.0 * aside]))
     given = 0.0, start, None, np.zeros(2), 1.0
     for lowers in (False, True):

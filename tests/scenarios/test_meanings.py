@@ -157,7 +157,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "scenario-file.md"
 SECTIONS: dict[str, type[BaseModel]] = {
     "Top level": schema.ScenarioFile, "`objects`": bodies.Object, "`contacts`": bodies.Contacts,
     "`pusher`": bodies.Plate, "`robot`": bodies.Robot, "`goal`": schema.GoalPose,
-    "`stability`": schema.StabilityChoice, "`planner`": schema.PlannerChoice,
+    "`stability`": schema.StabilitySettings, "`planner`": schema.PlannerSettings,
 }  # fmt: skip
 
 

@@ -155,6 +155,6 @@ def test_a_plan_for_the_rest_leaves_room_for_corrections_unless_that_takes_too_m
     walled = (*given[:3], (CircleObstacle(scenario.plate_start[:2], 0.1),), *given[4:])
     attempts = rest.plan(*given, np.inf), rest.plan(*walled, np.inf)
     assert [(attempt.rest, attempt.solved) for attempt in attempts] == [(True, True), (True, False)]
-    stated = replace(scenario, stability=replace(scenario.stability, margin=0.1))
+    stated = scenario.with_margin(0.1)
     rest = RestPlanner(stated, first, (5e-3, np.radians(1.0)), Observer())
     assert min(push.margin for push in there(rest.plan(*given, 0.0).result).pushes) == pytest.approx(0.1)

@@ -131,7 +131,7 @@ def _swept(trajectory: Trajectory) -> shapely.Geometry:
 
 def test_blends_keep_contacts_that_inertia_would_open(planned: Planned) -> None:
     scenario, _ = planned("two-crates")
-    scenario = replace(scenario, stability=replace(scenario.stability, margin=0.05))
+    scenario = scenario.with_margin(0.05)
     path = there(plan(scenario, seed=1, time_limit=60.0, iterations=20_000).path)
     fast = Limits(
         speed=0.5, acceleration=2.0, jerk=20.0, angular_speed=2.0, angular_acceleration=8.0, angular_jerk=80.0
