@@ -37,9 +37,9 @@ from pushplan.logging.topics import pushed_at_samples
 from pushplan.plans.execution import Execution
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
-from pushplan.util.extras import optional
 from pushplan.util.files import check_output, write_whole
 from pushplan.util.names import BESIDE_A_BAG, PUSHER
+from pushplan.util.naming import optional
 
 _NANO = 1_000_000_000
 _EARLIEST = 1.0

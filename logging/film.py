@@ -36,8 +36,8 @@ from pushplan.plans.execution import Execution
 from pushplan.plans.load import Load
 from pushplan.plans.run import Run, segments_of
 from pushplan.util.arrays import FloatArray
-from pushplan.util.extras import optional
 from pushplan.util.files import write_whole
+from pushplan.util.naming import optional
 from pushplan.util.printable import cut
 
 PICTURES_PER_SECOND = 25

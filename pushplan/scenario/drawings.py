@@ -16,8 +16,8 @@ import shapely
 from pushplan.errors import ImportedFileError
 from pushplan.geometry.polygon import simple_polygon
 from pushplan.util.arrays import FloatArray
-from pushplan.util.extras import optional
 from pushplan.util.files import read_regular
+from pushplan.util.naming import optional
 
 MOST_BYTES = 16 << 20
 """Size up to which a file is read."""

@@ -1,4 +1,7 @@
-"""Names of what others add: `module:attribute`, or an entry point of an installed package."""
+"""What is imported by its name when it is needed: what others add, and packages that only some exports need.
+
+What others add is called `module:attribute`, or as an entry point of an installed package.
+"""
 
 from __future__ import annotations
 
@@ -144,3 +147,31 @@ def name_of(made: Any) -> str:
     """Return `module:attribute` of a class or function, as far as it has one."""
     kind = made if hasattr(made, "__qualname__") else type(made)
     return f"{kind.__module__}:{kind.__qualname__}"
+
+
+class MissingExtraError(PushplanError, ImportError):
+    """An optional package is not installed; `extra` is the name under which pushplan offers it."""
+
+    def __init__(self, what: str, package: str, extra: str) -> None:
+        self.extra = extra
+        super().__init__(f"{what} needs the package {package}: pip install 'pushplan[{extra}]'")
+
+
+def optional(module: str, what: str, package: str, extra: str) -> Any:
+    """Return the module.
+
+    Args:
+        module: Name to import.
+        what: What needs it, for the error.
+        package: Name of the package that has it.
+        extra: Name of pushplan's extra that installs it.
+
+    Raises:
+        MissingExtraError: When it is not installed.
+    """
+    try:
+        return import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] != module.partition(".")[0]:
+            raise  # the package is there, but something that it needs is not
+        raise MissingExtraError(what, package, extra) from error

@@ -18,7 +18,7 @@ from pushplan.drawing.scene import Scene
 from pushplan.plans.run import Run
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
-from pushplan.util.extras import optional
+from pushplan.util.naming import optional
 from pushplan.view.answers import Answer, Answers, Worker
 from pushplan.view.draft import MOST_DRAGGED, START, Draft
 
