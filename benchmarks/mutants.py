@@ -3,7 +3,7 @@
 Run `python benchmarks/mutants.py [--files friction.cpp,contacts.cpp] [--count 40] [--seed 1] [--jobs 2]`.
 In a copy of the checkout one operator, comparison or number is changed at a time, the core is built again as far as
 it depends on the file, and the tests run until one fails. Prints a line for each change, and how many were noticed.
-Needs the development environment and g++.
+Needs the development environment, nanobind and g++.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 import ast
 import re
+import runpy
 import subprocess
 import sys
 import tomllib
@@ -13,6 +14,7 @@ from types import ModuleType
 
 import pytest
 from click.testing import CliRunner
+from conftest import Patch
 
 from pushplan.cli.main import COMMANDS, MORE
 from pushplan.cli.main import pushplan as command_line
@@ -64,6 +66,23 @@ def test_every_source_of_the_core_is_listed() -> None:
     (core,) = settings["ext-modules"]
     there = {f"pushplan/core/{path.name}" for path in (ROOT / "pushplan" / "core").glob("*.[ch]pp")}
     assert sorted([*core["sources"], *core["depends"]]) == sorted(there)
+
+
+BENCHMARKS = sorted((ROOT / "benchmarks").glob("*.py"))
+
+
+@pytest.mark.skipif(not (ROOT / "planners").is_dir(), reason="some need the sources, not a wheel")
+@pytest.mark.parametrize("path", BENCHMARKS, ids=[path.stem for path in BENCHMARKS])
+def test_a_benchmark_finds_all_that_it_imports(path: Path, monkeypatch: Patch) -> None:
+    monkeypatch.setattr(sys, "path", [str(path.parent), *sys.path])
+    monkeypatch.setattr(sys, "dont_write_bytecode", sys.dont_write_bytecode)
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")
+    try:
+        runpy.run_path(str(path), run_name="loaded")
+    except ModuleNotFoundError as error:
+        if error.name not in ("mujoco", "nanobind"):  # of the extra `physics`, and for building
+            raise
+        pytest.skip(f"needs {error.name}")
 
 
 def test_pythons_own_logging_is_found_from_the_checkout() -> None:

@@ -16,7 +16,7 @@ from random import Random
 from typing import Any
 
 from attacking.measured import Attack, Row, commanded
-from store.conftest import REARRANGEMENT
+from kinds import FAST
 
 import pushplan
 from pushplan.closed_loop import run_closed_loop
@@ -48,7 +48,7 @@ def _plan(log: Path, random: Random, tell: Tell) -> None:
 
 def _rearrangement(log: Path, random: Random, tell: Tell) -> None:
     told = Observer(improved=lambda point: tell(point.cost))
-    scenario = pushplan.scenario_from_text(REARRANGEMENT)
+    scenario = pushplan.scenario_from_text(FAST["rearrangement"])
     pushplan.run(scenario, log=log, seed=random.randrange(1000), time_limit=LIMIT, observer=told)
 
 

@@ -13,9 +13,9 @@ from typing import Any
 import yaml
 from attacking.measured import Attack, Row, commanded, measured
 from google.protobuf.message import Message as ProtobufMessage
-from kinds import MULTI
+from kinds import FAST, MULTI
 from mcap import records
-from store.conftest import REARRANGEMENT, record_names, rewritten
+from store.conftest import record_names, rewritten
 
 import pushplan
 import pushplan.logging.schemas as schemas
@@ -43,7 +43,7 @@ def sound(folder: Path) -> dict[str, Path]:
     run = pushplan.run(plain, log=logs["push"], **options)  # type: ignore[arg-type]
     several = pushplan.scenario_from_text(MULTI)
     pushplan.run(several, log=logs["several-pushes"], **options)  # type: ignore[arg-type]
-    apart = pushplan.scenario_from_text(REARRANGEMENT)
+    apart = pushplan.scenario_from_text(FAST["rearrangement"])
     pushplan.run(apart, log=logs["rearrangement"], **options)  # type: ignore[arg-type]
     run_closed_loop(_short(), disturbances=[Disturbance(1.0, 1, 0.0, -5e-3, 0.05)], log=logs["closed-loop"])
     trials = pushplan.trial(run.plan, 3, uncertainty=SLIPPERY, seed=3, log=logs["trials"])

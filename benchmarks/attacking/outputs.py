@@ -36,7 +36,8 @@ def attacks(folder: Path) -> Iterator[tuple[str, Attack]]:
         str(where),
         str(log),
     ]
-    done = subprocess.run(script, check=True, capture_output=True, text=True)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}  # with the tests, whose options these are
+    done = subprocess.run(script, check=True, capture_output=True, text=True, env=environment)
     for place, command, option, code, error, there, others in json.loads(done.stdout):
         kept = not there and not others
         verdict = {0: "written", 2: "refused"}.get(code, "WRONG") if kept else "WRONG"
