@@ -13,7 +13,7 @@ import heapq
 import itertools
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.infeasible.diagnosis import beyond_reach
 from pushplan.planners.multi.hands import MARGIN, Floor, Hand, Hands
+from pushplan.planners.multi.moved_first import with_one_moved
 from pushplan.planners.multi.multi_push import plan_cost
 from pushplan.planners.multi.row_steps import Chance, Node, Steps
 from pushplan.planners.outcome import Improvements, Outcome, Segments
@@ -97,8 +98,8 @@ class GatheringSearch:
             best = beams.search(WIDTHS[AT_FIRST:]) or best
         return Outcome(
             (best,) if best else (),
-            self.hands.least_margin(best),
-            beams.steps.hands.least_margin(best),
+            self.hands.least_margin(best[len(beams.steps.before) :]),
+            beams.steps.hands.least_margin(best[len(beams.steps.before) :]),
             floor.looked_at,
             tuple(improvements.found),
             lambda segments: plan_cost(scenario, segments),
@@ -162,9 +163,10 @@ class _Beams:
         self._one_by_one = math.inf
         self.farthest: Node | None = None
 
-    def after(self, steps: Steps) -> _Beams:
-        """Return beams of other steps."""
-        return _Beams(steps, self._settings, self._until, self._improvements)
+    def with_one_moved(self) -> Iterator[_Beams]:
+        """Yield beams that begin with an object that is moved first."""
+        for steps in with_one_moved(self.steps, self._settings, self._until):
+            yield _Beams(steps, self._settings, self._until, self._improvements)
 
     def over(self) -> bool:
         """Whether there is no more time."""
@@ -282,8 +284,8 @@ class _Beams:
 
 def _segments_of(steps: Steps, end: Node) -> Segments:
     """Return the moves that lead to the end of a plan as its segments, not timed."""
-    found: list[Segment] = []
-    now: Poses = steps.scenario.poses
+    found: list[Segment] = [*steps.before]
+    now: Poses = steps.starts
     for move in end.way():
         load = steps.hands.load(move.members) if move.members else None
         hand = steps.hands.hand(move.members) if move.members else None
@@ -300,8 +302,7 @@ def _segments_of(steps: Steps, end: Node) -> Segments:
 def _with_one_moved_first(tried: Sequence[_Beams]) -> tuple[Segments, _Beams]:
     """Return a plan that first moves one object out of where it cannot be brought to the row from, and its beams."""
     for beams in tried[:: max(1, len(tried) - 1)]:
-        for steps in beams.steps.with_one_moved():
-            other = beams.after(steps)
+        for other in beams.with_one_moved():
             found = other.search(WIDTHS[:2])
             if found:
                 return found, other

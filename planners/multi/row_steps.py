@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -14,14 +13,13 @@ from pushplan.core.driving import shortest_drives
 from pushplan.core.pushes import word_costs
 from pushplan.geometry import se2
 from pushplan.planners.multi.hands import SHORT, Floor, Hand, Hands, Move, Pushed
+from pushplan.planners.multi.multi_push import plan_cost
 from pushplan.planners.multi.row_places import AT_PLACE, RowPlace, front_of_placed, row_places
+from pushplan.planners.outcome import Segments
 from pushplan.plans.load import Member
 from pushplan.plans.segment import Poses
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, CLOSE, PUSH, RETREAT, TRANSIT
-
-AWAY = (0.3, 0.6, 1.0)
-"""How far an object is pushed that has to be moved first, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,16 +86,24 @@ class Steps:
     Args:
         hands: What the plate may hold, with the margins to plan with.
         floor: What stands in the room.
-        begin: What came before, the robot holding nothing; None for nothing, or what is placed in the row.
+        before: What is done first.
+        begin: Where that ends, the robot holding nothing; None for nothing, or what is placed in the row.
         starts: Where the objects are then; None for where the scenario has them.
     """
 
-    def __init__(self, hands: Hands, floor: Floor, begin: Node | None = None, starts: Poses | None = None) -> None:
+    def __init__(
+        self,
+        hands: Hands,
+        floor: Floor,
+        before: Segments = (),
+        begin: Node | None = None,
+        starts: Poses | None = None,
+    ) -> None:
         scenario = hands.scenario
         assert scenario.row is not None
         assert scenario.pushes is not None
         self.scenario, self.row, self.choice = scenario, scenario.row, scenario.pushes
-        self.hands, self.floor = hands, floor
+        self.hands, self.floor, self.before = hands, floor, before
         self.starts = scenario.poses if starts is None else starts
         self.begin = self._first() if begin is None else begin
         self.members = [member for member in hands.ways if hands.hand((member,)) is not None]
@@ -289,40 +295,20 @@ class Steps:
             if name not in without and (name in left or name in delivered or name not in row)
         }
 
-    def with_one_moved(self) -> Iterator[Steps]:
-        """Yield the steps once an object was pushed straight ahead and left: the least accessible ones first."""
-        taken: dict[str, list[Node]] = {name: [] for name in self.row.of}
-        for member in self.members:
-            if member[0] in self.row.placed:
-                continue
-            found = self._next_taken(self.begin, member)
-            if found is not None:
-                taken[member[0]].append(found)
-        for name in sorted(taken, key=lambda name: len(taken[name])):
-            for now, away in itertools.product(taken[name], AWAY):
-                moved = self._moved(now, away)
-                if moved is not None:
-                    yield moved
+    def after(self, segments: Segments) -> Steps:
+        """Return the steps from where some segments lead, the robot holding nothing then."""
+        end = segments[-1]
+        cost = self.begin.cost + plan_cost(self.scenario, segments)
+        begin = replace(self.begin, cost=cost, plate=end.path.end)
+        return Steps(self.hands, self.floor, (*self.before, *segments), begin, end.after)
 
-    def _moved(self, now: Node, away: float) -> Steps | None:
-        """Return the steps once what is held was pushed straight ahead and left there."""
-        hand, name = self.hands.hand(now.members), now.members[0][0]
-        assert hand is not None
-        goal = se2.compose(now.plate, [away, 0.0, 0.0])
-        standing = self._standing(now.left, now.delivered)
-        push = self.floor.push(hand, now.plate, goal, standing)
-        if not math.isfinite(push.cost) or not self.floor.retreats(hand, goal, standing):
-            return None
-        moves = (
-            *now.moves,
-            Move(PUSH, now.members, now.plate, push.arcs),
-            Move.straight(RETREAT, now.members, goal, -self.choice.retreat),
-        )
-        back = se2.compose(goal, [-self.choice.retreat, 0.0, 0.0])
-        cost = now.cost + push.cost + self.choice.transit_weight * self.choice.retreat
-        begin = replace(self.begin, cost=cost, plate=back, moves=moves)
-        starts = {**self.starts, name: self._poses_in(now.members, goal)[name]}
-        return Steps(self.hands, self.floor, begin, starts)
+    def least_accessible(self) -> list[str]:
+        """Return the objects that are left, those with the fewest faces that the robot comes up to at once first."""
+        faces = dict.fromkeys(self.row.left, 0)
+        for member in self.members:
+            if member[0] in faces:
+                faces[member[0]] += self._next_taken(self.begin, member) is not None
+        return sorted(faces, key=lambda name: faces[name])
 
     def _next_taken(self, now: Node, member: Member) -> Node | None:
         """Return the node in which the robot, which holds nothing, has driven to an object."""
