@@ -72,6 +72,10 @@ def load_run(path: Path | str, *, recover: bool | None = None, messages: bool = 
     return reading.finish()
 
 
+read_run = load_run
+"""The same, by its older name, which scripts use."""
+
+
 class _Reading:
     """Turns the items of a file, one after another, into a run."""
 

@@ -27,7 +27,7 @@ _HOMES = {
     "run": "run",
     "plans.execution": "Execution",
     "plans.run": "Run",
-    "logging.reader": "load_run",
+    "logging.reader": "load_run read_run",
     "verification": "verify_log",
     # Execution
     "sim.slip.simulator": "simulate SlipSimulator",
@@ -61,6 +61,7 @@ if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported with
     from pushplan.errors import ScenarioError as ScenarioError
     from pushplan.identify import identify as identify
     from pushplan.logging.reader import load_run as load_run
+    from pushplan.logging.reader import read_run as read_run
     from pushplan.mechanics.chain import Chain as Chain
     from pushplan.mechanics.contacts import ecof as ecof
     from pushplan.mechanics.contacts import friction_wrench as friction_wrench
