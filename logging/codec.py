@@ -136,7 +136,7 @@ def _plain(value: Any, arrays: list[NDArray[Any]]) -> Any:
             "type": "Load",
             "names": list(value.names),
             "face": value.face,
-            "faces": [link.face for link in value.links],
+            "faces": list(value.faces),
             "offset": value.offset,
             "plate": _plain(chain.pusher.plate_pose, arrays),
             "places": _plain(np.asarray(chain.places), arrays),

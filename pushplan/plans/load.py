@@ -36,8 +36,8 @@ class Link:
         object: Its name.
         pusher: Name of the object that pushes it; None stands for the plate.
         face: Of the object, through which it is pushed.
-        offset: Of the pushing body's middle (the plate's, or the object's frame) from that of the face, to the left
-            of the push, m.
+        offset: Of the pushing body's middle (the plate's, or the object's frame) from that of the contact, to the
+            left of the push, m; 0 in a row, where middles of faces meet.
     """
 
     object: str
@@ -129,6 +129,16 @@ class Load:
     def names(self) -> tuple[str, ...]:
         """Names of the objects, from the plate outward."""
         return tuple(obj.name for obj in self.chain.objects)
+
+    @property
+    def faces(self) -> tuple[str, ...]:
+        """Of each object, the face through which it is pushed."""
+        return tuple(link.face for link in self.links)
+
+    @property
+    def offsets(self) -> tuple[float, ...]:
+        """Of each object, how far aside of the contact's middle stands what pushes it, m; see `Link.offset`."""
+        return tuple(link.offset for link in self.links)
 
     @property
     def face(self) -> str:

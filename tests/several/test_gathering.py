@@ -289,6 +289,7 @@ def test_loads_of_a_row_are_flush_and_have_the_intervals_of_their_objects() -> N
         ("b", "a", "left"),
         ("c", "b", "front"),
     ]
+    assert (load.names, load.faces, load.offsets) == (("a", "b", "c"), ("rear", "left", "front"), (0.0, 0.0, 0.0))
     middles = [obj.outline_chain.mean(axis=0) for obj in load.chain.objects]
     np.testing.assert_allclose(middles, [[0.075, 0.0], [0.225, 0.0], [0.375, 0.0]], atol=1e-12)
     assert [contact.friction for contact in load.chain.contacts] == pytest.approx([0.4, 0.4, 0.4])
