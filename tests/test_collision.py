@@ -11,14 +11,23 @@ from conftest import there
 from pushplan.core import collision, problem
 from pushplan.core.collision import SLACK, Scene, separation, sweep_is_free
 from pushplan.geometry import se2
-from pushplan.planners.clearance import SPACING, Motion, Room, densify, find_collision
+from pushplan.planners.clearance import (
+    SPACING,
+    Motion,
+    Moving,
+    Room,
+    Standing,
+    densify,
+    find_collision,
+    find_collisions,
+)
 from pushplan.planners.planner import plan
 from pushplan.planners.problem import scenario_scene
 from pushplan.planners.scene import convex_pieces, scene_of
 from pushplan.plans.path import TURN_WEIGHT
 from pushplan.scenario.file import load_scenario, scenario_from_text
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import CircleObstacle
+from pushplan.scenario.parts import CircleObstacle, PolygonObstacle
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import CLEARANCE_ROOM
 
@@ -191,6 +200,36 @@ def test_few_poses_find_what_many_do(lane: Scenario) -> None:
             assert travel[near[0]] - 1e-3 <= at <= travel[near[0]] + SPACING + 1e-3
             blocked += 1
     assert min(free, blocked) > 10
+
+
+def test_motions_that_are_looked_at_together_collide_where_each_does_by_itself(lane: Scenario) -> None:
+    """Some bodies rest in some of the cases only, and what moves is not the same in all of them."""
+    rng, hits = np.random.default_rng(7), 0
+    square = 0.03 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    for _ in range(20):
+        resting = tuple(PolygonObstacle(square + rng.uniform([-0.2, -0.3], [1.2, 0.3])) for _ in range(4))
+        rests = rng.random((5, 4)) < 0.5
+        bodies = [lane.chain.bodies if moving else lane.chain.carried for moving in rng.random(5) < 0.5]
+        starts, steps = rng.uniform([-0.2, -0.3, -3.0], [1.2, 0.3, 3.0], (5, 3)), rng.normal(size=(5, 4, 3))
+        paths = [start + 0.1 * np.cumsum(step, axis=0) for start, step in zip(starts, steps, strict=True)]
+        motions = [Motion.through(path, lane.chain.reach) for path in paths]
+        room = Room(
+            tuple(Moving.of(moving) for moving in bodies),
+            lane.workspace,
+            Standing.of(lane.obstacles),
+            Standing.of(resting),
+            rests,
+        )
+        for k, found in enumerate(find_collisions(room, motions, lane.clearance)):
+            around = (*lane.obstacles, *(one for one, there in zip(resting, rests[k], strict=True) if there))
+            alone = Room((Moving.of(bodies[k]),), lane.workspace, Standing.of(around))
+            (expected,) = find_collisions(alone, motions[k : k + 1], lane.clearance)
+            assert (found is None) == (expected is None)
+            if found is not None and expected is not None:
+                assert found.pose == pytest.approx(expected.pose, abs=3.0 * SPACING)
+                assert found.obstacle in (None, *around)
+                hits += found.obstacle in resting
+    assert hits > 10
 
 
 def gaps_of(scenario: Scenario, poses: FloatArray) -> FloatArray:
