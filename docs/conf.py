@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib.metadata import version as installed
 from typing import Any
 
+from pydantic import BaseModel
 from sphinx.util.inspect import TypeAliasForwardRef
 
 project = "pushplan"
@@ -39,7 +40,7 @@ autodoc_typehints_format = "short"
 autodoc_type_aliases = {name: name for name in ("FloatArray", "IntArray", "BoolArray", "ArrayLike")}
 python_maximum_signature_line_length = 88
 autodoc_member_order = "bysource"
-autodoc_default_options = {"members": True, "show-inheritance": True}
+autodoc_default_options = {"members": True, "show-inheritance": True, "exclude-members": "model_config"}
 napoleon_use_rtype = False
 napoleon_attr_annotations = False  # the signature tells the types
 napoleon_use_ivar = True  # attributes are told in the docstring of their class, once
@@ -54,10 +55,21 @@ TypeAliasForwardRef.__repr__ = lambda self: str(
 
 
 def setup(app: Any) -> None:
-    """Keep napoleon from taking the first words of a property for its type where a colon follows them."""
+    """Keep napoleon from taking the first words of a property for its type where a colon follows them.
+
+    Models of files have signatures of names and defaults: what pydantic knows of their types fills a page.
+    """
     app.connect("autodoc-process-docstring", _begin_with_comment, priority=400)  # before napoleon
+    app.connect("autodoc-process-signature", _without_types)
 
 
 def _begin_with_comment(_app: Any, what: str, _name: str, _obj: Any, _options: Any, lines: list[str]) -> None:
     if what in ("attribute", "property"):
         lines[:0] = ["..", ""]  # an empty comment
+
+
+def _without_types(_app: Any, _what: str, _name: str, obj: Any, *_: Any) -> tuple[str, None] | None:
+    if not (isinstance(obj, type) and issubclass(obj, BaseModel)):
+        return None
+    fields = obj.model_fields.items()
+    return f"({', '.join(['*', *(f'{name}={field.default!r}' for name, field in fields)])})", None
