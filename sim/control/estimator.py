@@ -17,7 +17,7 @@ turn by theta would seem to go s_v d theta farther: 6 mm for 3 %, 0.2 m and 1 ra
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -89,7 +89,7 @@ class Linear:
         seen: (k, n) whether an object was.
         errors: (m, 3) of all that were seen, sample by sample.
         jacobian: (m, 3, p) their derivatives by the values.
-        weights: (m,) of these.
+        weights: (m,) by Student's t.
         gradient: (p,) of half the squares, priors included, by the values.
         hessian: (p, p) likewise.
     """
@@ -329,22 +329,14 @@ class Estimator:
         self.covariance[unsure], self.covariance[:, unsure] = 0.0, 0.0
         self.covariance += np.diag(np.where(unsure, self._prior**2, 0.0))
 
-    def linear(
-        self, samples: list[Sample] | None = None, weigh: Callable[[FloatArray], FloatArray] | None = None
-    ) -> Linear:
-        """Return what samples, or all that are kept, tell near the values.
-
-        Args:
-            samples: See there.
-            weigh: Weights (m,) of measurements by the squares (m,) of their errors; None: Student's.
-        """
+    def linear(self, samples: list[Sample] | None = None) -> Linear:
+        """Return what samples, or all that are kept, tell near the values."""
         samples = self._samples if samples is None else samples
         errors, jacobian = self._linear(samples)
         sigma = np.broadcast_to(self.noise(samples)[:, None, [0, 0, 1]], errors.shape)
         errors, jacobian = errors / sigma, jacobian / sigma[..., None]
         seen = ~np.isnan(errors[..., 0])
-        squares = (errors[seen] ** 2).sum(axis=1)
-        weights = (FREEDOM + 3.0) / (FREEDOM + squares) if weigh is None else weigh(squares)
+        weights = (FREEDOM + 3.0) / (FREEDOM + (errors[seen] ** 2).sum(axis=1))
         errors, jacobian = errors[seen], jacobian[seen]
         weighted = (weights[:, None, None] * jacobian).reshape(-1, len(self.values)).T
         hessian = weighted @ jacobian.reshape(-1, len(self.values)) + self._precision
