@@ -19,11 +19,7 @@ from pushplan.plans.plan import Plan
 from pushplan.scenario.model import Scenario
 
 ITERATIONS = 20_000
-NEAR = {
-    "20 mm aside": (0.0, 0.02, 0.0),
-    "0.2 m behind": (-0.2, 0.0, 0.0),
-    "0.3 rad on the spot": (0.0, 0.0, 0.3),
-}
+NEAR = {"20 mm aside": (0.0, 0.02, 0.0), "0.2 m behind": (-0.2, 0.0, 0.0), "0.3 rad on the spot": (0.0, 0.0, 0.3)}
 BY = ("travel", "time")
 
 

@@ -85,12 +85,7 @@ class Family:
         drive, side, count, *more = name.split("-")
         kinds = [word for word in more if word in KINDS]
         return cls(
-            drive,
-            float(side),
-            int(count),
-            kinds[0] if kinds else "cubes",
-            "cluttered" in more,
-            "wall" in more,
+            drive, float(side), int(count), kinds[0] if kinds else "cubes", "cluttered" in more, "wall" in more
         )
 
     def room(self, seed: int) -> Document:

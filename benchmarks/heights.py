@@ -106,11 +106,7 @@ def model_of(case: Case, world: World, dt: float) -> Any:
     option.timestep, option.cone, option.impratio = dt, mujoco.mjtCone.mjCONE_ELLIPTIC, 1e4
     option.iterations, option.ls_iterations, option.tolerance = 100, 200, 1e-16 / HEAVY
     sphere, block = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX
-    standing = {
-        "solref": [-SPRING, -DAMPER],
-        "solreffriction": [-1e-9, -DRAG],
-        "solimp": [SOFT, SOFT, 1e-3, 0.5, 2],
-    }
+    standing = {"solref": [-SPRING, -DAMPER], "solreffriction": [-1e-9, -DRAG], "solimp": [SOFT, SOFT, 1e-3, 0.5, 2]}
     touching = {"solref": [2.5 * dt, 1.0], "solimp": [0.99, 0.99, 1e-3, 0.5, 2]}
 
     def geom(body: Any, name: str, kind: Any, size: list[float], at: list[float]) -> None:

@@ -75,14 +75,7 @@ def many() -> Iterator[Scenario]:
                 "format": "pushplan/1",
                 "name": f"{count}-boxes",
                 "floor": {"friction": 0.3},
-                "objects": [
-                    {
-                        "name": f"b{i}",
-                        "shape": {"box": [0.06, 0.12]},
-                        "mass": 0.5,
-                    }
-                    for i in range(count)
-                ],
+                "objects": [{"name": f"b{i}", "shape": {"box": [0.06, 0.12]}, "mass": 0.5} for i in range(count)],
                 "contacts": {"friction": 0.5},
                 "pusher": {"width": 0.12, "friction": 0.5},
                 "start": [0.5, 0.5, 0.0],

@@ -206,10 +206,7 @@ def run_all(arguments: argparse.Namespace) -> list[Document]:
     known = {_key(line): line for line in map(json.loads, path.read_text().splitlines())} if path.exists() else {}
     open_ = [task for task in wanted if (task[0], task[2], task[3]) not in known]
     began = time.perf_counter()
-    with (
-        ProcessPoolExecutor(arguments.jobs, get_context("spawn")) as pool,
-        path.open("a") as file,
-    ):
+    with ProcessPoolExecutor(arguments.jobs, get_context("spawn")) as pool, path.open("a") as file:
         running = [pool.submit(attempt, *task) for task in open_]
         for done, future in enumerate(as_completed(running), 1):
             result = future.result()
@@ -219,9 +216,7 @@ def run_all(arguments: argparse.Namespace) -> list[Document]:
             spent = time.perf_counter() - began
             left = spent / done * (len(open_) - done)
             print(
-                f"{done}/{len(open_)}, {spent:.0f} s, {left:.0f} s left: {_line(result)}",
-                file=sys.stderr,
-                flush=True,
+                f"{done}/{len(open_)}, {spent:.0f} s, {left:.0f} s left: {_line(result)}", file=sys.stderr, flush=True
             )
     return [known[task[0], task[2], task[3]] for task in wanted]
 

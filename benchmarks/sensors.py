@@ -49,13 +49,7 @@ from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.replanner import Aim
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
-from pushplan.sim.control.simulated_push import (
-    Disturbance,
-    ErringRobot,
-    SimulatedPush,
-    Simulator,
-    simulate_push,
-)
+from pushplan.sim.control.simulated_push import Disturbance, ErringRobot, SimulatedPush, Simulator, simulate_push
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
@@ -435,10 +429,7 @@ def _words(rows: list[Row]) -> str:
     far = sum(row.travel > 2.0 * row.planned + 1.0 for row in rows)
     noticed = f", {sum(row.stops > 0 for row in rows)} stop for nothing"
     if any(row.noticed is not None for row in rows):
-        seen, missed = (
-            sum(bool(row.noticed) and not row.missed for row in rows),
-            sum(row.missed for row in rows),
-        )
+        seen, missed = (sum(bool(row.noticed) and not row.missed for row in rows), sum(row.missed for row in rows))
         rest = "ended before" if any(row.slid[1] for row in rows) else "put back"
         noticed += f"; {seen} noticed, {len(rows) - seen - missed} {rest}, {missed} missed"
     return (

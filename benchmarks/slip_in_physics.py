@@ -58,17 +58,7 @@ def experiment(seed: int, pushes: int) -> list[list[float]]:
         away = 1e3 * float(np.hypot(off[:, 0], off[:, 1]).max())
         turn = float(np.degrees(np.abs(se2.wrap_angle(off[:, 2])).max()))
         rows.append(
-            [
-                seed,
-                k,
-                len(chain.objects),
-                margin,
-                mine.kept,
-                physics.kept,
-                same_first(mine, physics),
-                away,
-                turn,
-            ]
+            [seed, k, len(chain.objects), margin, mine.kept, physics.kept, same_first(mine, physics), away, turn]
         )
     return rows
 

@@ -110,10 +110,7 @@ def pocket(number: int) -> Scenario:
     rng = _rng("pocket", number)
     wide, deep, turned = rng.uniform(1.0, 1.6), rng.uniform(0.8, 1.6), rng.uniform(-0.6, 0.6)
     turn = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
-    corners = np.array([[-deep, 0.5], [0.0, 0.5], [0.0, -0.5], [-deep, -0.5]]) * [1.0, wide] @ turn.T + [
-        3.2,
-        2.0,
-    ]
+    corners = np.array([[-deep, 0.5], [0.0, 0.5], [0.0, -0.5], [-deep, -0.5]]) * [1.0, wide] @ turn.T + [3.2, 2.0]
     walls = [_bar(a, b) for a, b in pairwise(corners)]
     inside = [*(np.array([0.4 - deep, 0.0]) @ turn.T + [3.2, 2.0]), turned]
     outside = [rng.uniform(4.3, 5.2), rng.uniform(0.8, 3.2), rng.uniform(-0.5, 0.5)]

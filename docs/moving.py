@@ -50,14 +50,7 @@ def main() -> None:
         frames, durations = MOVING[name]()
         whole = BytesIO()
         frames[0].save(
-            whole,
-            "WEBP",
-            save_all=True,
-            append_images=frames[1:],
-            duration=durations,
-            loop=0,
-            quality=55,
-            method=6,
+            whole, "WEBP", save_all=True, append_images=frames[1:], duration=durations, loop=0, quality=55, method=6
         )
         (DOCS / name).write_bytes(whole.getvalue())
         print(f"{DOCS / name}: {len(whole.getvalue()) / 1e3:.0f} kB")

@@ -12,11 +12,7 @@ Path("part.svg").write_text("""\
 </svg>""")
 outline = read_svg_outlines("part.svg")["bracket"]  # its centroid is its origin, y is up
 scenario = build_scenario(
-    "bracket",
-    [polygon("bracket", outline, mass=1.5)],
-    plate(0.3, 0.5),
-    goal=(1.0, 0.5, 0.5),
-    floor_friction=0.3,
+    "bracket", [polygon("bracket", outline, mass=1.5)], plate(0.3, 0.5), goal=(1.0, 0.5, 0.5), floor_friction=0.3
 )
 radii = pushplan.stable_set(scenario.chain).turning_radii()
 print(f"{len(outline)} corners; tightest turns: left {radii.left:.3f} m, right {radii.right:.3f} m")

@@ -25,10 +25,7 @@ scenario = build_scenario(
     goal=(5.0, 1.0, np.pi / 2),
     floor_friction=0.3,
     obstacles=room.obstacles,
-    workspace={
-        "x": [room.workspace.xmin, room.workspace.xmax],
-        "y": [room.workspace.ymin, room.workspace.ymax],
-    },
+    workspace={"x": [room.workspace.xmin, room.workspace.xmax], "y": [room.workspace.ymin, room.workspace.ymax]},
 )
 run = pushplan.run(scenario, time_limit=2.0)
 print(f"{len(room.obstacles)} obstacles; {run.plan.path.cost:.2f} m to the goal")

@@ -84,11 +84,7 @@ def least_robustness(segments: Sequence[Segment]) -> Robustness:
 
 
 def robustness_along(
-    chain: Chain,
-    twists: FloatArray,
-    rates: FloatArray,
-    box: ErrorBox | None = None,
-    least: Robustness | None = None,
+    chain: Chain, twists: FloatArray, rates: FloatArray, box: ErrorBox | None = None, least: Robustness | None = None
 ) -> Robustness:
     """Return that of a motion with body twists (m, 3), none zero, and rates (m, 3); see `robustness_of`."""
     moments = thinned(twists, rates, chain.characteristic_length)

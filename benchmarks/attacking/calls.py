@@ -189,10 +189,7 @@ def _called(name: str, call: Callable[[], object]) -> Row:
         try:
             call()
         except PushplanError as error:
-            return {
-                "verdict": "an error of pushplan" if str(error).strip() else "WRONG",
-                "said": str(error)[:200],
-            }
+            return {"verdict": "an error of pushplan" if str(error).strip() else "WRONG", "said": str(error)[:200]}
         except TypeError as error:  # what is no number, no path, no set at all
             return {"verdict": "a TypeError", "said": str(error)[:200]}
         return {"verdict": "an answer"}

@@ -133,17 +133,7 @@ def _planned(document: Any, name: str, random: Random, folder: Path) -> Row:
     path.write_text(json.dumps(document), errors="replace")
     log = folder / "run.mcap"
     first = ["--first"] if random.random() < 0.5 else []
-    words = [
-        "plan",
-        str(path),
-        "--time-limit",
-        str(LIMIT),
-        "--no-page",
-        "--no-code",
-        "--json",
-        "-o",
-        str(log),
-    ]
+    words = ["plan", str(path), "--time-limit", str(LIMIT), "--no-page", "--no-code", "--json", "-o", str(log)]
     code, out, err = commanded([*words, *first])
     if code == 2:
         message = json.loads(out)["error"]["message"]

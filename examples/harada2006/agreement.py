@@ -90,11 +90,7 @@ class Agreement:
         return Agreement(**parts, tolerance=self.tolerance)
 
 
-def compare(
-    chain: Chain,
-    twists: ArrayLike,
-    settings: PhysicsSettings = FINE,
-) -> Agreement:
+def compare(chain: Chain, twists: ArrayLike, settings: PhysicsSettings = FINE) -> Agreement:
     """Predict and simulate constant twists (k, 3) of a chain.
 
     Args:

@@ -5,15 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from panels import (
-    allowed_directions,
-    carried_center,
-    chain_named,
-    draw_directions,
-    draw_roles,
-    row_of_panels,
-    run,
-)
+from panels import allowed_directions, carried_center, chain_named, draw_directions, draw_roles, row_of_panels, run
 
 from pushplan.drawing.palette import FAINT
 from pushplan.mechanics.chain import Chain

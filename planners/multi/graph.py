@@ -149,10 +149,7 @@ class Graph:
         change[:old] = self._change
         can_begin, can_end = (
             np.concatenate(
-                [
-                    known,
-                    [approaches_are_free(self._room.robot, c.packed, poses, back) for c in self._room.contacts],
-                ],
+                [known, [approaches_are_free(self._room.robot, c.packed, poses, back) for c in self._room.contacts]],
                 axis=1,
             )
             for known, back in ((self._can_begin, False), (self._can_end, True))

@@ -278,10 +278,7 @@ class Order:
             first = self._delivery(now, piece, 0) if effort else None
             if first is not None and first.beyond_bound < SPARE:
                 return first
-            goals, cost_to_go = (
-                self._pieces[piece].goals,
-                None if effort is None else self.cost_to_go(now, piece),
-            )
+            goals, cost_to_go = (self._pieces[piece].goals, None if effort is None else self.cost_to_go(now, piece))
             self._known[key] = self._search(now, piece, goals, cost_to_go=cost_to_go, effort=effort or 0)
         return self._known[key]
 

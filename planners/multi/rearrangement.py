@@ -143,12 +143,7 @@ class RearrangementSearch:
         return found
 
     def _better(
-        self,
-        now: Situation,
-        transfers: tuple[Transfer, ...],
-        order: Order,
-        until: float,
-        settings: PlanSettings,
+        self, now: Situation, transfers: tuple[Transfer, ...], order: Order, until: float, settings: PlanSettings
     ) -> tuple[Transfer, ...] | None:
         """Return the same transfers with better plans, each searched from where the last ends, or None.
 
@@ -160,8 +155,7 @@ class RearrangementSearch:
             spare = [step.beyond_bound for step in transfers[k:]]
             left = max(until - time.perf_counter(), 0.0)
             limits = Limits(
-                time.perf_counter() + left * spare[0] / max(sum(spare), GAIN),
-                stop=settings.observer.cancelled,
+                time.perf_counter() + left * spare[0] / max(sum(spare), GAIN), stop=settings.observer.cancelled
             )
             goals, cost_to_go = (self._aim(one),), order.cost_to_go(now, one.piece) if one.delivers else None
             again = find_transfer(self.pieces, now, one.piece, limits, settings.seed, goals, one.delivers, cost_to_go)

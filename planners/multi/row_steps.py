@@ -130,10 +130,7 @@ class Steps:
         """Yield which objects may be driven to at first, with bounds of what that costs."""
         for member in self.members:
             if member[0] in self.begin.left:
-                yield (
-                    self.begin.cost + self._least_drive(self.begin.plate, member),
-                    Chance(None, member, False),
-                )
+                yield (self.begin.cost + self._least_drive(self.begin.plate, member), Chance(None, member, False))
 
     def _least_drive(self, plate: FloatArray, member: Member) -> float:
         """Return what the robot's way to an object costs at least, m."""
@@ -327,12 +324,7 @@ class Steps:
         way = sum(move.path.cost for move in moves)
         cost = now.cost + self.choice.transit_weight * way
         return replace(
-            now,
-            cost=cost,
-            members=(member,),
-            plate=at,
-            left=now.left - {name},
-            moves=(*now.moves, *moves),
+            now, cost=cost, members=(member,), plate=at, left=now.left - {name}, moves=(*now.moves, *moves)
         )
 
     def _closing(self, now: Node, hand: Hand, member: Member, by_way: bool) -> Node | None:

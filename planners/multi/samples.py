@@ -59,13 +59,7 @@ class Sampler:
     """
 
     def __init__(
-        self,
-        room: PushRoom,
-        question: Question,
-        changes: FloatArray,
-        firsts: BoolArray,
-        lasts: BoolArray,
-        seed: int,
+        self, room: PushRoom, question: Question, changes: FloatArray, firsts: BoolArray, lasts: BoolArray, seed: int
     ) -> None:
         assert room.scenario.pushes is not None
         self._question, self._changes = question, changes

@@ -115,12 +115,7 @@ def find_words(family: FloatArray, start: FloatArray, goal: FloatArray) -> Float
     """Return cost, letters and lengths (n, 7) of every word of a family (3, 3) between two poses (3,)."""
 
 def connect(
-    scene: Scene,
-    families: FloatArray,
-    start: FloatArray,
-    goal: FloatArray,
-    bound: float = ...,
-    tries: int = ...,
+    scene: Scene, families: FloatArray, start: FloatArray, goal: FloatArray, bound: float = ..., tries: int = ...
 ) -> tuple[float, float, FloatArray | None]:
     """Find the cheapest free connection below a bound.
 

@@ -78,11 +78,7 @@ def find_push(scene: Scene, mode: PackedMode, start: FloatArray, goal: FloatArra
     """
 
 def push_costs(
-    robot: Scene,
-    contacts: list[tuple[Scene, PackedMode]],
-    start: FloatArray,
-    goals: FloatArray,
-    asked: BoolArray,
+    robot: Scene, contacts: list[tuple[Scene, PackedMode]], start: FloatArray, goals: FloatArray, asked: BoolArray
 ) -> FloatArray:
     """Return what single pushes cost from a pose of the load, with room for approach and retreat, (m, g), m.
 

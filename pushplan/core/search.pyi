@@ -229,13 +229,7 @@ class Lattice:
         """Cost of the cheapest node in each cell that has one, m."""
 
 def floor_distances(
-    point: Scene,
-    grid: FloatArray,
-    columns: int,
-    rows: int,
-    least: float,
-    start: FloatArray,
-    goal: FloatArray,
+    point: Scene, grid: FloatArray, columns: int, rows: int, least: float, start: FloatArray, goal: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the lengths (columns, rows) of ways to the start and to the goal, m.
 

@@ -28,12 +28,7 @@ def neighbours(at: FloatArray, step: FloatArray, live: IntArray, turn: float) ->
     """
 
 def move(
-    at: FloatArray,
-    values: FloatArray,
-    step: FloatArray,
-    live: IntArray,
-    around: FloatArray,
-    found: FloatArray,
+    at: FloatArray, values: FloatArray, step: FloatArray, live: IntArray, around: FloatArray, found: FloatArray
 ) -> None:
     """Go to the highest of the neighbours, or look closer.
 

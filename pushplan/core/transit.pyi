@@ -30,12 +30,7 @@ def find_transit(
     """
 
 def shortened(
-    around: Surroundings,
-    wheels: Wheels,
-    start: FloatArray,
-    arcs: FloatArray,
-    state: RandomState,
-    attempts: int,
+    around: Surroundings, wheels: Wheels, start: FloatArray, arcs: FloatArray, state: RandomState, attempts: int
 ) -> FloatArray:
     """Join random pairs of places on a way (k, 4) anew where that is cheaper; return the arcs that it has then.
 

@@ -22,18 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pushplan.geometry.se2 import (
-    between,
-    chained,
-    compose,
-    exp,
-    inverse,
-    log,
-    relative,
-    rotate,
-    twist_of,
-    wrap_angle,
-)
+from pushplan.geometry.se2 import between, chained, compose, exp, inverse, log, relative, rotate, twist_of, wrap_angle
 from pushplan.sim.control.sensing import NOISY, noise_between
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.touching import tangents_of

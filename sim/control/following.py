@@ -31,12 +31,7 @@ class Following:
     """
 
     def __init__(
-        self,
-        trajectory: Trajectory,
-        limits: Limits,
-        rate: float,
-        frame: FloatArray,
-        steering: Steering | None = None,
+        self, trajectory: Trajectory, limits: Limits, rate: float, frame: FloatArray, steering: Steering | None = None
     ) -> None:
         self.drive = Drive(trajectory, limits)
         self._rate, self._frame, self._steering = rate, frame, steering

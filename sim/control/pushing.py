@@ -24,14 +24,7 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.run import Replan
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.parts import Obstacle
-from pushplan.sim.control.closing import (
-    LONGEST,
-    ClosingPush,
-    Contacts,
-    Spread,
-    closing_push,
-    contacts_at,
-)
+from pushplan.sim.control.closing import LONGEST, ClosingPush, Contacts, Spread, closing_push, contacts_at
 from pushplan.sim.control.departures import Slide, find_slide, off_place
 from pushplan.sim.control.estimator import HOLD, Estimator, Sample
 from pushplan.sim.control.following import Following

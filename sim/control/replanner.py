@@ -273,13 +273,7 @@ class Replanner:
         self.chain = chain
 
     def best(
-        self,
-        now: float,
-        start: FloatArray,
-        previous: PushPath | None,
-        slides: FloatArray,
-        most: float,
-        left: float,
+        self, now: float, start: FloatArray, previous: PushPath | None, slides: FloatArray, most: float, left: float
     ) -> list[Replan]:
         """Return attempts to plan, of which the last one counts.
 

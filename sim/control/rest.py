@@ -85,10 +85,7 @@ def legs_to(
     load = segments[k].load
     assert load is not None
     contact = carried_by(load, poses)
-    off, away = (
-        pose_error(contact, segments[k].contact_path.start),
-        pose_error(plate, segments[begin].path.start),
-    )
+    off, away = (pose_error(contact, segments[k].contact_path.start), pose_error(plate, segments[begin].path.start))
     if all(e <= m for e, m in zip((*off, *away), (*near, *SAME), strict=True)):
         return [(i, segments[i]) for i in range(begin, k)]
     pushes = scenario.pushes

@@ -86,11 +86,7 @@ class Measurements:
         sensor = self._sensor
         if now < len(self.t) / sensor.rate - 1e-9:
             return
-        noise = self._random.normal(size=object_poses.shape) * [
-            sensor.position,
-            sensor.position,
-            sensor.angle,
-        ]
+        noise = self._random.normal(size=object_poses.shape) * [sensor.position, sensor.position, sensor.angle]
         self.t.append(now)
         self.poses.append(object_poses + noise)
         self._waiting.append((now, self.poses[-1]))

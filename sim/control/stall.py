@@ -100,10 +100,7 @@ class StallWatch:
         return ()
 
     def _stands(
-        self,
-        before: list[tuple[float, FloatArray]],
-        after: list[tuple[float, FloatArray]],
-        places: FloatArray,
+        self, before: list[tuple[float, FloatArray]], after: list[tuple[float, FloatArray]], places: FloatArray
     ) -> bool:
         """Tell whether every object stood still between measurements that would have moved."""
         times = [float(np.mean([time for time, _ in part])) for part in (before, after)]
