@@ -329,12 +329,7 @@ class Planner:
                 execution = execute(scenario, segments, name)
         with watch("validation"):
             if not segments and not reason:
-                if settings.observer.cancelled():
-                    reason = "the search was interrupted before it found a plan"
-                elif not explain or outcome.explain is None:
-                    reason = "no plan was found in time"
-                else:
-                    reason, diagnosis, nearest = outcome.explain()
+                reason, diagnosis, nearest = _why_not(outcome, settings, explain)
             elif not reason:
                 reason = validator.flaw(segments, execution, set_name)
         found = segments if not reason else ()
@@ -382,6 +377,17 @@ class Planner:
         if not found:
             return outcome.candidates[0], reason
         return min(found, key=lambda segments: sum(segment.duration for segment in segments)), ""
+
+
+def _why_not(
+    outcome: Outcome, settings: PlanSettings, explain: bool
+) -> tuple[str, tuple[Diagnosis, ...], Nearest | None]:
+    """Return the reason, the diagnosis and the nearest plan of a search that found none."""
+    if settings.observer.cancelled():
+        return "the search was interrupted before it found a plan", (), None
+    if not explain or outcome.explain is None:
+        return "no plan was found in time", (), None
+    return outcome.explain()
 
 
 def _bound(outcome: Outcome, found: Segments) -> float | Callable[[], float | None] | None:

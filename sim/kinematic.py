@@ -17,7 +17,7 @@ from pushplan.plans.segment import Segment, join
 from pushplan.plans.trajectory import RESTING, Trajectory, advance
 from pushplan.scenario.model import Scenario
 from pushplan.sets.known_load_sets import EcofSet
-from pushplan.util.arrays import FloatArray, columns_of
+from pushplan.util.arrays import FloatArray, IntArray, columns_of
 
 
 class Contacts(NamedTuple):
@@ -60,33 +60,22 @@ def execute(scenario: Scenario, segments: tuple[Segment, ...], planned: str) -> 
     if trajectory is None:
         raise PushplanError("there is nothing to execute: a plan has segments, each with a trajectory")
     t, poses = trajectory.t, integrated(trajectory)
-    now = dict(scenario.poses)
-    names = tuple(now)
-    objects = np.empty((len(t), len(names), 3))
-    columns: dict[str, FloatArray] = {}
+    names = tuple(scenario.poses)
     ends = np.cumsum([segment.duration for segment in segments])
     owner = np.clip(np.searchsorted(ends, t, side="right"), 0, len(segments) - 1)
-    judge, needed = "", np.full(len(t), np.nan)
+    objects = _carried(scenario, segments, poses, owner)
+    judge, needed, columns = "", np.full(len(t), np.nan), dict[str, FloatArray]()
     for k, segment in enumerate(segments):
-        inside = np.flatnonzero(owner == k)
-        objects[inside] = np.stack([now[name] for name in names])
-        if not segment.pushes or segment.load is None:
-            continue
-        begin, end = segment.path.start, _timed(segment).break_poses[-1]
-        moved = np.array([names.index(name) for name in segment.load.names])
-        # Objects rest where the push before has left them, whatever the plan says.
-        held = {name: se2.relative(begin, now[name]) for name in segment.load.names}
-        for name, column in zip(segment.load.names, moved, strict=True):
-            objects[inside, column] = se2.compose(poses[inside], held[name])
-            now[name] = se2.compose(end, held[name])
-        found = contacts_along(segment, planned, t[inside] - (ends[k] - segment.duration))
-        judge, needed[inside] = found.judge, found.needed
-        for field in ("margins", "dynamic", "friction_margins", "lambdas", "forces"):
-            values = getattr(found, field)
-            if values is not None:
-                whole = columns.setdefault(field, np.full((len(t), len(names), *values.shape[2:]), np.nan))
-                whole[np.ix_(inside, moved)] = values
-    objects[..., 2] = np.unwrap(objects[..., 2], axis=0)  # the robot may have turned fully between two pushes
+        if segment.pushes and segment.load is not None:
+            inside = np.flatnonzero(owner == k)
+            moved = np.array([names.index(name) for name in segment.load.names])
+            found = contacts_along(segment, planned, t[inside] - (ends[k] - segment.duration))
+            judge, needed[inside] = found.judge, found.needed
+            for field in ("margins", "dynamic", "friction_margins", "lambdas", "forces"):
+                values = getattr(found, field)
+                if values is not None:
+                    whole = columns.setdefault(field, np.full((len(t), len(names), *values.shape[2:]), np.nan))
+                    whole[np.ix_(inside, moved)] = values
     unknown = np.full((len(t), len(names)), np.nan)
     margins, dynamic = columns.get("margins", unknown), columns.get("dynamic", unknown)
     decides = scenario.pusher.limits.contact == "dynamic"
@@ -114,6 +103,26 @@ def execute(scenario: Scenario, segments: tuple[Segment, ...], planned: str) -> 
         kept("forces"),
         needed_forces=needed[:count],
     )
+
+
+def _carried(scenario: Scenario, segments: tuple[Segment, ...], poses: FloatArray, owner: IntArray) -> FloatArray:
+    """Return the poses (m, n, 3) of all objects while the plate has poses (m, 3), in the segments `owner` (m,)."""
+    now = dict(scenario.poses)
+    names = tuple(now)
+    objects = np.empty((len(poses), len(names), 3))
+    for k, segment in enumerate(segments):
+        inside = np.flatnonzero(owner == k)
+        objects[inside] = np.stack([now[name] for name in names])
+        if not segment.pushes or segment.load is None:
+            continue
+        begin, end = segment.path.start, _timed(segment).break_poses[-1]
+        for name in segment.load.names:
+            # Objects rest where the push before has left them, whatever the plan says.
+            held = se2.relative(begin, now[name])
+            objects[inside, names.index(name)] = se2.compose(poses[inside], held)
+            now[name] = se2.compose(end, held)
+    objects[..., 2] = np.unwrap(objects[..., 2], axis=0)  # the robot may have turned fully between two pushes
+    return objects
 
 
 def contacts_along(segment: Segment, planned: str, t: FloatArray) -> Contacts:

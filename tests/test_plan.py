@@ -102,7 +102,8 @@ def _between(scenario: Scenario, start: np.ndarray, goal: np.ndarray) -> Scenari
 
 
 def test_a_plan_is_the_first_plan_of_its_own_scenario(planner: Planner, clutter: Scenario) -> None:
-    asked, own = planner.plan(START, GOAL, seed=3), plan(_between(clutter, START, GOAL), seed=3, first=True)
+    asked = planner.plan(START, GOAL, seed=3, time_limit=60.0)
+    own = plan(_between(clutter, START, GOAL), seed=3, first=True, time_limit=60.0)
     assert asked.solved, asked.reason
     np.testing.assert_array_equal(there(asked.path).twists, there(own.path).twists)
     np.testing.assert_array_equal(there(asked.trajectory).poses, there(own.trajectory).poses)

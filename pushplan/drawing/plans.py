@@ -91,12 +91,8 @@ def plot_plan(
     full = max((side + _SIDE if beside else _LEFT + width) + _RIGHT, _LEAST_WIDTH)
     tall = _HEIGHT if width or "set" in panels else _MARGIN_HEIGHT if beside else 0.0
     with figure_for(path, full, _HEIGHT) as figure:
-        robustness = plan.robustness if plan.solved else None
-        sentence = "" if robustness is None or not robustness.known else plan.robustness_words
-        if plan.solved and plan.force_limit is not None and plan.force_words:
-            sentence = f"{sentence}; {plan.force_words}" if sentence else plan.force_words
         keys = scene_keys(scene) if width or "steps" in panels else []
-        low = draw_footer(figure, _LEFT, keys, sentence) + 0.15
+        low = draw_footer(figure, _LEFT, keys, _borne(plan) if plan.solved else "") + 0.15
         steps = None
         if "steps" in panels and plan.scenario.kind == "rearrangement":
             steps = _Steps.of(scene, view, full - _LEFT - _RIGHT)
@@ -126,6 +122,13 @@ def plot_plan(
                 draw_set(column, plan.scenario.chain, plan.scenario.stable_set(plan.stable_set or None))
             else:
                 _list_pushes(column, scene, plan)
+
+
+def _borne(plan: Plan) -> str:
+    """Return in words what a plan tolerates, and which force it needs where that is limited."""
+    known = plan.robustness is not None and plan.robustness.known
+    force = plan.force_words if plan.force_limit is not None else ""
+    return "; ".join(words for words in (plan.robustness_words if known else "", force) if words)
 
 
 def plot_scenario(scenario: Scenario, path: str | Path, stable: StableSet | None = None) -> None:
