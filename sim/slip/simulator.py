@@ -118,7 +118,8 @@ class SlipSimulator:
 
     def move(self, twist: ArrayLike, duration: float) -> core.Trace:
         """Move the plate with a constant body twist (3,), in steps as `settings` says."""
-        motion = frozen(numbers(twist, "twist") * duration, (3,), "motion of the plate")
+        with np.errstate(invalid="ignore"):  # 0 for an infinite time, which is refused as no number
+            motion = frozen(numbers(twist, "twist") * duration, (3,), "motion of the plate")
         way = float(np.hypot(motion[0], motion[1])) + self.reach * abs(float(motion[2]))
         if not (way <= FARTHEST and duration >= 0.0):
             raise PushplanError(
