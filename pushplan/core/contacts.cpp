@@ -261,8 +261,6 @@ void bind_contacts(nb::module_ &core) {
     m.def("moved_wrenches_of", &moved_wrenches_of, nb::arg("packed"), nb::arg("twists"), nb::arg("moves"));
     m.def("inertia_per_object", &inertia_per_object, nb::arg("table"), nb::arg("twists"), nb::arg("rates"));
     m.def("sum_over_carried", &sum_over_carried, nb::arg("per_object").noconvert(), nb::arg("pushers"));
-    m.def("edge_log", &edge_log, nb::arg("d"), nb::arg("length"), nb::arg("rho_sum"));
-    m.def("in_reach", &in_reach, nb::arg("speed"), nb::arg("omega"), nb::arg("radius"));
     m.def(
         "series_pair",
         [](const Series &series, std::ptrdiff_t row, double vx, double vy, double spin) {

@@ -111,12 +111,6 @@ def sum_over_carried(per_object: FloatArray, pushers: IntArray) -> None:
         pushers: (n,) the object that pushes each one, -1 for the plate.
     """
 
-def edge_log(d: float, length: float, rho_sum: float) -> float:
-    """Return d^2 Lambda, 0 on the line of the edge; no cancellation for edges that are far away."""
-
-def in_reach(speed: float, omega: float, radius: float) -> bool:
-    """Return whether the COR is so far away that the series applies."""
-
 def series_pair(series: ComplexArray, row: int, vx: float, vy: float, spin: float) -> tuple[complex, complex]:
     """Return the integrals of rows `row` and `row` + 1 of `series`.
 

@@ -11,10 +11,6 @@ namespace {
 // Arcs below this (m, rad) are left out.
 constexpr double SHORTEST = 1e-12;
 
-double cost_rate(const Twist &twist) {
-    return std::hypot(twist.vx, twist.vy) + TURN_WEIGHT * std::abs(twist.omega);
-}
-
 // Letters of a car's words: their arcs are worked out once, as each of some twenty words has three to five of them.
 struct Letters {
     std::array<Twist, 3> ahead; // by the sign of the curvature: right, straight, left; scaled to a cost rate of 1

@@ -43,6 +43,11 @@ static_assert(sizeof(Family) == 9 * sizeof(double), "a block (3, 3) of NumPy's t
 // What a radian of turning costs beside a metre of travel, m; `pushplan.plans.path.TURN_WEIGHT`.
 constexpr double TURN_WEIGHT = 0.1;
 
+// What a second of a twist costs, m.
+inline double cost_rate(const Twist &twist) {
+    return std::hypot(twist.vx, twist.vy) + TURN_WEIGHT * std::abs(twist.omega);
+}
+
 inline Pose pose_at(const double *row) { return {row[0], row[1], row[2]}; }
 inline Twist twist_at(const double *row) { return {row[0], row[1], row[2]}; }
 inline Arc arc_at(const double *row) { return {twist_at(row), row[3]}; }

@@ -41,7 +41,7 @@ inline Twist between(const Segment &segment, double b) {
     const double vx = (1.0 - b) * segment.low.vx + b * segment.high.vx;
     const double vy = (1.0 - b) * segment.low.vy + b * segment.high.vy;
     const double omega = (1.0 - b) * segment.low.omega + b * segment.high.omega;
-    const double rate = std::hypot(vx, vy) + TURN_WEIGHT * std::abs(omega);
+    const double rate = cost_rate({vx, vy, omega});
     return {vx / rate, vy / rate, omega / rate};
 }
 

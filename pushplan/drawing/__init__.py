@@ -1,4 +1,4 @@
-"""Pictures: the palette, the scene that all viewers draw, and figures of plans, stable sets, speeds and trials.
+"""Pictures: the palette, the scene that all viewers draw, and figures of plans, stable sets and trials.
 
 What is here is known without loading the drawing library.
 """
