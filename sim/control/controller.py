@@ -10,7 +10,7 @@ from what was measured.
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
@@ -32,7 +32,7 @@ from pushplan.scenario.parts import Obstacle
 from pushplan.sim.control.estimator import Estimator
 from pushplan.sim.control.following import Following
 from pushplan.sim.control.jobs import Phase, PushJob, alone, is_last, push_job
-from pushplan.sim.control.pushing import PushLoop
+from pushplan.sim.control.pushing import OFTEN, PushLoop
 from pushplan.sim.control.replanner import Replanner, first_plan
 from pushplan.sim.control.rest import Leg, RestPlanner, legs_to, standing_obstacles, travel_of
 from pushplan.sim.control.sensing import MEMORY, Odometry, Sightings
@@ -101,7 +101,7 @@ class Controller:
         self._estimator: Estimator | None = None  # of the last push: what it found of clock and wheels
         self._standing = Standing(scenario.poses, settings, self._sightings)
         self._delivered = Deliveries(scenario, settings, self._standing)
-        self._rest_planner = RestPlanner(scenario, plan, self._delivered.tolerance, observer)
+        self._rest_planner = RestPlanner(scenario, plan, self._delivered.tolerance, settings.friction, observer)
         self._plate = self._told = np.array(scenario.plate_start)
         self._alone = 0.0, 0.0  # how far (m, rad) the plate has driven and turned since it pushed something
         self._odometry = Odometry(self._plate)
@@ -109,6 +109,8 @@ class Controller:
         self._now, self._began, self._since, self._late = 0.0, math.inf, 0.0, False
         self._planned, self._at, self._before, self._rests = plan, 0, 0, 0
         self._again, self._backing, self._lost = 0, False, ""
+        self._slips: Counter[str] = Counter()  # how often objects have slid since the plan was made, by name
+        self._wary = False
         self._most = settings.most(travel_of(plan.segments))
         self._push: PushLoop | None = None
         self._legs: deque[Leg] = deque()
@@ -356,7 +358,9 @@ class Controller:
             return
         delivered = self._delivered.names
         asked = self._plate, self._standing.by_name, self._obstacles, delivered, self._rests
-        replan = self._rest_planner.plan(self._now, *asked, self._most - self._odometry.travel)
+        self._wary |= max(self._slips.values(), default=0) >= OFTEN
+        self._slips.clear()
+        replan = self._rest_planner.plan(self._now, *asked, self._most - self._odometry.travel, self._wary)
         self.replans.append(replan)
         result = replan.result
         if result is None or not result.solved:
@@ -392,7 +396,7 @@ class Controller:
         else:
             job = PushJob(self.scenario, self.plan, self._standing.columns(load.names), self._most)
         self._push = PushLoop(
-            replace(job, again=self._again < AGAIN, alone=self._alone),
+            replace(job, again=self._again < AGAIN, alone=self._alone, slips=self._slips),
             replanner,
             self.settings,
             self._sightings,
@@ -409,7 +413,7 @@ class Controller:
 
     def _end_push(self, push: PushLoop) -> None:
         """Go on after a push that is over: with the next segment, or with a look at what is left."""
-        self._push, self._estimator, names = None, push.estimator, push.load.names
+        self._push, self._estimator, self._slips, names = None, push.estimator, push.slips, push.load.names
         self._plate, self._alone = compose(push.plate_after, inverse(push.load.frame_plate)), (0.0, 0.0)
         if self._replanner is not None:
             self._end(push.phase, push.text)

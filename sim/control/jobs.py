@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from pushplan.geometry.se2 import compose, inverse, relative, wrap_angle
@@ -47,6 +47,7 @@ class PushJob:
         most: Travel of the plate that it may take, m.
         again: Whether the plate may back off and come up to the load once more.
         alone: How far the plate has driven (m) and turned (rad) since it pushed something.
+        slips: How often objects have slid, by name, since all that is done was planned.
         will_do: How far off its goal it may end where no plan leads nearer, m and rad.
         straight: Whether it is over after that straight push, wherever it ends: it closes onto an object that rests.
         onto: Name of the object that the load is pushed up to; empty where there is none.
@@ -59,6 +60,7 @@ class PushJob:
     settle: float = 0.0
     again: bool = False
     alone: tuple[float, float] = (0.0, 0.0)
+    slips: Mapping[str, int] = field(default_factory=dict)
     will_do: tuple[float, float] = (0.0, 0.0)
     straight: bool = False
     onto: str = ""

@@ -9,7 +9,7 @@ again, or gives up.
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 
 import numpy as np
@@ -46,6 +46,8 @@ LITTLE, SETTLE = 0.5, 0.02
 """Travel (m) that any error beyond the tolerances is worth, and after which contacts are closed that were open."""
 TOLD = 2.0
 """Standard deviations by which the plate has to stand aside to be taken for that where a push tells it badly."""
+OFTEN = 2
+"""So often an object has slid where its contact is taken to grip less than the plan believes, and not to be hit."""
 REFIT = 0.25
 """Time between two fits, s."""
 LONGER, UNDECIDED = 2.0, 3.0
@@ -74,6 +76,7 @@ class PushLoop:
         plate: (3,) pose of the contact's frame in the world, as believed.
         places: (n, 3) poses of the objects in that frame, as believed.
         estimator: What sensors and wheels err by.
+        slips: See `PushJob`, those of this push included.
         met_aside: It is over because the load was met where it takes a long way round from.
         stalled: It is over because the load is too heavy.
     """
@@ -112,6 +115,8 @@ class PushLoop:
         self._slide: Slide | None = None
         self._since, self._closings, self._settled = now, 0, False
         self._path: PushPath = plan.path
+        self.slips = Counter(job.slips)
+        self._heed_slides()
         self._touch = Touch(scenario.chain, job.settle, job.straight, settings)
         self._ahead = plan.path.twists[0]
         self.met_aside, self.stalled = False, False
@@ -265,8 +270,9 @@ class PushLoop:
             recent = [sample for sample in self._recent if sample.time >= self._since]
             kind, what = "deviation", off_place(self.estimator, recent, self.load.names, self._settled)
             if not what and slide is not None:
-                far = f"{1e3 * abs(slide.size):.1f} mm along what pushes it"
-                what, since = f"{self.load.names[slide.contact]} has slid by {far}", min(since, slide.since)
+                far, name = f"{1e3 * abs(slide.size):.1f} mm along what pushes it", self.load.names[slide.contact]
+                what, since = f"{name} has slid by {far}", min(since, slide.since)
+                self.slips[name] += 1
         if what and (kind == "deviation" or unseen > self.settings.patience):
             self._tell(kind, what)
             self.estimator.forget(since, self._now)
@@ -274,6 +280,14 @@ class PushLoop:
                 self.estimator.doubt(self._now)  # what it took for constants is none
             self._slide = None
             self._following.drive.stop()
+            self._heed_slides()
+
+    def _heed_slides(self) -> None:
+        """Plan for the least friction once an object has slid often, if the plate may let go of it."""
+        often = [name for name in self.load.names if self.slips[name] >= OFTEN]
+        if often and self._job.settle > 0.0 and not self._replanner.wary:
+            self._replanner.wary = True
+            self._tell("grip", f"{', '.join(often)} has slid {OFTEN} times: it is pushed as with the least friction")
 
     def _look(self) -> None:
         """Once there are enough measurements at rest, decide."""

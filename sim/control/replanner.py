@@ -34,6 +34,8 @@ Caution = tuple[float, float, float]
 BOLD: Caution = (0.0, 0.0, 1.0)
 CAUTION: tuple[Caution, ...] = ((1.0, 0.4, 1.0), (0.5, 0.2, 1.0), BOLD)
 """What plans on the way are made for, one after the other until there is one."""
+WARY: tuple[Caution, ...] = ((1.0, 0.4, 1.0), (1.0, 0.2, 1.0), (1.0, 0.0, 1.0))
+"""What they are made for where contacts have slid again and again, and the plate may push from elsewhere."""
 LOWER = tuple((friction, room, margin) for friction, room, _ in CAUTION for margin in (0.5, 0.25))
 """What plans to the goal itself are made for where all others fail and a margin may be lowered."""
 NEARBY = tuple((friction, room, margin) for friction, room, _ in CAUTION for margin in (1.0, 0.5, 0.25))
@@ -181,6 +183,7 @@ class Replanner:
         lowers: Whether planners chose the scenario's margin, and may lower it where there is no other plan.
 
     Attributes:
+        wary: Whether plans are made for the least friction only.
         aim: What counts as the goal.
         chain: As it is believed to be, with the objects where they have slid to.
     """
@@ -189,7 +192,7 @@ class Replanner:
         self, scenario: Scenario, settings: ControlSettings, observer: Observer, lowers: bool = False
     ) -> None:
         self._scenario, self._settings, self._observer = scenario, settings, observer
-        self._lowers = lowers
+        self._lowers, self.wary = lowers, False
         self.aim = Aim.of(scenario.goal, scenario.chain, settings.position_tolerance, settings.angle_tolerance)
         self.chain, self._slides = scenario.chain, np.zeros(len(scenario.chain.contacts))
         self._planners: dict[Caution, Planner] = {}
@@ -290,14 +293,15 @@ class Replanner:
         """
         missed: list[Replan] = []
         solved: list[tuple[float, Replan]] = []
+        levels = WARY if self.wary else CAUTION
         for attempt in range(ATTEMPTS):
-            level = CAUTION[attempt % len(CAUTION)]
-            replan = self.replan(now, start, previous, slides, level, seed=1 + attempt // len(CAUTION))
+            level = levels[attempt % len(levels)]
+            replan = self.replan(now, start, previous, slides, level, seed=1 + attempt // len(levels))
             if replan.result is None or replan.result.path is None:
                 missed.append(replan)
             else:
                 solved.append((replan.result.segments[0].path.travel, replan))
-            if solved and (solved[-1][0] <= most or attempt >= len(CAUTION) - 1):
+            if solved and (solved[-1][0] <= most or attempt >= len(levels) - 1):
                 break
         shortest = min(solved, key=lambda one: one[0], default=None)
         if shortest is not None and shortest[0] <= most:
@@ -306,7 +310,7 @@ class Replanner:
         near, beside = Near(most, min(left, here - GAIN)), list[tuple[float, Replan]]()
         # Contacts are risked where nothing else brings the objects within the tolerances.
         risks = here > 1.0 and left > 1.0 and self._scenario.stability.margin == AUTO
-        for level in [level for level in NEARBY if risks or level in CAUTION]:
+        for level in NEARBY if risks else levels:
             replan = self.replan(now, start, previous, slides, level, near)
             if replan.result is None or replan.result.path is None:
                 missed.append(replan)
@@ -397,6 +401,8 @@ class Replanner:
 def cautious(scenario: Scenario, share: float, room: float = 0.0) -> Scenario:
     """Return the scenario with every coefficient of friction off by up to a share; one with intervals keeps them.
 
+    Of objects that stand apart and of a row it is the least friction of contacts.
+
     Args:
         scenario: What is believed.
         share: From 0 to below 1.
@@ -405,6 +411,14 @@ def cautious(scenario: Scenario, share: float, room: float = 0.0) -> Scenario:
     scenario = replace(scenario, clearance=max(scenario.clearance, room))
     if share == 0.0 or scenario.interval is not None:
         return scenario
+    if scenario.bodies:
+        row, bodies = scenario.row, dict(scenario.bodies)
+        for name, body in bodies.items():
+            if body.interval is None:
+                bodies[name] = replace(body, chain=with_contact_friction(body.chain, 1.0 - share))
+        if row is not None:
+            row = replace(row, friction=((1.0 - share) * row.friction[0], row.friction[1]))
+        return replace(scenario, bodies=bodies, row=row)
     chain = with_contact_friction(scenario.chain, 1.0 - share)
     if scenario.stability.set not in INTERVAL_SETS:
         return replace(scenario, chain=chain)

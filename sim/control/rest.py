@@ -24,6 +24,7 @@ from pushplan.plans.segment import Poses, Segment
 from pushplan.plans.settings import Margin, Observer, PlanSettings
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Goal, Obstacle
+from pushplan.sim.control.replanner import cautious
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, AUTO, TRANSIT
 
@@ -125,11 +126,14 @@ class RestPlanner:
         scenario: What is believed.
         plan: What was to be done at first.
         tolerance: Distance (m) and angle (rad) by which an object that was brought to its goal may be off.
+        friction: Share by which coefficients of friction may be off.
         observer: Takes messages about what takes long.
     """
 
-    def __init__(self, scenario: Scenario, plan: Plan, tolerance: tuple[float, float], observer: Observer) -> None:
-        self._scenario, self._observer = scenario, observer
+    def __init__(
+        self, scenario: Scenario, plan: Plan, tolerance: tuple[float, float], friction: float, observer: Observer
+    ) -> None:
+        self._scenario, self._friction, self._observer = scenario, friction, observer
         self._row = scenario.row
         if self._row is not None:  # the places of its objects are those that the plan gave them
             last = plan.segments[-1]
@@ -147,6 +151,7 @@ class RestPlanner:
         delivered: frozenset[str],
         seed: int,
         most: float,
+        wary: bool = False,
     ) -> Replan:
         """Return a plan for the rest: one with room for corrections, unless it takes more travel than it may.
 
@@ -158,11 +163,13 @@ class RestPlanner:
             delivered: Objects that stay where they are.
             seed: Of the random numbers.
             most: Travel that it may take, m.
+            wary: Whether contacts have slid again and again: then it is one for the least friction, if there is one.
         """
         began, reason, result = time.process_time(), "", None
-        for margin in self._margins:
+        levels = [(0.0, margin) for margin in self._margins]
+        for friction, margin in [(self._friction, None), *levels] if wary else levels:
             try:
-                asked = self._asked(plate, poses, obstacles, delivered)
+                asked = cautious(self._asked(plate, poses, obstacles, delivered), friction)
                 settings = PlanSettings(
                     first=bool(asked.bodies),
                     time_limit=TIME_LIMIT,

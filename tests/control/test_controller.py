@@ -21,6 +21,7 @@ from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_text, scenario_from_document
 from pushplan.scenario.parts import CircleObstacle
 from pushplan.sim.control.controller import Controller
+from pushplan.sim.control.departures import Slide
 from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
@@ -276,3 +277,17 @@ def test_a_load_that_is_met_elsewhere_tells_where_the_plate_is(ahead: float, not
     told = [event.text for event in controller.events if event.kind == "touch"]
     assert ["was not met" in text for text in told] == not_met
     assert not any("gave up" in event.text for event in controller.events)
+
+
+def test_what_slides_again_is_pushed_as_with_the_least_friction(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two slides the first may be a disturbance; where the plate may let go, another push may do it."""
+    from pushplan.sim.control import pushing
+
+    slides = iter([None, None, Slide(0, 3e-3, 0.0, 50.0)] * 2)
+    monkeypatch.setattr(pushing, "find_slide", lambda *_: next(slides, None))
+    apart = scenario_from_document(problem_document("omnidirectional"))
+    controller = Controller(apart, SELDOM, plan=pushplan.plan(apart, seed=1, iterations=1, time_limit=60.0))
+    simulate_push(pushplan.World.from_scenario(apart), controller, SELDOM.rate)
+    told = [event.kind for event in controller.events if event.kind in ("deviation", "grip")]
+    assert told == ["deviation", "deviation", "grip"]
+    assert controller.phase is Phase.ARRIVED, controller.reason

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -395,6 +396,25 @@ def test_a_margin_that_planners_chose_is_lowered_where_nothing_else_leads_to_the
         assert replan.solved == (lowers and ends < 1.0)
     if replan.solved:
         assert 0.0125 < there(there(replan.result).min_margin) < 0.05
+
+
+def test_who_is_wary_plans_for_the_least_friction_only_and_of_objects_apart_too() -> None:
+    """A metre before the goal, carts stand aside so that they can be turned enough with the friction as believed."""
+    from pushplan.sim.control.replanner import Replanner, cautious
+
+    carts = pushplan.load_scenario("carts")
+    replanner = Replanner(carts, ControlSettings(time_limit=60.0), Observer())
+    given = 0.0, compose(carts.goal.pose_chain, inverse([1.0, 0.055, 0.11])), None, np.zeros(2), 1.5
+    for replanner.wary, least in ((False, 1.0), (True, 0.8)):
+        found = there(replanner.best(*given, left=0.9)[-1].result)
+        assert there(found.cost) < 1.5
+        assert found.scenario.chain.contacts[0].friction == pytest.approx(least * carts.chain.contacts[0].friction)
+    pencils = pushplan.load_scenario(Path(__file__).parents[2] / "examples" / "pencils.yaml")
+    less, friction = cautious(pencils, 0.2), there(pencils.row).friction
+    assert there(less.row).friction == pytest.approx((0.8 * friction[0], friction[1]))
+    for name, body in less.bodies.items():
+        stated = pencils.bodies[name].chain.contacts[0].friction
+        assert body.chain.contacts[0].friction == pytest.approx(0.8 * stated)
 
 
 @pytest.mark.parametrize(("length", "slides"), [(0.25, 0.05), (3.0, 0.0)])

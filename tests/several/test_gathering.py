@@ -348,7 +348,7 @@ def test_what_the_robot_cannot_come_up_to_is_proven(
 def test_what_was_lost_on_the_way_is_brought_to_what_stands_in_the_row() -> None:
     """Two of three have been delivered, a little off; the third was lost beside the room's middle."""
     plan = solved(document(gather="never"))
-    rest = RestPlanner(plan.scenario, plan, (5e-3, np.radians(1.0)), Observer())
+    rest = RestPlanner(plan.scenario, plan, (5e-3, np.radians(1.0)), 0.2, Observer())
     second = [k for k, segment in enumerate(plan.segments) if segment.kind == "retreat"][1]
     last, lost = plan.segments[second], there(plan.pushes[-1].load).names[0]
     off = {name: pose + np.array([2e-3, -1e-3, 0.004]) for name, pose in last.after.items()}
