@@ -247,7 +247,7 @@ class SuiteFile(t.Strict):
     trials: Trials | None = Field(
         default=None, description="a whole number of Monte Carlo samples that every plan is tried in"
     )
-    limits: LimitSection = Field(default_factory=LimitSection, description="{time: ..., memory: ..., run: ...}")
+    limits: LimitSection = t.with_defaults(LimitSection, "{time: ..., memory: ..., run: ...}")
 
 
 def suite_schema() -> dict[str, Any]:

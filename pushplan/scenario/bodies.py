@@ -196,9 +196,7 @@ class Plate(t.Strict):
     offsets: Annotated[tuple[t.Coordinate, ...], t.Several(1, 20)] | None = Field(
         default=None, description="a list of 1 to 20 lengths in m, e.g. [0, 15 mm]"
     )
-    limits: MotionLimits = Field(
-        default_factory=MotionLimits, description="{speed: ..., acceleration: ..., jerk: ..., ...}"
-    )
+    limits: MotionLimits = t.with_defaults(MotionLimits, "{speed: ..., acceleration: ..., jerk: ..., ...}")
 
 
 _PART = Field(default=(0.0, 0.0, 0.0), description="[x, y, theta] in the frame of the plate's front edge")

@@ -320,21 +320,19 @@ def _footprint_troubles(outline: FloatArray, parts: Sequence[Part], layout: Layo
 
 def _resolved(file: RoomFile, layout: Layout) -> dict[str, Any]:
     """Return what is stated of objects, contacts, pusher and robot, with poses and defaults filled in."""
-    objects = []
-    for i, obj in enumerate(file.objects):
-        stated = obj.model_dump(mode="json", exclude_none=True)
+    parts = {"objects", "contacts", "pusher", "robot"}
+    resolved = file.model_dump(mode="json", exclude_none=True, include=parts)
+    for i, (obj, stated) in enumerate(zip(file.objects, resolved["objects"], strict=True)):
         stated |= {"floor_friction": floor_friction(obj, file), "pose": layout.poses[i].tolist()}
         if i > 0:
             stated.pop("offset", None)
         elif obj.pose is None or obj.offset is None:
             stated["offset"] = float(layout.poses[0, 1] - layout.plate_pose[1])
-        objects.append(stated)
-    contacts, pusher, robot = (
-        part.model_dump(mode="json", exclude_none=True) for part in (file.contacts, file.pusher, file.robot)
-    )
+    robot = resolved["robot"]
     if isinstance(robot.get("footprint"), dict):
         robot["footprint"] = [robot["footprint"]]
     if "drive" in robot:
-        del pusher["drive"]  # its default would be a second drive
-    resolved = {"objects": objects, "contacts": contacts, "pusher": pusher}
-    return {**resolved, "robot": robot} if robot else resolved
+        del resolved["pusher"]["drive"]  # its default would be a second drive
+    if not robot:
+        del resolved["robot"]
+    return resolved

@@ -96,15 +96,13 @@ class _Aim(t.Strict):
 class ObjectGoal(_Aim):
     """Where to bring one of several objects."""
 
-    tolerance: ToleranceOfSeveral = Field(
-        default_factory=ToleranceOfSeveral, description="{position: ..., angle: ...}"
-    )
+    tolerance: ToleranceOfSeveral = t.with_defaults(ToleranceOfSeveral, "{position: ..., angle: ...}")
 
 
 class GoalPose(_Aim):
     """Where to bring the chain."""
 
-    tolerance: Tolerance = Field(default_factory=Tolerance, description="{position: ..., angle: ...}")
+    tolerance: Tolerance = t.with_defaults(Tolerance, "{position: ..., angle: ...}")
     of: str | None = Field(
         default=None, description="the name of the object meant; left out, the chain frame is meant"
     )
@@ -207,29 +205,25 @@ class RoomFile(t.Strict):
     format: Literal["pushplan/1"] = Field(description=names.SCENARIO_FORMAT)
     name: t.Name | None = Field(default=None, description=NAME)
     floor: Floor = Field(description="{friction: ...}")
-    uncertainty: Uncertainty = Field(
-        default_factory=Uncertainty, description="{contact_friction: ..., floor_friction: ..., load: ...}"
-    )
+    uncertainty: Uncertainty = t.with_defaults(Uncertainty, "{contact_friction: ..., floor_friction: ..., load: ...}")
     snap: SnapChoice | None = Field(default=None, description=SNAP)
     objects: Annotated[tuple[Object, ...], t.Several(1, 200)] = Field(
         description="a list of 1 to 200 objects, from the pusher outward"
     )
-    contacts: Contacts = Field(default_factory=Contacts, description="{friction: ..., between: [...]}")
+    contacts: Contacts = t.with_defaults(Contacts, "{friction: ..., between: [...]}")
     pusher: Plate = Field(description="{width: ..., friction: ..., ...}")
-    robot: Robot = Field(default_factory=Robot, description="{footprint: ..., drive: ..., start: ...}")
+    robot: Robot = t.with_defaults(Robot, "{footprint: ..., drive: ..., start: ...}")
     pushes: PushChoice | None = Field(
         default=None, description="{most: ..., switch_cost: ..., transit_weight: ..., approach: ..., ...}"
     )
     workspace: Area | None = Field(default=None, description="{x: [min, max], y: [min, max]}")
     obstacles: Annotated[tuple[Obstacle, ...], t.Several(0, 10_000)] = Field(default=(), description=OBSTACLES)
     clearance: t.Clearance = Field(default=names.COLLISION_CLEARANCE, description=LENGTH)
-    stability: StabilitySettings = Field(default_factory=StabilitySettings, description="{set: ..., margin: ...}")
+    stability: StabilitySettings = t.with_defaults(StabilitySettings, "{set: ..., margin: ...}")
     trajectory: Literal[names.TRAJECTORIES] = Field(  # type: ignore[valid-type]
         default=names.DEFAULT_TRAJECTORY, description=one_of(names.TRAJECTORIES)
     )
-    planner: PlannerSettings = Field(
-        default_factory=PlannerSettings, description="{name: ..., time_limit: ..., seed: ...}"
-    )
+    planner: PlannerSettings = t.with_defaults(PlannerSettings, "{name: ..., time_limit: ..., seed: ...}")
 
 
 def _goal_form(value: object) -> str:
@@ -287,7 +281,7 @@ class RowGoal(t.Strict):
     )
     anywhere: bool | None = Field(default=None, description="true: wherever the row comes about")
     order: Literal["any", "given"] = Field(default="any", description="any, or given: that of the list")
-    tolerance: Tolerance = Field(default_factory=Tolerance, description="{position: ..., angle: ...}")
+    tolerance: Tolerance = t.with_defaults(Tolerance, "{position: ..., angle: ...}")
     placed: Annotated[tuple[t.Name, ...], t.Several(0, MOST_IN_ROW)] = Field(
         default=(), description="a list of those that stand in it already, at its front"
     )

@@ -37,7 +37,7 @@ _LONG = 100_000
 puts an error elsewhere, so what people write by hand is read by the parser in Python, whose words `_HINTS` knows."""
 
 # The line separators of YAML 1.1 are refused too: editors and YAML 1.2 do not count them as lines.
-_UNPRINTABLE = re.compile("[^\t\n\r -~\xa0-\u2027\u202a-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_UNPRINTABLE = re.compile("[\0-\x08\v\f\x0e-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufffe\uffff]")
 _LINE_BREAK = re.compile("\r\n?|\n")
 
 

@@ -13,7 +13,7 @@ import shapely
 
 from pushplan.errors import PushplanError
 from pushplan.scenario.bodies import NAME
-from pushplan.scenario.fields import NAME_PATTERN
+from pushplan.scenario.fields import MOST_LETTERS, NAME_PATTERN
 from pushplan.scenario.maps import RosMap, read_ros_map
 from pushplan.util.arrays import FloatArray
 from pushplan.util.files import write_whole
@@ -56,7 +56,7 @@ def write_new_scenario(name: str, *, drive: str = "omnidirectional", map_file: P
         OutputError: When the file exists already or cannot be written.
     """
     path = Path(name if name.endswith(_SUFFIX) else name + _SUFFIX)
-    if not re.fullmatch(NAME_PATTERN, path.stem):
+    if len(path.stem) > MOST_LETTERS or not re.fullmatch(NAME_PATTERN, path.stem):
         raise TemplateError(f"'{path.stem}' cannot be a scenario's name; allowed: {NAME}")
     text = new_scenario_text(path.stem, drive)
     if map_file is not None:
