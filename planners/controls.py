@@ -9,7 +9,7 @@ import numpy as np
 from pushplan.core.problem import LEFT, RIGHT, STRAIGHT
 from pushplan.errors import EmptyStableSetError
 from pushplan.mechanics.chain import Drive
-from pushplan.mechanics.sphere import twists_at
+from pushplan.mechanics.sphere import TurningRadii, twists_at
 from pushplan.plans.path import cost_rate
 from pushplan.scenario.model import Scenario
 from pushplan.sets.force_limited_set import ForceLimitedSet
@@ -79,6 +79,33 @@ def drive_twists(stable: StableSet, drive: Drive) -> FloatArray:
 def segment_ends(segments: FloatArray) -> FloatArray:
     """Return the twists (2 k, 3) at both ends of segments (k, 6)."""
     return np.concatenate([segments[:, :3], segments[:, 3:]])
+
+
+def drive_radii(stable: StableSet, drive: Drive, minimum: float = 0.0) -> TurningRadii:
+    """Return the smallest radii at which a drive turns the chain frame's origin, within the set.
+
+    Args:
+        stable: The set.
+        drive: Of the robot that carries the plate; an omnidirectional one turns as tightly as the set allows.
+        minimum: Every turn has more than this margin.
+    """
+    if drive.axle is None:
+        return stable.turning_radii(minimum)
+    try:
+        return smallest_radii(control_segments(stable, drive, minimum))
+    except EmptyStableSetError:
+        return TurningRadii(math.inf, math.inf)
+
+
+def smallest_radii(segments: FloatArray) -> TurningRadii:
+    """Return the smallest radii at which twists on segments (k, 6) turn the chain frame's origin."""
+    ends = segment_ends(segments)
+    return TurningRadii(*(_radius(ends[side * ends[:, 2] > 0.0]) for side in (1.0, -1.0)))
+
+
+def _radius(twists: FloatArray) -> float:
+    """Smallest radius (m) at which twists (k, 3) turn the chain frame's origin, infinite without any."""
+    return float(np.min(np.hypot(twists[:, 0], twists[:, 1]) / np.abs(twists[:, 2]), initial=math.inf))
 
 
 def steering_families(segments: FloatArray) -> FloatArray:

@@ -10,10 +10,9 @@ from plans_of import load_plain, plain
 import pushplan
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
-from pushplan.planners.controls import straight_pushes
+from pushplan.planners.controls import drive_radii, straight_pushes
 from pushplan.planners.infeasible import pockets as pocket
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose, passage_faults
-from pushplan.planners.infeasible.turning import drive_radii
 from pushplan.planners.planner import plan
 from pushplan.planners.problem import build_problem
 from pushplan.plans.plan import CAUSES, Diagnosis, Plan

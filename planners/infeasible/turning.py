@@ -9,11 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.core.problem import find_words
-from pushplan.errors import EmptyStableSetError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
 from pushplan.mechanics.sphere import TurningRadii
-from pushplan.planners.controls import control_segments, segment_ends, steering_families
+from pushplan.planners.controls import control_segments, segment_ends, smallest_radii, steering_families
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis
 from pushplan.scenario.model import Scenario
@@ -131,7 +130,7 @@ def _together(sectors: FloatArray) -> FloatArray:
     if len(sectors) <= SECTORS:
         return sectors
     low, high = sectors[:, 2] - sectors[:, 3], sectors[:, 2] + sectors[:, 3]
-    firsts = np.unique(np.linspace(0, len(sectors), SECTORS, endpoint=False).astype(int))
+    firsts = np.linspace(0, len(sectors), SECTORS, endpoint=False).astype(int)
     lows, highs = np.minimum.reduceat(low, firsts), np.maximum.reduceat(high, firsts)
     radii = np.minimum.reduceat(sectors[:, 0], firsts), np.maximum.reduceat(sectors[:, 1], firsts)
     return np.column_stack([*radii, 0.5 * (lows + highs), 0.5 * (highs - lows)])
@@ -139,22 +138,6 @@ def _together(sectors: FloatArray) -> FloatArray:
 
 SAME_ANGLE = 1e-9
 """Headings and directions (rad) that differ by less are the same."""
-
-
-def drive_radii(stable: StableSet, drive: Drive, minimum: float = 0.0) -> TurningRadii:
-    """Return the smallest radii at which a drive turns the chain frame's origin, within the set.
-
-    Args:
-        stable: The set.
-        drive: Of the robot that carries the plate; an omnidirectional one turns as tightly as the set allows.
-        minimum: Every turn has more than this margin.
-    """
-    if drive.axle is None:
-        return stable.turning_radii(minimum)
-    try:
-        return _radii(control_segments(stable, drive, minimum))
-    except EmptyStableSetError:
-        return TurningRadii(math.inf, math.inf)
 
 
 def turning_faults(scenario: Scenario, stable: StableSet, segments: FloatArray) -> list[Diagnosis]:
@@ -170,7 +153,7 @@ def turning_faults(scenario: Scenario, stable: StableSet, segments: FloatArray) 
     turn = float(se2.wrap_angle(goal[2] - scenario.start[2]))
     if (ends[:, 2] == 0.0).all():
         return _no_turning(scenario, stable, turn)
-    radii = _radii(segments)
+    radii = smallest_radii(segments)
     return [*_one_sided(scenario, stable, turn, radii), *_too_wide(scenario, stable, turn, radii, segments)]
 
 
@@ -180,7 +163,7 @@ def tightest_turn(scenario: Scenario, stable: StableSet, segments: FloatArray) -
     if of_set is None:
         return ""
     made, alone = _drive_words(scenario, f"{min(of_set):.3g} m")
-    return f"; the tightest turn{made} has a radius of {min(_radii(segments)):.3g} m{alone}"
+    return f"; the tightest turn{made} has a radius of {min(smallest_radii(segments)):.3g} m{alone}"
 
 
 def _too_wide(
@@ -224,7 +207,7 @@ def _of_set(scenario: Scenario, stable: StableSet) -> TurningRadii | None:
     if scenario.chain.pusher.drive.axle is None:
         return None
     # Few meridians will do for what is only told: the exact radii take seconds where loads are intervals.
-    return _radii(control_segments(stable, Drive(), scenario.required_margin, 128))
+    return smallest_radii(control_segments(stable, Drive(), scenario.required_margin, 128))
 
 
 def _drive_words(scenario: Scenario, of_set: str) -> tuple[str, str]:
@@ -236,16 +219,6 @@ def _numbers(of_set: TurningRadii | None) -> dict[str, float]:
     if of_set is None:
         return {}
     return {f"{side}_of_set": r for side, r in of_set._asdict().items() if math.isfinite(r)}
-
-
-def _radii(segments: FloatArray) -> TurningRadii:
-    ends = segment_ends(segments)
-    return TurningRadii(*(_radius(ends[side * ends[:, 2] > 0.0]) for side in (1.0, -1.0)))
-
-
-def _radius(twists: FloatArray) -> float:
-    """Smallest radius (m) at which twists (k, 3) turn the chain frame's origin, infinite without any."""
-    return float(np.min(np.hypot(twists[:, 0], twists[:, 1]) / np.abs(twists[:, 2]), initial=math.inf))
 
 
 def _no_turning(scenario: Scenario, stable: StableSet, turn: float) -> list[Diagnosis]:

@@ -88,7 +88,7 @@ def stable_set(console: Console, scenario: str, sets: tuple[str, ...], plot: Pat
 
 def describe(scenario: Scenario, name: str) -> Described:
     """Compute a stable set and what is said about it."""
-    from pushplan.planners.infeasible.turning import drive_radii
+    from pushplan.planners.controls import drive_radii
 
     begin, drive = perf_counter(), scenario.chain.pusher.drive
     stable = scenario.stable_set(name)
