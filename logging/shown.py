@@ -6,6 +6,8 @@ in the plate frame, and one contact in one colour.
 
 from __future__ import annotations
 
+import math
+import statistics
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,7 +21,7 @@ from pushplan.plans.execution import Execution
 from pushplan.plans.load import Load
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario
-from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.arrays import FloatArray, IntArray, distinct
 
 if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
@@ -96,7 +98,7 @@ def viewed(execution: Execution) -> IntArray:
     begun = np.flatnonzero(np.diff(execution.segment, prepend=-1))
     margins = np.where(np.isnan(execution.margins), np.inf, execution.margins)
     smallest = np.argmin(margins, axis=0) if margins.size else []
-    return np.unique([*first, *begun, *smallest, len(execution.t) - 1]).astype(np.int64)
+    return distinct(np.array([*first, *begun, *smallest, len(execution.t) - 1], dtype=np.int64))
 
 
 def worst_contacts(execution: Execution, most: int = 6) -> list[int]:
@@ -134,7 +136,7 @@ class ContactShapes:
 
 def object_size(scenario: Scenario) -> float:
     """Return the side of a square as large as the median object, m."""
-    return float(np.sqrt(np.median([shapely.Polygon(obj.outline).area for obj in scenario.objects])))
+    return math.sqrt(statistics.median(shapely.Polygon(obj.outline).area for obj in scenario.objects))
 
 
 def longest_arrow(scenario: Scenario) -> float:

@@ -17,7 +17,7 @@ from pushplan.plans.segment import Segment, join
 from pushplan.plans.trajectory import RESTING, Trajectory, advance
 from pushplan.scenario.model import Scenario
 from pushplan.sets.known_load_sets import EcofSet
-from pushplan.util.arrays import FloatArray, IntArray, columns_of
+from pushplan.util.arrays import FloatArray, IntArray, columns_of, distinct
 
 
 class Contacts(NamedTuple):
@@ -164,7 +164,7 @@ def _count_starts(needed: FloatArray, force: PushForce, segment: Segment, t: Flo
 
 def integrated(trajectory: Trajectory) -> FloatArray:
     """Return the poses (m, 3) at the sample times: one exact step between any two of samples and breaks."""
-    ticks = np.union1d(trajectory.t, trajectory.breaks)
+    ticks = distinct(np.append(trajectory.t, trajectory.breaks))
     piece = trajectory.piece_at(ticks[:-1])
     begin = ticks[:-1] - trajectory.breaks[piece]
     steps = advance(trajectory.columns.take(piece, axis=2), begin, begin + np.diff(ticks))

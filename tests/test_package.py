@@ -44,6 +44,18 @@ def test_importing_the_package_and_its_help_load_nothing_heavy(code: str) -> Non
     assert not _modules_after(code).intersection(HEAVY)
 
 
+def test_a_command_loads_only_what_it_needs(tmp_path: Path) -> None:
+    log = str(tmp_path / "run.mcap")
+    drawing = {"matplotlib", "numpy.ma", "scipy", "pandas", "jinja2"}
+    for words, spared in (
+        (["check", "two-crates"], {"ompl", "mcap", "ruckig", "google", "pushplan.plans.plan", *drawing}),
+        (["plan", "two-crates", "--first", "-o", log, "--no-page"], drawing),
+    ):
+        loaded = _modules_after(f"from pushplan.cli.main import main; assert main({words}) == 0")
+        assert "pushplan.scenario.file" in loaded
+        assert not loaded & spared
+
+
 def test_all_that_the_core_is_called_with_has_a_kind_in_python() -> None:
     from pushplan import core
 

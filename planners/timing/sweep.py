@@ -17,7 +17,7 @@ from pushplan.scenario.model import Scenario
 from pushplan.sets.force_limited_set import ForceLimitedSet
 from pushplan.sets.known_load_sets import EcofSet
 from pushplan.sets.stable_set import StableSet
-from pushplan.util.arrays import FloatArray, columns_of
+from pushplan.util.arrays import FloatArray, columns_of, distinct
 
 COARSE = 0.02
 """Travel of the body's farthest point (m) between the first poses that are looked at."""
@@ -168,7 +168,7 @@ def unstable_times(scenario: Scenario, stable: StableSet, trajectory: Trajectory
     """
     stable = stable.inside if isinstance(stable, ForceLimitedSet) else stable
     breaks = trajectory.breaks
-    times = np.unique(np.concatenate([trajectory.t, breaks, 0.5 * (breaks[:-1] + breaks[1:])]))
+    times = distinct(np.concatenate([trajectory.t, breaks, 0.5 * (breaks[:-1] + breaks[1:])]))
     twists = trajectory.twists_at(times)
     moving = np.abs(columns_of(twists)).max(axis=0) > RESTING
     times, twists = times[moving], twists[moving]

@@ -19,7 +19,7 @@ from pushplan.drawing import palette
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.scenario.parts import CircleObstacle, Obstacle, PolygonObstacle
-from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.arrays import FloatArray, IntArray, distinct
 from pushplan.util.names import CLOSE, PUSH, PUSHER, ROBOT, TRANSIT
 
 if TYPE_CHECKING:
@@ -301,7 +301,7 @@ class Scene:
 
     def _action(self) -> list[FloatArray]:
         """Return the outlines of what moves, along its path, and of the goals."""
-        along = self.poses[np.unique(np.linspace(0, len(self.t) - 1, 100).astype(int))]
+        along = self.poses[np.linspace(0, len(self.t) - 1, 100).astype(int)]
         known = [*along, *(rest.poses for rest in self.rests)]
         if self.nearest_poses is not None:
             known.append(self.nearest_poses)
@@ -437,7 +437,7 @@ def _spaced(poses: FloatArray) -> IntArray:
     step = np.diff(poses, axis=0)
     cost = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]) + 0.1 * np.abs(step[:, 2]))])
     kept = np.flatnonzero(np.diff(np.floor(cost / PATH_SPACING), prepend=-1.0))
-    return np.unique(np.append(kept, len(poses) - 1))
+    return distinct(np.append(kept, len(poses) - 1))
 
 
 def _around(outlines: list[FloatArray], rim: float) -> Window:

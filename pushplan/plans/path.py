@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.util.arrays import FloatArray, frozen, parameters
+from pushplan.util.arrays import FloatArray, distinct, frozen, parameters
 
 TURN_WEIGHT = 0.1
 """Metres of travel that one radian of turning counts as in the path cost."""
@@ -97,4 +97,4 @@ class PushPath:
         """Return poses (m, 3) no farther apart than `spacing` in cost, every knot among them."""
         begins = np.concatenate([[0.0], np.cumsum(self.lengths)])
         parts = [np.linspace(a, b, max(2, int(np.ceil((b - a) / spacing)) + 1)) for a, b in pairwise(begins)]
-        return self.poses_at(np.unique(np.concatenate([*parts, [0.0]])))
+        return self.poses_at(distinct(np.concatenate([*parts, [0.0]])))

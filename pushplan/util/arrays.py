@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +14,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 ComplexArray = NDArray[np.complex128]
+Number = TypeVar("Number", bound=np.number)
 RandomState = NDArray[np.uint64]
 """(1,) state of a compiled random generator."""
 
@@ -63,6 +65,15 @@ def frozen(values: ArrayLike, shape: Sequence[int | None], name: str) -> FloatAr
         raise PushplanError(f"{name} holds a number that is not finite")
     array.setflags(write=False)
     return array
+
+
+def distinct(values: NDArray[Number]) -> NDArray[Number]:
+    """Return the different ones of numbers (k,), in order.
+
+    `np.unique` would load numpy.ma to ask whether some are masked, a fortieth of the time that a first plan takes.
+    """
+    values = np.sort(values, axis=None)
+    return values[np.flatnonzero(np.diff(values, prepend=np.nan))]
 
 
 def columns_of(rows: FloatArray) -> FloatArray:
