@@ -18,6 +18,7 @@ from pushplan.drawing import palette
 from pushplan.drawing.figure import HALO, SMALL, MarginScale, equal_ticks, narrowest, outline_width
 from pushplan.drawing.palette import ALONE, FAINT, GOAL, INK, NEAREST
 from pushplan.drawing.scene import Body, Layer, Line, Scene, Window, piece_colours
+from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.util.arrays import FloatArray
 from pushplan.util.printable import cut
@@ -67,13 +68,13 @@ def set_view(axes: Axes, window: Window) -> None:
 def draw_room(axes: Axes, scene: Scene) -> None:
     """Draw walls and obstacles; what is unknown of a map is hatched."""
     if scene.walls is not None:
-        axes.add_patch(
+        axes.add_artist(
             Polygon(scene.walls, fill=False, edgecolor=palette.WALL, linewidth=1.4, zorder=_z(Layer.OBSTACLE))
         )
     for one in scene.obstacles:
         look: Any = {"facecolor": "none", "hatch": "////"} if one.unknown else {"facecolor": one.colour}
         edge = one.colour if one.unknown else palette.OBSTACLE_EDGE
-        axes.add_patch(Polygon(one.outline, edgecolor=edge, linewidth=0.8, zorder=_z(one.layer), **look))
+        axes.add_artist(Polygon(one.outline, edgecolor=edge, linewidth=0.8, zorder=_z(one.layer), **look))
 
 
 def draw_goals(axes: Axes, scene: Scene) -> None:
@@ -84,7 +85,7 @@ def draw_goals(axes: Axes, scene: Scene) -> None:
         fill = Polygon(goal.outline, facecolor=goal.colour, alpha=0.45, linewidth=0.0, zorder=_z(Layer.GOAL))
         line = Polygon(goal.outline, **{**look, "edgecolor": goal.colour, "linewidth": 2.8 * width})
         for patch in (fill, line, Polygon(goal.outline, **look, **_GOAL)):
-            axes.add_patch(patch)
+            axes.add_artist(patch)
 
 
 def draw_bodies(
@@ -97,14 +98,14 @@ def draw_bodies(
             look: Any = {"facecolor": body.colour, "edgecolor": INK, "linewidth": width}
             if faint:
                 look |= {"facecolor": palette.mixed(body.colour, "#ffffff", 0.5), "edgecolor": FAINT}
-            axes.add_patch(Polygon(body.at(pose), zorder=_z(body.layer) - 0.4 * faint, **look))
+            axes.add_artist(Polygon(body.at(pose), zorder=_z(body.layer) - 0.4 * faint, **look))
 
 
 def draw_outlines(axes: Axes, scene: Scene, poses: FloatArray, **look: Any) -> None:
     """Outline the bodies that move at poses (b, 3)."""
     for outline, moves in zip(scene.outlines(poses), scene.moved, strict=True):
         if moves:
-            axes.add_patch(Polygon(outline, fill=False, **look))
+            axes.add_artist(Polygon(outline, fill=False, **look))
 
 
 def draw_swept(axes: Axes, scene: Scene) -> None:
@@ -116,17 +117,14 @@ def draw_swept(axes: Axes, scene: Scene) -> None:
     travel = np.concatenate([[0.0], np.cumsum(step.sum(axis=2).max(axis=1))])
     kept = np.flatnonzero(np.diff(np.floor(travel / _SWEEP), prepend=-1.0))
     kept = kept[~np.isnan(scene.margins[kept])]
-    swept = shapely.union_all(
-        [
-            shapely.Polygon(body.at(poses))
-            for k, body in enumerate(scene.bodies)
-            if body.kind is not BodyKind.OBJECT or body.name in loads
-            for poses in scene.poses[kept, k]
-        ]
-    )
-    for patch in polygon_patches(swept):
+    passed = [
+        shapely.polygons(poses[:, None, :2] + se2.rotate(poses[:, None, 2], body.outline))
+        for body, poses in zip(scene.bodies, scene.poses[kept].swapaxes(0, 1), strict=True)
+        if body.kind is not BodyKind.OBJECT or body.name in loads
+    ]
+    for patch in polygon_patches(shapely.union_all(passed)):
         patch.set(facecolor=palette.SWEPT, edgecolor="none", zorder=_z(Layer.SWEPT))
-        axes.add_patch(patch)
+        axes.add_artist(patch)
 
 
 def draw_lines(axes: Axes, lines: Sequence[Line]) -> None:
@@ -188,7 +186,7 @@ def draw_nearest(axes: Axes, scene: Scene) -> None:
     if scene.nearest_poses is not None:
         width = outline_width(axes, [body.outline for body in scene.objects])
         for outline in scene.outlines(scene.nearest_poses):
-            axes.add_patch(
+            axes.add_artist(
                 Polygon(
                     outline, fill=False, edgecolor=NEAREST, linewidth=width, linestyle="--", zorder=_z(Layer.PATH)
                 )
@@ -284,7 +282,7 @@ def draw_scene(axes: Axes, scene: Scene) -> None:
         robot: Any = {"edgecolor": palette.PLATE, "linewidth": width, "zorder": _z(Layer.ROBOT)}
         for body, pose in zip(scene.bodies, scene.end, strict=True):
             if body.kind is not BodyKind.OBJECT:
-                axes.add_patch(Polygon(body.at(pose), fill=False, **robot))
+                axes.add_artist(Polygon(body.at(pose), fill=False, **robot))
         draw_numbers(axes, scene)
     draw_lines(axes, scene.lines)
     draw_marks(axes, scene)

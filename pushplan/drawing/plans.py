@@ -288,7 +288,7 @@ def _list_pushes(axes: Axes, scene: Scene, plan: Plan) -> None:
         swatch = Rectangle(
             (0.22, y - 0.05), 0.1, 0.1, facecolor=colours.get(names[0], "white"), edgecolor=INK, lw=0.5
         )
-        axes.add_patch(swatch)
+        axes.add_artist(swatch)
         axes.text(0.38, y, _push_text(push, len(scene.objects) > 1), **style)
     if len(shown) < len(pushes):
         axes.text(0.38, _LINE * (len(shown) + 0.5), f"and {len(pushes) - len(shown)} more", **style)

@@ -169,11 +169,11 @@ def draw_region(axes: Axes, region: shapely.Geometry, sense: int, rank: int = 0)
     if rank == 0:
         for patch in polygon_patches(region):
             patch.set(facecolor=TURNS[sense], alpha=0.22, linewidth=0.0, zorder=1.0)
-            axes.add_patch(patch)
+            axes.add_artist(patch)
     line: Any = {"fill": False, "edgecolor": TURNS[sense], "linestyle": LINE_STYLES[rank % len(LINE_STYLES)]}
     for patch in polygon_patches(region):
         patch.set(linewidth=1.1, zorder=1.5 + 0.1 * rank, **line)
-        axes.add_patch(patch)
+        axes.add_artist(patch)
 
 
 def style_cor_axes(axes: Axes, window: Window) -> None:
@@ -195,7 +195,7 @@ def draw_chain(axes: Axes, chain: Chain) -> None:
     carried = {BodyKind.ROBOT: palette.ROBOT, BodyKind.PLATE: palette.PLATE}
     for body in chain.bodies:
         colour = carried.get(body.kind) or next(objects)
-        axes.add_patch(Polygon(body.outline, facecolor=colour, edgecolor=INK, linewidth=width, zorder=3.0))
+        axes.add_artist(Polygon(body.outline, facecolor=colour, edgecolor=INK, linewidth=width, zorder=3.0))
 
 
 def draw_contacts(axes: Axes, chain: Chain) -> None:
@@ -205,7 +205,7 @@ def draw_contacts(axes: Axes, chain: Chain) -> None:
         ends = np.stack([contact.right, contact.left])
         axes.plot(*ends.T, color=colour, linewidth=2.2 * width, solid_capstyle="butt", zorder=5.0)
         for cone in friction_cone(contact, ends, 0.5 * contact.length):
-            axes.add_patch(Polygon(cone, facecolor=palette.CONE, alpha=0.35, linewidth=0.0, zorder=4.0))
+            axes.add_artist(Polygon(cone, facecolor=palette.CONE, alpha=0.35, linewidth=0.0, zorder=4.0))
             axes.plot(*cone[[1, 0, 2]].T, color=palette.CONE, linewidth=0.9 * width, zorder=4.1)
 
 
