@@ -11,10 +11,11 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from pushplan.core.collision import Scene, Shapes, join_triangles, obstacle_tree
+from pushplan.core import collision
+from pushplan.core.collision import Scene, Shapes, join_triangles
 from pushplan.errors import OutOfTimeError
 from pushplan.mechanics.chain import Chain
-from pushplan.util.arrays import BoolArray, FloatArray, IntArray, frozen
+from pushplan.util.arrays import FloatArray, IntArray, frozen
 
 STRAIGHT = 1e-12
 """A corner that stands out, or in, by less (m) is none."""
@@ -28,10 +29,9 @@ def convex_pieces(outlines: Sequence[FloatArray], until: float = math.inf) -> It
     """
     if not len(outlines):
         return
-    starts = np.cumsum([0, *(len(outline) for outline in outlines)])
-    corners = np.concatenate(outlines)
-    out, left = _bulges(corners, starts)
-    for i, (first, last) in enumerate(pairwise(starts)):
+    corners, starts = _joined(outlines)
+    out, left = collision.bulges(corners, starts)
+    for i, (first, last) in enumerate(pairwise(starts.tolist())):
         bulge, outline = out[first:last], corners[first:last]
         if bulge.min() > -STRAIGHT:
             yield outline[bulge > STRAIGHT][:: 1 if left[i] else -1]
@@ -41,23 +41,6 @@ def convex_pieces(outlines: Sequence[FloatArray], until: float = math.inf) -> It
             )
         else:
             yield from _cut(outline)
-
-
-def _bulges(corners: FloatArray, starts: IntArray) -> tuple[FloatArray, BoolArray]:
-    """How far corners (v, 2) stand out of polygons (v,), < 0 inwards, m, and whether these (q,) turn left."""
-    counts = np.diff(starts)
-    after = np.arange(1, len(corners) + 1)
-    after[starts[1:] - 1] = starts[:-1]
-    edge = corners[after] - corners
-    length = np.hypot(edge[:, 0], edge[:, 1])
-    before = np.empty_like(after)
-    before[after] = np.arange(len(after))
-    turn = edge[before, 0] * edge[:, 1] - edge[before, 1] * edge[:, 0]
-    middle = np.repeat(corners[starts[:-1]], counts, axis=0)  # keeps digits far from the origin
-    x, y = (corners - middle).T
-    left = np.add.reduceat(x * y[after] - y * x[after], starts[:-1]) > 0.0
-    out = turn / np.maximum(np.maximum(length, length[before]), 1e-300)
-    return np.where(np.repeat(left, counts), out, -out), left
 
 
 def _cut(outline: FloatArray) -> list[FloatArray]:
@@ -82,19 +65,13 @@ def _twins(origin: IntArray, corners: int) -> IntArray:
 
 def flatten(polygons: Sequence[FloatArray]) -> Shapes:
     """Return convex polygons as flat arrays with edge normals and bounding circles."""
-    if not polygons:
-        return Shapes(np.zeros((0, 4)), np.zeros(1, dtype=np.int64), np.zeros((0, 3)))
-    corners, counts = np.concatenate(polygons), np.array([len(polygon) for polygon in polygons])
-    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    after = np.arange(1, len(corners) + 1)
-    after[starts[1:] - 1] = starts[:-1]
-    edge = corners[after] - corners
-    normal = np.stack([edge[:, 1], -edge[:, 0]], axis=1) / np.linalg.norm(edge, axis=1, keepdims=True)
-    boxes = _boxes(corners, starts)
-    center = 0.5 * (boxes[:, :2] + boxes[:, 2:])
-    away = np.linalg.norm(corners - np.repeat(center, counts, axis=0), axis=1)
-    bounds = np.column_stack([center, np.maximum.reduceat(away, starts[:-1])])
-    return Shapes(np.hstack([corners, normal]), starts, bounds)
+    return collision.flatten(*_joined(polygons))
+
+
+def _joined(polygons: Sequence[FloatArray]) -> tuple[FloatArray, IntArray]:
+    """Corners (v, 2) of polygons one after another, and where each begins (q + 1,)."""
+    corners = np.concatenate(polygons) if len(polygons) else np.zeros((0, 2))
+    return corners, np.cumsum([0, *(len(polygon) for polygon in polygons)])
 
 
 def bounding_circle(points: FloatArray) -> FloatArray:
@@ -108,11 +85,6 @@ def _circle_around(corners: bytes) -> FloatArray:
     circle = shapely.minimum_bounding_circle(shapely.MultiPoint(points))
     center = shapely.get_coordinates(circle.centroid)[0]
     return frozen(np.append(center, np.linalg.norm(points - center, axis=1).max()), (3,), "circle")
-
-
-def _boxes(corners: FloatArray, starts: IntArray) -> FloatArray:
-    """Smallest boxes (q, 4) xmin, ymin, xmax, ymax around polygons with corners (v, 2), each from its start on."""
-    return np.hstack([part.reduceat(corners, starts[:-1], axis=0) for part in (np.minimum, np.maximum)])
 
 
 def build_scene(
@@ -159,12 +131,4 @@ def scene_of(
 
 def standing_shapes(polygons: Sequence[FloatArray], circles: FloatArray) -> tuple[Shapes, FloatArray, FloatArray]:
     """Return convex obstacles in the order of their tree, round ones likewise, and the tree; see `Scene`."""
-    radius = circles[:, 2:]
-    boxes = np.hstack([circles[:, :2] - radius, circles[:, :2] + radius])
-    if polygons:
-        starts = np.cumsum([0, *(len(polygon) for polygon in polygons)])
-        boxes = np.concatenate([_boxes(np.concatenate(polygons), starts), boxes])
-    tree, order = obstacle_tree(boxes, len(polygons))
-    standing = [polygons[i] for i in order[order < len(polygons)]]
-    discs = circles[order[order >= len(polygons)] - len(polygons)]
-    return flatten(standing), discs, tree
+    return collision.standing_shapes(*_joined(polygons), circles)

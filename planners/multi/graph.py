@@ -107,13 +107,11 @@ class Graph:
         self._known_transits: dict[Change, FloatArray] = {}
         self._postponed: list[tuple[Change, int, float]] = []
         self.looked_at = 0
-        modes = [contact.packed for contact in room.contacts]
-        start, goals = question.load[None], question.goals
-        self.begins = np.array([approaches_are_free(room.robot, mode, start, False)[0] for mode in modes])
+        start = question.load[None]
         self.leaves = np.array([settles(c.scene, c.packed, question.load) for c in room.contacts])
-        self.ends = np.array([approaches_are_free(room.robot, mode, goals, True) for mode in modes])
         self.changes = self._changed(room.shortest)
-        self.add(np.concatenate([start, goals]), np.inf)
+        self.add(np.concatenate([start, question.goals]), np.inf)
+        self.begins, self.ends = self._can_begin[:, 0], self._can_end[:, 1:]
         self._first = np.array([self._assumed(k) for k in range(m)])
         least = float(self._first.min()) + self._pushes.settle + self._weighed(self._pushes.retreat)
         self.bound = max(float(self.lower_bounds(start)[1][0]), least + float(self._cost_to_go.min(initial=np.inf)))
@@ -228,13 +226,15 @@ class Graph:
         starts: list[tuple[tuple[Step, ...], Step]] = [((), first) for first in firsts]
         starts += [(best.steps[:k], step) for k, step in enumerate(best.steps) if k]
         for before, step in starts:
-            contact = self._room.contacts[step.contact]
-            for end, price, goal in near.to(contact.packed, step.before):
-                cost, arcs = find_push(contact.scene, contact.packed, step.before, end)
-                steps = (*before, replace(step, after=end, arcs=arcs, cost=cost))
+            contact, rest = self._room.contacts[step.contact], self._cost((*before, step)) - step.cost
+            for end, price, goal, least in near.to(contact.packed, step.before, best.cost - rest):
                 cost_to_go = self._after(step.contact, goal)
-                if self._cost(steps) + price + cost_to_go < best.cost:
-                    best = PushSequence(steps, self._cost(steps) + price + cost_to_go, cost_to_go)
+                if rest + least + cost_to_go >= best.cost:
+                    continue
+                cost, arcs = find_push(contact.scene, contact.packed, step.before, end)
+                if rest + cost + price + cost_to_go < best.cost:
+                    steps = (*before, replace(step, after=end, arcs=arcs, cost=cost))
+                    best = PushSequence(steps, rest + cost + price + cost_to_go, cost_to_go)
         return best
 
     def _first_steps(self, below: float) -> Iterator[Step]:

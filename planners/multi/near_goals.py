@@ -36,22 +36,24 @@ class NearGoals:
         self._prices[:: len(BESIDE)] = 0.0
         self._nodes = 1 + np.repeat(np.arange(len(self._goals)), len(BESIDE))
 
-    def to(self, mode: PackedMode, load: FloatArray) -> list[tuple[FloatArray, float, int]]:
+    def to(self, mode: PackedMode, load: FloatArray, below: float) -> list[tuple[FloatArray, float, int, float]]:
         """Return poses (3,) to which pushes by a contact lead, what that costs beyond the push, and nodes of goals.
 
-        They are on a grid, and where turns and straight pushes come nearest; those that cost least come first.
+        They are on a grid, and where turns and straight pushes come nearest; those that cost least come first. What
+        push and end cost at least, m, stands last.
 
         Args:
             mode: The contact.
             load: (3,) pose that the pushes begin at.
+            below: They cost less than this, with what they cost beyond the push, m.
         """
         far = 1.5 * float(np.hypot(*(self._goals - load)[:, :2].T).max())
         passed, goals = find_passings(mode, load, self._inner, self._goals, self._within, far)
         ends = np.concatenate([self._grid, passed])
         prices = np.concatenate([self._prices, np.full(len(passed), DETOUR)])
         nodes = np.concatenate([self._nodes, 1 + goals])
-        free = approaches_are_free(self._room.robot, mode, ends, True)
-        ends, prices, nodes = ends[free], prices[free], nodes[free]
-        costs = word_costs(mode, load[None], ends, np.zeros(1), prices, np.inf)[0] + prices
-        best = np.argsort(costs, kind="stable")[:NEAR_TRIES]
-        return [(ends[k], float(prices[k]), int(nodes[k])) for k in best]
+        costs = word_costs(mode, load[None], ends, np.zeros(1), prices, below)[0] + prices
+        cheap = np.flatnonzero(costs < below)
+        free = cheap[approaches_are_free(self._room.robot, mode, ends[cheap], True)]
+        best = free[np.argsort(costs[free], kind="stable")[:NEAR_TRIES]]
+        return [(ends[k], float(prices[k]), int(nodes[k]), float(costs[k])) for k in best]

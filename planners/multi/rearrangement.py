@@ -127,7 +127,7 @@ class RearrangementSearch:
         """Return the proof that the robot reaches no object, or not one that has to be moved."""
         pieces = dict(zip((piece.name for piece in self.pieces), self.pieces, strict=True))
         poses = dict(zip(pieces, now.poses, strict=True))
-        outlines = {name: piece.outlines(poses[name]) for name, piece in pieces.items()}
+        outlines = {name: [one.outline for one in piece.obstacles(poses[name])] for name, piece in pieces.items()}
         faces = {name: piece.search.plates_before(poses[name]) for name, piece in pieces.items()}
         needed = [self.pieces[k].name for k in sorted(now.left)]
         return beyond_reach(self.pieces[0].search.scenario, outlines, faces, needed)

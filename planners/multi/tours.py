@@ -14,16 +14,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pushplan.core.collision import Scene
 from pushplan.core.driving import shortest_drives
 from pushplan.core.pushes import push_costs
+from pushplan.core.sequences import cheapest_tours
 from pushplan.geometry import se2
-from pushplan.planners.multi.room import PushRoom
 from pushplan.planners.multi.transfers import Piece, Situation, plates_after
-from pushplan.scenario.parts import PolygonObstacle
-from pushplan.util.arrays import BoolArray, FloatArray, IntArray
+from pushplan.planners.problem import standing_in
+from pushplan.util.arrays import FloatArray
 
 MOST = 12
-"""Bodies in a tour. Each one more takes twice the time; 12 take 0.2 s, 8 0.03 s."""
+"""Bodies in a tour. Each one more takes up to twice the time; 12 take 0.03 s, 8 0.013 s."""
 
 FEW = 8
 """So many, the nearest ones, are in it where there are more than that: it is made anew then for each step."""
@@ -33,7 +34,7 @@ HARD = 3.0
 
 
 class Rooms:
-    """The room with what is never moved, and with one other body in it, too.
+    """The robot in the room with what is never moved, and with one other body in it, too.
 
     Args:
         pieces: All bodies.
@@ -44,39 +45,35 @@ class Rooms:
     def __init__(self, pieces: tuple[Piece, ...], now: Situation, moved: Iterable[int]) -> None:
         self.moved, self._pieces = tuple(moved), pieces
         rest = (k for k in range(len(pieces)) if k not in self.moved)
-        self._standing = [outline for k in rest for outline in pieces[k].outlines(now.poses[k])]
-        self._known: dict[tuple[object, ...], PushRoom] = {}
+        self._standing = [obstacle for k in rest for obstacle in pieces[k].obstacles(now.poses[k])]
+        self._known: dict[tuple[object, ...], Scene] = {}
 
-    def with_body(self, piece: int, other: int | None, pose: FloatArray | None = None) -> PushRoom:
+    def robot(self, piece: int, other: int | None, pose: FloatArray | None = None) -> Scene:
         """Return the room of a body, another one standing at a pose (3,); bodies that are alike share it."""
         room = self._pieces[piece].search.room(0)
         kind = tuple(id(contact.packed) for contact in room.contacts)
         key = (kind, other, None if pose is None else pose.tobytes())
         if key not in self._known:
-            there = [] if other is None or pose is None else self._pieces[other].outlines(pose)
-            standing = tuple(PolygonObstacle(outline) for outline in (*self._standing, *there))
-            scenario = replace(room.scenario, obstacles=(*room.scenario.obstacles, *standing))
-            self._known[key] = room.with_obstacles(scenario) if standing else room
+            there = () if other is None or pose is None else self._pieces[other].obstacles(pose)
+            standing = (*room.scenario.obstacles, *self._standing, *there)
+            self._known[key] = room.robot.with_obstacles(*standing_in(replace(room.scenario, obstacles=standing)))
         return self._known[key]
 
 
 @dataclass(frozen=True, eq=False)
 class Ends:
-    """Where the plate is before and after a body is pushed to a goal, and what that costs.
+    """Where the robot is before and after a body is pushed to a goal, and what that costs.
 
     Attributes:
-        entries: (m, 3) poses before the approach, by contact.
-        exits: (k, 3) poses after the retreat, each once.
-        costs: (m, k) of the pushes between them, with approach and retreat, none of the bodies in the way, m.
-        waiting: Least costs (m, k) while another body has not been brought away, by its index.
-        brought: Likewise once it is at its goal.
+        entries: (m, 3) poses of its frame before the approach, by contact.
+        exits: (k, 3) poses of the plate after the retreat, each once.
+        costs: (n, 2, m, k) least costs of the pushes between them, with approach and retreat, m: each of the n bodies
+            that are moved alone being at its goal, or not brought away yet; none of them where it is this one.
     """
 
     entries: FloatArray
     exits: FloatArray
     costs: FloatArray
-    waiting: dict[int, FloatArray]
-    brought: dict[int, FloatArray]
 
     @classmethod
     def of(cls, pieces: tuple[Piece, ...], now: Situation, piece: int, rooms: Rooms) -> Ends:
@@ -90,42 +87,33 @@ class Ends:
         """
         own, pose = pieces[piece], now.poses[piece]
         goals = np.array([goal.pose_chain for goal in own.goals])
-        room = rooms.with_body(piece, None)
+        room = own.search.room(0)
         modes = [contact.packed for contact in room.contacts]
-        plate = room.scenario.chain.pusher.plate_pose
-        entries = np.array([se2.compose(mode.robot_at(pose, mode.approach), plate) for mode in modes])
+        contacts = [(contact.scene, contact.packed) for contact in room.contacts]
+        entries = np.array([mode.robot_at(pose, mode.approach) for mode in modes])
         exits = plates_after(room, goals)
         places = np.column_stack([exits[:, :2], np.cos(exits[:, 2]), np.sin(exits[:, 2])]).round(6) + 0.0
         _, kept, place = np.unique(places, axis=0, return_index=True, return_inverse=True)
-        free = _push_costs(room, pose, goals)
-        most = HARD + min(float(free.min()), float(np.hypot(*(goals - pose)[:, :2].T).min()) + HARD)
-
-        def least(costs: FloatArray) -> FloatArray:
-            found = np.full((len(modes), len(kept)), math.inf)
-            contacts = np.repeat(np.arange(len(modes)), len(goals))
-            np.minimum.at(found, (contacts, place.reshape(-1)), np.minimum(costs, most).reshape(-1))
-            return found
-
-        def among(other: int, pose_other: FloatArray) -> FloatArray:
-            return least(_push_costs(rooms.with_body(piece, other, pose_other), pose, goals, free < most))
-
-        others = [k for k in rooms.moved if k != piece]
-        waiting = {k: among(k, now.poses[k]) for k in others}
-        brought = {k: among(k, goal) for k in others for goal in pieces[k].only_place}
-        return cls(entries, exits[kept], least(free), waiting, brought)
-
-
-def _push_costs(room: PushRoom, pose: FloatArray, goals: FloatArray, asked: BoolArray | None = None) -> FloatArray:
-    """Return what single pushes by each contact from a pose to goals (g, 3) cost, with approach and retreat, m.
-
-    Infinite where there is none, or where it is not `asked` (m, g) for.
-    """
-    pushes = room.scenario.pushes
-    assert pushes is not None
-    asked = np.ones((len(room.contacts), len(goals)), dtype=np.bool_) if asked is None else asked
-    contacts = [(contact.scene, contact.packed) for contact in room.contacts]
-    costs = push_costs(room.robot, contacts, pose, goals, asked)
-    return costs + pushes.transit_weight * (pushes.approach + pushes.retreat)
+        every = np.ones((len(modes), len(goals)), dtype=np.bool_)
+        pushes, alone = room.scenario.pushes, push_costs([rooms.robot(piece, None)], contacts, pose, goals, every)[0]
+        assert pushes is not None
+        ends = pushes.transit_weight * (pushes.approach + pushes.retreat)
+        most = HARD + min(float(alone.min()) + ends, float(np.hypot(*(goals - pose)[:, :2].T).min()) + HARD)
+        among = {
+            (at, waits): rooms.robot(piece, k, there[0])
+            for at, k in enumerate(rooms.moved)
+            for waits, there in enumerate((pieces[k].only_place, [now.poses[k]]))
+            if k != piece and there
+        }
+        costs = np.broadcast_to(alone, (len(rooms.moved), 2, *alone.shape)).copy()
+        costs[tuple(np.array([*among], dtype=int).reshape(-1, 2).T)] = push_costs(
+            list(among.values()), contacts, pose, goals, alone + ends < most
+        )
+        least = np.full((len(modes), len(kept), *costs.shape[:2]), math.inf)
+        contact = np.repeat(np.arange(len(modes)), len(goals))
+        by_push = np.minimum(costs + ends, most).transpose(2, 3, 0, 1).reshape(len(contact), *costs.shape[:2])
+        np.minimum.at(least, (contact, place.reshape(-1)), by_push)
+        return cls(entries, exits[kept], least.transpose(2, 3, 0, 1))
 
 
 class Tours:
@@ -142,7 +130,10 @@ class Tours:
         self._left, self._whole = now.left, now.left == frozenset(ends)
         self._bit = {piece: 1 << k for k, piece in enumerate(ends)}
         self._exits = np.concatenate([end.exits for end in ends.values()])
-        self._cost_to_go = self._solved()
+        last = np.cumsum([len(end.exits) for end in ends.values()])
+        self._own = {piece: slice(end - len(ends[piece].exits), end) for piece, end in zip(ends, last, strict=True)}
+        ways = [self._drives(self._exits, piece) for piece in ends]
+        self._cost_to_go = cheapest_tours(ways, [end.costs for end in ends.values()])
 
     @classmethod
     def of(cls, pieces: tuple[Piece, ...], now: Situation) -> Tours:
@@ -163,12 +154,13 @@ class Tours:
     def begun(self, plate: FloatArray, left: Iterable[int]) -> dict[int, float]:
         """Return what a tour costs that begins with each of some bodies, the plate being at a pose (3,), m."""
         left = frozenset(left) & frozenset(self._ends)
-        among = np.array([sum(self._bit[piece] for piece in left)])
-        found = {}
+        among, found = sum(self._bit[piece] for piece in left), {}
+        waits = np.array([bit & among > 0 for bit in self._bit.values()], dtype=int)
         for piece in sorted(left):
             first = self._drives(plate[None], piece)[0]
-            rest = self.after(left - {piece}, self._ends[piece].exits)
-            found[piece] = float((first[:, None] + self._costs(piece, among)[0] + rest).min())
+            push = self._ends[piece].costs[np.arange(len(waits)), waits].max(axis=0)
+            rest = self._cost_to_go[among ^ self._bit[piece], self._own[piece]]
+            found[piece] = float((first[:, None] + push + rest).min())
         return found
 
     def after(self, left: Iterable[int], plates: FloatArray) -> FloatArray:
@@ -179,38 +171,8 @@ class Tours:
         return np.asarray(self._cost_to_go[among, np.argmin(off + turned, axis=1)])
 
     def _drives(self, plates: FloatArray, piece: int) -> FloatArray:
-        """What the ways from poses (k, 3) to the entries of a body cost, (k, m), m."""
+        """What the ways from poses (k, 3) of the plate to the entries of a body cost, (k, m), m."""
         room = self._pieces[piece].search.room(0)
         assert room.scenario.pushes is not None
-        inner = se2.inverse(room.scenario.chain.pusher.plate_pose)
-        starts, goals = (se2.compose(poses, inner) for poses in (plates, self._ends[piece].entries))
-        return room.scenario.pushes.transit_weight * shortest_drives(room.wheels, starts, goals)
-
-    def _costs(self, piece: int, sets: IntArray) -> FloatArray:
-        """Return what the pushes of a body cost while sets of bodies (s,), by bits, are left: (s, m, k), m."""
-        ends = self._ends[piece]
-        costs = np.repeat(ends.costs[None], len(sets), axis=0)
-        for other, bit in self._bit.items():
-            if other != piece:
-                waits = (sets & bit > 0)[:, None, None]
-                there = np.where(waits, ends.waiting[other], ends.brought.get(other, ends.costs))
-                np.maximum(costs, there, out=costs)
-        return costs
-
-    def _solved(self) -> FloatArray:
-        """Return what the cheapest tours cost through each set of bodies (by bits) from each end of a push, m."""
-        cost_to_go = np.full((1 << len(self._ends), len(self._exits)), math.inf)
-        cost_to_go[0] = 0.0
-        sets = np.arange(len(cost_to_go))
-        sizes = np.array([int(one).bit_count() for one in sets])
-        ways = {piece: self._drives(self._exits, piece) for piece in self._ends}
-        begins = np.cumsum([0, *(len(ends.exits) for ends in self._ends.values())])
-        for size in range(1, len(self._ends) + 1):
-            for begin, (piece, bit) in zip(begins[:-1], self._bit.items(), strict=True):
-                with_it = sets[(sizes == size) & (sets & bit > 0)]
-                own = slice(begin, begin + len(self._ends[piece].exits))
-                rest = cost_to_go[with_it ^ bit, own]
-                push = (self._costs(piece, with_it) + rest[:, None]).min(axis=2)
-                found = (ways[piece] + push[:, None]).min(axis=2)
-                cost_to_go[with_it] = np.minimum(cost_to_go[with_it], found)
-        return cost_to_go
+        starts = se2.compose(plates, se2.inverse(room.scenario.chain.pusher.plate_pose))
+        return room.scenario.pushes.transit_weight * shortest_drives(room.wheels, starts, self._ends[piece].entries)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -36,19 +36,24 @@ class Piece:
     name: str
     search: MultiPushSearch
     goals: tuple[Goal, ...]
+    _placed: dict[bytes, tuple[PolygonObstacle, ...]] = field(default_factory=dict)
 
     def is_at_goal(self, pose: FloatArray) -> bool:
         """Tell whether its frame (3,) is at one of its goals."""
         return any(goal.is_reached(pose) for goal in self.goals)
 
-    def outlines(self, pose: FloatArray) -> list[FloatArray]:
-        """Return the outlines of its objects in the world, its frame being at a pose (3,)."""
-        chain = self.search.scenario.chain
-        return [se2.transform_points(pose, obj.outline_chain) for obj in chain.objects]
+    def obstacles(self, pose: FloatArray) -> tuple[PolygonObstacle, ...]:
+        """Return its objects as what stands in the room, its frame being at a pose (3,); made once for each pose."""
+        key = pose.tobytes()
+        if key not in self._placed:
+            objects = self.search.scenario.chain.objects
+            outlines = [se2.transform_points(pose, obj.outline_chain) for obj in objects]
+            self._placed[key] = tuple(PolygonObstacle(outline) for outline in outlines)
+        return self._placed[key]
 
     def area(self, pose: FloatArray) -> shapely.MultiPolygon:
         """Return what it covers, its frame being at a pose (3,)."""
-        return shapely.MultiPolygon([shapely.Polygon(outline) for outline in self.outlines(pose)])
+        return shapely.MultiPolygon([obstacle.core for obstacle in self.obstacles(pose)])
 
     @cached_property
     def goal_areas(self) -> list[shapely.MultiPolygon]:
@@ -170,12 +175,7 @@ def find_transfer(
     """
     own = pieces[piece].search.scenario
     assert own.pushes is not None
-    others = tuple(
-        PolygonObstacle(outline)
-        for k, other in enumerate(pieces)
-        if k != piece
-        for outline in other.outlines(now.poses[k])
-    )
+    others = (one for k, other in enumerate(pieces) if k != piece for one in other.obstacles(now.poses[k]))
     scenario = replace(
         own,
         start=now.poses[piece],

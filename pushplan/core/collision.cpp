@@ -21,18 +21,23 @@ Area to_walls(const Numbers &array) {
     return {array.data()[0], array.data()[1], array.data()[2], array.data()[3]};
 }
 
+void require_starts(Row<const std::int64_t> starts, std::size_t corners) {
+    bool whole = starts.size > 0 && starts[0] == 0 && starts[starts.size - 1] == static_cast<std::int64_t>(corners);
+    for (std::ptrdiff_t i = 0; whole && i + 1 < starts.size; ++i)
+        whole = starts[i] < starts[i + 1];
+    if (!whole)
+        throw std::invalid_argument("each polygon has corners from its start to the next one's");
+}
+
 Shapes to_shapes(const Numbers &corners, const Integers &starts, const Numbers &bounds) {
     Shapes shapes;
     shapes.corners = to_rows<Corner>(corners, "corners");
     const auto begins = row(starts);
     shapes.starts.assign(begins.begin(), begins.end());
     shapes.bounds = to_rows<Circle>(bounds, "bounds");
-    const auto last = static_cast<std::int64_t>(shapes.corners.size());
-    bool whole = begins.size == shapes.count() + 1 && begins[0] == 0 && begins[begins.size - 1] == last;
-    for (std::int64_t i = 0; whole && i < shapes.count(); ++i)
-        whole = begins[i] < begins[i + 1];
-    if (!whole)
-        throw std::invalid_argument("each polygon has corners from its start to the next one's, and a bound");
+    require_starts(begins, shapes.corners.size());
+    if (begins.size != shapes.count() + 1)
+        throw std::invalid_argument("each polygon has a bound");
     return shapes;
 }
 
@@ -154,9 +159,42 @@ void bind_scene(nb::module_ &m) {
         .def(Pickled(&scene_state, &scene_from));
 }
 
-nb::tuple tree_of(const Numbers &boxes, std::int64_t polygons) {
-    auto [tree, order] = obstacle_tree(to_rows<Area>(boxes, "boxes"), polygons);
-    return nb::make_tuple(from_tree(tree), to_numpy(std::move(order)));
+Outlines to_outlines(const Numbers &corners, const Integers &starts) {
+    Outlines polygons{to_rows<Point>(corners, "corners"), row(starts)};
+    require_starts(polygons.starts, polygons.corners.size());
+    return polygons;
+}
+
+std::shared_ptr<Shapes> flat(const Numbers &corners, const Integers &starts) {
+    return std::make_shared<Shapes>(flattened(to_outlines(corners, starts)));
+}
+
+nb::tuple bulges(const Numbers &corners, const Integers &starts) {
+    Bulges found = bulges_of(to_outlines(corners, starts));
+    return nb::make_tuple(to_numpy(std::move(found.out)), to_numpy(std::move(found.left)));
+}
+
+nb::tuple standing_shapes(const Numbers &corners, const Integers &starts, const Numbers &circles) {
+    const Outlines polygons = to_outlines(corners, starts);
+    const auto discs = to_rows<Circle>(circles, "circles");
+    std::vector<Area> boxes = boxes_around(polygons);
+    for (const auto &[x, y, radius] : discs)
+        boxes.push_back({x - radius, y - radius, x + radius, y + radius});
+    const auto [tree, order] = obstacle_tree(boxes, polygons.count());
+    Outlines standing;
+    std::vector<std::int64_t> begins{0};
+    std::vector<Circle> round;
+    for (const std::int64_t i : order) {
+        if (i >= polygons.count()) {
+            round.push_back(discs[i - polygons.count()]);
+            continue;
+        }
+        const auto first = polygons.corners.begin();
+        standing.corners.insert(standing.corners.end(), first + polygons.starts[i], first + polygons.starts[i + 1]);
+        begins.push_back(static_cast<std::int64_t>(standing.corners.size()));
+    }
+    standing.starts = {begins.data(), static_cast<std::ptrdiff_t>(begins.size())};
+    return nb::make_tuple(std::make_shared<Shapes>(flattened(standing)), to_table(round), from_tree(tree));
 }
 
 nb::tuple rings_of(const Numbers &corners, const Integers &origin, const Integers &twin) {
@@ -196,7 +234,9 @@ void bind_collision(nb::module_ &core) {
     m.attr("SLACK") = SLACK;
     m.attr("ROUNDING") = ROUNDING;
     m.attr("CLEARANCE_ROOM") = CLEARANCE_ROOM;
-    m.def("obstacle_tree", &tree_of, nb::arg("boxes"), nb::arg("polygons"));
+    m.def("flatten", &flat, nb::arg("corners"), nb::arg("starts"));
+    m.def("bulges", &bulges, nb::arg("corners"), nb::arg("starts"));
+    m.def("standing_shapes", &standing_shapes, nb::arg("corners"), nb::arg("starts"), nb::arg("circles"));
     m.def("join_triangles", &rings_of, nb::arg("corners"), nb::arg("origin"), nb::arg("twin"));
     m.def(
         "separation",

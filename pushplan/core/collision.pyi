@@ -40,7 +40,7 @@ class Scene:
         body_bound: (3,) centre and radius of a circle around the body, chain frame.
         obstacles: Convex pieces of the polygonal obstacles, world frame.
         circles: (c, 3) centre and radius of the round obstacles, world frame.
-        tree: (t, 9) boxes around groups of obstacles, a tree in preorder; see `obstacle_tree`.
+        tree: (t, 9) boxes around groups of obstacles, a tree in preorder; see `standing_shapes`.
         walls: (4,) workspace (xmin, ymin, xmax, ymax); infinite where there is none.
         clearance: Distance (m) from everything at the poses that are looked at.
         kept: Distance (m), smaller, that is proven between these poses.
@@ -89,17 +89,37 @@ class Scene:
     def with_obstacles(self, obstacles: Shapes, circles: FloatArray, tree: FloatArray, walls: FloatArray) -> Scene:
         """Return a scene in which something else stands."""
 
-def obstacle_tree(boxes: FloatArray, polygons: int) -> tuple[FloatArray, IntArray]:
-    """Return the tree over obstacles, halved at the median along the longer side of their centres' extent.
+def flatten(corners: FloatArray, starts: IntArray) -> Shapes:
+    """Return convex polygons with edge normals and bounding circles.
 
     Args:
-        boxes: (n, 4) xmin, ymin, xmax, ymax of each obstacle.
-        polygons: So many of them, the first ones, are polygons; the others are circles.
+        corners: (v, 2) counter-clockwise, polygon after polygon.
+        starts: (q + 1,) index of each polygon's first corner.
+    """
+
+def bulges(corners: FloatArray, starts: IntArray) -> tuple[FloatArray, IntArray]:
+    """Return how far corners stand out of polygons, (v,), < 0 inwards, m, and which of these turn left, (q,), 0 or 1.
+
+    Args:
+        corners: (v, 2), polygon after polygon.
+        starts: (q + 1,) index of each polygon's first corner.
+    """
+
+def standing_shapes(
+    corners: FloatArray, starts: IntArray, circles: FloatArray
+) -> tuple[Shapes, FloatArray, FloatArray]:
+    """Return obstacles in the order of their tree.
+
+    It is halved at the median along the longer side of the extent of the obstacles' centres.
+
+    Args:
+        corners: (v, 2) of convex polygons, counter-clockwise, polygon after polygon.
+        starts: (q + 1,) index of each polygon's first corner.
+        circles: (c, 3) centre and radius of round obstacles.
 
     Returns:
-        (t, 9) nodes in preorder: box, row of the next node that is not below it, and for leaves first and
-        last + 1 of its polygons and of its circles, empty ranges for other nodes; and (n,) the order that polygons
-        and circles have to be brought into for these ranges.
+        The polygons; the circles (c, 3); and (t, 9) nodes in preorder: box, row of the next node that is not below
+        it, and for leaves first and last + 1 of its polygons and of its circles, empty ranges for other nodes.
     """
 
 def join_triangles(corners: FloatArray, origin: IntArray, twin: IntArray) -> tuple[IntArray, IntArray]:

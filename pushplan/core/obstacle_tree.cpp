@@ -1,10 +1,14 @@
 #include "obstacle_tree.hpp"
 
 #include <algorithm>
+#include <functional>
 
 namespace pushplan {
 
 namespace {
+
+// Edges are taken for this long (m) at least, so that nothing is divided by 0.
+constexpr double SHORTEST_EDGE = 1e-300;
 
 using Members = Row<std::int64_t>;
 
@@ -75,6 +79,58 @@ std::pair<std::vector<TreeNode>, std::vector<std::int64_t>> obstacle_tree(const 
     if (!boxes.empty())
         growth.add({order.data(), static_cast<std::ptrdiff_t>(order.size())});
     return {std::move(growth.tree), std::move(order)};
+}
+
+Shapes flattened(const Outlines &polygons) {
+    Shapes shapes;
+    shapes.starts.assign(polygons.starts.begin(), polygons.starts.end());
+    const std::vector<Area> boxes = boxes_around(polygons);
+    for (std::int64_t i = 0; i < polygons.count(); ++i) {
+        const Area &box = boxes[i];
+        Circle bound{0.5 * (box.xmin + box.xmax), 0.5 * (box.ymin + box.ymax), 0.0};
+        for (std::int64_t k = polygons.starts[i]; k < polygons.starts[i + 1]; ++k) {
+            const Point &p = polygons.corners[k];
+            const Point &next = polygons.corners[k + 1 < polygons.starts[i + 1] ? k + 1 : polygons.starts[i]];
+            const double ex = next.x - p.x, ey = next.y - p.y, length = std::sqrt(ex * ex + ey * ey);
+            const double dx = p.x - bound.x, dy = p.y - bound.y;
+            shapes.corners.push_back({p.x, p.y, ey / length, -ex / length});
+            bound.radius = std::max(bound.radius, std::sqrt(dx * dx + dy * dy));
+        }
+        shapes.bounds.push_back(bound);
+    }
+    return shapes;
+}
+
+std::vector<Area> boxes_around(const Outlines &polygons) {
+    std::vector<Area> boxes(static_cast<std::size_t>(polygons.count()), {INF, INF, -INF, -INF});
+    for (std::int64_t i = 0; i < polygons.count(); ++i) {
+        Area &box = boxes[i];
+        for (std::int64_t k = polygons.starts[i]; k < polygons.starts[i + 1]; ++k) {
+            const auto &[x, y] = polygons.corners[k];
+            box = {std::min(box.xmin, x), std::min(box.ymin, y), std::max(box.xmax, x), std::max(box.ymax, y)};
+        }
+    }
+    return boxes;
+}
+
+Bulges bulges_of(const Outlines &polygons) {
+    Bulges bulges;
+    for (std::int64_t i = 0; i < polygons.count(); ++i) {
+        const Point *first = &polygons.corners[polygons.starts[i]];
+        const std::int64_t count = polygons.starts[i + 1] - polygons.starts[i];
+        double area = 0.0; // as seen from a corner, which keeps digits far from the origin
+        for (std::int64_t k = 0; k < count; ++k) {
+            const Point &before = first[(k + count - 1) % count], &p = first[k], &after = first[(k + 1) % count];
+            const double ax = p.x - before.x, ay = p.y - before.y, bx = after.x - p.x, by = after.y - p.y;
+            area += (p.x - first->x) * (after.y - first->y) - (p.y - first->y) * (after.x - first->x);
+            const double longer = std::max({std::hypot(ax, ay), std::hypot(bx, by), SHORTEST_EDGE});
+            bulges.out.push_back((ax * by - ay * bx) / longer);
+        }
+        bulges.left.push_back(area > 0.0);
+        if (!(area > 0.0))
+            std::transform(bulges.out.end() - count, bulges.out.end(), bulges.out.end() - count, std::negate<>());
+    }
+    return bulges;
 }
 
 Rings join_triangles(const std::vector<Point> &points, Row<const std::int64_t> origin, Row<const std::int64_t> twin) {

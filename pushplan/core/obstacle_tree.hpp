@@ -1,4 +1,4 @@
-// The tree over obstacles, and the convex pieces of polygons.
+// Polygons as the core looks at them: convex pieces, flattened, and the tree over obstacles.
 #pragma once
 
 #include "scene.hpp"
@@ -19,6 +19,27 @@ std::pair<std::vector<TreeNode>, std::vector<std::int64_t>> obstacle_tree(const 
 struct Point {
     double x, y;
 };
+
+// Polygons one after another: polygon i has the corners from starts[i] to before starts[i + 1].
+struct Outlines {
+    std::vector<Point> corners;
+    Row<const std::int64_t> starts;
+
+    std::int64_t count() const { return starts.size - 1; }
+};
+
+// Return convex polygons, counter-clockwise, with edge normals and bounding circles.
+Shapes flattened(const Outlines &polygons);
+
+// Return the smallest boxes around polygons.
+std::vector<Area> boxes_around(const Outlines &polygons);
+
+// How far the corners of polygons stand out, < 0 inwards, m; and whether these polygons turn left.
+struct Bulges {
+    std::vector<double> out;
+    std::vector<std::int64_t> left;
+};
+Bulges bulges_of(const Outlines &polygons);
 
 // Corners of polygons as numbers of points, polygon after polygon, and where each begins.
 struct Rings {

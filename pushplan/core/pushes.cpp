@@ -1,5 +1,6 @@
 #include "pushes.hpp"
 
+#include "arrays.hpp"
 #include "numpy_poses.hpp"
 
 #include <algorithm>
@@ -194,35 +195,38 @@ nb::tuple push_between(const Scene &scene, const PackedMode &mode, const Numbers
     return nb::make_tuple(found.cost, to_table(found.arcs));
 }
 
-// Return (m, g) what single pushes cost by contacts, pairs of a scene and a mode, to goals; infinite where none is free.
-Made<double> push_costs(const Scene &robot, const nb::list &contacts, const Numbers &start, const Numbers &goals,
+// Return (r, m, g) what single pushes cost in rooms, by contacts, to goals; infinite where none is free.
+Made<double> push_costs(const nb::list &rooms, const nb::list &contacts, const Numbers &start, const Numbers &goals,
                         const Given<bool> &asked) {
     const auto ends = to_rows<Pose>(goals, "goals");
     const Pose first = to_pose(start);
+    std::vector<const Scene *> robots;
+    for (const nb::handle room : rooms)
+        robots.push_back(&nb::cast<const Scene &>(room));
     std::vector<std::pair<const Scene *, const PackedMode *>> pairs;
     for (const nb::handle contact : contacts) {
         const auto pair = nb::cast<nb::tuple>(contact);
         pairs.emplace_back(&nb::cast<const Scene &>(pair[0]), &nb::cast<const PackedMode &>(pair[1]));
     }
-    const auto count = static_cast<std::ptrdiff_t>(ends.size());
-    const auto rows = static_cast<std::ptrdiff_t>(pairs.size());
-    if (asked.ndim() != 2 || asked.shape(0) != rows || asked.shape(1) != count)
-        throw std::invalid_argument("what is asked for is a table of contacts and goals");
-    std::vector<double> costs(ends.size() * pairs.size(), INF);
+    const Shape shape{static_cast<std::ptrdiff_t>(robots.size()), static_cast<std::ptrdiff_t>(pairs.size()),
+                      static_cast<std::ptrdiff_t>(ends.size())};
+    require_shape(asked, {shape[1], shape[2]}, "table of the pushes that are asked for");
+    std::vector<double> costs;
     {
         nb::gil_scoped_release free;
-        for (std::size_t k = 0; k < pairs.size(); ++k) {
-            const auto &[scene, mode] = pairs[k];
-            if (!approach_is_free(robot, *mode, first, false))
-                continue;
-            for (std::size_t g = 0; g < ends.size(); ++g) {
-                const std::size_t i = k * ends.size() + g;
-                if (asked.data()[i] && approach_is_free(robot, *mode, ends[g], true))
-                    costs[i] = find_push(*scene, *mode, first, ends[g]).cost;
+        for (const Scene *robot : robots) {
+            const bool *wanted = asked.data();
+            for (const auto &[chain, mode] : pairs) {
+                const Scene scene{chain->body, robot->obstacles, chain->clearance, chain->kept};
+                const bool begins = approach_is_free(*robot, *mode, first, false);
+                for (const Pose &end : ends) {
+                    const bool looked_at = *wanted++ && begins && approach_is_free(*robot, *mode, end, true);
+                    costs.push_back(looked_at ? find_push(scene, *mode, first, end).cost : INF);
+                }
             }
         }
     }
-    return to_numpy(std::move(costs), {rows, count});
+    return to_numpy(std::move(costs), shape);
 }
 
 nb::tuple passings_of(const PackedMode &mode, const Numbers &load, const Numbers &inner, const Numbers &goals,
@@ -263,7 +267,7 @@ void bind_pushes(nb::module_ &core) {
     m.def("word_costs", &costs_between, nb::arg("mode"), nb::arg("starts"), nb::arg("goals"), nb::arg("sofar"),
           nb::arg("left"), nb::arg("below"));
     m.def("find_push", &push_between, nb::arg("scene"), nb::arg("mode"), nb::arg("start"), nb::arg("goal"));
-    m.def("push_costs", &push_costs, nb::arg("robot"), nb::arg("contacts"), nb::arg("start"), nb::arg("goals"),
+    m.def("push_costs", &push_costs, nb::arg("rooms"), nb::arg("contacts"), nb::arg("start"), nb::arg("goals"),
           nb::arg("asked"));
     m.def("find_passings", &passings_of, nb::arg("mode"), nb::arg("load"), nb::arg("inner"), nb::arg("goals"),
           nb::arg("within"), nb::arg("far"));

@@ -78,13 +78,17 @@ def find_push(scene: Scene, mode: PackedMode, start: FloatArray, goal: FloatArra
     """
 
 def push_costs(
-    robot: Scene, contacts: list[tuple[Scene, PackedMode]], start: FloatArray, goals: FloatArray, asked: BoolArray
+    rooms: list[Scene],
+    contacts: list[tuple[Scene, PackedMode]],
+    start: FloatArray,
+    goals: FloatArray,
+    asked: BoolArray,
 ) -> FloatArray:
-    """Return what single pushes cost from a pose of the load, with room for approach and retreat, (m, g), m.
+    """Return what single pushes cost from a pose of the load, with room for approach and retreat, (r, m, g), m.
 
     Args:
-        robot: The robot among what stands in the room.
-        contacts: m times the chain with a contact there, and the contact.
+        rooms: r times the robot among what stands there.
+        contacts: m times the chain with a contact in any room, and the contact.
         start: (3,) pose of the load.
         goals: (g, 3) likewise.
         asked: (m, g) which of them are looked for; the others cost infinitely much, as those that are not free.

@@ -1,9 +1,14 @@
 #include "sequences.hpp"
 
-#include "numpy.hpp"
+#include "arrays.hpp"
+
+#include <algorithm>
 
 namespace pushplan {
 namespace {
+
+// Loads of a tour, at most: each one more takes twice the time and the memory.
+constexpr std::ptrdiff_t MOST_STOPS = 20;
 
 // A number for each mode and node; the nodes of a mode are neighbours in memory.
 template <class Number> struct ModesByNodes {
@@ -104,6 +109,34 @@ Sequence cheapest_sequence(const SequenceCosts &costs, std::ptrdiff_t goals, std
     return found;
 }
 
+std::vector<double> cheapest_tours(const std::vector<TourStop> &stops) {
+    std::size_t exits = 0;
+    for (const TourStop &stop : stops)
+        exits += static_cast<std::size_t>(stop.exits);
+    const std::size_t sets = std::size_t{1} << stops.size();
+    std::vector<double> tours(sets * exits, INF);
+    std::fill_n(tours.begin(), exits, 0.0);
+    for (std::size_t set = 1; set < sets; ++set) {
+        std::size_t own = 0; // the first exit of a stop
+        for (std::size_t k = 0; k < stops.size(); own += static_cast<std::size_t>(stops[k++].exits)) {
+            const TourStop &stop = stops[k];
+            if (!(set >> k & 1))
+                continue;
+            const double *rest = &tours[(set ^ std::size_t{1} << k) * exits + own];
+            for (std::ptrdiff_t m = 0; m < stop.entries; ++m) {
+                double pushed = INF;
+                for (std::ptrdiff_t e = 0; e < stop.exits; ++e)
+                    pushed = std::min(pushed, stop.push(set, stops.size(), m, e) + rest[e]);
+                for (std::size_t e = 0; e < exits; ++e) {
+                    const double way = stop.ways[static_cast<std::ptrdiff_t>(e) * stop.entries + m];
+                    tours[set * exits + e] = std::min(tours[set * exits + e], way + pushed);
+                }
+            }
+        }
+    }
+    return tours;
+}
+
 namespace {
 
 SequenceCosts to_costs(const Numbers &pushes, const Numbers &changes, const Numbers &first) {
@@ -136,12 +169,36 @@ nb::tuple cheapest_rows(const Numbers &pushes, const Numbers &changes, const Num
     return nb::make_tuple(found.cost, to_numpy(std::move(rows), {count, 3}));
 }
 
+Made<double> tours_of(const std::vector<Numbers> &ways, const std::vector<Numbers> &pushes) {
+    const auto loads = static_cast<std::ptrdiff_t>(pushes.size());
+    std::vector<TourStop> stops;
+    std::ptrdiff_t exits = 0;
+    for (const Numbers &costs : pushes) {
+        require_shape(costs, {loads, 2, -1, -1}, "table of pushes");
+        exits += costs.shape(3);
+    }
+    if (ways.size() != pushes.size() || loads > MOST_STOPS)
+        throw std::invalid_argument("a tour has ways to each of its loads, of which there are " +
+                                    std::to_string(MOST_STOPS) + " at most");
+    for (std::size_t k = 0; k < ways.size(); ++k) {
+        require_shape(ways[k], {exits, pushes[k].shape(2)}, "table of ways");
+        stops.push_back({pushes[k].shape(2), pushes[k].shape(3), ways[k].data(), pushes[k].data()});
+    }
+    std::vector<double> tours;
+    {
+        nb::gil_scoped_release free;
+        tours = cheapest_tours(stops);
+    }
+    return to_numpy(std::move(tours), {std::ptrdiff_t{1} << loads, exits});
+}
+
 } // namespace
 
 void bind_sequences(nb::module_ &core) {
     auto m = core.def_submodule("sequences");
     m.def("cheapest_sequence", &cheapest_rows, nb::arg("pushes"), nb::arg("changes"), nb::arg("first"),
           nb::arg("goals"), nb::arg("most"));
+    m.def("cheapest_tours", &tours_of, nb::arg("ways"), nb::arg("pushes"));
 }
 
 } // namespace pushplan

@@ -1,4 +1,4 @@
-// The cheapest sequence of pushes through a graph of poses of the load.
+// The cheapest sequence of pushes through a graph of poses of the load, and the cheapest tour through loads.
 #pragma once
 
 #include "tables.hpp"
@@ -38,5 +38,26 @@ struct SequenceCosts {
 //
 // By the number of pushes, cheapest first, as in the recursion of Bellman and Ford.
 Sequence cheapest_sequence(const SequenceCosts &costs, std::ptrdiff_t goals, std::ptrdiff_t most);
+
+// A load that is pushed once in a tour, from one of some entries to one of some exits.
+struct TourStop {
+    std::ptrdiff_t entries, exits;
+    const double *ways;   // (exits of all, entries): the robot's ways from the end of any push
+    const double *pushes; // (loads, 2, entries, exits): each other load alone being at its goal, or not yet
+
+    // What a push costs while the loads of a set, by bits, are not brought to their goals yet.
+    double push(std::size_t set, std::size_t loads, std::ptrdiff_t entry, std::ptrdiff_t exit) const {
+        double cost = 0.0;
+        for (std::size_t other = 0; other < loads; ++other) {
+            const auto block = static_cast<std::ptrdiff_t>(2 * other + (set >> other & 1));
+            const double found = pushes[(block * entries + entry) * exits + exit];
+            cost = found > cost ? found : cost;
+        }
+        return cost;
+    }
+};
+
+// Return what the cheapest tours cost through each set of loads, by bits, from each exit (Held and Karp 1962).
+std::vector<double> cheapest_tours(const std::vector<TourStop> &stops);
 
 } // namespace pushplan

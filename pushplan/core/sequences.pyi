@@ -1,4 +1,4 @@
-"""The cheapest sequence of pushes through a graph of poses of the load."""
+"""The cheapest sequence of pushes through a graph of poses of the load, and the cheapest tour through loads."""
 
 from pushplan.util.arrays import FloatArray, IntArray
 
@@ -18,4 +18,16 @@ def cheapest_sequence(
 
     Returns:
         The cost, infinite where there is none, and (k, 3) mode, first and last node of each push.
+    """
+
+def cheapest_tours(ways: list[FloatArray], pushes: list[FloatArray]) -> FloatArray:
+    """Return what the cheapest tours cost through each set of n loads (by bits) from each end of a push, (2^n, k).
+
+    Each load is pushed once, by one of its contacts to one of its ends: those of all loads, one after another, are k.
+    By the recursion of Held and Karp (1962).
+
+    Args:
+        ways: n times what the ways from all ends to the contacts of a load cost, (k, m).
+        pushes: n times what its pushes cost by contact and end, each load alone being at its goal (0), or not brought
+            there yet (1), (n, 2, m, e); the dearest of these counts.
     """

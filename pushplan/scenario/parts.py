@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -242,15 +243,15 @@ class PolygonObstacle:
     def __post_init__(self) -> None:
         object.__setattr__(self, "outline", frozen(self.outline, (None, 2), "outline of an obstacle"))
 
-    @property
+    @cached_property
     def core(self) -> shapely.Polygon:
         """What all of its points are no farther from than `radius`, in the world: itself."""
         return shapely.Polygon(self.outline)
 
-    @property
+    @cached_property
     def box(self) -> FloatArray:
         """(2, 2) lower left and upper right corner of the box around it, in the world, m."""
-        return np.stack([self.outline.min(axis=0), self.outline.max(axis=0)])
+        return frozen([self.outline.min(axis=0), self.outline.max(axis=0)], (2, 2), "box")
 
     def document(self) -> dict[str, Any]:
         """Return it in the form that it has in a file."""
@@ -276,15 +277,15 @@ class CircleObstacle:
     def __post_init__(self) -> None:
         object.__setattr__(self, "center", frozen(self.center, (2,), "centre of an obstacle"))
 
-    @property
+    @cached_property
     def core(self) -> shapely.Point:
         """What all of its points are no farther from than `radius`, in the world: its centre."""
         return shapely.Point(self.center)
 
-    @property
+    @cached_property
     def box(self) -> FloatArray:
         """(2, 2) lower left and upper right corner of the box around it, in the world, m."""
-        return np.stack([self.center - self.radius, self.center + self.radius])
+        return frozen([self.center - self.radius, self.center + self.radius], (2, 2), "box")
 
     def document(self) -> dict[str, Any]:
         """Return it in the form that it has in a file."""

@@ -166,12 +166,11 @@ def _too_near(outline: FloatArray, obstacle: Obstacle, clearance: float) -> str:
     """Return what is wrong between a body and an obstacle, or nothing."""
     body = shapely.Polygon(outline)
     if isinstance(obstacle, CircleObstacle):
-        center = shapely.Point(obstacle.center)
-        inside = bool(body.contains(center))
-        away = -float(body.exterior.distance(center)) if inside else float(body.distance(center))
+        inside = bool(body.contains(obstacle.core))
+        away = -float(body.exterior.distance(obstacle.core)) if inside else float(body.distance(obstacle.core))
         gap = away - obstacle.radius
     else:
-        gap = float(body.distance(shapely.Polygon(obstacle.outline)))
+        gap = float(body.distance(obstacle.core))
         gap = gap or 0.0 - overlap_depth(obstacle.outline, outline)
     if gap < 0.0:
         return f"overlaps {obstacle} by {millimetres(-gap)}"

@@ -115,11 +115,8 @@ def test_a_tour_costs_what_the_cheapest_of_all_orders_costs() -> None:
     for order in permutations(range(3)):
         plates, costs = now.plate[None], np.zeros(1)
         for at, piece in enumerate(order):
-            others = [ends[piece].waiting[k] for k in order[at + 1 :]]
-            others += [ends[piece].brought[k] for k in order[:at]]
-            pushes = np.max([ends[piece].costs, *others], axis=0)
-            faces = se2.compose(ends[piece].entries, inner)
-            ways = shortest_drives(wheels, se2.compose(plates, inner), faces)
+            pushes = np.max([ends[piece].costs[k, int(k in order[at + 1 :])] for k in range(3)], axis=0)
+            ways = shortest_drives(wheels, se2.compose(plates, inner), ends[piece].entries)
             begins = (costs[:, None] + there(scenario.pushes).transit_weight * ways).min(axis=0)
             costs, plates = (begins[:, None] + pushes).min(axis=0), ends[piece].exits
         begun[order[0]] = min(begun[order[0]], float(costs.min()))
