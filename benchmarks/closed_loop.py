@@ -15,6 +15,11 @@ Loads that are unknown are even in these worlds.
 `--plans 40` does so with random plans of several pushes of one load, and of several objects, in place of these. The
 plate is off where it believes to be by up to 5 mm and 2 deg, drawn anew, at every approach.
 
+`--harsh` lets one thing at a time go wrong, and badly, in every packaged scenario: an object is displaced by 8 mm and
+5 deg; all contacts have 0.7 of the friction that is believed; an object is dragged aside by 20 mm within a second; a
+second passes without a measurement; the floor is thirty times as rough. Objects of a chain that have been moved
+against one another cannot all reach their goals in one push: runs that say so are counted apart.
+
 `--physics 10` lets MuJoCo (extra `physics`) simulate the world of the first ten runs as well, at full speed and with
 all inertia: the same controller goes through it all once more, disturbed likewise.
 """
@@ -68,7 +73,8 @@ class Row:
     """One world: whether the goal's object arrives, and what it took."""
 
     closed: bool
-    opened: bool
+    opened: bool | None
+    """Whether the plan alone does; None where that was not tried."""
     error: FloatArray
     replans: tuple[Replan, ...]
     why: str
@@ -229,9 +235,59 @@ def carry_out(
         print(disturbance.event(world.names))
         for event in controller.events:
             print(f"    {event.time:7.2f} {event.kind:8} {event.text}")
-    travel = float(np.hypot(*np.diff(course.poses[:, :2], axis=0).T).sum())
-    planned = float(np.hypot(*np.diff(result.trajectory.poses[:, :2], axis=0).T).sum())
+    travel, planned = way_of(course.poses), way_of(result.trajectory.poses)
     return Row(closed, opened, errors[0], tuple(controller.replans), why, seconds, travel=travel, planned=planned)
+
+
+APART_NOW = "objects have slid against one another"
+HARSH = ("displaced", "slippery", "dragged", "unseen", "rough floor")
+
+
+@dataclass(eq=False)
+class Blinded(ErringRobot[Controller]):
+    """A robot that sees nothing for a while, s."""
+
+    begin: float
+    end: float
+
+    def step(self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None) -> FloatArray:
+        if self.begin <= now < self.end:
+            object_poses = measured_at = None
+        return self.controller.step(now, object_poses, measured_at)
+
+
+def harsh(scenario: Scenario, what: str, seed: int, verbose: bool) -> Row:
+    """Let one thing go wrong."""
+    random = np.random.default_rng([seed, *what.encode(), *scenario.name.encode()])
+    world, controller = World.from_scenario(scenario), Controller(scenario)
+    assert controller.plan.trajectory is not None
+    began, way = random.uniform(0.1, 0.8) * controller.plan.duration, random.uniform(-np.pi, np.pi)
+    index, aside = int(random.integers(len(world.names))), np.array([np.cos(way), np.sin(way)])
+    hits, driver = list[Disturbance](), Blinded(controller, began, began + float(what == "unseen"))
+    if what == "displaced":
+        hits = [Disturbance(began, index, *(8e-3 * aside), np.radians(5.0) * random.choice([-1.0, 1.0]))]
+    elif what == "dragged":
+        hits = [Disturbance(began + 0.05 * k, index, *(1e-3 * aside), 0.0) for k in range(20)]
+    elif what == "slippery":
+        world = world.with_contact_friction(0.7)
+    elif what == "rough floor":
+        world = world.with_floor_friction(30.0)
+    start = time.process_time()
+    course = simulate_push(world, driver, controller.settings.rate, hits, seed=seed)
+    seconds = time.process_time() - start
+    error = judge(scenario, course.object_poses[-1])
+    arrived = bool((error <= [POSITION, ANGLE]).all())
+    why = "jammed" if course.jammed else controller.reason or controller.phase.value
+    if verbose and not arrived:
+        for event in controller.events:
+            print(f"    {event.time:7.2f} {event.kind:8} {event.text}")
+    travel, planned = way_of(course.poses), way_of(controller.plan.trajectory.poses)
+    return Row(arrived, None, error, tuple(controller.replans), why, seconds, travel=travel, planned=planned)
+
+
+def way_of(poses: FloatArray) -> float:
+    """Return how far the plate goes along poses (m, 3), m."""
+    return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
 
 
 def judge(scenario: Scenario, object_poses: FloatArray) -> FloatArray:
@@ -276,6 +332,7 @@ def main() -> int:
     parser.add_argument("--worlds", type=int, default=2, help="worlds a scenario")
     parser.add_argument("--random", type=int, default=40, help="random scenarios")
     parser.add_argument("--only", nargs="*", help="names of scenarios")
+    parser.add_argument("--harsh", action="store_true", help="one large disturbance at a time, instead")
     parser.add_argument("--physics", type=int, default=0, help="runs that MuJoCo judges, too")
     parser.add_argument("--plans", type=int, default=0, help="plans of several pushes, instead of single ones")
     parser.add_argument("--verbose", action="store_true", help="print every event of runs that miss")
@@ -285,6 +342,13 @@ def main() -> int:
     if arguments.plans:
         plans = itertools.islice(several_pushes(arguments.only), arguments.plans)
         return report([*carried_out(plans, arguments.verbose, arguments.physics)])
+    if arguments.harsh:
+        rows = [*endured(arguments.only, arguments.worlds, arguments.verbose)]
+        apart = [not row.closed and row.why.startswith(APART_NOW) for row in rows]
+        print(
+            f"{sum(apart)} of {len(rows)} runs say that objects have slid too far for one push to bring all to goals"
+        )
+        return report([row for row, gone in zip(rows, apart, strict=True) if not gone])
     problems = [
         (scenario, plan(scenario, seed=1, time_limit=1.0)) for scenario in map(load_scenario, example_names())
     ]
@@ -305,6 +369,15 @@ def main() -> int:
             if not row.closed:
                 print(f"    {1e3 * row.error[0]:.1f} mm {np.degrees(row.error[1]):.2f} deg: {row.why}")
     return report(rows)
+
+
+def endured(only: list[str] | None, worlds: int, verbose: bool) -> Iterator[Row]:
+    """Let every packaged scenario, or those that are named, endure every large disturbance; print a line each."""
+    for what, name in itertools.product(HARSH, only or example_names()):
+        for seed in range(worlds):
+            row = harsh(load_scenario(name), what, seed, verbose)
+            print(f"{what:12} {name:22} {_told(row)}", flush=True)
+            yield row
 
 
 def carried_out(problems: Iterator[tuple[Scenario, Plan]], verbose: bool, physics: int) -> Iterator[Row]:
@@ -331,7 +404,10 @@ def report(rows: list[Row]) -> int:
     """Print every figure next to what is wanted; return the exit code."""
     misses = 0
     shares = {}
-    for who, count in (("closed", sum(r.closed for r in rows)), ("open", sum(r.opened for r in rows))):
+    for who, ends in (("closed", [row.closed for row in rows]), ("open", [row.opened for row in rows])):
+        count = sum(map(bool, ends))
+        if None in ends:
+            continue
         low, high = wilson(count, len(rows))
         shares[who] = count / len(rows)
         print(f"{who:7} loop: {count} of {len(rows)} arrive ({100 * low:.1f} to {100 * high:.1f} %)")
