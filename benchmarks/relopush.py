@@ -355,6 +355,8 @@ def _report(name: str, first: list[Row], better: list[Row]) -> None:
         longest = 1e3 * max(row.seconds for row in refused)
         print(f"  {len(refused)} occupied goals refused, CPU ms: most {longest:.1f} (wanted: 10)")
     ways = [row.way for row in better if row.way is not None]
+    if not ways:
+        return
     pushes = np.mean([row.pushes for row in better if row.way is not None])
     print(f"  way over straight line after 1 s: median {np.median(ways):.3f} (wanted: 1.05), {pushes:.2f} pushes")
 
