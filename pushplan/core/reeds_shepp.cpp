@@ -14,16 +14,41 @@ constexpr double WRONG_SIGN = 1e-10;
 bool is_below_zero(double length) { return length < -WRONG_SIGN; }
 bool is_above_zero(double length) { return length > WRONG_SIGN; }
 
-// Where a word ends: the heading phi, and where the centre of the last turn is from the centre of the first, as
-// coordinates (xi, eta) and as distance and direction (rho, theta).
-struct End {
-    double phi, xi, eta, rho, theta;
+// An angle in (-pi, pi], like those of std::atan2.
+double directed(double angle) { return -wrapped(-angle); }
 
-    End() = default;
-    // `side` is 1 where the last turn is to the same side as the first, -1 where it is to the other; c and s are
-    // cosine and sine of phi.
-    End(double x, double y, double phi, double c, double s, double side)
-        : phi(phi), xi(x - side * s), eta(y - 1.0 + side * c), rho(std::hypot(xi, eta)), theta(std::atan2(eta, xi)) {}
+// From the centre of a word's first turn to that of its last: what words that are driven backwards, or have their
+// letters in the opposite order, have in common.
+struct Centres {
+    double rho, theta;       // distance and direction
+    double root = 0.0;       // of the right triangle with hypotenuse rho and a leg of 2: the other leg,
+    double beta = 0.0;       // and the angle opposite to the leg of 2
+    double middle = 0.0;     // middle turn of L R- L, < 0
+    double halves = 0.0;     // first middle turn of L R L- R-
+    double equal = 0.0;      // middle turns of L R- L- R, < 0
+    double equal_turn = 0.0; // how much farther its first turn goes than to the direction of the centres
+
+    // `other_side` is whether the last turn is not to the side of the first.
+    Centres(double xi, double eta, bool other_side) : rho(std::hypot(xi, eta)), theta(std::atan2(eta, xi)) {
+        if (rho >= 2.0)
+            root = std::sqrt(rho * rho - 4.0), beta = std::atan2(2.0, root);
+        if (!other_side) {
+            middle = rho > 4.0 ? 0.0 : -2.0 * std::asin(0.25 * rho);
+            return;
+        }
+        halves = rho > 2.0 ? 0.0 : std::acos(0.25 * (2.0 + rho));
+        const double share = (20.0 - rho * rho) / 16.0;
+        if (share >= 0.0 && share <= 1.0) {
+            equal = -std::acos(share);
+            equal_turn = std::atan2(2.0 - share, -std::sqrt(1.0 - share * share));
+        }
+    }
+};
+
+// Where a word ends: the heading phi, and the centre of the last turn, seen in the direction theta.
+struct End {
+    double phi, theta;
+    const Centres *between;
 };
 
 bool fill(ReedsSheppWord &word, std::initializer_list<double> letters, std::initializer_list<double> lengths) {
@@ -33,105 +58,85 @@ bool fill(ReedsSheppWord &word, std::initializer_list<double> letters, std::init
     return true;
 }
 
-// First and last turn (tau, omega) of the words of four turns whose middle ones are u and v.
-struct OuterTurns {
-    double tau, omega;
-
-    OuterTurns(double u, double v, const End &end) {
-        const double delta = wrapped(u - v);
-        const double a = std::sin(u) - std::sin(delta), b = std::cos(u) - std::cos(delta) - 1.0;
-        const double first = std::atan2(end.eta * a - end.xi * b, end.xi * a + end.eta * b);
-        const double second = 2.0 * (std::cos(delta) - std::cos(v) - std::cos(u)) + 3.0;
-        tau = second < 0.0 ? wrapped(first + PI) : wrapped(first);
-        omega = wrapped(tau - u + v - end.phi);
-    }
-};
-
 // A - stands behind the letters that are driven backwards.
 
 bool solve_lsl(const End &end, ReedsSheppWord &word) {
-    const double t = end.theta, u = end.rho, v = wrapped(end.phi - t);
+    const double t = end.theta, u = end.between->rho, v = wrapped(end.phi - t);
     if (is_below_zero(t) || is_below_zero(v))
         return false;
     return fill(word, {L, S, L}, {t, u, v});
 }
 
 bool solve_lsr(const End &end, ReedsSheppWord &word) {
-    if (end.rho < 2.0)
+    if (end.between->rho < 2.0)
         return false;
-    const double u = std::sqrt(end.rho * end.rho - 4.0);
-    const double t = wrapped(end.theta + std::atan2(2.0, u)), v = wrapped(t - end.phi);
+    const double t = wrapped(end.theta + end.between->beta), v = wrapped(t - end.phi);
     if (is_below_zero(t) || is_below_zero(v))
         return false;
-    return fill(word, {L, S, R}, {t, u, v});
+    return fill(word, {L, S, R}, {t, end.between->root, v});
 }
 
 // L R- L
 bool solve_lrl(const End &end, ReedsSheppWord &word) {
-    if (end.rho > 4.0)
+    if (end.between->rho > 4.0)
         return false;
-    const double u = -2.0 * std::asin(0.25 * end.rho);
+    const double u = end.between->middle;
     const double t = wrapped(end.theta + 0.5 * u + PI), v = wrapped(end.phi - t + u);
-    if (is_below_zero(t) || is_above_zero(u))
+    if (is_below_zero(t))
         return false;
     return fill(word, {L, R, L}, {t, u, v});
 }
 
 // L R L- R-
 bool solve_lrlr_by_halves(const End &end, ReedsSheppWord &word) {
-    const double share = 0.25 * (2.0 + end.rho);
-    if (share > 1.0)
+    if (end.between->rho > 2.0)
         return false;
-    const double u = std::acos(share);
-    const OuterTurns turns(u, -u, end);
-    if (is_below_zero(turns.tau) || is_above_zero(turns.omega))
+    const double u = end.between->halves;
+    const double t = wrapped(end.theta + u + 0.5 * PI), v = wrapped(t - 2.0 * u - end.phi);
+    if (is_below_zero(t) || is_above_zero(v))
         return false;
-    return fill(word, {L, R, L, R}, {turns.tau, u, -u, turns.omega});
+    return fill(word, {L, R, L, R}, {t, u, -u, v});
 }
 
 // L R- L- R
 bool solve_lrlr(const End &end, ReedsSheppWord &word) {
-    const double share = (20.0 - end.rho * end.rho) / 16.0;
-    if (share < 0.0 || share > 1.0)
+    if (end.between->equal_turn == 0.0)
         return false;
-    const double u = -std::acos(share);
-    const OuterTurns turns(u, u, end);
-    if (is_below_zero(turns.tau) || is_below_zero(turns.omega))
+    const double u = end.between->equal;
+    const double t = wrapped(end.theta + end.between->equal_turn), v = wrapped(t - end.phi);
+    if (is_below_zero(t) || is_below_zero(v))
         return false;
-    return fill(word, {L, R, L, R}, {turns.tau, u, u, turns.omega});
+    return fill(word, {L, R, L, R}, {t, u, u, v});
 }
 
 // L R- S- L-, with a quarter of a turn R
 bool solve_lrsl(const End &end, ReedsSheppWord &word) {
-    if (end.rho < 2.0)
+    const double u = 2.0 - end.between->root;
+    if (end.between->rho < 2.0 || is_above_zero(u))
         return false;
-    const double r = std::sqrt(end.rho * end.rho - 4.0), u = 2.0 - r;
-    const double t = wrapped(end.theta + std::atan2(r, -2.0)), v = wrapped(end.phi - 0.5 * PI - t);
-    if (is_below_zero(t) || is_above_zero(u) || is_above_zero(v))
+    const double t = wrapped(end.theta + end.between->beta + 0.5 * PI), v = wrapped(end.phi - 0.5 * PI - t);
+    if (is_below_zero(t) || is_above_zero(v))
         return false;
     return fill(word, {L, R, S, L}, {t, -0.5 * PI, u, v});
 }
 
 // L R- S- R-, with a quarter of a turn R at first
 bool solve_lrsr(const End &end, ReedsSheppWord &word) {
-    if (end.rho < 2.0)
+    const double u = 2.0 - end.between->rho;
+    if (u > 0.0)
         return false;
-    const double t = std::atan2(end.xi, -end.eta), u = 2.0 - end.rho, v = wrapped(t + 0.5 * PI - end.phi);
-    if (is_below_zero(t) || is_above_zero(u) || is_above_zero(v))
+    const double t = directed(end.theta + 0.5 * PI), v = wrapped(t + 0.5 * PI - end.phi);
+    if (is_below_zero(t) || is_above_zero(v))
         return false;
     return fill(word, {L, R, S, R}, {t, -0.5 * PI, u, v});
 }
 
 // L R- S- L- R, with quarters of a turn R- and L-
 bool solve_lrslr(const End &end, ReedsSheppWord &word) {
-    if (end.rho < 2.0)
-        return false;
-    const double u = 4.0 - std::sqrt(end.rho * end.rho - 4.0);
+    const double u = 4.0 - end.between->root;
     if (is_above_zero(u))
         return false;
-    const double t =
-        wrapped(std::atan2((4.0 - u) * end.xi - 2.0 * end.eta, -2.0 * end.xi + (u - 4.0) * end.eta));
-    const double v = wrapped(t - end.phi);
+    const double t = wrapped(end.theta + end.between->beta + 0.5 * PI), v = wrapped(t - end.phi);
     if (is_below_zero(t) || is_below_zero(v))
         return false;
     return fill(word, {L, R, S, L, R}, {t, -0.5 * PI, u, -0.5 * PI, v});
@@ -161,35 +166,41 @@ constexpr std::array<Formula, 11> FORMULAS = {{
 constexpr std::array<std::array<double, 2>, 4> SENSES = {{{1.0, 1.0}, {1.0, -1.0}, {-1.0, 1.0}, {-1.0, -1.0}}};
 
 // The ends of words by side, order of the letters and sense: several formulas have each of them.
-using Ends = std::array<std::array<std::array<End, SENSES.size()>, 2>, 2>;
+struct Ends {
+    std::array<std::array<Centres, 2>, 2> centres; // by side, mirrored or not
+    std::array<std::array<std::array<End, SENSES.size()>, 2>, 2> at;
 
-Ends ends_at(double x, double y, double phi) {
-    const double c = std::cos(phi), s = std::sin(phi);
-    Ends ends;
-    for (const bool turned : {false, true}) {
-        // The way back, seen from the goal, has the letters in the opposite order.
-        const double px = turned ? x * c + y * s : x, py = turned ? x * s - y * c : y;
-        for (std::size_t k = 0; k < SENSES.size(); ++k) {
-            const auto [flip, mirror] = SENSES[k];
-            const double sense = flip * mirror;
-            for (const bool other : {false, true})
-                ends[other][turned][k] =
-                    End(flip * px, mirror * py, sense * phi, c, sense * s, other ? -1.0 : 1.0);
+    Ends(double x, double y, double phi, double c, double s)
+        : centres{{{Centres(x - s, y - 1.0 + c, false), Centres(x + s, -y - 1.0 + c, false)},
+                   {Centres(x + s, y - 1.0 - c, true), Centres(x - s, -y - 1.0 - c, true)}}} {
+        for (const bool other : {false, true}) {
+            for (const bool turned : {false, true}) {
+                for (std::size_t k = 0; k < SENSES.size(); ++k) {
+                    const auto [flip, mirror] = SENSES[k];
+                    // The way back, seen from the goal, has the letters in the opposite order, and its first turn is
+                    // the last one of the way there.
+                    const Centres &between = centres[other][(mirror < 0.0) != (other && turned)];
+                    const double back = mirror * phi + (other ? between.theta : -between.theta);
+                    const double theta = turned ? directed(back) : between.theta;
+                    at[other][turned][k] = {flip * mirror * phi,
+                                            flip < 0.0 ? std::copysign(PI, theta) - theta : theta, &between};
+                }
+            }
         }
     }
-    return ends;
-}
+    Ends(const Ends &) = delete; // the ends know where the centres are
+};
 
 } // namespace
 
 void find_reeds_shepp(double x, double y, double phi, ReedsSheppWords &found) {
-    const Ends ends = ends_at(x, y, phi);
+    const Ends ends(x, y, phi, std::cos(phi), std::sin(phi));
     found.count = 0;
     for (const Formula &formula : FORMULAS) {
         for (std::size_t k = 0; k < SENSES.size(); ++k) {
             const auto [flip, mirror] = SENSES[k];
             ReedsSheppWord &word = found.words[found.count];
-            if (!formula.solve(ends[formula.other_side][formula.turned][k], word))
+            if (!formula.solve(ends.at[formula.other_side][formula.turned][k], word))
                 continue;
             for (int i = 0; i < word.count; ++i) {
                 word.lengths[i] *= flip;
