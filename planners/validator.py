@@ -79,9 +79,10 @@ class Validator:
             return
         motions = [self._motion(segment) for segment in segments]
         hits = find_collisions(self._room(segments), motions, self._scenario.clearance)
-        for segment, motion, hit in zip(segments, motions, hits, strict=True):
+        overlaps = self._overlaps(segments, motions)
+        for segment, hit, overlap in zip(segments, hits, overlaps, strict=True):
             if segment.load is None or not segment.pushes:
-                yield self._flaw_alone(segment, motion, hit)
+                yield self._flaw_alone(segment, hit, overlap)
                 continue
             found = self._flaw_of_push(segment, segment.load, hit, stable_set)
             single = segment.load.problem is self._scenario
@@ -227,36 +228,45 @@ class Validator:
         deepest = max(overlap_depth(outlines[name], onto) for name in load.names)
         return f"it ends {1e3 * deepest:.3g} mm inside '{segment.onto}'" if deepest > TOUCH else ""
 
-    def _flaw_alone(self, segment: Segment, motion: Motion, hit: Collision | None) -> str:
-        """Return what the robot alone comes too near to, but for bodies that it comes up to or leaves."""
+    def _flaw_alone(self, segment: Segment, hit: Collision | None, overlap: str) -> str:
+        """Return what the robot alone comes too near to, but for bodies that it comes up to or leaves.
+
+        These it has to go straight to, or straight back from, and must not overlap on the way.
+        """
         if segment.trajectory is not None:
             fast = excess(segment.trajectory, self._scenario.pusher.limits)
             if fast:
                 return f"{segment.kind}: {fast}"
         if hit is not None:
             return f"a {segment.kind} is not free: {hit}"
-        return "" if segment.kind == TRANSIT else self._flaw_of_contact(segment, motion)
-
-    def _flaw_of_contact(self, segment: Segment, motion: Motion) -> str:
-        """Return that the robot does not go straight to the load, or straight back, or overlaps it on the way."""
-        twists = segment.path.twists
-        sense = 1.0 if segment.kind == APPROACH else -1.0
+        if segment.kind == TRANSIT:
+            return ""
+        twists, sense = segment.path.twists, 1.0 if segment.kind == APPROACH else -1.0
         if (np.abs(twists[:, 1:]) > STRAIGHT).any() or (np.sign(twists[:, 0]) != sense).any():
             return f"the {segment.kind} is not straight"
+        return f"'{overlap}' overlaps the load in the {segment.kind}" if overlap else ""
+
+    def _overlaps(self, segments: tuple[Segment, ...], motions: list[Motion]) -> list[str]:
+        """Return which part of the robot overlaps what it comes up to or leaves, by segment; empty for none."""
+        touched = [(k, name) for k, segment in enumerate(segments) for name in _touched(segment)]
+        found = [""] * len(segments)
+        if not touched:
+            return found
+        outlines = {obj.name: obj.outline for obj in self._scenario.objects}
+        placed = [se2.transform_points(segments[k].before[name], outlines[name]) for k, name in touched]
         # Drawn in by what touching bodies may overlap.
-        touching = [
-            shapely.Polygon(se2.transform_points(segment.before[obj.name], obj.outline)).buffer(-2.0 * TOUCH)
-            for obj in self._scenario.objects
-            if obj.name in _touched(segment)
-        ]
-        whole = motion.travel[-1]
-        along = motion.at(np.linspace(0.0, whole, int(np.ceil(whole / NEAR)) + 1))
-        for body in self._scenario.tasks[0].chain.carried:
-            corners = along[:, None, :2] + se2.rotate(along[:, 2:], body.outline)
-            moved = np.asarray(shapely.polygons(corners))
-            if shapely.intersects(moved[:, None], touching).any():
-                return f"'{body.name}' overlaps the load in the {segment.kind}"
-        return ""
+        bodies = shapely.buffer([shapely.Polygon(outline) for outline in placed], -2.0 * TOUCH)
+        motion, begins = Motion.joined([motions[k] for k, _ in touched])
+        wholes = [motions[k].travel[-1] for k, _ in touched]
+        counts = [int(np.ceil(whole / NEAR)) + 1 for whole in wholes]
+        case = np.repeat(np.arange(len(touched)), counts)
+        spans = zip(begins, wholes, counts, strict=True)
+        along = motion.at(np.concatenate([begin + np.linspace(0.0, whole, n) for begin, whole, n in spans]))
+        for part in self._scenario.tasks[0].chain.carried:
+            corners = along[:, None, :2] + se2.rotate(along[:, 2:], part.outline)
+            for k in case[shapely.intersects(np.asarray(shapely.polygons(corners)), bodies[case])]:
+                found[touched[k][0]] = found[touched[k][0]] or part.name
+        return found
 
     def _motion(self, segment: Segment) -> Motion:
         """Return how the frame of a segment's contact moves; where there is none, that of the first load's."""
@@ -304,7 +314,8 @@ def _touched(segment: Segment) -> tuple[str, ...]:
 
 def _apart(poses: Poses, others: Poses) -> float:
     """Return the largest error (m or rad) between poses and those of the same names among others."""
-    return float(se2.pose_errors(np.array([*poses.values()]), np.array([others[name] for name in poses])).max())
+    both = [(pose, others[name]) for name, pose in poses.items() if pose is not others[name]]
+    return float(max((max(se2.pose_error(*pair)) for pair in both), default=0.0))
 
 
 def _wrong_order(first: Segment, second: Segment) -> str:

@@ -107,14 +107,13 @@ class Graph:
         self._known_transits: dict[Change, FloatArray] = {}
         self._postponed: list[tuple[Change, int, float]] = []
         self.looked_at = 0
-        start = question.load[None]
         self.leaves = np.array([settles(c.scene, c.packed, question.load) for c in room.contacts])
         self.changes = self._changed(room.shortest)
-        self.add(np.concatenate([start, question.goals]), np.inf)
+        self.add(np.concatenate([question.load[None], question.goals]), np.inf)
         self.begins, self.ends = self._can_begin[:, 0], self._can_end[:, 1:]
         self._first = np.array([self._assumed(k) for k in range(m)])
         least = float(self._first.min()) + self._pushes.settle + self._weighed(self._pushes.retreat)
-        self.bound = max(float(self.lower_bounds(start)[1][0]), least + float(self._cost_to_go.min(initial=np.inf)))
+        self.bound = max(float(self._on[0]), least + float(self._cost_to_go.min(initial=np.inf)))
 
     def _assumed(self, taken: int) -> float:
         """The least that the way to a first push can cost: as the crow flies."""

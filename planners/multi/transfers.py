@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
@@ -51,12 +52,12 @@ class Piece:
             self._placed[key] = tuple(PolygonObstacle(outline) for outline in outlines)
         return self._placed[key]
 
-    def area(self, pose: FloatArray) -> shapely.MultiPolygon:
+    def area(self, pose: FloatArray) -> BaseGeometry:
         """Return what it covers, its frame being at a pose (3,)."""
-        return shapely.MultiPolygon([obstacle.core for obstacle in self.obstacles(pose)])
+        return shapely.multipolygons([obstacle.core for obstacle in self.obstacles(pose)])
 
     @cached_property
-    def goal_areas(self) -> list[shapely.MultiPolygon]:
+    def goal_areas(self) -> list[BaseGeometry]:
         """What it covers at each of its goals."""
         return [self.area(goal.pose_chain) for goal in self.goals]
 
@@ -65,6 +66,13 @@ class Piece:
         """One of its goals (3,) where it covers the same at all of them, else none."""
         away = shapely.hausdorff_distance(self.goal_areas[0], np.array(self.goal_areas))
         return [self.goals[0].pose_chain] if (away < SAME).all() else []
+
+    @cached_property
+    def beside(self) -> tuple[FloatArray, float]:
+        """How far (m, rad) it may end beside its goals, (2,), and what other goals keep from these then, m."""
+        used = TOLERANCE_USED * np.min([(g.position_tolerance, g.angle_tolerance) for g in self.goals], axis=0)
+        size = max(float(np.hypot(*corner)) for corner in self.search.scenario.chain.objects[0].outline)
+        return used, self.search.scenario.clearance + 2.0 * float(used[0] + used[1] * size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,9 +217,7 @@ def plates_after(room: PushRoom, goals: FloatArray) -> FloatArray:
 def _within(pieces: tuple[Piece, ...], now: Situation, piece: int) -> FloatArray:
     """Return how far (m, rad) a piece may end beside its goals; 0 where goals of others are close to these."""
     own = pieces[piece]
-    used = TOLERANCE_USED * np.min([(g.position_tolerance, g.angle_tolerance) for g in own.goals], axis=0)
-    size = max(float(np.hypot(*corner)) for corner in own.search.scenario.chain.objects[0].outline)
-    room = own.search.scenario.clearance + 2.0 * float(used[0] + used[1] * size)
+    used, room = own.beside
     others = [area for k in sorted(now.left - {piece}) for area in pieces[k].goal_areas]
     away = shapely.distance(np.array(own.goal_areas)[:, None], others)
-    return np.zeros(2) if (away <= room).any() else np.asarray(used)
+    return np.zeros(2) if (away <= room).any() else used

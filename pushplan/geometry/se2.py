@@ -43,6 +43,10 @@ def transform_points(pose_a_b: ArrayLike, points_b: ArrayLike) -> FloatArray:
 def compose(pose_a_b: ArrayLike, pose_b_c: ArrayLike) -> FloatArray:
     """Return the pose(s) (..., 3) of c in a, from b in a and c in b."""
     first, second = np.asarray(pose_a_b, dtype=np.float64), np.asarray(pose_b_c, dtype=np.float64)
+    if first.ndim == 1 and second.ndim == 1:  # as numbers, which take a fifth of the time that arrays take
+        (x, y, theta), (u, v, turn) = first.tolist(), second.tolist()
+        c, s = float(np.cos(theta)), float(np.sin(theta))
+        return np.array([x + (c * u - s * v), y + (s * u + c * v), theta + turn])
     turned, angle = rotate(first[..., 2], second[..., :2]), first[..., 2] + second[..., 2]
     pose = np.empty((*angle.shape, 3))
     np.add(first[..., :2], turned, out=pose[..., :2])
@@ -63,7 +67,7 @@ def chained(start: FloatArray, steps: FloatArray) -> FloatArray:
 def inverse(pose_a_b: ArrayLike) -> FloatArray:
     """Return the pose(s) (..., 3) of a in b, from the pose of b in a."""
     pose = np.asarray(pose_a_b, dtype=np.float64)
-    x, y, theta = pose[..., 0], pose[..., 1], pose[..., 2]
+    x, y, theta = pose.tolist() if pose.ndim == 1 else (pose[..., 0], pose[..., 1], pose[..., 2])
     c, s = np.cos(theta), np.sin(theta)
     back = np.empty(pose.shape)
     back[..., 0], back[..., 1], back[..., 2] = -c * x - s * y, s * x - c * y, -theta

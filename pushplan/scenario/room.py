@@ -134,9 +134,10 @@ def placement_troubles(what: str, bodies: Sequence[tuple[str, FloatArray]], room
     obstacles, clearance = room.obstacles, room.clearance
     boxes = np.array([obstacle.box for obstacle in obstacles]).reshape(-1, 2, 2)
     for name, outline in bodies:
-        troubles = list(_beyond_walls(outline, room.workspace, clearance))
-        low, high = outline.min(axis=0) - 2.0 * clearance, outline.max(axis=0) + 2.0 * clearance
-        near = np.flatnonzero(((boxes[:, 0] <= high) & (boxes[:, 1] >= low)).all(axis=1))
+        low, high = outline.min(axis=0), outline.max(axis=0)
+        troubles = list(_beyond_walls(low.tolist(), high.tolist(), room.workspace, clearance))
+        beside = (boxes[:, 0] <= high + 2.0 * clearance) & (boxes[:, 1] >= low - 2.0 * clearance)
+        near = np.flatnonzero(beside.all(axis=1))
         all_near = filter(None, (_too_near(outline, obstacles[i], clearance) for i in near.tolist()))
         troubles += islice(all_near, MOST_TOLD)
         if any(all_near):
@@ -144,11 +145,13 @@ def placement_troubles(what: str, bodies: Sequence[tuple[str, FloatArray]], room
         yield from (f"at the {what}, '{name}' {trouble}" for trouble in troubles)
 
 
-def _beyond_walls(outline: FloatArray, workspace: Workspace | None, clearance: float) -> Iterator[str]:
-    """Yield how far a body is beyond each wall, or that it is too near to it."""
+def _beyond_walls(
+    low: list[float], high: list[float], workspace: Workspace | None, clearance: float
+) -> Iterator[str]:
+    """Yield how far a body in a box (x, y) is beyond each wall, or that it is too near to it."""
     if workspace is None:
         return
-    (xmin, ymin), (xmax, ymax) = outline.min(axis=0), outline.max(axis=0)
+    (xmin, ymin), (xmax, ymax) = low, high
     walls = (
         (xmin - workspace.xmin, f"x >= {workspace.xmin:.6g}"),
         (workspace.xmax - xmax, f"x <= {workspace.xmax:.6g}"),
