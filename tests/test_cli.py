@@ -12,13 +12,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 import pytest
 import shapely
 from conftest import Captured, Patch, there
 
 from pushplan.cli import console as console_module
-from pushplan.cli.console import Progress
+from pushplan.cli.console import Console, Progress
 from pushplan.cli.main import main
 from pushplan.errors import PlanningError
 from pushplan.scenario.file import example_names, load_scenario
@@ -223,6 +224,21 @@ def test_slow_work_shows_a_line_with_the_latest_news(live: bool, monkeypatch: Pa
     assert f"reading {SHOWN} ..." in stream.getvalue()
     assert f"compiling {SHOWN}\n" in stream.getvalue()
     assert "\x07" not in stream.getvalue()
+
+
+def test_a_table_is_as_wide_as_the_terminal_and_its_columns_are_straight(monkeypatch: Patch) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "48")
+    stream = Terminal()
+    monkeypatch.setattr("sys.stdout", stream)
+    words = "tolerates an object's floor friction off by 71 %, its load by at least 100 %"
+    Console().table([("robustness", words), ("箱子", "two wide letters"), ("", "")])
+    lines = click.unstyle(stream.getvalue()).splitlines()
+    assert lines[0].startswith("  robustness  tolerates")
+    assert lines[-2:] == ["  箱子        two wide letters", ""]
+    assert " ".join(" ".join(lines[:-2]).split()) == f"robustness {words}"
+    assert len(lines) > 4
+    assert max(map(len, lines)) <= 48
 
 
 def _wait_for(condition: Callable[[], bool]) -> None:

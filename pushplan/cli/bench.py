@@ -186,7 +186,7 @@ def _report(folder: ResultsFolder, console: Console) -> Results:
 def _tell(suite: Suite, folder: ResultsFolder, tally: Tally, broken: int, console: Console) -> None:
     before = f", {tally.before} done before" if tally.before else ""
     console.say((suite.name, "bold"), f": {counted(tally.done, 'run')} in {span_text(tally.seconds)}{before}")
-    console.table([(outcome, str(count)) for outcome, count in tally.counts.items()], styles=())
+    console.table([(outcome, str(count)) for outcome, count in tally.counts.items()], style="")
     if broken:
         console.say(f"{counted(broken, 'run')} broke off, which --accept-broken would take for done")
     console.say(f"report: {folder.report}")

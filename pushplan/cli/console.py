@@ -6,34 +6,36 @@ files of other hands) is escaped; JSON stays exact.
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import shutil
 import sys
+import textwrap
 import threading
 import time
+import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TextIO
 
-from rich.console import Console as RichConsole
-from rich.table import Table
-from rich.text import Text
+import click
 
 from pushplan.util.printable import printable
-
-if TYPE_CHECKING:
-    from rich.status import Status
 
 DELAY = 1.0
 """Seconds before it is said that work goes on."""
 
 PERIOD = 10.0
 """Seconds between two lines about it in a file."""
+
+NARROWEST = 20
+"""The last column of a table is at least so wide on any terminal."""
+
+ERASE = "\r\x1b[2K"
+"""Lets a terminal forget its line."""
 
 
 class Progress:
@@ -44,7 +46,7 @@ class Progress:
         self._over = threading.Event()
         self._lock = threading.Lock()
         self._live = _is_terminal(sys.stderr)
-        self._status: Status | None = None
+        self._shown = False
         self._thread = threading.Thread(target=self._watch, name="progress", daemon=True)
 
     def tell(self, news: str) -> None:
@@ -58,8 +60,7 @@ class Progress:
     def announce(self, sentence: str) -> None:
         """Write a sentence of its own, at once."""
         with self._lock:
-            if self._status is not None:
-                self._status.stop()
+            self._erase()
             _write(sys.stderr, printable(sentence))
 
     def __enter__(self) -> Progress:
@@ -69,8 +70,7 @@ class Progress:
     def __exit__(self, *error: object) -> None:
         self._over.set()
         self._thread.join()
-        if self._status is not None:
-            self._status.stop()
+        self._erase()
 
     def _watch(self) -> None:
         wait = DELAY
@@ -88,12 +88,16 @@ class Progress:
             wait = 0.2 if self._live else PERIOD
 
     def _show(self, line: str) -> None:
-        """Let the one line on the terminal say something; most work is done before there is one to load."""
-        from rich.status import Status
+        """Let the one line on the terminal say something."""
+        sys.stderr.write(ERASE + line[: shutil.get_terminal_size().columns - 1])
+        sys.stderr.flush()
+        self._shown = True
 
-        self._status = self._status or Status("", console=_rich(sys.stderr))
-        self._status.update(Text(line))
-        self._status.start()
+    def _erase(self) -> None:
+        if self._shown:
+            sys.stderr.write(ERASE)
+            sys.stderr.flush()
+            self._shown = False
 
 
 @dataclass
@@ -109,30 +113,33 @@ class Console:
     verbose: bool = False
 
     def say(self, *parts: str | tuple[str, str]) -> None:
-        """Write a line of the result, for people: texts, or texts with a style such as `bold` or `red`."""
-        text = Text()
-        for part in parts:
-            text.append(*((printable(part, "\n\t"),) if isinstance(part, str) else (printable(part[0]), part[1])))
-        self._print(text)
+        """Write a line of the result, for people: texts, or texts with a style, `bold`, `dim` or a colour."""
+        texts = (
+            printable(part, "\n\t") if isinstance(part, str) else self._styled(printable(part[0]), part[1])
+            for part in parts
+        )
+        _write(self._stream, "".join(texts))
 
     def note(self, text: str) -> None:
         """Write a line beside the result: a remark, a warning, an error."""
         _write(sys.stderr, printable(text, "\n\t"))
 
-    def table(self, rows: Iterable[Sequence[str]], styles: Sequence[str] = ("dim",)) -> None:
-        """Write columns in some styles, the last one wrapped on a terminal that is too narrow."""
+    def table(self, rows: Iterable[Sequence[str]], style: str = "dim") -> None:
+        """Write columns, the first in a style, the last wrapped where a terminal is too narrow."""
         listed = [[printable(cell) for cell in row] for row in rows]
         if not listed:
             return
-        grid = Table.grid(padding=(0, 2, 0, 0), pad_edge=False)
-        grid.add_column(width=0)  # an indent of two
-        count = len(listed[0])
-        for i in range(count):
-            style = styles[i] if i < len(styles) else ""
-            grid.add_column(style=style, no_wrap=i < count - 1, overflow="fold")
-        for row in listed:
-            grid.add_row("", *(Text(cell) for cell in row))
-        self._print(grid)
+        widths = [2 + max(map(_width, column)) for column in zip(*listed, strict=True)][:-1]
+        indent = 2 + sum(widths)
+        room = max(NARROWEST, shutil.get_terminal_size().columns - indent)
+        for *cells, last in listed:
+            blanks = [" " * (width - _width(cell)) for cell, width in zip(cells, widths, strict=True)]
+            cells[:1] = [self._styled(cell, style) for cell in cells[:1]]
+            begin = "  " + "".join(map("".join, zip(cells, blanks, strict=True)))
+            wrapped = textwrap.wrap(last, room, break_on_hyphens=False) if _is_terminal(self._stream) else [last]
+            for line in wrapped or [""]:
+                _write(self._stream, (begin + line).rstrip())
+                begin = " " * indent
 
     def emit(self, document: Mapping[str, object]) -> None:
         """Write the JSON object, in JSON mode only."""
@@ -145,26 +152,21 @@ class Console:
         with Progress(what) as progress:
             yield progress
 
-    def _print(self, what: Text | Table) -> None:
-        stream = sys.stderr if self.json else sys.stdout
-        buffer = io.StringIO()
-        _rich(stream, buffer).print(what, soft_wrap=isinstance(what, Text))
-        _write(stream, "\n".join(line.rstrip() for line in buffer.getvalue()[:-1].split("\n")))
+    @property
+    def _stream(self) -> TextIO:
+        return sys.stderr if self.json else sys.stdout
+
+    def _styled(self, text: str, style: str) -> str:
+        """Return a text as a terminal shows it in a style; for a file, as it is."""
+        if not text or not style or not _is_terminal(self._stream):
+            return text
+        return click.style(text, **{style: True}) if style in ("bold", "dim") else click.style(text, fg=style)
 
 
-def _rich(stream: TextIO, file: TextIO | None = None) -> RichConsole:
-    """Return what writes for a stream, or into a file for it: as wide as the terminal, or as it takes."""
-    terminal = _is_terminal(stream)
-    width = shutil.get_terminal_size().columns if terminal else 100_000
-    return RichConsole(
-        file=file or stream,
-        width=width,
-        force_terminal=terminal,
-        color_system="standard" if terminal else None,
-        highlight=False,
-        markup=False,
-        emoji=False,
-    )
+def _width(text: str) -> int:
+    """Return how many columns of a terminal a text takes: some letters take two, accents none."""
+    wide = sum(unicodedata.east_asian_width(letter) in "WF" for letter in text)
+    return len(text) + wide - sum(unicodedata.combining(letter) > 0 for letter in text)
 
 
 def _is_terminal(stream: TextIO) -> bool:

@@ -37,7 +37,7 @@ def runs(console: Console, runs: Path | None, last: int | None, filters: tuple[s
     found = chosen(every, list(filters))[:last]
     now = datetime.now(UTC)
     if found:
-        console.table([_HEAD, *(_row(one, now) for one in found)], styles=())
+        console.table([_HEAD, *(_row(one, now) for one in found)], style="")
     some = f"{len(found)} of " if len(found) < len(every) else ""
     console.say(f"{some}{counted(len(every), 'run')} in {folder}")
     console.emit({"folder": folder, "runs": [_document(one, now) for one in found]})
