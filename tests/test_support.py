@@ -5,7 +5,6 @@ import pytest
 from conftest import ChainMaker
 
 from pushplan.errors import SupportError
-from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.contacts import friction_wrench
 from pushplan.mechanics.sphere import twists_about
@@ -50,23 +49,6 @@ def test_wrong_pressure_maps_name_file_and_line(text: str, finding: str) -> None
     with pytest.raises(SupportError) as caught:
         PressureMapSupport.from_bytes(text.encode(), "map.csv")
     assert finding in str(caught.value)
-
-
-POSE = np.array([0.5, 0.1, 0.7])
-
-
-@pytest.mark.parametrize("center", [None, [0.03, -0.01]])
-def test_elements_of_an_affine_pressure_have_its_centre_and_spread(center: list[float] | None) -> None:
-    given: FloatArray | None = None if center is None else np.array(center)
-    away = np.array([0.3, 0.2])
-    moved = BOX * [4.0, 10.0 / 3.0] + away
-    support = UniformSupport(moved, None if given is None else given + away)
-    places, parts = support.elements(5000)
-    places = transform_points(POSE, places)
-    np.testing.assert_allclose(parts @ places, transform_points(POSE, support.center), atol=1e-5)
-    assert len(places) == 5000
-    turned = transform_points(-POSE * [0, 0, 1], places - POSE[:2])
-    np.testing.assert_allclose(turned.min(axis=0), moved.min(axis=0) + 0.002, atol=1e-12)  # squares of 4 mm
 
 
 def outlines(make_chain: ChainMaker) -> list[FloatArray]:

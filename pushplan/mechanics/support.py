@@ -89,17 +89,6 @@ class Support(ABC):
         positions, fractions, _ = self.point_loads
         return _gathered(positions, fractions)
 
-    def elements(self, count: int) -> tuple[FloatArray, FloatArray]:
-        """Return places (m, 2), m, and parts (m,) of the load, for methods that integrate friction numerically.
-
-        A polygon is cut into equal squares, about `count` of them with their centre inside; points are themselves.
-
-        Raises:
-            SupportError: When the load is not known.
-        """
-        positions, fractions, _ = self.point_loads
-        return positions, fractions
-
     def lean(self, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return e . (x - g) / h (k,) at corners or points x, and what it is a share of there: see `leaning`.
 
@@ -204,18 +193,6 @@ class UniformSupport(Support):
         points = shapely.get_coordinates(shapely.centroid(pieces[kept]))
         loads = np.maximum(areas[kept] * self._relative_pressure(points), 0.0)
         return points, np.asarray(loads / loads.sum(), dtype=np.float64)
-
-    def elements(self, count: int) -> tuple[FloatArray, FloatArray]:
-        """See `Support.elements`."""
-        low, size = self.outline.min(axis=0), np.ptp(self.outline, axis=0)
-        counts = np.maximum(np.round(size / np.sqrt(self.moments.area / count)), 1.0).astype(np.int64)
-        x, y = (low[d] + (np.arange(counts[d]) + 0.5) * size[d] / counts[d] for d in (0, 1))
-        points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        polygon = shapely.Polygon(self.outline)
-        inside = points[shapely.contains_xy(polygon, points[:, 0], points[:, 1])]
-        inside = inside if len(inside) else shapely.get_coordinates(polygon.centroid)
-        pressure = self._relative_pressure(inside)
-        return inside, pressure / pressure.sum()
 
     def _relative_pressure(self, points: FloatArray) -> FloatArray:
         """Return the pressure at points (k, 2) as a share of the mean."""

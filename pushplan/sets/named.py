@@ -11,9 +11,8 @@ from pushplan.mechanics.heights import counts_by_centre, load_areas
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.uncertain import pack_centred, pack_intervals
 from pushplan.sets.known_load_sets import CofSet, EcofSet, TranslationSet
-from pushplan.sets.robust_set import RobustSet
 from pushplan.sets.stable_set import StableSet
-from pushplan.sets.stable_unknown_set import StableUnknownSet
+from pushplan.sets.unknown_load_sets import RobustSet, StableUnknownSet
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import STABLE_SETS
 from pushplan.util.naming import PLACE, attribute_named, stable_set_names

@@ -22,7 +22,6 @@ from pushplan.mechanics.perturb import slid
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
 from pushplan.plans.path import PushPath
-from pushplan.sets.grid_cor_set import grid_cor_set
 from pushplan.sets.named import stable_set, stable_set_over
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
@@ -243,8 +242,6 @@ WRONG: dict[str, tuple[Callable[[ChainMaker], object], str]] = {
     "sense": (lambda m: stable_set(m.boxes(1)).cor_region(0), "sense is 0"),
     "window": (lambda m: stable_set(m.boxes(1)).cor_region(1, (1.0, 0.0, 1.0, 2.0)), "xmin < xmax"),
     "count": (lambda m: stable_set(m.boxes(1)).meridians(count=0), "count is 0"),
-    "cells": (lambda m: grid_cor_set(m.boxes(1), (-1.0, -1.0, 1.0, 1.0), (0, 5)), "must be at least 1"),
-    "height": (lambda m: grid_cor_set(m.boxes(1, contact_height=0.01), (-1.0, -1.0, 1.0, 1.0)), "must be 0"),
     "rates": (lambda m: dynamic_margins(m.boxes(1), [[1.0, 0.0, 0.0]], np.zeros((2, 3))), "rates have shape"),
     "load": (lambda m: dynamic_rows(m.boxes(1, support=UnknownSupport), [1.0, 0.0, 0.0]), "unknown"),
     "tipping": (lambda m: stable_set(m.boxes(1, support=UnknownSupport, contact_height=0.2), "robust"), "could tip"),

@@ -1,8 +1,8 @@
-"""STABLE (Lynch & Mason) at every contact: any pressure on the support, only its centre is known.
+"""Sets for loads of which only the centre is known: STABLE of Lynch & Mason, and the exact worst case.
 
-Section 4.4 of Harada et al. 2006. The objects that contact k carries count as one, with the hull S of their
-supports and their common centre of friction g. With v(x) = v + omega J x and w = +1, -1 at the left, right
-end e of the contact, all CORs are kept for which
+STABLE at every contact is section 4.4 of Harada et al. 2006. The objects that contact k carries count as one, with
+the hull S of their supports and their common centre of friction g. With v(x) = v + omega J x and w = +1, -1 at the
+left, right end e of the contact, all CORs are kept for which
 
     (1)  gamma . v(x) > 0                    for both facets gamma of the friction cone and all corners x of S,
     (2)  w (g - e) x v(g) > w omega p^2 / 2  and
@@ -23,12 +23,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import pushplan.core.uncertain as uncertain
 from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import Chain, Contact
 from pushplan.mechanics.contacts import carried_objects, center_range
 from pushplan.mechanics.heights import load_areas
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.packed import contact_rows
+from pushplan.mechanics.uncertain import pack_centred
 from pushplan.sets.cor import Window, cor_polygon, smallest_sines, unit_rows, velocity_rows
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
@@ -137,3 +139,39 @@ def _around(shift: float) -> FloatArray:
     angle = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
     corners = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return np.asarray(shift / np.cos(np.pi / _SIDES) * corners, dtype=np.float64)
+
+
+class RobustSet(StableSet):
+    """Twists that every pressure with the given centres lets all contacts transmit.
+
+    Feet carry any loads that balance; any other support counts as its convex hull, with any pressure. A load
+    that is known counts by its centre alone, load fractions in intervals as what they are. Margins err on the safe
+    side, by at most `MISS` (`core/centred.hpp`).
+
+    Args:
+        chain: Objects and contacts.
+        interval: The chain with intervals of masses, floor frictions and load fractions; None where they are numbers.
+
+    Raises:
+        SupportError: When a push at the contact height could tip an object.
+    """
+
+    name = "robust"
+
+    def __init__(self, chain: Chain, interval: IntervalChain | None = None) -> None:
+        super().__init__(chain)
+        self._as_numbers = interval is None
+        self._packed = pack_centred(chain, interval)
+
+    @property
+    def loads_known(self) -> bool:
+        """Whether the load under every object is known, in its distribution and as a number."""
+        return self._as_numbers and super().loads_known
+
+    def contact_margin_values(self, twists: FloatArray) -> FloatArray:
+        """Return the margin (k, n) of each contact at checked twists (k, 3)."""
+        return uncertain.contact_margins_of(self._packed, twists)
+
+    def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
+        """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
+        return uncertain.margins_of(self._packed, twists, float(floor))
