@@ -24,8 +24,7 @@ from pushplan.bench.machine import Machine
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.sets.named import stable_set
-from pushplan.sim.physics.chains import simulate_twist
-from pushplan.sim.physics.engine import SLIPPING, engine
+from pushplan.sim.physics.engine import engine
 from pushplan.sim.report import ContactReport
 from pushplan.sim.slip.simulator import simulate_poses
 from pushplan.sim.world import World
@@ -33,6 +32,7 @@ from pushplan.util.arrays import FloatArray
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "harada2006"))
 from agreement import sample_pushes
+from pushes import SLIPPING, SLIPPING_STEP, simulate_twist
 
 FRICTION = 0.6
 """Factor of the contact friction of the chains."""
@@ -53,7 +53,8 @@ def experiment(seed: int, pushes: int) -> list[list[float]]:
     rows = []
     for k, (twist, margin) in enumerate(zip(twists, stable.margin(twists), strict=True)):
         travel = float(rng.uniform(0.1, 0.4)) * chain.characteristic_length
-        mine, physics = slide(chain, twist, travel), simulate_twist(chain, twist, travel, SLIPPING)
+        mine = slide(chain, twist, travel)
+        physics = simulate_twist(chain, twist, travel, SLIPPING, SLIPPING_STEP)
         off = mine.objects[-1] - physics.objects[-1]
         away = 1e3 * float(np.hypot(off[:, 0], off[:, 1]).max())
         turn = float(np.degrees(np.abs(se2.wrap_angle(off[:, 2])).max()))

@@ -28,9 +28,8 @@ from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sets.named import stable_set
 from pushplan.sim.physics import simulate as physics
-from pushplan.sim.physics.chains import simulate_trajectory, simulate_twist
 from pushplan.sim.physics.engine import MissingEngineError, PhysicsSettings
-from pushplan.sim.physics.model import LoadTransfer, build_model
+from pushplan.sim.physics.model import build_model
 from pushplan.sim.physics.simulate import HARD, STEPS, simulate_in_physics
 from pushplan.sim.report import ContactReport
 from pushplan.sim.world import World
@@ -39,7 +38,14 @@ from pushplan.util.arrays import FloatArray
 needs_engine = pytest.mark.skipif(
     find_spec("mujoco") is None, reason="MuJoCo is not installed; the extra pushplan[physics] brings it"
 )
-agreement = runpy.run_path(str(Path(__file__).parents[1] / "examples" / "harada2006" / "agreement.py"))
+ROOT = Path(__file__).parents[1]
+for folder in ("examples/harada2006", "benchmarks"):
+    sys.path.insert(0, str(ROOT / folder))
+agreement = runpy.run_path(str(ROOT / "examples" / "harada2006" / "agreement.py"))
+random_chains = runpy.run_path(str(ROOT / "benchmarks" / "random_chains.py"))
+simulate_twist, simulate_trajectory = (
+    sys.modules["pushes"].__dict__[name] for name in ("simulate_twist", "simulate_trajectory")
+)
 BAND = np.radians(0.5), 0.02
 SAFE_BAND = np.radians(0.1), 0.005
 
@@ -92,7 +98,7 @@ def test_a_box_leaves_a_plate_that_brakes_harder_than_friction(
     assert report.moved[:, 0].any() != kept
     assert report.opening[-1, 0] == pytest.approx(gap, rel=0.02, abs=1e-6)
     assert kept or report.moved_at[0] > 0.3
-    assert simulate_trajectory(chain, trajectory, quasi_static=True).kept
+    assert simulate_trajectory(chain, trajectory, slow=True).kept
     judged = simulate_in_physics(push_of(chain, trajectory), until_moved=True, progress=told.append)
     assert judged.kept == kept
     assert (judged.t[-1] == pytest.approx(trajectory.duration)) == kept
@@ -120,28 +126,24 @@ def test_the_floor_rubs_as_coulomb_says(make_chain: ChainMaker, height: float, c
     chain = make_chain.boxes(2, contact_height=height)
     twist = twists_about(np.array(cor), +1)
     twist *= 1e-3 / np.hypot(*twist[:2])
-    settings = PhysicsSettings()
-    model, transfer = (
-        build_model(chain, 0.01, 2e-3, settings),
-        LoadTransfer(chain.objects, chain.pusher.contact_height),
-    )
-    bodies = np.arange(3)
+    places = np.vstack([chain.places, np.zeros(3)])
+    model = build_model(World.from_chain(chain), chain, places, 2e-3, 0.01, PhysicsSettings())
     model.carry(True)
     for _ in range(100):
-        model.drive(bodies, np.zeros(3), twist * 0.01)
+        model.drive(np.arange(3), np.zeros(3), twist * 0.01)
         model.step()
-        transfer.follow(model)
     want = [friction_wrench(obj, twist[None], height)[0, :2] for obj in chain.objects]
     np.testing.assert_allclose(model.floor_forces(), want, rtol=2e-3, atol=2e-3)
 
 
 @needs_engine
-def test_predictions_and_simulations_agree(make_chain: ChainMaker) -> None:
-    """Chains and trees, on feet and on polygons; a third of the pushes is close to the boundary."""
+def test_predictions_and_simulations_agree() -> None:
+    """Chains and a tree, on feet and on polygons; a third of the pushes is close to the boundary."""
     results = []
-    for seed in range(4):
-        chain = make_chain.random(seed, 1 + seed % 3, tree=seed % 2 == 0, feet=seed % 4 > 1)
-        pushes = agreement["sample_pushes"](stable_set(chain), 6, np.random.default_rng(seed))
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        chain = random_chains["random_tree" if seed == 4 else "random_chain"](rng)
+        pushes = agreement["sample_pushes"](stable_set(chain), 6, rng)
         results.append(agreement["compare"](chain, pushes))
     result = reduce(agreement["Agreement"].joined, results)
     assert min(result.predicted.sum(), (~result.predicted).sum()) >= 7
@@ -214,14 +216,14 @@ def curve(duration: float) -> Trajectory:
 def test_creep_of_the_engine_is_not_a_slip(chain: Chain, monkeypatch: Patch) -> None:
     """What passes for a slip in long time steps and not in short ones is looked at in short ones."""
     trajectory = curve(2.0)
-    long, short = (
-        simulate_trajectory(chain, trajectory, settings=replace(HARD, time_step=share * HARD.time_step))
-        for share in STEPS[1:]
-    )
-    most = [float(report.displacement.max()) for report in (long, short)]
+    plan, most = push_of(chain, trajectory), []
+    for share in STEPS[1:]:
+        monkeypatch.setattr(physics, "STEPS", (share,))
+        most.append(float(simulate_in_physics(plan).displacement.max()))
     assert most[1] < 0.8 * most[0]
+    monkeypatch.setattr(physics, "STEPS", STEPS)
     monkeypatch.setattr(physics, "HARD", replace(HARD, tolerance=0.5 * sum(most)))
-    report = simulate_in_physics(push_of(chain, trajectory))
+    report = simulate_in_physics(plan)
     assert report.kept
     assert report.displacement.max() == pytest.approx(most[1])
 

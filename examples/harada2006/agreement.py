@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike
+from pushes import simulate_twist
 
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts import contact_state
 from pushplan.mechanics.sphere import angles_of, checked_twists, twists_at
 from pushplan.sets.stable_set import StableSet
-from pushplan.sim.physics.chains import simulate_twist
 from pushplan.sim.physics.engine import PhysicsSettings
 from pushplan.util.arrays import BoolArray, FloatArray, frozen
 

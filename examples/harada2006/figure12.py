@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from panels import HERE, draw_roles, run
+from pushes import simulate_trajectory
 
 from pushplan.drawing.figure import axes_at, figure_for
 from pushplan.drawing.palette import FAINT, INK, OBJECTS, PLATE
@@ -20,7 +21,6 @@ from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.scenario.file import load_scenario
 from pushplan.sets.named import stable_set
-from pushplan.sim.physics.chains import simulate_trajectory
 from pushplan.sim.report import ContactReport
 from pushplan.util.arrays import FloatArray
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -9,10 +10,10 @@ import numpy as np
 
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
-from pushplan.sim.physics.engine import ForceMeter, PhysicsSettings, engine
-from pushplan.sim.physics.model import LoadTransfer, PhysicsModel, build_model, joint_coordinates
+from pushplan.sim.physics.engine import ForceMeter, PhysicsSettings
+from pushplan.sim.physics.model import PhysicsModel, build_model
 from pushplan.sim.report import CLOSED, contact_motion
-from pushplan.sim.slip.packing import push_heights
+from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, IntArray
 
 _BARELY = 1e-9
@@ -136,18 +137,18 @@ def drive(
         PhysicsError: When the simulation does not stay finite.
         SupportError: When a load is not known.
     """
-    transfer = LoadTransfer(chain.objects, push_heights(chain, chain.objects))
-    model = build_model(chain, motion.dt, max(_sliding_speed(chain, motion), _BARELY), settings)
+    sliding = max(_sliding_speed(chain, motion), _BARELY)
+    placed_at = np.vstack([chain.places, np.zeros(3)])
+    model = build_model(World.from_chain(chain), chain, placed_at, sliding, motion.dt, settings)
     bodies = np.arange(len(model.dofs))
     begin, end = (_all_moved(pose, placed, len(bodies)) for pose in motion.poses[:2])
     model.carry(True)
     for _ in range(settings.run_in):
         model.drive(bodies, begin, end)
         model.step()
-        transfer.follow(model)
     model.carry(False)
     model.drive(bodies, begin, end)
-    return _push(model, transfer, motion, settings, watch, ForceMeter(chain.pusher.limits.force, motion.dt))
+    return _push(model, motion, settings, watch, ForceMeter(chain.pusher.limits.force, motion.dt))
 
 
 def _all_moved(motion: FloatArray, placed: FloatArray | None, bodies: int) -> FloatArray:
@@ -159,36 +160,24 @@ def _all_moved(motion: FloatArray, placed: FloatArray | None, bodies: int) -> Fl
 
 
 def _push(
-    model: PhysicsModel,
-    transfer: LoadTransfer,
-    motion: Motion,
-    settings: PhysicsSettings,
-    watch: Watch | None,
-    meter: ForceMeter,
+    model: PhysicsModel, motion: Motion, settings: PhysicsSettings, watch: Watch | None, meter: ForceMeter
 ) -> Recording:
-    """Drive the plate step by step: its joint coordinates are computed beforehand, the loop only hands them over."""
-    count, plate = len(motion.poses) - 1, int(model.dofs[-1])
-    ways = joint_coordinates(model.anchors[-1], motion.poses)
-    speeds = np.diff(ways, axis=0) / motion.dt
+    """Drive the plate from look to look."""
+    count = len(motion.poses) - 1
     looks = np.union1d(np.linspace(0, count, settings.samples + 1).astype(np.int64), motion.marks).astype(np.int64)
-    position, velocity = model.data.qpos[plate : plate + 3], model.data.qvel[plate : plate + 3]  # views
-    force, forces = model.data.qfrc_constraint[plate : plate + 2], np.zeros((count, 2))  # on the plate
-    step, motions, stalled = engine().mj_step, list[FloatArray](), False
-    for i in range(count + 1):
-        position[:] = ways[i]
-        if i == looks[len(motions)] or stalled:
-            motions.append(model.motions())
-            looks[len(motions) - 1] = i
-            if stalled or (watch is not None and watch(i / count, motions[-1])):
-                break
-        if i < count:
-            velocity[:] = speeds[i]
-            step(model.model, model.data)
-            transfer.follow(model)
-            forces[i] = -force
-            stalled = meter.exceeded(*forces[i])
+    steps, motions, forces, stalled = [0], [model.motions()], [np.zeros((0, 3))], False
+    for begin, end in itertools.pairwise(looks.tolist()):
+        if stalled or (watch is not None and watch(begin / count, motions[-1])):
+            break
+        found, stalled = model.march(motion.poses[begin : end + 1], meter)
+        steps.append(begin + len(found))
+        motions.append(model.motions())
+        forces.append(-found)
+    else:
+        if watch is not None and not stalled:
+            watch(1.0, motions[-1])
     model.require_sound()
-    return Recording(looks[: len(motions)], np.array(motions), stalled, forces[:i])
+    return Recording(np.array(steps), np.array(motions), stalled, np.concatenate(forces)[:, :2])
 
 
 def _sliding_speed(chain: Chain, motion: Motion) -> float:

@@ -39,14 +39,10 @@ def engine() -> Any:
 
 @dataclass(frozen=True)
 class PhysicsSettings:
-    """Settings that all simulations share; lengths are relative, so that they suit chains of any size.
+    """Settings that all simulations share; lengths are over a chain's characteristic length L, so that they suit all.
 
     Attributes:
-        step: Travel in one time step over the chain's characteristic length L, where inertia is switched off.
-        inertia: v^2 / (mu g L) where inertia is switched off: inertial over friction forces. Well below `step`:
-            then friction stops a body that is let go within one time step, and contacts neither chatter nor open
-            by the second-order errors of a step.
-        time_step: Time step at full speed, s.
+        time_step: s.
         degree: Degree up to which the feet have the moments of a pressure (see `feet_of`).
         softness: How much softer a foot rests on the floor than the convex contact model of the engine lifts a
             sliding one: above 1 no foot ever loses the floor, so that each carries exactly its load.
@@ -55,23 +51,18 @@ class PhysicsSettings:
         indentation: How deep a corner sinks into a face under the friction of one object, over L.
         slip_time: Time in which friction takes hold of what slides at a contact, over that in which its normal force
             takes hold of what sinks in. At 1 the convex contact model lifts sliding faces off, and they slide
-            millimetres too far; see `SLIPPING`.
-        taking_up: Travel over L, where inertia is switched off, in which the contacts take up their load and corners
-            sink into faces; slides and gaps count from there on.
+            millimetres too far; at 20, with smaller steps, they slide as Coulomb's law says.
         run_in: Time steps in which everything moves as one while the feet settle.
         tolerance: Slide or gap over the length of the contact segment at which a contact counts as moved.
         samples: Number of intervals that a report is sampled at, at most.
     """
 
-    step: float = 2.5e-4
-    inertia: float = 1e-5
     time_step: float = 5e-4
     degree: int = DEGREE
     softness: float = 5.0
     friction_stiffness: float = 1e4
     indentation: float = 1e-4
     slip_time: float = 1.0
-    taking_up: float = 6e-3
     run_in: int = 40
     tolerance: float = 1e-3
     samples: int = 200
@@ -81,10 +72,6 @@ class PhysicsSettings:
             value = getattr(self, field.name)
             if not value > 0:
                 raise PushplanError(f"{field.name} of the physics settings is {value}; it must be > 0")
-
-
-SLIPPING = PhysicsSettings(step=3e-5, friction_stiffness=1e5, indentation=3e-5, slip_time=20.0)
-"""Settings with which contacts slide as far as Coulomb's law says, ten times slower to simulate."""
 
 
 class ForceMeter:
@@ -102,6 +89,10 @@ class ForceMeter:
 
     def __init__(self, limit: float, dt: float) -> None:
         self._limit, self._forces = limit, deque[float](maxlen=max(3, round(self.SPAN / dt)))
+
+    def reset(self) -> None:
+        """Forget what was counted."""
+        self._forces.clear()
 
     def exceeded(self, fx: float, fy: float) -> bool:
         """Take the force of a time step, N; tell whether it has been too much for a while."""

@@ -1,10 +1,10 @@
-"""A chain as a model of the physics engine, in the chain frame at the start: the n objects, then the plate.
+"""Bodies on the floor as a model of the physics engine: n objects, then the plate, in a frame that the caller chose.
 
 A body slides along x and y and turns about z, nothing else, so that its feet and its contacts cannot disturb one
 another. A foot is a piston: it slides up and down in its body and a constant force presses it on the floor, so that
-it carries exactly its load whatever its neighbours do. Of the two edges that meet in a contact, each end is a corner,
-a tiny sphere that touches the flat face along the other edge. So a contact can slide and open in every way that two
-edges can, and its normal is exact.
+it carries exactly its load whatever its neighbours do. Bodies are cut into the same convex pieces as in the simulator
+with slip. In every convex corner of an outline is a tiny sphere that touches the whole of the other bodies, so that
+objects may be touched on any side, part and meet again, and the normals of faces are exact.
 
 Contact forces at a height shift the load of an object from foot to foot: friction F on it asks the floor for the
 moment -h F when the forces that overcome it act at height h. The loads on the feet change by -k_i x_i . S^-1 h F,
@@ -14,18 +14,19 @@ Inertial forces are taken to act at that height as well.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from pushplan.geometry.se2 import rotate
-from pushplan.mechanics.chain import GRAVITY, PLATE, Chain, Contact, PushedObject, inertia_of
+from pushplan.geometry.se2 import rotate, transform_points
+from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject, inertia_of
 from pushplan.mechanics.packed import pack_object
 from pushplan.sim.feet import Feet, feet_of
-from pushplan.sim.physics.engine import PhysicsError, PhysicsSettings, engine
+from pushplan.sim.physics.engine import ForceMeter, PhysicsError, PhysicsSettings, engine
+from pushplan.sim.slip.packing import Bodies, bodies_of, push_heights
+from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, IntArray
 
 FLOOR = "floor"
@@ -70,8 +71,15 @@ class Standing:
             mobility = float(model.body_invweight0[model.body(name).id, 0])
             model.pair_solimp[model.pair(name).id, :2] = 1.0 / (1.0 + compliance / mobility)
 
+    def shift(self, turned: float, moment: FloatArray) -> FloatArray:
+        """Return what a moment (2,) adds to the loads when the object has turned so far (rad), N."""
+        positions, stiffness = self.feet.positions, self.feet.stiffness
+        offsets = rotate(self.heading + turned, positions - stiffness @ positions)
+        second = (offsets * stiffness[:, None]).T @ offsets
+        return np.asarray(stiffness * (offsets @ np.linalg.solve(second, moment)))
 
-def add_planar(spec: Any, name: str, mass: float, anchor: FloatArray, moment: float) -> Any:
+
+def _add_planar(spec: Any, name: str, mass: float, anchor: FloatArray, moment: float) -> Any:
     """Return a new body with joints along x, along y and about z through `anchor` (2,)."""
     joint = engine().mjtJoint
     body = spec.worldbody.add_body(name=name, pos=[*anchor, 0.0])
@@ -83,13 +91,7 @@ def add_planar(spec: Any, name: str, mass: float, anchor: FloatArray, moment: fl
     return body
 
 
-def add_floor(spec: Any) -> None:
-    """Add the floor."""
-    plane = engine().mjtGeom.mjGEOM_PLANE
-    spec.worldbody.add_geom(name=FLOOR, type=plane, size=[1.0, 1.0, 1.0], contype=0, conaffinity=0)
-
-
-def stand(spec: Any, body: Any, obj: PushedObject, feet: Feet, lift: float, dt: float) -> Standing:
+def _stand(spec: Any, body: Any, obj: PushedObject, feet: Feet, lift: float, dt: float) -> Standing:
     """Put feet under an object.
 
     Args:
@@ -130,120 +132,121 @@ def _add_foot(body: Any, name: str, offset: FloatArray, mass: float, armature: f
     )
 
 
-_ON_LINE = 1e-6
-"""Distance from the contact's line within which a corner belongs to it, m."""
-
-
-def edge_extent(contact: Contact, outline: FloatArray) -> tuple[float, float]:
-    """Return how far a body's edge reaches along the contact: (right, left) end as coordinates of its tangent, m.
-
-    The coordinate is 0 at the right end of the segment and its length at the left end. Where the body has no
-    edge under the whole segment, the segment itself is the edge.
-
-    Args:
-        contact: In the same frame as the outline.
-        outline: (v, 2) corners of the body, m.
-    """
-    offsets = outline - contact.right
-    along, across = offsets @ contact.tangent, offsets @ contact.normal
-    on_line = np.abs(across) < _ON_LINE
-    edges = on_line & np.roll(on_line, -1)
-    spans = np.sort(np.stack([along, np.roll(along, -1)], axis=1)[edges], axis=1)
-    low, high = 0.0, contact.length
-    for begin, end in np.tile(spans, (len(spans), 1)):  # again and again: an edge may be cut into many
-        if begin <= high + _ON_LINE and end >= low - _ON_LINE:
-            low, high = min(low, float(begin)), max(high, float(end))
-    return low, high
-
-
-CORNER = 2e-3
-"""Radius of a corner over the length of the contact segment."""
-OVERLAP = 1e-8
-"""How deep corners reach into faces, over the length of the segment, so that they touch from the start."""
+_CORNER = 2e-3
+"""Radius of a corner over the length of the body's shortest edge."""
+_OVERLAP = 1e-8
+"""How deep corners reach into faces, over the same length, so that they touch from the start."""
+_SHARP = 1e-3
+"""Sine of the turn at a corner below which it is none."""
+_TALL = 0.1
+"""Half the height of all pieces, m; what touches does so in the middle of it."""
 _SOFTEST = 0.3
 """Compliance of the contacts times an object's mass, at most: softer ones would swing."""
-_THICKNESS = 0.05
-"""Half the thickness of a face over the length of the segment."""
 
 
-def add_contacts(
-    spec: Any, chain: Chain, bodies: list[Any], dt: float, indentation: float, slip_time: float = 1.0
+def _add_contacts(
+    spec: Any,
+    bodies: Sequence[Any],
+    poses: Sequence[FloatArray],
+    parts: Bodies,
+    dt: float,
+    indentation: float,
+    slip_time: float,
 ) -> None:
-    """Add what touches in all contacts of a chain.
+    """Add what touches.
 
     Args:
         spec: The model.
-        chain: The chain.
-        bodies: The bodies of its objects, then the plate's, so that `bodies[PLATE]` is right.
+        bodies: The objects, the plate, and what stands still.
+        poses: (3,) of their frames, in the model's.
+        parts: Their outlines and pieces, and which of these may touch.
         dt: Time step, s.
         indentation: How deep a corner may sink into a face under the friction of one object, m. A sliding corner is
             lifted off by the convex contact model of the engine, again and again, if it has not sunk in.
         slip_time: See `PhysicsSettings`.
     """
-    impedance = impedance_of(chain.objects, dt, indentation)
-    for k, contact in enumerate(chain.contacts):
-        for own, other, side in ((contact.pushed, contact.pusher, 1.0), (contact.pusher, contact.pushed, -1.0)):
-            face = f"contact{k}/face{other}"
-            _add_face(bodies[other], face, contact, edge_extent(contact, _outline(chain, other)), -side)
-            for end, place in enumerate(edge_extent(contact, _outline(chain, own))):
-                corner = f"contact{k}/corner{own}.{end}"
-                _add_corner(bodies[own], corner, contact, place, side)
-                add_pair(spec, face, corner, contact.friction, dt, impedance, slip_time)
+    balls: list[list[str]] = [[] for _ in bodies]
+
+    def placed(number: int, points: FloatArray) -> FloatArray:
+        return np.asarray(transform_points(poses[number], points) - bodies[number].pos[:2])
+
+    for number, outline in parts.outlines:
+        for middle, radius in _corners(placed(number, outline)):
+            balls[number].append(f"body{number}/{len(balls[number])}")
+            _add_ball(bodies[number], balls[number][-1], middle, radius)
+    for k, piece in enumerate(parts.pieces):
+        _add_solid(spec, bodies[piece.body], f"piece{k}", placed(piece.body, piece.corners), piece.rounding)
+        if len(piece.corners) == 1:
+            balls[piece.body].append(f"piece{k}")
+    friction = max(obj.floor_friction for obj in parts.objects)
+    impedance = 1.0 / (1.0 + min(indentation / (4.0 * dt**2 * friction * GRAVITY), _SOFTEST))
+    frictions = {
+        (f"piece{solid}", ball): pair.friction
+        for pair in parts.pairs
+        for solid, other in ((pair.a, pair.b), (pair.b, pair.a))
+        for ball in balls[parts.pieces[other].body]
+    }
+    for (solid, ball), mu in frictions.items():
+        pair = spec.add_pair(geomname1=solid, geomname2=ball, condim=3)
+        pair.friction = [mu, mu, 0.0, 0.0, 0.0]
+        pair.solref, pair.solreffriction = [2.0 * dt, 1.0], [2.0 * dt * slip_time, 1.0]
+        pair.solimp = [impedance, impedance, 1e-3, 0.5, 2.0]
 
 
-def impedance_of(objects: Sequence[PushedObject], dt: float, indentation: float) -> float:
-    """Return the impedance of contacts in which a corner sinks in that far (m) under the friction of one object."""
-    friction = max(obj.floor_friction for obj in objects)
-    return 1.0 / (1.0 + min(indentation / (4.0 * dt**2 * friction * GRAVITY), _SOFTEST))
+def _corners(at: FloatArray) -> Iterator[tuple[FloatArray, float]]:
+    """Yield middles (2,) and radii of balls in the convex corners of an outline (k, 2)."""
+    edges = np.roll(at, -1, axis=0) - at
+    lengths = np.linalg.norm(edges, axis=1)
+    along, least = edges / lengths[:, None], float(lengths.min())
+    for corner, before, after in zip(at, np.roll(along, 1, axis=0), along, strict=True):
+        sine = float(before[0] * after[1] - before[1] * after[0])
+        if sine > _SHARP:
+            yield corner + _CORNER * least * (after - before) / sine, (_CORNER + _OVERLAP) * least
 
 
-def _outline(chain: Chain, body: int) -> FloatArray:
-    return chain.pusher.outline if body == PLATE else chain.objects[body].outline_chain
+def _add_ball(body: Any, name: str, middle: FloatArray, radius: float) -> None:
+    kind = engine().mjtGeom.mjGEOM_SPHERE
+    body.add_geom(name=name, type=kind, size=[radius, 0.0, 0.0], pos=[*middle, 0.0], contype=0, conaffinity=0)
 
 
-def _add_face(body: Any, name: str, contact: Contact, extent: tuple[float, float], side: float) -> None:
-    """Add the face along a body's edge; `side` is +1 where the body lies ahead of the contact."""
-    right, left = extent
-    thick = _THICKNESS * contact.length
-    middle = contact.right + 0.5 * (right + left) * contact.tangent + side * thick * contact.normal
-    turn = 0.5 * float(np.arctan2(contact.normal[1], contact.normal[0]))
-    body.add_geom(
-        name=name,
-        type=engine().mjtGeom.mjGEOM_BOX,
-        size=[thick, 0.5 * (left - right), thick],
-        pos=[*(middle - body.pos[:2]), 0.0],
-        quat=[np.cos(turn), 0.0, 0.0, np.sin(turn)],
-        contype=0,
-        conaffinity=0,
-    )
+def _add_solid(spec: Any, body: Any, name: str, at: FloatArray, rounding: float) -> None:
+    """Add the whole of a piece with corners (k, 2): a disc, a wall, a box or a prism."""
+    kinds = engine().mjtGeom
+    if len(at) == 1:
+        _add_ball(body, name, at[0], rounding)
+        return
+    edge = at[1] - at[0]
+    length = float(np.linalg.norm(edge))
+    common = {"name": name, "contype": 0, "conaffinity": 0}
+    if len(at) == 2:  # a wall: its outside is to the right of the edge
+        x, y = edge[1] / length, -edge[0] / length
+        half = np.sqrt(0.5)  # a plane's z axis is its outside: a quarter turn about (-y, x, 0)
+        middle = [*(0.5 * (at[0] + at[1])), 0.0]
+        body.add_geom(
+            type=kinds.mjGEOM_PLANE, size=[1.0, 1.0, 1.0], pos=middle, quat=[half, -half * y, half * x, 0.0], **common
+        )
+        return
+    square = len(at) == 4 and np.allclose(at[0] + at[2], at[1] + at[3], atol=1e-12)
+    side = at[-1] - at[0]
+    if square and abs(float(edge @ side)) < 1e-12:
+        turn = 0.5 * float(np.arctan2(edge[1], edge[0]))
+        body.add_geom(
+            type=kinds.mjGEOM_BOX,
+            size=[0.5 * length, 0.5 * float(np.linalg.norm(side)), _TALL],
+            pos=[*at.mean(axis=0), 0.0],
+            quat=[np.cos(turn), 0.0, 0.0, np.sin(turn)],
+            **common,
+        )
+        return
+    corners = np.vstack([np.column_stack([at, np.full(len(at), z)]) for z in (-_TALL, _TALL)])
+    spec.add_mesh(name=name, uservert=corners.ravel())
+    body.add_geom(type=kinds.mjGEOM_MESH, meshname=name, **common | {"contype": 1})  # else it gets no hull
 
 
-def _add_corner(body: Any, name: str, contact: Contact, place: float, side: float) -> None:
-    """Add the corner at a place along the contact's tangent."""
-    radius = CORNER * contact.length
-    point = contact.right + place * contact.tangent + side * radius * contact.normal
-    body.add_geom(
-        name=name,
-        type=engine().mjtGeom.mjGEOM_SPHERE,
-        size=[radius + OVERLAP * contact.length, 0.0, 0.0],
-        pos=[*(point - body.pos[:2]), 0.0],
-        contype=0,
-        conaffinity=0,
-    )
-
-
-def add_pair(
-    spec: Any, face: str, corner: str, friction: float, dt: float, impedance: float, slip_time: float
-) -> None:
-    """Let a corner touch a face, both named."""
-    pair = spec.add_pair(geomname1=face, geomname2=corner, condim=3)
-    pair.friction = [friction, friction, 0.0, 0.0, 0.0]
-    pair.solref, pair.solreffriction = [2.0 * dt, 1.0], [2.0 * dt * slip_time, 1.0]
-    pair.solimp = [impedance, impedance, 1e-3, 0.5, 2.0]
-
-
-PLATE_MASS = 1e8
+_PLATE_MASS = 1e8
 """Mass of the plate over that of all objects: no contact slows it down."""
+_FOLLOWING = 0.3
+"""Share of a change of force that the loads on the feet follow within one time step."""
 _CARRIED = 1e8
 """Inertia of a body that is carried along, kg or kg m^2."""
 _ITERATIONS, _LINE_SEARCHES, _PRECISION = 50, 500, 1e-12
@@ -257,9 +260,11 @@ class PhysicsModel:
     Attributes:
         model: The engine's model.
         data: Its state.
-        anchors: (n + 1, 2) points about which the bodies turn, chain frame at the start, m.
+        anchors: (n + 1, 2) points about which the bodies turn, in the frame of the model, m.
         dofs: (n + 1,) first of the three degrees of freedom (x, y, theta) of each body.
         standing: How each object stands on the floor; None where there is no friction.
+        heights: (n,) at which the objects are pushed, m.
+        friction: (n, 2) of the floor on each object as the loads on the feet follow it, N; changes with every step.
     """
 
     model: Any
@@ -267,10 +272,46 @@ class PhysicsModel:
     anchors: FloatArray
     dofs: IntArray
     standing: tuple[Standing | None, ...]
+    heights: FloatArray
+    friction: FloatArray
 
     def step(self) -> None:
-        """Advance the engine by one time step."""
+        """Advance the engine by one time step, and shift the loads on the feet to where friction wants them."""
         engine().mj_step(self.model, self.data)
+        if self.heights.any():
+            self.friction[:] += _FOLLOWING * (self.floor_forces() - self.friction)
+            turned = self.motions()[:, 2]
+            for i, standing in enumerate(self.standing):
+                if standing is not None:
+                    shift = standing.shift(float(turned[i]), -self.heights[i] * self.friction[i])
+                    standing.load(self.model, self.data, standing.loads + shift)
+
+    def march(self, motions: FloatArray, meter: ForceMeter | None = None) -> tuple[FloatArray, bool]:
+        """Drive the plate through motions (m + 1, 3), one time step between two.
+
+        Args:
+            motions: See `motions`.
+            meter: Asked after each step whether to end.
+
+        Returns:
+            Force and moment of the bodies on the plate in each step that was done, (k, 3), about its anchor in the
+            axes of the model; whether the meter has ended it.
+        """
+        plate = int(self.dofs[-1])
+        ways = joint_coordinates(self.anchors[-1], motions)
+        ways[:, 2] = np.unwrap(ways[:, 2])
+        speeds = np.diff(ways, axis=0) / self.model.opt.timestep
+        position, velocity = self.data.qpos[plate : plate + 3], self.data.qvel[plate : plate + 3]  # views
+        force, forces, stalled = self.data.qfrc_constraint[plate : plate + 3], np.zeros((len(speeds), 3)), False
+        done = 0
+        while done < len(speeds) and not stalled:
+            position[:], velocity[:] = ways[done], speeds[done]
+            self.step()
+            forces[done] = force
+            stalled = meter is not None and meter.exceeded(*force[:2])
+            done += 1
+        position[:] = ways[done]
+        return forces[:done], stalled
 
     def require_sound(self) -> None:
         """Raise PhysicsError if the engine had to complain or anything is not finite."""
@@ -327,38 +368,44 @@ def joint_coordinates(anchors: FloatArray, motions: FloatArray) -> FloatArray:
     return np.concatenate([shift, turn[..., None]], axis=-1)
 
 
-def build_model(chain: Chain, dt: float, sliding: float, settings: PhysicsSettings) -> PhysicsModel:
-    """Return the model of a chain that stands on its feet.
+def build_model(
+    world: World, held: Chain | None, begin: FloatArray, sliding: float, dt: float, settings: PhysicsSettings
+) -> PhysicsModel:
+    """Return the model of a world, in a frame of which the caller has the poses.
 
     Args:
-        chain: Objects with known loads.
-        dt: Time step, s.
+        world: Objects with known loads, and all that they meet.
+        held: The chain in whose frame the plate is; None where it is in the plate frame.
+        begin: (n + 1, 3) poses of the objects, those of `held` first, and of the plate.
         sliding: Greatest speed at which a foot will slide, m/s.
+        dt: Time step, s.
         settings: See there.
 
     Raises:
         MissingEngineError: When the engine is not installed.
-        SupportError: When a load is not known.
+        SupportError: When a load is not known, or the push at the contact height could lift a part of an object.
     """
-    feet = [feet_of(obj.support, settings.degree) for obj in chain.objects]
     spec = engine().MjSpec()
-    set_options(spec, dt, settings)
-    add_floor(spec)
-    bodies = [add_planar(spec, f"object{i}", *inertia_of(obj)) for i, obj in enumerate(chain.objects)]
-    total = sum(obj.mass for obj in chain.objects)
-    bodies.append(add_planar(spec, "plate", PLATE_MASS * total, np.zeros(2), PLATE_MASS * total))
+    _set_options(spec, dt, settings)
+    plane = engine().mjtGeom.mjGEOM_PLANE
+    spec.worldbody.add_geom(name=FLOOR, type=plane, size=[1.0, 1.0, 1.0], contype=0, conaffinity=0)
+    parts = bodies_of(world, held)
+    objects, heights = parts.objects, push_heights(world.chain, parts.objects)
+    for obj, height in zip(objects, heights, strict=True):
+        pack_object(obj, float(height))  # refuses what would lift
+    there = [replace(obj, pose_chain=pose) for obj, pose in zip(objects, begin[:-1], strict=True)]
+    bodies = [_add_planar(spec, f"object{i}", *inertia_of(obj)) for i, obj in enumerate(there)]
+    mass = _PLATE_MASS * sum(obj.mass for obj in objects)
+    bodies.append(_add_planar(spec, "plate", mass, begin[-1, :2], mass))
     lift = settings.softness * sliding / dt
     standing = tuple(
-        stand(spec, body, obj, each, lift * obj.floor_friction, dt) if obj.floor_friction > 0.0 else None
-        for body, obj, each in zip(bodies[:-1], chain.objects, feet, strict=True)
+        _stand(spec, body, obj, feet_of(obj.support, settings.degree), lift * obj.floor_friction, dt)
+        if obj.floor_friction > 0.0
+        else None
+        for body, obj in zip(bodies, there, strict=False)
     )
-    indentation = settings.indentation * chain.characteristic_length
-    add_contacts(spec, chain, bodies, dt, indentation, settings.slip_time)
-    return compiled(spec, bodies, standing)
-
-
-def compiled(spec: Any, bodies: Sequence[Any], standing: tuple[Standing | None, ...]) -> PhysicsModel:
-    """Return the model of `bodies`, the objects and then the plate, that stand on their feet."""
+    sinks = settings.indentation * world.chain.characteristic_length
+    _add_contacts(spec, [*bodies, spec.worldbody], [*begin, np.zeros(3)], parts, dt, sinks, settings.slip_time)
     model = spec.compile()
     data = engine().MjData(model)
     for each in standing:
@@ -367,10 +414,11 @@ def compiled(spec: Any, bodies: Sequence[Any], standing: tuple[Standing | None, 
             each.load(model, data, each.loads)
     dofs = [int(model.jnt_dofadr[model.joint(body.name).id]) for body in bodies]
     anchors = np.array([body.pos[:2] for body in bodies])
-    return PhysicsModel(model, data, anchors, np.array(dofs, dtype=np.int64), standing)
+    places, friction = np.array(dofs, dtype=np.int64), np.zeros((len(objects), 2))
+    return PhysicsModel(model, data, anchors, places, standing, heights, friction)
 
 
-def set_options(spec: Any, dt: float, settings: PhysicsSettings) -> None:
+def _set_options(spec: Any, dt: float, settings: PhysicsSettings) -> None:
     """Set the engine's options."""
     mujoco = engine()
     option = spec.option
@@ -380,39 +428,4 @@ def set_options(spec: Any, dt: float, settings: PhysicsSettings) -> None:
     option.impratio = settings.friction_stiffness
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     option.iterations, option.ls_iterations = _ITERATIONS, _LINE_SEARCHES
-    option.tolerance = _PRECISION / PLATE_MASS  # the engine measures with the mean inertia, so the plate's
-
-
-_FOLLOWING = 0.3
-"""Share of a change of force that the loads follow within one time step."""
-
-
-class LoadTransfer:
-    """Keeps the loads on the feet of all objects in balance with the friction that the engine finds under them.
-
-    Raises:
-        SupportError: When the push at the contact height could lift a part of an object.
-    """
-
-    def __init__(self, objects: Sequence[PushedObject], heights: ArrayLike) -> None:
-        self._heights = np.broadcast_to(np.asarray(heights, dtype=np.float64), len(objects))
-        for obj, height in zip(objects, self._heights, strict=True):
-            pack_object(obj, float(height))  # refuses what would lift
-        self._friction = np.zeros((len(objects), 2))
-
-    def follow(self, model: PhysicsModel) -> None:
-        """Shift the loads to where the friction of the last time steps wants them."""
-        if not self._heights.any():
-            return
-        self._friction += _FOLLOWING * (model.floor_forces() - self._friction)
-        turned = model.motions()[:, 2]
-        for i, standing in enumerate(model.standing):
-            if standing is not None:
-                shift = self._shift(standing, float(turned[i]), -self._heights[i] * self._friction[i])
-                standing.load(model.model, model.data, standing.loads + shift)
-
-    def _shift(self, standing: Standing, turned: float, moment: FloatArray) -> FloatArray:
-        positions, stiffness = standing.feet.positions, standing.feet.stiffness
-        offsets = rotate(standing.heading + turned, positions - stiffness @ positions)
-        second = (offsets * stiffness[:, None]).T @ offsets
-        return np.asarray(stiffness * (offsets @ np.linalg.solve(second, moment)))
+    option.tolerance = _PRECISION / _PLATE_MASS  # the engine measures with the mean inertia, so the plate's

@@ -45,8 +45,24 @@ class Pair(NamedTuple):
     friction: float
 
 
-def bodies_of(world: World, chain: Chain | None = None) -> tuple[list[PushedObject], list[Piece], list[Pair]]:
-    """Return the objects, those of `chain` first, the convex pieces of all bodies, and which of these may touch.
+class Bodies(NamedTuple):
+    """What can be pushed, and all that it meets: objects, then the pusher, then what stands still.
+
+    Attributes:
+        objects: Those of the held chain first.
+        outlines: Number of a body and corners (k, 2) in its frame, of all that is bounded by edges alone.
+        pieces: Convex pieces of all bodies, circles and walls included.
+        pairs: Which of these may touch.
+    """
+
+    objects: list[PushedObject]
+    outlines: list[tuple[int, FloatArray]]
+    pieces: list[Piece]
+    pairs: list[Pair]
+
+
+def bodies_of(world: World, chain: Chain | None = None) -> Bodies:
+    """Return all bodies of a world.
 
     Args:
         world: All objects, the pusher, and what stands still.
@@ -62,10 +78,12 @@ def bodies_of(world: World, chain: Chain | None = None) -> tuple[list[PushedObje
         se2.transform_points(plate, part) if plate.any() else part for part in (pusher.outline, *pusher.footprint)
     ]
     n = len(objects)
-    pieces = [piece for i, obj in enumerate(objects) for piece in cut(i, obj.outline)]
-    pieces += [piece for outline in carried for piece in cut(n, outline)]
-    pieces += _standing(world, n + 1)
-    return objects, pieces, _pairs(world, chain, [obj.name for obj in objects], pieces)
+    outlines = [*enumerate(obj.outline for obj in objects), *((n, part) for part in carried)]
+    outlines += [(n + 1, one.outline) for one in world.obstacles if not isinstance(one, CircleObstacle)]
+    pieces = [piece for number, outline in outlines for piece in cut(number, outline)] + _round_and_walls(
+        world, n + 1
+    )
+    return Bodies(objects, outlines, pieces, _pairs(world, chain, [obj.name for obj in objects], pieces))
 
 
 def pack_world(world: World, chain: Chain | None = None) -> slip.World:
@@ -74,7 +92,7 @@ def pack_world(world: World, chain: Chain | None = None) -> slip.World:
     Raises:
         SupportError: When the load under an object is not known, or it has no friction with the floor.
     """
-    objects, pieces, pairs = bodies_of(world, chain)
+    objects, _, pieces, pairs = bodies_of(world, chain)
     order = np.array([world.names.index(obj.name) for obj in objects])
     held = world.chain if chain is None else chain
     return pack_bodies(objects, pieces, pairs, half_extent(held), push_heights(held, objects), order)
@@ -158,14 +176,10 @@ def _feet(obj: PushedObject, height: float) -> tuple[FloatArray, list[float], Fl
     return rows, [obj.friction_load, shift, second[0, 0], second[0, 1], second[1, 1]], center
 
 
-def _standing(world: World, body: int) -> list[Piece]:
-    """Return the pieces of obstacles and walls."""
-    found: list[Piece] = []
-    for obstacle in world.obstacles:
-        if isinstance(obstacle, CircleObstacle):
-            found.append(Piece(body, obstacle.center[None], np.ones(1), obstacle.radius))
-        else:
-            found += cut(body, obstacle.outline)
+def _round_and_walls(world: World, body: int) -> list[Piece]:
+    """Return the pieces of what stands still and has no outline: circles and walls."""
+    circles = (one for one in world.obstacles if isinstance(one, CircleObstacle))
+    found = [Piece(body, circle.center[None], np.ones(1), circle.radius) for circle in circles]
     area = world.workspace
     if area is not None:
         x0, x1, y0, y1 = area.xmin, area.xmax, area.ymin, area.ymax

@@ -17,8 +17,6 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.support import FeetSupport, UniformSupport, UnknownSupport
 from pushplan.scenario.parts import PolygonObstacle
-from pushplan.sim.physics.chains import simulate_twist
-from pushplan.sim.physics.engine import SLIPPING
 from pushplan.sim.report import ContactReport, Mode
 from pushplan.sim.slip.simulator import SlipSettings, SlipSimulator, simulate_poses
 from pushplan.sim.world import World
@@ -245,7 +243,8 @@ def test_slipping_objects_end_where_the_physics_engine_puts_them(
     travel = 0.15 * length
     way = np.linspace(0.0, travel / np.hypot(np.hypot(*twist[:2]), length * twist[2]), 60)
     mine = simulate_poses(way, se2.exp(np.array(twist) * way[:, None]), World.from_chain(chain))
-    physics = simulate_twist(chain, twist, travel, SLIPPING)
+    pushes = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "harada2006" / "pushes.py"))
+    physics = pushes["simulate_twist"](chain, twist, travel, pushes["SLIPPING"], pushes["SLIPPING_STEP"])
     off = mine.objects[-1] - physics.objects[-1]
     assert not mine.kept
     assert not physics.kept

@@ -1,4 +1,9 @@
-"""Push a chain alone in the physics engine: with a constant twist, or along a trajectory."""
+"""Push a chain alone in the physics engine: with a constant twist, or along a trajectory.
+
+Slowly means without inertia within a time step: v^2 / (mu g L), inertial over friction forces, is `INERTIA`, well
+below the travel of a time step over L. Then friction stops a body that is let go within one time step, and contacts
+neither chatter nor open by the second-order errors of a step.
+"""
 
 from __future__ import annotations
 
@@ -19,14 +24,25 @@ from pushplan.sim.report import ContactReport, Part, report_of
 from pushplan.util.arrays import FloatArray
 
 DEFAULTS = PhysicsSettings()
+SLIPPING, SLIPPING_STEP = PhysicsSettings(friction_stiffness=1e5, indentation=3e-5, slip_time=20.0), 3e-5
+"""Settings and step with which contacts slide as far as Coulomb's law says, ten times slower to simulate."""
 TRAVEL = 0.1
-"""Default travel of a constant twist over the chain's characteristic length."""
+"""Default travel of a constant twist over the chain's characteristic length L."""
+STEP = 2.5e-4
+"""Travel in one time step, over L."""
+INERTIA = 1e-5
+TAKING_UP = 6e-3
+"""Travel over L in which contacts take up their load and corners sink into faces; slides count from there on."""
 
 
 def simulate_twist(
-    chain: Chain, twist: ArrayLike, travel: float | None = None, settings: PhysicsSettings = DEFAULTS
+    chain: Chain,
+    twist: ArrayLike,
+    travel: float | None = None,
+    settings: PhysicsSettings = DEFAULTS,
+    step: float = STEP,
 ) -> ContactReport:
-    """Push a chain with a constant twist, so slowly that inertia does not matter.
+    """Push a chain with a constant twist.
 
     Args:
         chain: Objects with known loads.
@@ -34,6 +50,7 @@ def simulate_twist(
         travel: How far to push: hypot(v, L omega) times the time, L being the chain's characteristic length, m;
             None stands for 0.1 L.
         settings: See there.
+        step: Travel in one time step, over L.
 
     Raises:
         MissingEngineError: When the engine is not installed.
@@ -47,30 +64,15 @@ def simulate_twist(
     travel = TRAVEL * length if travel is None else travel
     if not travel > 0.0:
         raise PushplanError(f"travel is {travel} m; it must be > 0")
-    way = travel * _soft_start(int(np.ceil(travel / (settings.step * length))), settings.run_in)
-    dt = float(way[-1] - way[-2]) / _creep(chain, settings)
-    motion = _counted(chain, Motion(dt, se2.exp(direction * way[:, None])), settings)
+    way = travel * _soft_start(int(np.ceil(travel / (step * length))), settings.run_in)
+    dt = float(way[-1] - way[-2]) / _creep(chain)
+    motion = _counted(chain, Motion(dt, se2.exp(direction * way[:, None])))
     watch = ContactWatch(chain, settings.tolerance, motion.marks[0] / (len(motion.poses) - 1))
     return _simulate(chain, np.zeros(3), motion, dt, settings, watch)
 
 
-def simulate_trajectory(
-    chain: Chain,
-    trajectory: Trajectory,
-    quasi_static: bool = False,
-    settings: PhysicsSettings = DEFAULTS,
-    *,
-    placed: FloatArray | None = None,
-) -> ContactReport:
-    """Push a chain along a trajectory, at full speed with all inertia.
-
-    Args:
-        chain: Objects with known loads.
-        trajectory: What the plate is made to do.
-        quasi_static: Follow it so slowly instead that inertia does not matter; times are reported as planned.
-        settings: See there.
-        placed: (n, 3) how the objects stand off their places (see `perturb.shifted_places`); slides and gaps then
-            count from the moment on in which all contacts are closed. None for not at all.
+def simulate_trajectory(chain: Chain, trajectory: Trajectory, slow: bool = False) -> ContactReport:
+    """Push a chain along a trajectory, with all inertia or `slow`; times are reported as planned.
 
     Raises:
         MissingEngineError: When the engine is not installed.
@@ -81,17 +83,12 @@ def simulate_trajectory(
     peak = float(_rate(trajectory.twists, length).max(initial=0.0))
     if not peak > 0.0:
         raise PhysicsError("the trajectory does not move: there is nothing to simulate")
-    wanted = settings.step * length / peak if quasi_static else settings.time_step
-    steps = int(np.ceil(trajectory.duration / wanted))
+    steps = int(np.ceil(trajectory.duration / (STEP * length / peak if slow else DEFAULTS.time_step)))
     dt = trajectory.duration / steps
     poses = se2.relative(trajectory.start, trajectory.poses_at(dt * np.arange(steps + 1)))
-    if quasi_static:
-        motion = _counted(chain, Motion(dt * peak / _creep(chain, settings), poses), settings)
-    else:
-        motion = Motion(dt, poses)
-    begin = motion.marks[0] / steps if motion.marks else 0.0
-    watch = ContactWatch(chain, settings.tolerance, begin, placed=placed)
-    return _simulate(chain, trajectory.start, motion, dt, settings, watch)
+    motion = _counted(chain, Motion(dt * peak / _creep(chain), poses)) if slow else Motion(dt, poses)
+    watch = ContactWatch(chain, DEFAULTS.tolerance, motion.marks[0] / steps if slow else 0.0)
+    return _simulate(chain, trajectory.start, motion, dt, DEFAULTS, watch)
 
 
 def _simulate(
@@ -109,11 +106,11 @@ def _simulate(
     return report_of(names, (part,), settings.tolerance, wanted, **ended, seconds=perf_counter() - began)
 
 
-def _counted(chain: Chain, motion: Motion, settings: PhysicsSettings) -> Motion:
+def _counted(chain: Chain, motion: Motion) -> Motion:
     """Return the motion with slides and gaps counted from where the contacts have taken up their load."""
     length = chain.characteristic_length
     way = np.cumsum(_rate(se2.relative(motion.poses[:-1], motion.poses[1:]), length))
-    taken_up = np.searchsorted(way, min(settings.taking_up * length, 0.5 * float(way[-1])))
+    taken_up = np.searchsorted(way, min(TAKING_UP * length, 0.5 * float(way[-1])))
     return replace(motion, marks=(int(taken_up) + 1,))
 
 
@@ -132,9 +129,9 @@ def _rate(twists: FloatArray, length: float) -> FloatArray:
     return np.asarray(np.sqrt(twists[:, 0] ** 2 + twists[:, 1] ** 2 + (length * twists[:, 2]) ** 2))
 
 
-def _creep(chain: Chain, settings: PhysicsSettings) -> float:
+def _creep(chain: Chain) -> float:
     """Return the speed at which inertia does not matter: inertia = v^2 / (mu g L)."""
     frictions = [obj.floor_friction for obj in chain.objects if obj.floor_friction > 0.0]
     if not frictions:
         raise PhysicsError("no object has friction with the floor: no speed is slow enough to neglect inertia")
-    return float(np.sqrt(settings.inertia * min(frictions) * GRAVITY * chain.characteristic_length))
+    return float(np.sqrt(INERTIA * min(frictions) * GRAVITY * chain.characteristic_length))
