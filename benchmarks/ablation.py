@@ -24,7 +24,7 @@ import dense_scenes
 import numpy as np
 import series
 
-from pushplan.bench.machine import Machine
+from pushplan.bench.store import Machine
 from pushplan.core.problem import Problem
 from pushplan.planners.controls import margins_to_try
 from pushplan.planners.problem import body_reach, build_problem, sampling_box

@@ -40,9 +40,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.bench.machine import Machine
 from pushplan.bench.random_problems import generate
 from pushplan.bench.schema import ProblemParameters
+from pushplan.bench.store import Machine
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose, exp, log
 from pushplan.planners.planner import plan

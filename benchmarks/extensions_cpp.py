@@ -23,7 +23,7 @@ from ompl import base as ob
 from ompl import control as oc
 from ompl import util as ou
 
-from pushplan.bench.machine import Machine
+from pushplan.bench.store import Machine
 from pushplan.core.problem import Problem
 from pushplan.core.search import SparseTree, Tree
 from pushplan.planners.controls import margins_to_try

@@ -16,7 +16,7 @@ import sys
 import numpy as np
 
 import pushplan
-from pushplan.bench.machine import Machine
+from pushplan.bench.store import Machine
 from pushplan.geometry import se2
 from pushplan.plans.judge import push_force
 from pushplan.plans.plan import Plan

@@ -29,7 +29,7 @@ import extensions_cpp
 import numpy as np
 from ablation import FAMILIES, scenes
 
-from pushplan.bench.machine import Machine
+from pushplan.bench.store import Machine
 from pushplan.errors import PushplanError
 from pushplan.planners.planner import Planner
 from pushplan.scenario.file import scenario_from_document

@@ -31,9 +31,9 @@ import numpy as np
 import yaml
 from on_feet import on_feet
 
-from pushplan.bench.machine import Machine
 from pushplan.bench.random_problems import DRIVES, generate
 from pushplan.bench.schema import ProblemParameters
+from pushplan.bench.store import Machine
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose
 from pushplan.mechanics.chain import Chain

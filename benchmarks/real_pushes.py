@@ -24,7 +24,7 @@ from finger_push import FingerPush
 from random_chains import tell
 from scipy.optimize import least_squares, minimize
 
-from pushplan.bench.machine import Machine
+from pushplan.bench.store import Machine
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PushedObject

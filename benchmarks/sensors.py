@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from tracker import Tracker
 
-from pushplan.bench.machine import Machine
+from pushplan.bench.store import Machine
 from pushplan.core.slip import Trace
 from pushplan.geometry.se2 import compose, exp, inverse, relative, rotate, twist_of, wrap_angle
 from pushplan.mechanics.contacts import carried_objects

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from random_chains import random_chain, random_tree, tell
 
-from pushplan.bench.machine import Machine
+from pushplan.bench.store import Machine
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.sets.named import stable_set

@@ -22,9 +22,9 @@ import dense_scenes
 import numpy as np
 import series
 
-from pushplan.bench.machine import Machine
 from pushplan.bench.random_problems import GeneratorError, generate, random_chain, scenario_yaml
 from pushplan.bench.schema import ProblemParameters
+from pushplan.bench.store import Machine
 from pushplan.errors import PushplanError
 from pushplan.planners.planner import Planner
 from pushplan.plans.plan import Plan

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from pushplan.bench.machine import Machine
+from pushplan.bench.store import Machine
 from pushplan.geometry import se2
 from pushplan.planners.clearance import Room
 from pushplan.planners.planner import Planner, plan

@@ -28,7 +28,7 @@ from pushplan.drawing import palette
 from pushplan.drawing.scene import Scene
 from pushplan.geometry import se2
 from pushplan.logging.shown import CHAIN, WORLD, ContactShapes
-from pushplan.mechanics.body import BodyKind
+from pushplan.mechanics.chain import BodyKind
 from pushplan.plans.plan import Plan
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray, IntArray

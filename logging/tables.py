@@ -16,7 +16,7 @@ from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.shown import contact_names
-from pushplan.mechanics.body import outline_of_all
+from pushplan.mechanics.chain import outline_of_all
 from pushplan.plans.run import Run
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario

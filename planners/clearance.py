@@ -11,8 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pushplan.geometry import se2
-from pushplan.mechanics.body import Body
-from pushplan.mechanics.chain import LimitName, Limits
+from pushplan.mechanics.chain import Body, LimitName, Limits
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario

@@ -12,9 +12,9 @@ from pushplan.mechanics.chain import Drive
 from pushplan.mechanics.sphere import TurningRadii, twists_at
 from pushplan.plans.path import cost_rate
 from pushplan.scenario.model import Scenario
+from pushplan.sets.boundary import margin_peaks
 from pushplan.sets.force_limited_set import ForceLimitedSet
 from pushplan.sets.known_load_sets import HELP, contact_words, emptiness, weakest_contact
-from pushplan.sets.meridians import margin_peaks
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray, IntArray
 from pushplan.util.names import AUTO

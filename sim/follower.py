@@ -21,8 +21,7 @@ from numpy.typing import ArrayLike
 
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.mechanics.body import outline_of_all
-from pushplan.mechanics.chain import Limits
+from pushplan.mechanics.chain import Limits, outline_of_all
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Event, Run
 from pushplan.plans.trajectory import Trajectory

@@ -9,7 +9,7 @@ import numpy as np
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.contacts import contact_state
-from pushplan.mechanics.force import PushForce
+from pushplan.mechanics.dynamics import PushForce
 from pushplan.plans.execution import Execution, StabilityLoss
 from pushplan.plans.goals import worst_at_goal
 from pushplan.plans.judge import contact_dynamics, judging_set

@@ -18,8 +18,7 @@ from pushplan.cli.main import main
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Limits, inertia_of
 from pushplan.mechanics.contacts import friction_wrench
-from pushplan.mechanics.dynamics import ContactDynamics
-from pushplan.mechanics.force import PushForce
+from pushplan.mechanics.dynamics import ContactDynamics, PushForce
 from pushplan.mechanics.support import UnknownSupport
 from pushplan.plans.judge import push_force
 from pushplan.plans.trajectory import Trajectory

@@ -10,8 +10,7 @@ from plans_of import load_plain
 
 from pushplan.core.problem import find_words
 from pushplan.planners.controls import control_segments, steering_families
-from pushplan.planners.infeasible.bounds import lower_bound
-from pushplan.planners.infeasible.turn_bound import turn_bound
+from pushplan.planners.infeasible.bounds import lower_bound, turn_bound
 from pushplan.planners.planner import plan
 from pushplan.planners.problem import Posing
 from pushplan.plans.path import TURN_WEIGHT, PushPath

@@ -24,7 +24,7 @@ import pushplan
 from pushplan.drawing import palette
 from pushplan.drawing.scene import Scene
 from pushplan.geometry import se2
-from pushplan.mechanics.body import BodyKind
+from pushplan.mechanics.chain import BodyKind
 from pushplan.plans.plan import Plan
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
@@ -32,7 +32,7 @@ from pushplan.util.arrays import FloatArray
 from pushplan.view import answers as answering
 from pushplan.view.answers import Answers, Worker
 from pushplan.view.draft import Draft
-from pushplan.view.tone import of_line
+from pushplan.view.stage import of_line
 
 KINDS = ("push", "multi-push", "rearrangement")
 

@@ -19,7 +19,7 @@ from pushplan.drawing.scene import Scene
 from pushplan.geometry.se2 import compose, pose_errors, transform_points
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
-from pushplan.mechanics.body import BodyKind
+from pushplan.mechanics.chain import BodyKind
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import CircleObstacle

@@ -17,7 +17,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pushplan.core.problem import Problem
 from pushplan.geometry import se2
-from pushplan.mechanics.body import as_one
+from pushplan.mechanics.chain import as_one
 from pushplan.planners.controls import straight_pushes
 from pushplan.planners.infeasible.bounds import between, grown, largest_disc, reached, room
 from pushplan.planners.infeasible.pockets import boxed_in_faults

@@ -13,7 +13,7 @@ from pushplan.core.collision import Scene, sweep_is_free
 from pushplan.core.infeasible import CLOSED, MET, ORIGIN, Steps, spread
 from pushplan.core.problem import Problem
 from pushplan.geometry import se2
-from pushplan.mechanics.body import area_at
+from pushplan.mechanics.chain import area_at
 from pushplan.planners.controls import control_segments, segment_ends
 from pushplan.planners.infeasible.bounds import near_to
 from pushplan.planners.infeasible.turning import tightest_turn

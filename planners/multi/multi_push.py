@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from pushplan.core.collision import SLACK, separation
 from pushplan.errors import EmptyStableSetError, PlanningError
 from pushplan.geometry import se2
-from pushplan.mechanics.body import area_at
+from pushplan.mechanics.chain import area_at
 from pushplan.planners.infeasible.bounds import near_to
 from pushplan.planners.infeasible.diagnosis import beyond_reach
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes

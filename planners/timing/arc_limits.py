@@ -15,8 +15,7 @@ import numpy as np
 
 from pushplan.errors import TimingError
 from pushplan.mechanics.chain import Limits
-from pushplan.mechanics.dynamics import ContactDynamics, MotionConditions
-from pushplan.mechanics.force import ForceConditions
+from pushplan.mechanics.dynamics import ContactDynamics, ForceConditions, MotionConditions
 from pushplan.plans.judge import contact_dynamics, push_force
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet

@@ -8,9 +8,8 @@ from contextlib import closing
 from dataclasses import dataclass, field
 
 from pushplan.bench.executor import Engine
-from pushplan.bench.machine import Machine, package_version
 from pushplan.bench.outcome import NO_PLAN, OK
-from pushplan.bench.store import ResultsFolder, Store, StoreError
+from pushplan.bench.store import Machine, ResultsFolder, Store, StoreError, package_version
 from pushplan.bench.suite import RunSpec, Suite, run_with_key, select
 
 

@@ -39,8 +39,8 @@ from typing import Any
 import pebble
 
 from pushplan.bench import outcome
-from pushplan.bench.machine import package_version
 from pushplan.bench.outcome import LOG, Outcome, perform, resident_megabytes
+from pushplan.bench.store import package_version
 from pushplan.bench.suite import RunSpec
 from pushplan.errors import PushplanError
 

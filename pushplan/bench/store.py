@@ -3,7 +3,8 @@
 The tables are those of Planner Arena (Moll, Sucan and Kavraki 2015). It takes what follows the third column of
 `runs` for attributes, what follows the twelfth of `experiments` for parameters of the problem, and what follows the
 second of `progress` for measurements over time. What it has no place for is in two tables of our own:
-`pushplan_suite`, and `pushplan_runs` with the key, the outcome and the log of each run that was asked for.
+`pushplan_suite`, and `pushplan_runs` with the key, the outcome and the log of each run that was asked for. All of it
+is of one machine and one version of the software.
 """
 
 from __future__ import annotations
@@ -12,21 +13,72 @@ import contextlib
 import fcntl
 import json
 import os
+import platform
 import re
 import shutil
+import socket
 import sqlite3
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 from typing import Self
 
-from pushplan.bench.machine import Machine
 from pushplan.bench.outcome import ATTRIBUTES, OK, STATUSES, Outcome
 from pushplan.bench.suite import Problem, RunSpec, Suite, planner_settings
 from pushplan.errors import PushplanError
+from pushplan.logging.metadata import git_commit
 from pushplan.util.files import check_output, write_whole
+
+_SOFTWARE = ("pushplan", "numpy", "scipy", "shapely", "ompl", "ruckig", "mcap")
+
+
+@dataclass(frozen=True)
+class Machine:
+    """The machine that this process runs on.
+
+    Attributes:
+        host: Its name.
+        text: Processor, number of processors that may be used, memory, operating system.
+        versions: Of Python and of the packages that results depend on.
+    """
+
+    host: str
+    text: str
+    versions: dict[str, str]
+
+    @property
+    def words(self) -> str:
+        """What benchmarks print first: processor, memory, operating system, and Python."""
+        return f"{self.text}, Python {self.versions['python']}"
+
+    @classmethod
+    def this(cls) -> Machine:
+        """Return this machine."""
+        versions = {"python": platform.python_version(), **{name: version(name) for name in _SOFTWARE}}
+        return cls(socket.gethostname(), _description(), versions)
+
+
+def package_version() -> str:
+    """Return the package's version and, in a checkout, its commit: results of different code are different."""
+    commit = git_commit()
+    return version("pushplan") + (f"+g{commit[:10]}" if commit else "")
+
+
+def _description() -> str:
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
+    processors = len(os.sched_getaffinity(0))
+    return f"{_processor()}, {processors} processors, {memory:.0f} GB, {platform.system()} {platform.release()}"
+
+
+def _processor() -> str:
+    lines = Path("/proc/cpuinfo").read_text().splitlines()
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, platform.machine())
+
 
 FORMAT = 3
 """Version of our own tables."""

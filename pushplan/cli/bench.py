@@ -127,7 +127,7 @@ def _list(console: Console) -> int:
 def _read(source: Path, selection: Selection, console: Console) -> Suite:
     """Read a suite, and find out whether the runs that are wanted are there before a folder is made."""
     with console.working(f"reading {source}"):
-        from pushplan.bench.machine import package_version
+        from pushplan.bench.store import package_version
         from pushplan.bench.suite import load_suite
 
         suite = load_suite(str(source))

@@ -10,7 +10,7 @@ FLATNESS: float
 """Largest angle by which the boundary may leave the great circle between neighbouring meridians, rad."""
 
 _Table = tuple[FloatArray, IntArray, FloatArray, FloatArray]  # a `meridians.Table`
-_Gaps = tuple[IntArray, IntArray, FloatArray]  # a `boundary_following.Gaps`
+_Gaps = tuple[IntArray, IntArray, FloatArray]  # a `sets.boundary.Gaps`
 
 class _Search:
     """Asks members (n,) of a family of functions at places (n,), until it is false."""

@@ -19,7 +19,7 @@ from pushplan.drawing.figure import HALO, SMALL, MarginScale, equal_ticks, narro
 from pushplan.drawing.palette import ALONE, FAINT, GOAL, INK, NEAREST
 from pushplan.drawing.scene import Body, Layer, Line, Scene, Window, piece_colours
 from pushplan.geometry import se2
-from pushplan.mechanics.body import BodyKind
+from pushplan.mechanics.chain import BodyKind
 from pushplan.util.arrays import FloatArray
 from pushplan.util.printable import cut
 

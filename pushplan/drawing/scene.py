@@ -17,7 +17,7 @@ import numpy as np
 
 from pushplan.drawing import palette
 from pushplan.geometry import se2
-from pushplan.mechanics.body import BodyKind
+from pushplan.mechanics.chain import BodyKind
 from pushplan.scenario.parts import CircleObstacle, Obstacle, PolygonObstacle
 from pushplan.util.arrays import FloatArray, IntArray, distinct
 from pushplan.util.names import CLOSE, PUSH, PUSHER, ROBOT, TRANSIT

@@ -22,8 +22,7 @@ from pushplan.drawing.figure import HALO, SMALL, axes_at, equal_ticks, figure_fo
 from pushplan.drawing.floor import polygon_patches
 from pushplan.drawing.palette import FAINT, INK, TURNS
 from pushplan.geometry.se2 import transform_points
-from pushplan.mechanics.body import BodyKind
-from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.chain import BodyKind, Chain
 from pushplan.mechanics.contacts import friction_cone
 from pushplan.sets.cor import Window
 from pushplan.sets.stable_set import StableSet, default_window, grown

@@ -2,25 +2,76 @@
 
 Frames: the *chain frame* has its origin at the midpoint of the pusher's contact with the first object, +x
 along the push normal, +y to the left. Objects are listed from the pusher outward; `objects[i]` is pushed
-through `contacts[i]`. The paper counts the other way round (its object 1 is the farthest one).
+through `contacts[i]`. The paper counts the other way round (its object 1 is the farthest one). For collision checks
+and pictures all bodies, plate and robot included, move as one.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from enum import Enum
 from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
 
 from pushplan.errors import ChainError, SupportError
+from pushplan.geometry import se2
 from pushplan.geometry.polygon import area_moments
 from pushplan.geometry.se2 import transform_points
-from pushplan.mechanics.body import Body, BodyKind
 from pushplan.mechanics.support import Support
 from pushplan.util.arrays import FloatArray, frozen
 from pushplan.util.names import DEFAULT_CONTACT_LIMITS, PUSHER, ROBOT
+
+SEAM = 1e-7
+"""Bodies this close (m) count as one: they touch along lines that rounding may open."""
+
+
+class BodyKind(Enum):
+    """What a body is; objects alone rest on the floor and are pushed."""
+
+    ROBOT = "robot"
+    PLATE = "plate"
+    OBJECT = "object"
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """An outline that is fixed to the chain frame.
+
+    Attributes:
+        name: `robot`, `pusher` (the plate) or the object's name.
+        kind: What it is.
+        outline: (v, 2) simple polygon in the chain frame, m, counter-clockwise.
+    """
+
+    name: str
+    kind: BodyKind
+    outline: FloatArray
+
+
+def as_one(bodies: Iterable[Body]) -> BaseGeometry:
+    """Return what the bodies cover together, in the chain frame."""
+    outlines = [shapely.Polygon(body.outline) for body in bodies]
+    return shapely.union_all(outlines).buffer(SEAM, join_style="mitre").buffer(-SEAM, join_style="mitre")
+
+
+def area_at(bodies: Iterable[Body], pose: FloatArray) -> BaseGeometry:
+    """Return what bodies cover together with their frame at a pose (3,) in the world."""
+    return shapely.transform(as_one(bodies), lambda corners: se2.transform_points(pose, corners))
+
+
+def outline_of_all(bodies: Iterable[Body]) -> FloatArray:
+    """Return one polygon (v, 2) around all bodies, counter-clockwise; where they are apart, their convex hull."""
+    shape = as_one(bodies)
+    around = shape if isinstance(shape, shapely.Polygon) else shape.convex_hull
+    ring = shapely.Polygon(shapely.get_exterior_ring(around))  # without holes between the bodies
+    return shapely.get_coordinates(shapely.orient_polygons(ring))[:-1]
+
 
 GRAVITY = 9.80665
 """Standard gravity, m/s^2."""

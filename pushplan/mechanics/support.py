@@ -5,7 +5,11 @@ All lengths are metres in the object's own frame; pressures and loads are fracti
 
 from __future__ import annotations
 
+import csv
+import io
+import math
 from abc import ABC, abstractmethod
+from array import array
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -15,7 +19,6 @@ import shapely
 
 from pushplan.errors import SupportError
 from pushplan.geometry.polygon import AreaMoments, area_moments, convex_hull, simple_polygon
-from pushplan.mechanics.support_csv import parse_pressure_map
 from pushplan.util.arrays import FloatArray, frozen
 
 FRACTION_TOLERANCE = 1e-6
@@ -409,3 +412,38 @@ def _require_inside(point: FloatArray, hull: FloatArray, name: str) -> None:
     distance = shapely.MultiPoint(hull).convex_hull.distance(shapely.Point(point))
     if distance > 1e-12 * float(np.abs(hull).max()):
         raise SupportError(f"center_of_mass {_point(point)} lies outside {name}")
+
+
+def parse_pressure_map(data: bytes, path: str) -> FloatArray:
+    """Return the (k, 3) rows x (m), y (m), pressure (>= 0) of a CSV file with those three named columns.
+
+    Raises:
+        SupportError: With `path` and line, when a value is not allowed.
+    """
+    try:
+        reader = csv.reader(io.StringIO(data.decode("utf-8"), newline=""))
+        header = [cell.strip().lower() for cell in next(filter(None, reader), [])]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise SupportError(f"{path}: cannot read the pressure map: {error}") from error
+    if sorted(header) != ["pressure", "x", "y"]:
+        raise SupportError(f"{path}:1: the header is {','.join(header)!r}; it must name x, y and pressure")
+    order = [header.index(name) for name in ("x", "y", "pressure")]
+    numbers = array("d")  # not a list of lists: a map of 16 MB would take 600
+    try:
+        for cells in filter(None, reader):
+            numbers.extend(_map_row(path, reader.line_num, cells, order))
+    except csv.Error as error:
+        raise SupportError(f"{path}: cannot read the pressure map: {error}") from error
+    return np.array(numbers, dtype=np.float64).reshape(-1, 3)
+
+
+def _map_row(path: str, number: int, cells: list[str], order: list[int]) -> list[float]:
+    if len(cells) != 3:
+        raise SupportError(f"{path}:{number}: {len(cells)} cells; there must be 3 (x, y, pressure)")
+    try:
+        values = [float(cells[i]) for i in order]
+    except ValueError as error:
+        raise SupportError(f"{path}:{number}: {error}") from error
+    if not all(map(math.isfinite, values)) or values[2] < 0.0:
+        raise SupportError(f"{path}:{number}: x, y and pressure must be finite and pressure >= 0: {values}")
+    return values

@@ -6,8 +6,7 @@ import math
 from functools import lru_cache
 
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.dynamics import ContactDynamics
-from pushplan.mechanics.force import PushForce
+from pushplan.mechanics.dynamics import ContactDynamics, PushForce
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.scenario.model import Scenario
 from pushplan.sets.force_limited_set import within_force

@@ -12,8 +12,7 @@ import numpy as np
 
 from pushplan.geometry import se2
 from pushplan.geometry.polygon import overlap_depth
-from pushplan.mechanics.body import Body, BodyKind
-from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.chain import Body, BodyKind, Chain
 from pushplan.scenario import schema
 from pushplan.scenario.chain import build_bodies
 from pushplan.scenario.layout import millimetres

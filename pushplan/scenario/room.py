@@ -13,7 +13,7 @@ import shapely
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry import se2
 from pushplan.geometry.polygon import overlap_depth
-from pushplan.mechanics.body import Body
+from pushplan.mechanics.chain import Body
 from pushplan.scenario import schema
 from pushplan.scenario.layout import millimetres, outline_of
 from pushplan.scenario.maps import ros_map_of

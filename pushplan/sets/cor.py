@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from pushplan.errors import PushplanError
-from pushplan.sets.boundary_following import RefinedMeridians
+from pushplan.sets.boundary import RefinedMeridians
 from pushplan.util.arrays import FloatArray, IntArray, numbers
 
 if TYPE_CHECKING:

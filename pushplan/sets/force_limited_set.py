@@ -6,7 +6,7 @@ import numpy as np
 
 from pushplan.errors import EmptyStableSetError
 from pushplan.mechanics.chain import Limits
-from pushplan.mechanics.force import PushForce
+from pushplan.mechanics.dynamics import PushForce
 from pushplan.mechanics.sphere import twists_at
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray

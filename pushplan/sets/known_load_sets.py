@@ -11,7 +11,7 @@ from pushplan.mechanics.chain import PLATE, Chain
 from pushplan.mechanics.contacts import carried_objects, cof, common_centers
 from pushplan.mechanics.packed import pack_chain
 from pushplan.mechanics.sphere import Meridians, twists_at
-from pushplan.sets.boundary_following import SMALLEST_GAP, RefinedMeridians
+from pushplan.sets.boundary import SMALLEST_GAP, RefinedMeridians
 from pushplan.sets.cor import Window, cor_polygon, unit_rows, velocity_rows
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray

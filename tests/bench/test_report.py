@@ -14,7 +14,6 @@ from conftest import Captured
 from scipy import stats
 
 from pushplan.bench.batch import run_suite
-from pushplan.bench.machine import Machine
 from pushplan.bench.outcome import Outcome
 from pushplan.bench.plots import cost_quartiles
 from pushplan.bench.report import (
@@ -29,7 +28,7 @@ from pushplan.bench.report import (
 )
 from pushplan.bench.results import Results, read_results, write_tables
 from pushplan.bench.statistics import compare_versions, holm, median_interval, percentiles, rank_test, success_test
-from pushplan.bench.store import ResultsFolder
+from pushplan.bench.store import Machine, ResultsFolder
 from pushplan.bench.suite import RunSpec, suite_from_text
 from pushplan.cli.main import main
 from pushplan.plans.execution import wilson

@@ -26,7 +26,7 @@ from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.rviz import Frames
 from pushplan.logging.shown import viewed
 from pushplan.logging.tables import base_in_plate, table, write_csv, write_trajectory
-from pushplan.mechanics.body import BodyKind
+from pushplan.mechanics.chain import BodyKind
 
 EXECUTED = pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "no plan"])
 

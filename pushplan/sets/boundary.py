@@ -1,0 +1,434 @@
+"""The boundary of a stable set along meridians of the twist sphere, and the peaks of its margin.
+
+Between meridians it is followed, refined where it bends, and taken apart into intervals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+import pushplan.core.boundary as boundary
+import pushplan.core.sphere as sphere
+from pushplan.mechanics.sphere import POLE, Meridians, twists_at
+from pushplan.util.arrays import BoolArray, FloatArray, IntArray
+
+MarginFunction = Callable[[FloatArray, float], FloatArray]
+"""margin(twists (k, 3), floor) -> (k,); values at or below the floor need not be exact, only not above it."""
+
+
+class Asked(NamedTuple):
+    """Which boundary is sought: where the margin of a set exceeds a minimum.
+
+    Attributes:
+        margin: Of the set.
+        length: Characteristic length, m.
+        minimum: Margin that stable twists exceed.
+    """
+
+    margin: MarginFunction
+    length: float
+    minimum: float
+
+    def excess(self, longitude: FloatArray) -> Family:
+        """Return f(i, latitude): by how much the margin exceeds the minimum on the meridian at `longitude[i]`.
+
+        Values at or below -`boundary.PROMISING` need not be exact.
+        """
+        east, north = np.cos(longitude), np.sin(longitude)
+
+        def of(member: IntArray, latitude: FloatArray) -> FloatArray:
+            twists = sphere.twists_on(east, north, self.length, member, latitude)
+            values = self.margin(twists, self.minimum - boundary.PROMISING)
+            return np.subtract(values, self.minimum, dtype=np.float64)
+
+        return of
+
+
+class Table(NamedTuple):
+    """Meridians and their intervals.
+
+    Attributes:
+        at: (m,) longitudes, rad.
+        counts: (m,) number of intervals on each.
+        ends: (m, c, 2) their lower and upper ends, rad; nan beyond the counts.
+        bend: (m, c, 2) how far an end is from the great circle between the neighbours that the meridian was put
+            between, divided by the product of the distances from both, 1/rad; nan where that is not known.
+    """
+
+    at: FloatArray
+    counts: IntArray
+    ends: FloatArray
+    bend: FloatArray
+
+    @classmethod
+    def of(cls, at: FloatArray, member: IntArray, ends: FloatArray) -> Table:
+        """Return meridians at longitudes (m,) with the intervals `ends` (k, 2) of the members (k,), in order."""
+        counts = np.bincount(member, minlength=len(at))
+        slot = np.arange(len(member)) - (np.cumsum(counts) - counts)[member]
+        table = np.full((2, len(at), max(counts.max(initial=0), 1), 2), np.nan)
+        table[0, member, slot] = ends
+        return cls(at, counts, table[0], table[1])
+
+    def joined(self, other: Table) -> Table:
+        """Return these meridians, and others after them."""
+        width = max(self.ends.shape[1], other.ends.shape[1])
+        one, more = self._widened(width), other._widened(width)
+        return Table(
+            np.concatenate([one.at, more.at]),
+            np.concatenate([one.counts, more.counts]),
+            np.concatenate([one.ends, more.ends]),
+            np.concatenate([one.bend, more.bend]),
+        )
+
+    def replaced(self, index: IntArray, other: Table) -> Table:
+        """Return the table with others in the place of the meridians `index`."""
+        kept = np.arange(len(self.at))
+        kept[index] = len(self.at) + np.arange(len(index))
+        return self.joined(other).chosen(kept)
+
+    def chosen(self, index: IntArray) -> Table:
+        """Return some of the meridians."""
+        return Table(self.at[index], self.counts[index], self.ends[index], self.bend[index])
+
+    def meridians(self) -> Meridians:
+        """Return the rows of all intervals."""
+        rows = self.ends[np.arange(self.ends.shape[1]) < self.counts[:, None]]
+        return Meridians(np.repeat(self.at, self.counts), rows[:, 0], rows[:, 1])
+
+    def _widened(self, width: int) -> Table:
+        more = ((0, 0), (0, width - self.ends.shape[1]), (0, 0))
+        if not more[1][1]:
+            return self
+        ends, bend = (np.pad(each, more, constant_values=np.nan) for each in (self.ends, self.bend))
+        return Table(self.at, self.counts, ends, bend)
+
+
+Family = Callable[[IntArray, FloatArray], FloatArray]
+"""f(i, x): value of member i (m,) of a family of functions at x (m,)."""
+
+
+def inner_ends(f: Family, brackets: FloatArray) -> FloatArray:
+    """Return the last points (m,) with f > 0 on the way from the inside (f > 0) to the outside (f <= 0).
+
+    Args:
+        f: Known by its values.
+        brackets: (m, 4) places inside and outside, and the values there.
+    """
+    search = boundary.RootSearch(brackets)
+    while search:
+        search.take(f(search.member, search.x))
+    return search.ends
+
+
+def maximise(
+    f: Family,
+    low: FloatArray,
+    high: FloatArray,
+    goal: float,
+    iterations: int,
+    ends: tuple[FloatArray, FloatArray] | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the best points and values (m,) of golden-section searches; each stops once above `goal`.
+
+    Args:
+        f: Known by its values.
+        low: (m,) where to begin.
+        high: (m,) where to end.
+        goal: Value that is enough.
+        iterations: Most values asked for after the first two.
+        ends: (m,) values at `low` and `high`. With them, hopeless searches are given up; see `boundary.PeakSearch`.
+    """
+    search = boundary.PeakSearch(low, high, goal, iterations, ends)
+    while search:
+        search.take(f(search.member, search.x))
+    return search.best
+
+
+FLOOR = -0.8
+_SHAPE = (96, 49)
+_STEPS = 48
+_STEEPEST = 1e3
+"""Slope of a margin, 1/rad, above which no peak is hoped for."""
+_TURN = np.pi * (3.0 - np.sqrt(5.0))
+
+
+class SphereSamples(NamedTuple):
+    """Margins at equally spaced places.
+
+    Attributes:
+        longitude: (n + 1,) from -pi to pi, rad.
+        latitude: (s,) from pole to pole, rad.
+        value: (n + 1, s) margins, exact above the floor.
+    """
+
+    longitude: FloatArray
+    latitude: FloatArray
+    value: FloatArray
+
+    @classmethod
+    def of(cls, margin: MarginFunction, length: float, floor: float, shape: tuple[int, int]) -> SphereSamples:
+        """Return the margins of a set with a characteristic length, m, at so many longitudes and latitudes."""
+        longitude, latitude = np.linspace(-np.pi, np.pi, shape[0] + 1), np.linspace(-POLE, POLE, shape[1])
+        twists = twists_at(longitude[:-1, None], latitude[None, :], length)
+        value = margin(twists.reshape(-1, 3), floor).reshape(shape)
+        return cls(longitude, latitude, np.concatenate([value, value[:1]]))
+
+    def maxima(self, floor: float) -> tuple[FloatArray, FloatArray]:
+        """Return unit vectors (m, 3) and values (m,) of samples above the floor that no neighbour exceeds.
+
+        Those in the midst of a plateau, as where nothing rubs, are left out: no way leads up from there.
+        """
+        value = self.value[:-1]
+        most, least = _around(np.maximum, value), _around(np.minimum, value)
+        highest = (value >= most) & (value > least) & (value > floor)
+        highest[1:, [0, -1]] = False  # all longitudes meet at the poles
+        i, j = np.nonzero(highest)
+        return twists_at(self.longitude[i], self.latitude[j], 1.0), value[i, j]
+
+    def on_meridians(self, floor: float) -> FloatArray:
+        """Return the samples (k, 3) of longitudes where one is above the floor: index, latitude and value."""
+        hope = np.flatnonzero(self.value.max(axis=1) > floor)
+        latitude = np.tile(self.latitude, len(hope))
+        return np.column_stack([np.repeat(hope, len(self.latitude)), latitude, self.value[hope].ravel()])
+
+
+def _around(of: np.ufunc, value: FloatArray) -> FloatArray:
+    """Return what is largest or smallest of samples and their neighbours, (n, s); the first row follows the last."""
+    rows = of(of(np.roll(value, 1, axis=0), value), np.roll(value, -1, axis=0))
+    beside = np.pad(rows, ((0, 0), (1, 1)), mode="edge")
+    return np.asarray(of(of(beside[:, :-2], rows), beside[:, 2:]))
+
+
+def margin_peaks(margin: MarginFunction, length: float) -> tuple[FloatArray, FloatArray]:
+    """Return the local maxima of a margin as unit twists (m, 3) and values (m,)."""
+    at, values = SphereSamples.of(margin, length, FLOOR, _SHAPE).maxima(FLOOR)
+    climb(margin, length, at, values, np.pi / _SHAPE[1])
+    return at / [1.0, 1.0, length], values
+
+
+def climb(
+    margin: MarginFunction, length: float, at: FloatArray, values: FloatArray, first_step: float, goal: float = np.inf
+) -> None:
+    """Move unit vectors (m, 3) with margins (m,) uphill, each until it is above the goal or cannot get there.
+
+    It is a pattern search whose directions turn, as margins have ridges: they are minima of many functions.
+    """
+    step = np.full(len(at), first_step)
+    for k in range(_STEPS):
+        live = np.flatnonzero((values <= goal) & (values > goal - _STEEPEST * step) | np.isinf(goal))
+        if len(live) == 0:
+            break
+        around = sphere.neighbours(at, step, live, k * _TURN)
+        sphere.move(at, values, step, live, around, margin(around / [1.0, 1.0, length], -2.0))
+
+
+_WIDER = (1.0, 10.0, 100.0)
+"""How many times farther than expected ends are looked for; next to a corner the second is what it takes."""
+
+Gaps = tuple[IntArray, IntArray, FloatArray]
+"""Meridians (g,) of a table to the left and to the right, and longitudes (g,) between these."""
+
+
+def put_between(asked: Asked, table: Table, gaps: Gaps) -> tuple[Table, BoolArray]:
+    """Return the table with meridians put into gaps, and in which gaps (g,) the boundary is not flat yet."""
+    left, right, middle = gaps
+    f, found = asked.excess(middle), []
+    lost = table.counts[left] + table.counts[right] > 0
+    for wider in _WIDER:
+        member, x = boundary.probes(table, gaps, np.flatnonzero(lost), wider)
+        if len(x) == 0:
+            break
+        found.append(Brackets(*boundary.followed(x, f(member, x), member)))
+        lost[found[-1].member] = False
+    if lost.any():
+        found.append(_searched(f, table, gaps, np.flatnonzero(lost)))
+    whole = joined(found)
+    new = Table.of(middle, whole.member, whole.narrowed(f))
+    bend, more = boundary.bends(table, gaps, new)
+    return table.joined(new._replace(bend=bend)), more
+
+
+def search_again(asked: Asked, table: Table) -> tuple[Table, IntArray]:
+    """Search meridians with fewer intervals than a neighbour again, around those of both.
+
+    The first and the last meridian are neighbours, or at the same place.
+
+    Returns:
+        The table, and which meridians of it have more intervals than before.
+    """
+    order = np.argsort(table.at)
+    before, after = np.roll(order, 1), np.roll(order, -1)
+    k = np.flatnonzero(table.counts[order] < np.maximum(table.counts[before], table.counts[after]))
+    poor = order[k]
+    f = asked.excess(table.at[poor])
+    found = _searched(f, table, (before[k], after[k], table.at[poor]), np.arange(len(k)))
+    new = Table.of(table.at[poor], found.member, found.narrowed(f))
+    gained = np.flatnonzero(new.counts > table.counts[poor])
+    return table.replaced(poor[gained], new.chosen(gained)), poor[gained]
+
+
+def _searched(f: Family, table: Table, gaps: Gaps, chosen: IntArray) -> Brackets:
+    member, x = boundary.fans(table, gaps, chosen)
+    order = np.lexsort((x, member))
+    return find_intervals(f, sampled(f, member[order], x[order]))
+
+
+_PEAK_STEPS = 14
+
+
+class Brackets(NamedTuple):
+    """Intervals in which a member is positive, sorted by member, then by place.
+
+    Attributes:
+        member: (k,) whose they are.
+        ends: (k, 2, 4) brackets of the lower and the upper end; see `inner_ends`.
+    """
+
+    member: IntArray
+    ends: FloatArray
+
+    def narrowed(self, f: Family) -> FloatArray:
+        """Return the ends (k, 2); they are inside."""
+        member = np.repeat(self.member, 2)
+        return inner_ends(lambda i, x: f(member[i], x), self.ends.reshape(-1, 4)).reshape(-1, 2)
+
+
+def joined(parts: list[Brackets]) -> Brackets:
+    """Return the brackets of all parts, of which each has members of its own."""
+    if len(parts) == 1:
+        return parts[0]
+    member = np.concatenate([np.empty(0, np.int64), *(part.member for part in parts)])
+    ends = np.concatenate([np.empty((0, 2, 4)), *(part.ends for part in parts)])
+    order = np.argsort(member, kind="stable")
+    return Brackets(member[order], ends[order])
+
+
+def sampled(f: Family, member: IntArray, x: FloatArray) -> FloatArray:
+    """Return samples (k, 3) of members: member, place and value."""
+    return np.column_stack([member, x, f(member, x)])
+
+
+def find_intervals(f: Family, samples: FloatArray) -> Brackets:
+    """Return all intervals with f > 0 that samples, or peaks and dips between samples, tell of.
+
+    Args:
+        f: f(i, x), continuous or not; values at or below -`boundary.PROMISING` need not be exact.
+        samples: (k, 3) member, place and value, sorted by member, then by place.
+    """
+    member, x = boundary.between(samples)
+    if len(x):
+        samples = _joined(samples, sampled(f, member, x))
+    at = boundary.extremes(samples)
+    if len(at):
+        before, here, after = samples[at - 1], samples[at], samples[at + 1]
+        member, sign = here[:, 0].astype(np.int64), np.where(here[:, 2] > 0.0, -1.0, 1.0)
+        ends = sign * before[:, 2], sign * after[:, 2]
+        x, best = maximise(lambda i, x: sign[i] * f(member[i], x), before[:, 1], after[:, 1], 0.0, _PEAK_STEPS, ends)
+        beyond = best > 0.0
+        if beyond.any():
+            samples = _joined(samples, np.column_stack([member, x, sign * best])[beyond])
+    return Brackets(*boundary.runs(samples))
+
+
+def _joined(*samples: FloatArray) -> FloatArray:
+    """Return samples (k, 3), sorted by member, then by place."""
+    rows = np.concatenate(samples)
+    return rows[np.lexsort((rows[:, 1], rows[:, 0]))]
+
+
+SMALLEST_GAP = 1e-6
+"""Longitudes between which intervals begin, end or merge are found to this angle, rad."""
+_FIRST = (72, 37)
+"""Samples to begin with: 5 degrees apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedMeridians:
+    """Intervals on meridians between which the boundary runs along great circles, to `boundary.FLATNESS`.
+
+    Great circles of the twist sphere are straight lines of the COR plane.
+
+    Attributes:
+        longitude: (m,) all longitudes looked at, from -pi to pi, rad.
+        meridians: The intervals found on them.
+    """
+
+    longitude: FloatArray
+    meridians: Meridians
+
+
+def find_meridians(asked: Asked, longitude: FloatArray) -> Meridians:
+    """Return all intervals of latitude with margin > minimum at longitudes (m,), rad.
+
+    The ends returned are inside: the margin exceeds the minimum there.
+    """
+    table = first_meridians(asked)
+    order = np.argsort(table.at)
+    around = np.where(np.abs(longitude) > np.pi, np.arctan2(np.sin(longitude), np.cos(longitude)), longitude)
+    asked_for = np.argsort(around, kind="stable")
+    around = around[asked_for]
+    # of each gap, the asked ones from `first` to before `last` are between the meridians `left` and `right`
+    cuts = np.searchsorted(around, table.at[order[1:-1]])
+    first, last = np.concatenate([[0], cuts]), np.concatenate([cuts, [len(around)]])
+    left, right, place = order[:-1], order[1:], np.empty(len(around), np.int64)
+    while (first < last).any():
+        left, right, first, last = (each[first < last] for each in (left, right, first, last))
+        middle, new = (first + last) // 2, len(table.at) + np.arange(len(first))
+        table, _ = put_between(asked, table, (left, right, around[middle]))
+        place[asked_for[middle]] = new
+        left, right = np.concatenate([left, new]), np.concatenate([new, right])
+        first, last = np.concatenate([first, middle + 1]), np.concatenate([middle, last])
+    gained = place
+    while len(gained):
+        table, gained = search_again(asked, table)
+    found = table.chosen(place)
+    return found._replace(at=longitude).meridians()
+
+
+def refine_meridians(asked: Asked) -> RefinedMeridians:
+    """Return the meridians of a set, halving gaps until the boundary is known to `boundary.FLATNESS`."""
+    table = first_meridians(asked)
+    doubtful = np.arange(len(table.at))
+    while len(doubtful):
+        order = np.argsort(table.at)
+        k = np.flatnonzero(np.isin(order[:-1], doubtful) | np.isin(order[1:], doubtful))
+        table = _refined(asked, table, order[k], order[k + 1])
+        table, doubtful = search_again(asked, table)
+    table = table.chosen(np.argsort(table.at))
+    return RefinedMeridians(table.at, table.meridians())
+
+
+def _refined(asked: Asked, table: Table, left: IntArray, right: IntArray) -> Table:
+    """Halve the gaps between meridians until the boundary is flat there."""
+    while True:
+        wide = table.at[right] - table.at[left] > SMALLEST_GAP
+        k = np.flatnonzero(wide & (table.counts[left] + table.counts[right] > 0))
+        if len(k) == 0:
+            return table
+        left, right, new = left[k], right[k], len(table.at) + np.arange(len(k))
+        middle = 0.5 * (table.at[left] + table.at[right])
+        table, bent = put_between(asked, table, (left, right, middle))
+        left, right, new = left[bent], right[bent], new[bent]
+        left, right = np.concatenate([left, new]), np.concatenate([new, right])
+
+
+def first_meridians(asked: Asked) -> Table:
+    """Return meridians a few degrees apart, and one through every component that samples lead to."""
+    floor = asked.minimum - boundary.PROMISING
+    samples = SphereSamples.of(asked.margin, asked.length, floor, _FIRST)
+    at, values = samples.maxima(floor)
+    at, values = at[values <= asked.minimum], values[values <= asked.minimum]
+    climb(asked.margin, asked.length, at, values, np.pi / _FIRST[1], asked.minimum)
+    seeds = at[values > asked.minimum]
+    longitude = np.concatenate([samples.longitude, np.arctan2(seeds[:, 1], seeds[:, 0])])
+    f, rows = asked.excess(longitude), samples.on_meridians(floor)
+    rows[:, 2] -= asked.minimum
+    latitude = np.tile(samples.latitude, (len(seeds), 1))
+    latitude = np.sort(np.column_stack([latitude, np.arcsin(seeds[:, 2])]), axis=1)
+    member = len(samples.longitude) + np.repeat(np.arange(len(seeds)), latitude.shape[1])
+    found = find_intervals(f, np.concatenate([rows, sampled(f, member, latitude.ravel())]))
+    return Table.of(longitude, found.member, found.narrowed(f))
