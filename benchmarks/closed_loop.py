@@ -52,9 +52,9 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.run import Replan
 from pushplan.scenario.file import example_names, load_scenario, scenario_from_document
 from pushplan.scenario.model import Scenario
+from pushplan.sim.control.aim import Aim
 from pushplan.sim.control.controller import Controller
 from pushplan.sim.control.jobs import Phase
-from pushplan.sim.control.replanner import Aim
 from pushplan.sim.control.simulated_push import Disturbance, ErringRobot, OpenLoop, Simulator, simulate_push
 from pushplan.sim.physics.stepping import PhysicsSimulator
 from pushplan.sim.slip.simulator import SlipSimulator

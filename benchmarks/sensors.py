@@ -44,9 +44,9 @@ from pushplan.plans.execution import wilson
 from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
+from pushplan.sim.control.aim import Aim
 from pushplan.sim.control.controller import Controller
 from pushplan.sim.control.jobs import Phase
-from pushplan.sim.control.replanner import Aim
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance, ErringRobot, SimulatedPush, Simulator, simulate_push

@@ -27,6 +27,8 @@ GAP, ANGLE = 2e-4, 1e-3
 """Gap (m) and turn (rad) up to which a simulated contact is closed."""
 PROOFS = 6
 """Worlds that a push is proven in, beside the one that is believed."""
+MOST = 3
+"""Pushes in a row that may fail to close contacts."""
 BEST = 3
 """Pushes that are proven, shortest first, until one is."""
 
@@ -150,3 +152,39 @@ def _closes_after(simulator: SlipSimulator, plate: FloatArray, object_poses: Flo
         return np.inf
     open_until = np.flatnonzero(~flush)
     return STEP * (1.0 if len(open_until) == 0 else float(open_until[-1]) + 2.0)
+
+
+class Closings:
+    """Pushes in a row that close contacts.
+
+    Args:
+        world: As it is believed to be, its chain with all contacts closed.
+        settings: See there.
+    """
+
+    def __init__(self, world: World, settings: ControlSettings) -> None:
+        self._world, self._settings = world, settings
+        self.restart()
+
+    def restart(self) -> None:
+        """Take contacts for closed."""
+        self._count = 0
+        self._before: Contacts | None = None
+
+    def next(
+        self, plate: FloatArray, object_poses: FloatArray, twists: FloatArray, noise: FloatArray
+    ) -> ClosingPush | str:
+        """Return the push that comes next, or why there is none; see `closing_push` and `Spread.of`."""
+        push: ClosingPush | str = f"{MOST} pushes did not close the contacts"
+        if self._count < MOST:
+            push = closing_push(self._world, plate, object_poses, twists, Spread.of(self._settings, noise))
+        self._count += isinstance(push, ClosingPush)
+        return push
+
+    def change_nothing(self, contacts: Contacts, gap: float, turn: float) -> bool:
+        """Tell whether contacts are as open, to a gap (m) and a turn (rad), as they were before the last push."""
+        before, self._before = self._before, contacts
+        if before is None or self._count == 0:
+            return False
+        same = np.abs(contacts.opening - before.opening) <= gap
+        return bool((same & (np.abs(contacts.rotation - before.rotation) <= turn)).all())

@@ -32,7 +32,7 @@ from pushplan.scenario.parts import Obstacle
 from pushplan.sim.control.estimator import Estimator
 from pushplan.sim.control.following import Following
 from pushplan.sim.control.jobs import Phase, PushJob, alone, is_last, push_job
-from pushplan.sim.control.pushing import OFTEN, PushLoop
+from pushplan.sim.control.pushing import PushLoop
 from pushplan.sim.control.replanner import Replanner, first_plan
 from pushplan.sim.control.rest import Leg, RestPlanner, legs_to, standing_obstacles, travel_of
 from pushplan.sim.control.sensing import MEMORY, Odometry, Sightings
@@ -51,7 +51,6 @@ AGAIN = 2
 """So often the plate backs off and comes up to a load again that it met aside, at most."""
 NEAR = 0.5
 """Share of the slack by which a load may be off its planned place so that planned ways to it are driven."""
-STILL = np.zeros(3)
 
 
 class Controller:
@@ -110,13 +109,11 @@ class Controller:
         self._planned, self._at, self._before, self._rests = plan, 0, 0, 0
         self._again, self._backing, self._lost = 0, False, ""
         self._slips: Counter[str] = Counter()  # how often objects have slid since the plan was made, by name
-        self._wary = False
         self._most = settings.most(travel_of(plan.segments))
         self._push: PushLoop | None = None
         self._legs: deque[Leg] = deque()
         self._following: Following | None = None
-        cost = plan.cost if plan.path is None else plan.path.cost
-        self._tell("plan", f"{cost:.3f} m in {plan.duration:.1f} s")
+        self._tell("plan", f"{plan.cost if plan.path is None else plan.path.cost:.3f} m in {plan.duration:.1f} s")
 
     @property
     def phase(self) -> Phase:
@@ -222,7 +219,7 @@ class Controller:
 
     def _twist(self) -> FloatArray:
         """Return the twist (3,) of the plate frame to tell the plate."""
-        told = STILL
+        told = np.zeros(3)
         if self._push is not None:
             told = twist_of(self._push.load.chain.pusher.plate_pose, self._push.twist())
         elif self._following is not None and not self.over and not self._following.drive.over:
@@ -305,7 +302,7 @@ class Controller:
         if leg.load is not None:
             self._standing.let_go(self._standing.columns(leg.load.names))  # may be touched
         limits, rate = self.scenario.pusher.limits, self.settings.rate
-        self._following = Following(leg.trajectory, limits, rate, STILL, Steering(alone(self._planned, leg)))
+        self._following = Following(leg.trajectory, limits, rate, np.zeros(3), Steering(alone(self._planned, leg)))
         self._phase = Phase.DRIVING
 
     def _rest(self) -> None:
@@ -339,9 +336,9 @@ class Controller:
 
     def _legs_to_next(self) -> list[Leg]:
         """Return the ways to the load of the next push from where everything stands."""
-        settings, poses = self.settings, self._standing.by_name
+        settings, standing = self.settings, (self._standing.by_name, self._obstacles)
         near = NEAR * settings.position_slack, NEAR * settings.angle_slack
-        legs = legs_to(self._planned, self._at, self._plate, poses, self._obstacles, near, self.settings.rate)
+        legs = legs_to(self._planned, self._at, self._plate, *standing, near, settings.rate)
         if legs and travel_of(leg for _, leg in legs) > self._spare(legs[-1][0] + 1):
             return []
         if legs:
@@ -356,11 +353,9 @@ class Controller:
         if self._rests > RESTS:
             self._give_up(f"{RESTS} plans were made for the rest, and it is not there: {why}")
             return
-        delivered = self._delivered.names
-        asked = self._plate, self._standing.by_name, self._obstacles, delivered, self._rests
-        self._wary |= max(self._slips.values(), default=0) >= OFTEN
-        self._slips.clear()
-        replan = self._rest_planner.plan(self._now, *asked, self._most - self._odometry.travel, self._wary)
+        asked = self._plate, self._standing.by_name, self._obstacles, self._delivered.names, self._rests
+        replan = self._rest_planner.plan(self._now, *asked, self._most - self._odometry.travel, self._slips)
+        self._slips = Counter()
         self.replans.append(replan)
         result = replan.result
         if result is None or not result.solved:
@@ -413,7 +408,8 @@ class Controller:
 
     def _end_push(self, push: PushLoop) -> None:
         """Go on after a push that is over: with the next segment, or with a look at what is left."""
-        self._push, self._estimator, self._slips, names = None, push.estimator, push.slips, push.load.names
+        names = push.load.names
+        self._push, self._estimator, self._slips = None, push.estimator, push.slips
         self._plate, self._alone = compose(push.plate_after, inverse(push.load.frame_plate)), (0.0, 0.0)
         if self._replanner is not None:
             self._end(push.phase, push.text)
@@ -444,8 +440,7 @@ class Controller:
     def _end(self, phase: Phase, text: str) -> None:
         """Stand still from now on."""
         estimator = self._estimator if self._push is None else self._push.estimator
-        found = "" if estimator is None else estimator.words()
-        if found:
+        if estimator is not None and (found := estimator.words()):
             self._tell("sensor", found)
         self._push, self._following, self._phase = None, None, phase
         self.reason = text if phase is Phase.GAVE_UP else ""

@@ -6,6 +6,7 @@ import numpy as np
 
 from pushplan.geometry.se2 import compose, log, relative
 from pushplan.mechanics.chain import Limits
+from pushplan.plans.path import cost_rate
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sim.follower import Drive, Steering
 from pushplan.util.arrays import FloatArray
@@ -35,6 +36,12 @@ class Following:
     ) -> None:
         self.drive = Drive(trajectory, limits)
         self._rate, self._frame, self._steering = rate, frame, steering
+
+    def ahead(self) -> tuple[FloatArray, float]:
+        """Return poses (m, 3) of the frame from where it is to the end of the path, and the cost of these, m."""
+        drive = self.drive
+        poses = drive.trajectory.poses_at(np.arange(drive.at, drive.trajectory.duration, 0.02))
+        return poses, float(cost_rate(log(relative(poses[:-1], poses[1:]))).sum())
 
     def twist(self, plate: FloatArray) -> FloatArray:
         """Go on by a period and return the twist (3,) for it, the frame being at a pose (3,) in the world."""

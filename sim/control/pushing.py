@@ -14,22 +14,20 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pushplan.errors import ChainError
-from pushplan.geometry.se2 import compose, exp, inverse, log, relative
-from pushplan.mechanics.perturb import slid
+from pushplan.geometry.se2 import compose, exp, inverse, relative
 from pushplan.planners.timing.arc_limits import motion_bounds
 from pushplan.planners.timing.exact_timing import time_path
-from pushplan.plans.path import PushPath, cost_rate
+from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Replan
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.parts import Obstacle
-from pushplan.sim.control.closing import LONGEST, ClosingPush, Contacts, Spread, closing_push, contacts_at
+from pushplan.sim.control.closing import LONGEST, ClosingPush, Closings, Contacts, contacts_at
 from pushplan.sim.control.departures import Slide, find_slide, off_place
 from pushplan.sim.control.estimator import HOLD, Estimator, Sample
 from pushplan.sim.control.following import Following
 from pushplan.sim.control.jobs import Phase, PushJob
-from pushplan.sim.control.replanner import BARELY, BOLD, Replanner
+from pushplan.sim.control.replanner import BARELY, BOLD, CLEARLY, OFTEN, Replanner
 from pushplan.sim.control.sensing import Odometry, Sightings
 from pushplan.sim.control.settings import SIGMAS, ControlSettings, words
 from pushplan.sim.control.stall import StallWatch
@@ -38,16 +36,10 @@ from pushplan.sim.follower import Steering
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 
-CLOSINGS = 3
-"""Pushes in a row that may fail to close contacts."""
-CLEARLY = 0.8
-"""Share of the tolerances up to which nothing need be better."""
 LITTLE, SETTLE = 0.5, 0.02
 """Travel (m) that any error beyond the tolerances is worth, and after which contacts are closed that were open."""
 TOLD = 2.0
 """Standard deviations by which the plate has to stand aside to be taken for that where a push tells it badly."""
-OFTEN = 2
-"""So often an object has slid where its contact is taken to grip less than the plan believes, and not to be hit."""
 REFIT = 0.25
 """Time between two fits, s."""
 LONGER, UNDECIDED = 2.0, 3.0
@@ -102,7 +94,7 @@ class PushLoop:
         segment = plan.segments[0]
         assert segment.load is not None
         self.load, self.phase, self.text = segment.load, Phase.PUSHING, ""
-        self._closer = World.from_scenario(scenario)
+        self._closings = Closings(World.from_scenario(scenario), settings)
         self._wheels = scenario.pusher.wheels_pose
         self.estimator = Estimator(settings, len(scenario.chain.objects), self._wheels, known)
         self._normals = np.array([contact.normal for contact in scenario.chain.contacts])
@@ -111,9 +103,8 @@ class PushLoop:
         self._now, self._began, self._fitted = now, now, -math.inf
         self._recent: deque[Sample] = deque(maxlen=max(2, 3 * settings.looks // 4))
         self.places = scenario.chain.places
-        self._open: Contacts | None = None
         self._slide: Slide | None = None
-        self._since, self._closings, self._settled = now, 0, False
+        self._since, self._settled = now, False
         self._path: PushPath = plan.path
         self.slips = Counter(job.slips)
         self._heed_slides()
@@ -216,15 +207,10 @@ class PushLoop:
         self._replanner.take_obstacles(obstacles)
         if not self.driving:
             return
-        drive = self._following.drive
-        ahead = drive.trajectory.poses_at(np.arange(drive.at, drive.trajectory.duration, 0.02))
-        if len(ahead) < 2:
-            return
-        rest = float(cost_rate(log(relative(ahead[:-1], ahead[1:]))).sum())
-        why = self._replanner.reason_to_replan(ahead, rest)
+        why = self._replanner.reason_to_replan(*self._following.ahead())
         if why:
             self._tell("room", why)
-            drive.stop()
+            self._following.drive.stop()
 
     def twist(self) -> FloatArray:
         """Return the twist (3,) to tell the plate: what leads it along the path, and back to it as contacts bear."""
@@ -310,8 +296,8 @@ class PushLoop:
         off = words(*self._replanner.aim.errors(poses))
         open_by = words(max(float(contacts.opening.max()), 0.0), float(np.abs(contacts.rotation).max()))
         self._tell("re-localisation", f"the goal is {off} away; contacts are open by up to {open_by}")
-        nearer = self._could_be_nearer(poses, contacts.slide)
         aim = self._replanner.aim
+        nearer = self._replanner.could_be_nearer(poses, contacts.slide)
         flush = bool(contacts.flush(*self._closed()))
         if not flush and self._persists(contacts, open_by):
             flush = True
@@ -352,33 +338,18 @@ class PushLoop:
 
     def _persists(self, contacts: Contacts, open_by: str) -> bool:
         """Tell whether contacts seem as open as before a push that closes them: that is the camera's error."""
-        before, self._open = self._open, contacts
-        if before is None or self._closings == 0:
-            return False
-        gap, turn = self._closed()
-        same = np.abs(contacts.opening - before.opening) <= gap
-        same &= np.abs(contacts.rotation - before.rotation) <= turn
         most, cause = [SIGMAS * value for value in self.settings.bias], "cameras err so"
         if self._job.settle > 0.0:
             # Pushed on and as open as before it is in contact, however far off the plate has driven up to it.
             most, cause = [LONGEST, math.inf], "the plate is elsewhere"
-        if not (same.all() and contacts.flush(*most)):
+        if not (self._closings.change_nothing(contacts, *self._closed()) and contacts.flush(*most)):
             return False
         self._tell("sensor", f"a push does not change that contacts seem open by {open_by}: {cause}")
         return True
 
-    def _could_be_nearer(self, poses: FloatArray, slides: FloatArray) -> bool:
-        """Tell whether the objects, where they have slid to, could stand much nearer to the goal than they do."""
-        aim = self._replanner.aim
-        try:
-            best = aim.best(slid(self.scenario.chain, slides))
-        except ChainError:
-            return True
-        return bool(aim.share(poses) - best > 1.0 - CLEARLY)
-
     def _replan(self, contacts: Contacts, measured: FloatArray, off: str) -> None:
         """Go on with a new plan, from objects that are flush and have slid, unless it costs more than it gains."""
-        self._closings, self._open = 0, None
+        self._closings.restart()
         given = self._now, self.plate, self._path, contacts.slide
         # Where the plate lets go, another push may bring the load to the goal if this one cannot.
         attempts = self._replanner.best(*given, self._most, BARELY if self._job.settle > 0.0 else math.inf)
@@ -444,17 +415,13 @@ class PushLoop:
 
     def _close(self, poses: FloatArray) -> None:
         """Push so that open contacts close."""
-        push: ClosingPush | str = f"{CLOSINGS} pushes did not close the contacts"
-        if self._closings < CLOSINGS:
-            twists = self._replanner.planner(BOLD).twists
-            spread = Spread.of(self.settings, self._sightings.noise)
-            push = closing_push(self._closer, self.plate, poses, twists, spread)
+        twists = self._replanner.planner(BOLD).twists
+        push = self._closings.next(self.plate, poses, twists, self._sightings.noise)
         if isinstance(push, ClosingPush) and push.length > self._job.most - self._way:
             push = f"contacts are open, and {self._job.most:.1f} m, all that the push may take, were driven"
         if isinstance(push, str):
             self._give_up(push)
             return
-        self._closings += 1
         self._tell("close", f"a push of {1e3 * push.length:.0f} mm closes the contacts")
         self._straight(push.twist, push.length)
 

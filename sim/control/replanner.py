@@ -3,30 +3,30 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pushplan.errors import PlanningError, PushplanError
-from pushplan.geometry.se2 import compose, inverse, pose_error, rotate, wrap_angle
+from pushplan.errors import ChainError, PlanningError, PushplanError
+from pushplan.geometry.se2 import compose, pose_error
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.perturb import slid, with_contact_friction
 from pushplan.planners.clearance import find_collision
-from pushplan.planners.multi.room import DETOUR, TOLERANCE_USED
+from pushplan.planners.multi.room import DETOUR
 from pushplan.planners.planner import Planner, plan
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Replan
 from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import Goal, Obstacle
+from pushplan.scenario.parts import Obstacle
+from pushplan.sim.control.aim import Aim
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
-from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.arrays import FloatArray
 from pushplan.util.names import AUTO
 
 Caution = tuple[float, float, float]
@@ -36,6 +36,8 @@ CAUTION: tuple[Caution, ...] = ((1.0, 0.4, 1.0), (0.5, 0.2, 1.0), BOLD)
 """What plans on the way are made for, one after the other until there is one."""
 WARY: tuple[Caution, ...] = ((1.0, 0.4, 1.0), (1.0, 0.2, 1.0), (1.0, 0.0, 1.0))
 """What they are made for where contacts have slid again and again, and the plate may push from elsewhere."""
+OFTEN = 2
+"""So often an object has slid where its contact is taken to grip less than the plan believes, and not to be hit."""
 LOWER = tuple((friction, room, margin) for friction, room, _ in CAUTION for margin in (0.5, 0.25))
 """What plans to the goal itself are made for where all others fail and a margin may be lowered."""
 NEARBY = tuple((friction, room, margin) for friction, room, _ in CAUTION for margin in (1.0, 0.5, 0.25))
@@ -54,110 +56,12 @@ ATTEMPTS = 24
 """Replans in a row that may find nothing."""
 BARELY = 0.9
 """Share of the tolerances by which a plan beside the goal is to end within them: the rest is for what is off then."""
+CLEARLY = 0.8
+"""Share of the tolerances up to which nothing need be better."""
 GAIN = 0.2
 """Share of the tolerances that a plan which does not reach the goal has to come nearer to it by."""
-FINER = (1.0, 1.0, 1.0, 0.5, 0.25, 0.125)
-"""Shares of the fine steps by which the nearest pose that can be reached is looked for, one after the other."""
-_GRID = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
-_WIDE = (np.linspace(-4.0, 4.0, 17),) * 2 + (np.linspace(-2.0, 2.0, 9),)
-_FINE = np.linspace(-0.5, 0.5, 9)
-"""Shares of the tolerances, of x, y and angle, by which poses about the goal are tried, and then about the best."""
-_TURNS = np.array(sorted(np.linspace(-1.0, 1.0, 161), key=abs))
-"""Shares of the angle's tolerance by which headings at the goal are tried; none is the first."""
 INTERVAL_SETS = ("ecof", "robust")
 """Stable sets that hold for intervals of floor friction."""
-
-
-@dataclass(frozen=True, eq=False)
-class Aim:
-    """Poses that objects are to have.
-
-    Attributes:
-        objects: (k,) indices of the goal's object, or of all where it names none.
-        wanted: (k, 3) their poses in the world.
-        chain_pose: (3,) pose of the chain frame at the goal if nothing has slid.
-        tolerance: (2,) distance (m) and angle (rad) that still count.
-    """
-
-    objects: IntArray
-    wanted: FloatArray
-    chain_pose: FloatArray
-    tolerance: FloatArray
-
-    @classmethod
-    def of(cls, goal: Goal, chain: Chain, position: float, angle: float) -> Aim:
-        """Return that of a goal, with wider tolerances where the goal's own are smaller."""
-        every = range(len(chain.objects))
-        objects = np.array(every if goal.of is None else [chain.index_of(goal.of)])
-        wanted = compose(goal.pose_chain, chain.places[objects])
-        tolerance = np.array([max(position, goal.position_tolerance), max(angle, goal.angle_tolerance)])
-        return cls(objects, wanted, goal.pose_chain, tolerance)
-
-    def errors(self, object_poses: FloatArray) -> FloatArray:
-        """Return how far (m) and by what angle (rad) the objects, all (..., n, 3), are off: the worst (..., 2)."""
-        off = object_poses[..., self.objects, :] - self.wanted
-        distance = np.hypot(off[..., 0], off[..., 1])
-        angle = np.abs(wrap_angle(off[..., 2]))
-        return np.stack([distance.max(axis=-1), angle.max(axis=-1)], axis=-1)
-
-    def share(self, object_poses: FloatArray) -> FloatArray:
-        """Return what share (...) of the tolerances the errors are, the larger one: up to 1 the goal is reached."""
-        return np.asarray((self.errors(object_poses) / self.tolerance).max(axis=-1))
-
-    def at_limit(self, object_poses: FloatArray, unsure: FloatArray) -> bool:
-        """Tell whether errors that are known to so much (2,), m and rad, may be within or may be beyond."""
-        errors = self.errors(object_poses)
-        return bool((errors <= self.tolerance + unsure).all() and (errors >= self.tolerance - unsure).any())
-
-    def exact(self, chain: Chain) -> FloatArray:
-        """Return the pose (3,) of the chain frame that brings the objects nearest to where they shall be.
-
-        There `share` is least: objects that have slid against one another come nearer to their places if all are
-        turned a little, which their headings bear.
-        """
-        places = chain.places[self.objects]
-        ideal = wrap_angle(self.wanted[:, 2] - places[:, 2] - self.chain_pose[2])
-        headings = self.chain_pose[2] + ideal.mean() + self.tolerance[1] * _TURNS
-        origins = self.wanted[:, :2] - rotate(headings[:, None], places[:, :2])
-        middles = 0.5 * (origins.min(axis=1) + origins.max(axis=1))
-        poses = np.column_stack([middles, headings])
-        return np.asarray(poses[np.argmin(self.share(compose(poses[:, None], chain.places)))])
-
-    def best(self, chain: Chain) -> float:
-        """Return the least share of the tolerances that the errors of a chain's objects can be."""
-        return float(self.share(compose(self.exact(chain), chain.places)))
-
-    def candidates(self, chain: Chain) -> FloatArray:
-        """Return poses (k, 3) of the chain frame at the goal: the exact one, then some within the tolerances."""
-        exact, room = self.exact(chain), TOLERANCE_USED * self.tolerance
-        poses = self._about(exact, chain, (TOLERANCE_USED * _GRID,) * 3)
-        allowed = (self.errors(compose(poses[:, None], chain.places)) <= room + 1e-9).all(axis=1)
-        return np.vstack([exact, poses[allowed]])
-
-    def nearest(self, chain: Chain, reach: Callable[[FloatArray], FloatArray]) -> FloatArray | None:
-        """Return the pose (3,) of the chain frame that is nearest to the goal of those that can be reached.
-
-        None where none is that is tried: up to four times the tolerance away.
-
-        Args:
-            chain: As it is.
-            reach: Returns costs of paths to poses (k, 3), infinite where there is none.
-        """
-        best = self.exact(chain)
-        for grids in (_WIDE, *((share * _FINE,) * 3 for share in FINER)):
-            poses = self._about(best, chain, grids)
-            shares = self.share(compose(poses[:, None], chain.places))
-            shares[~np.isfinite(reach(poses))] = np.inf
-            best = poses[np.argmin(shares)]
-            if np.isinf(shares.min()):
-                return None
-        return np.asarray(best)
-
-    def _about(self, pose: FloatArray, chain: Chain, grids: Sequence[FloatArray]) -> FloatArray:
-        """Return poses (k, 3) about a pose (3,) of the chain frame, moved by shares of the tolerances."""
-        center = chain.places[self.objects].mean(axis=0) * [1.0, 1.0, 0.0]
-        moves = np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1).reshape(-1, 3) * self.tolerance[[0, 0, 1]]
-        return compose(compose(compose(pose, center), moves), inverse(center))
 
 
 @dataclass(frozen=True)
@@ -254,6 +158,8 @@ class Replanner:
             poses: (m, 3) of the chain frame in the world, from where it is to the end.
             rest: What is left of the path's cost, m.
         """
+        if len(poses) < 2:
+            return ""
         hit = find_collision(with_chain(self._scenario, self.chain), poses)
         if hit is not None:
             return f"the way is not free any more: {hit}"
@@ -274,6 +180,14 @@ class Replanner:
         if (np.abs(slides - self._slides) > SAME).any():
             self._slides, self._planners = slides, {}
         self.chain = chain
+
+    def could_be_nearer(self, poses: FloatArray, slides: FloatArray) -> bool:
+        """Tell whether objects that have slid (n,), m, could stand much nearer to the goal than at poses (n, 3)."""
+        try:
+            best = self.aim.best(slid(self._scenario.chain, slides))
+        except ChainError:
+            return True
+        return bool(self.aim.share(poses) - best > 1.0 - CLEARLY)
 
     def best(
         self, now: float, start: FloatArray, previous: PushPath | None, slides: FloatArray, most: float, left: float

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +24,7 @@ from pushplan.plans.segment import Poses, Segment
 from pushplan.plans.settings import Margin, Observer, PlanSettings
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Goal, Obstacle
-from pushplan.sim.control.replanner import cautious
+from pushplan.sim.control.replanner import OFTEN, cautious
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, AUTO, TRANSIT
 
@@ -134,6 +134,7 @@ class RestPlanner:
         self, scenario: Scenario, plan: Plan, tolerance: tuple[float, float], friction: float, observer: Observer
     ) -> None:
         self._scenario, self._friction, self._observer = scenario, friction, observer
+        self._wary = False
         self._row = scenario.row
         if self._row is not None:  # the places of its objects are those that the plan gave them
             last = plan.segments[-1]
@@ -151,7 +152,7 @@ class RestPlanner:
         delivered: frozenset[str],
         seed: int,
         most: float,
-        wary: bool = False,
+        slips: Mapping[str, int],
     ) -> Replan:
         """Return a plan for the rest: one with room for corrections, unless it takes more travel than it may.
 
@@ -163,11 +164,13 @@ class RestPlanner:
             delivered: Objects that stay where they are.
             seed: Of the random numbers.
             most: Travel that it may take, m.
-            wary: Whether contacts have slid again and again: then it is one for the least friction, if there is one.
+            slips: How often objects have slid since the last plan, by name. Where one did so again and again, this
+                and all later plans are for the least friction, if there is one.
         """
         began, reason, result = time.process_time(), "", None
+        self._wary |= max(slips.values(), default=0) >= OFTEN
         levels = [(0.0, margin) for margin in self._margins]
-        for friction, margin in [(self._friction, None), *levels] if wary else levels:
+        for friction, margin in [(self._friction, None), *levels] if self._wary else levels:
             try:
                 asked = cautious(self._asked(plate, poses, obstacles, delivered), friction)
                 settings = PlanSettings(

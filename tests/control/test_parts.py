@@ -19,10 +19,10 @@ from pushplan.planners.planner import plan as plan_in
 from pushplan.plans.path import cost_rate
 from pushplan.plans.settings import Observer
 from pushplan.scenario.parts import CircleObstacle, Goal
+from pushplan.sim.control.aim import Aim
 from pushplan.sim.control.closing import GAP, ClosingPush, Spread, closing_push, contacts_at
 from pushplan.sim.control.departures import find_slide
 from pushplan.sim.control.estimator import Estimator, Sample
-from pushplan.sim.control.replanner import Aim
 from pushplan.sim.control.sensing import Measurements, Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance, disturbed

@@ -354,7 +354,7 @@ def test_what_was_lost_on_the_way_is_brought_to_what_stands_in_the_row() -> None
     off = {name: pose + np.array([2e-3, -1e-3, 0.004]) for name, pose in last.after.items()}
     off[lost] = np.array([1.6, 2.6, 1.0])
     stands = frozenset(off) - {lost}
-    result = there(rest.plan(1.0, last.path.end, off, (), stands, 1, np.inf).result)
+    result = there(rest.plan(1.0, last.path.end, off, (), stands, 1, np.inf, {}).result)
     assert result.solved, result.reason
     assert set(there(result.scenario.row).placed) == stands
     assert {name for kind, names in kinds(result) if kind == "push" for name in names} == {lost}

@@ -148,16 +148,16 @@ def test_a_plan_for_the_rest_leaves_room_for_corrections_unless_that_takes_too_m
     first = plan(scenario, seed=1, iterations=1, time_limit=60.0)
     rest = RestPlanner(scenario, first, (5e-3, np.radians(1.0)), 0.2, Observer())
     given = 1.0, scenario.plate_start, scenario.poses, (), frozenset[str](), 1
-    careful, usual = (there(rest.plan(*given, most).result) for most in (np.inf, 0.0))
+    careful, usual = (there(rest.plan(*given, most, {}).result) for most in (np.inf, 0.0))
     for found, margin in ((careful, CAREFUL), (usual, 0.05)):
         assert found.solved, found.reason
         assert min(push.margin for push in found.pushes) == pytest.approx(margin)
     walled = (*given[:3], (CircleObstacle(scenario.plate_start[:2], 0.1),), *given[4:])
-    attempts = rest.plan(*given, np.inf), rest.plan(*walled, np.inf)
+    attempts = rest.plan(*given, np.inf, {}), rest.plan(*walled, np.inf, {})
     assert [(attempt.rest, attempt.solved) for attempt in attempts] == [(True, True), (True, False)]
-    wary = there(rest.plan(*given, np.inf, wary=True).result)
+    wary = there(rest.plan(*given, np.inf, {"b0": 2}).result)
     for found, friction in ((careful, 0.5), (wary, 0.4)):
         assert {round(there(push.load).chain.contacts[0].friction, 9) for push in found.pushes} == {friction}
     stated = scenario.with_margin(0.1)
     rest = RestPlanner(stated, first, (5e-3, np.radians(1.0)), 0.2, Observer())
-    assert min(push.margin for push in there(rest.plan(*given, 0.0).result).pushes) == pytest.approx(0.1)
+    assert min(push.margin for push in there(rest.plan(*given, 0.0, {}).result).pushes) == pytest.approx(0.1)
