@@ -1,19 +1,145 @@
-"""The search for several pushes: what it finds, its lower bound, and how it goes on to better plans."""
+"""The search for several pushes: poses that they may lead between, what it finds, and how plans get better."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
+from pushplan.core.pushes import PackedMode
+from pushplan.core.samples import descend, pushed_at_random, random_descent, straight_crossings
+from pushplan.geometry import se2
 from pushplan.planners.multi.graph import Graph, PushSequence
 from pushplan.planners.multi.room import PushRoom, Question
-from pushplan.planners.multi.samples import Sampler, crossings
+from pushplan.planners.problem import sampling_box
 from pushplan.util.arrays import BoolArray, FloatArray
+
+
+def crossings(start: FloatArray, goals: FloatArray, modes: list[PackedMode]) -> FloatArray:
+    """Return poses (k, 3) where a straight push from the start, or from a tight turn there, meets one into a goal."""
+    directions = np.array([se2.rotate(mode.contact[2], mode.settling[:2]) for mode in modes])  # in the load's frame
+    found = [straight_crossings(start, goals, directions)]
+    for mode in modes:
+        for goal in goals:
+            for pose in _turned_to(start, float(goal[2]), mode, 1.0):
+                found += [pose[None], straight_crossings(pose, goal[None], directions)]
+            for pose in _turned_to(goal, float(start[2]), mode, -1.0):
+                found += [pose[None], straight_crossings(start, pose[None], directions)]
+    return np.concatenate(found)
+
+
+def _turned_to(pose: FloatArray, heading: float, mode: PackedMode, sense: float) -> Iterator[FloatArray]:
+    """Yield the poses to which the tightest turns, driven on or back, turn a load so that it has a heading."""
+    for letter in (0, 2):
+        twist = mode.families[0, letter]
+        if twist[2] == 0.0:
+            continue
+        angle = float((sense * np.sign(twist[2]) * (heading - pose[2])) % (2.0 * np.pi))
+        if 1e-9 < angle < math.pi + 1e-9:
+            yield _moved(pose, mode, twist, sense * angle / abs(twist[2]))
+
+
+def _moved(pose: FloatArray, mode: PackedMode, twist: FloatArray, length: float) -> FloatArray:
+    """Return where a twist in the contact's frame, driven so far, brings the load (3,)."""
+    contact = se2.compose(se2.compose(pose, mode.contact), se2.exp(twist * length))
+    return se2.compose(contact, se2.inverse(mode.contact))
+
+
+class Sampler:
+    """Draws poses of the load.
+
+    Args:
+        room: Robot, load and contacts.
+        question: From where to where.
+        changes: (m, m) the least that changes of the contact cost, m.
+        firsts: (m,) whether a contact can be pushed at first.
+        lasts: (m, g) whether the robot can back off from it at a goal.
+        seed: Of the random numbers.
+    """
+
+    def __init__(
+        self, room: PushRoom, question: Question, changes: FloatArray, firsts: BoolArray, lasts: BoolArray, seed: int
+    ) -> None:
+        assert room.scenario.pushes is not None
+        self._question, self._changes = question, changes
+        self._firsts, self._lasts = np.flatnonzero(firsts), np.flatnonzero(lasts.any(axis=1))
+        self._modes = [contact.packed for contact in room.contacts]
+        self._box, self._most = np.array(sampling_box(room.scenario)), room.scenario.pushes.most
+        self._random = np.random.default_rng(seed)
+        self._state = np.array([seed], dtype=np.uint64)
+
+    def draw(self, count: int, best: PushSequence | None) -> FloatArray:
+        """Return poses (count or a few more, 3), most of them near the changes of a plan or where descents end."""
+        found: list[FloatArray] = []
+        if best is not None and len(best.steps) > 1:
+            found += self._polished(best)
+        while len(found) < count:
+            found += self._some(best)
+        return np.array(found)
+
+    def _some(self, best: PushSequence | None) -> list[FloatArray]:
+        kind = self._random.random()
+        # 30 % near those of the best plan, 20 % where random pushes lead, 2 % uniform, others where descents end.
+        if kind < 0.3 and best is not None and len(best.steps) > 1:
+            return [self._near(best.steps[self._random.integers(len(best.steps) - 1)].after)]
+        if kind < 0.5:
+            return [self._pushed()]
+        if kind < 0.52 or self._most < 2:
+            low, high = self._box[:2], self._box[2:]
+            return [np.append(self._random.uniform(low, high), self._random.uniform(-np.pi, np.pi))]
+        return self._descended(math.inf if best is None else best.cost)
+
+    def _near(self, pose: FloatArray) -> FloatArray:
+        """A pose beside another."""
+        scale = self._scale()
+        step = self._random.normal(size=3) * [scale, scale, 2.0 * scale]
+        if self._random.random() < 0.5:
+            step[2] = 0.0
+        return se2.compose(pose, step)
+
+    def _scale(self) -> float:
+        """Scale of the moves of a pose, m, drawn evenly between orders of magnitude."""
+        return math.exp(self._random.uniform(math.log(1e-3), math.log(0.5)))
+
+    def _pushed(self) -> FloatArray:
+        """A pose that a random push leads to from the start, or from which one leads to a goal."""
+        back = self._random.random() < 0.5
+        goals = self._question.goals
+        pose = goals[self._random.integers(len(goals))] if back else self._question.load
+        contact = int(self._random.choice(self._lasts if back else self._firsts))
+        return pushed_at_random(self._modes[contact], pose, -1.0 if back else 1.0, self._state)
+
+    def _descended(self, below: float) -> list[FloatArray]:
+        """The poses between pushes where one of 12 descents ends that costs less than `below`, or one at random."""
+        question = self._question
+        for _ in range(12):
+            poses = random_descent(
+                self._modes,
+                question.load,
+                question.goals,
+                self._firsts,
+                self._lasts,
+                self._most,
+                self._changes,
+                below,
+                self._state,
+            )
+            if len(poses):
+                return list(poses)
+        return [self._pushed()]
+
+    def _polished(self, best: PushSequence) -> list[FloatArray]:
+        """The poses at which a plan changes the contact, after a descent from where they are."""
+        poses = np.array([step.after for step in best.steps[:-1]])
+        ends = np.stack([best.steps[0].before, best.steps[-1].after])
+        sequence = np.array([step.contact for step in best.steps])
+        descend(self._modes, sequence, ends, poses, self._scale(), 300, self._state)
+        return list(poses)
+
 
 MOST_POSES = 160
 """More are let go of, those first through which a plan can be least good."""
