@@ -101,11 +101,11 @@ def viewed(execution: Execution) -> IntArray:
     return distinct(np.array([*first, *begun, *smallest, len(execution.t) - 1], dtype=np.int64))
 
 
-def worst_contacts(execution: Execution, most: int = 6) -> list[int]:
-    """Return the columns of the contacts with the smallest margins, at most so many, in order; none never pushed."""
+def worst_contacts(execution: Execution) -> list[int]:
+    """Return the columns of the contacts with the smallest margins, at most six, in order; none never pushed."""
     least = np.where(np.isnan(execution.margins), np.inf, execution.margins).min(axis=0, initial=np.inf)
     pushed = np.argsort(least, kind="stable")[: np.isfinite(least).sum()]
-    return sorted(pushed[:most].tolist())
+    return sorted(pushed[:6].tolist())
 
 
 _ARROW, _CONE, _HEAD = 0.9, 0.45, 0.3

@@ -93,7 +93,6 @@ def build_scene(
     circles: FloatArray,
     walls: tuple[float, float, float, float],
     clearance: float,
-    kept: float | None = None,
     until: float = math.inf,
 ) -> Scene:
     """Return the scene.
@@ -104,7 +103,6 @@ def build_scene(
         circles: (c, 3) x, y and radius of round obstacles, world frame.
         walls: Workspace (xmin, ymin, xmax, ymax); infinite where there is none.
         clearance: Distance from everything at the poses that are looked at, m, > 0.
-        kept: Distance that is proven between them, m, smaller; None stands for half of the clearance.
         until: `time.perf_counter` at which it must be there.
 
     Raises:
@@ -112,7 +110,7 @@ def build_scene(
     """
     body = list(convex_pieces([moving.outline for moving in chain.bodies]))
     standing = list(convex_pieces(list(polygons), until))
-    return scene_of(body, standing, circles, np.array(walls, dtype=np.float64), clearance, kept)
+    return scene_of(body, standing, circles, np.array(walls, dtype=np.float64), clearance)
 
 
 def scene_of(

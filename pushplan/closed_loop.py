@@ -257,7 +257,7 @@ def run_closed_loop(
         simulator_of: What simulates the world; see `simulate_push`.
 
     Raises:
-        MissingEngineError: As `simulate_push`.
+        MissingExtraError: As `simulate_push`.
         PlanningError: When there is no plan to begin with.
         SupportError: When the load under an object is not known.
         OutputError: As `pushplan.run`.

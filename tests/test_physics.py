@@ -28,12 +28,13 @@ from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sets.named import stable_set
 from pushplan.sim.physics import simulate as physics
-from pushplan.sim.physics.engine import MissingEngineError, PhysicsSettings
+from pushplan.sim.physics.engine import PhysicsSettings
 from pushplan.sim.physics.model import build_model
 from pushplan.sim.physics.simulate import HARD, STEPS, simulate_in_physics
 from pushplan.sim.report import ContactReport
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
+from pushplan.util.naming import MissingExtraError
 
 needs_engine = pytest.mark.skipif(
     find_spec("mujoco") is None, reason="MuJoCo is not installed; the extra pushplan[physics] brings it"
@@ -154,7 +155,7 @@ def test_predictions_and_simulations_agree() -> None:
 
 def test_a_missing_engine_is_named_with_its_extra(make_chain: ChainMaker, monkeypatch: Patch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(MissingEngineError, match=r"pip install 'pushplan\[physics\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install 'pushplan\[physics\]'"):
         simulate_twist(make_chain.boxes(1), [1.0, 0.0, 0.0])
 
 

@@ -99,7 +99,7 @@ def compare(chain: Chain, twists: ArrayLike, settings: PhysicsSettings = FINE) -
         settings: Of the simulation.
 
     Raises:
-        MissingEngineError: When the physics engine is not installed.
+        MissingExtraError: When the physics engine is not installed.
         PushplanError: As `simulate_twist`.
     """
     checked = checked_twists(twists)

@@ -53,7 +53,7 @@ def simulate_twist(
         step: Travel in one time step, over L.
 
     Raises:
-        MissingEngineError: When the engine is not installed.
+        MissingExtraError: When the engine is not installed.
         PhysicsError: When no object has friction with the floor, or the simulation does not stay finite.
         PushplanError: On a twist that is zero, not finite or not (3,), or a travel that is not positive.
         SupportError: When a load is not known.
@@ -75,7 +75,7 @@ def simulate_trajectory(chain: Chain, trajectory: Trajectory, slow: bool = False
     """Push a chain along a trajectory, with all inertia or `slow`; times are reported as planned.
 
     Raises:
-        MissingEngineError: When the engine is not installed.
+        MissingExtraError: When the engine is not installed.
         PhysicsError: When there is nothing to simulate, or the simulation does not stay finite.
         SupportError: When a load is not known.
     """

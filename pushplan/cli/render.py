@@ -207,7 +207,7 @@ def require_executable(scenario: Scenario) -> None:
     """Find out before the work whether the engine can execute plans of this scenario.
 
     Raises:
-        MissingEngineError: When it is not installed.
+        MissingExtraError: When it is not installed.
         PhysicsError: When a load is not known, or nothing rubs on the floor.
     """
     from pushplan.sim.physics.engine import PhysicsError, engine

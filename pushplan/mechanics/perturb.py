@@ -95,24 +95,24 @@ class Motion:
     ends: FloatArray
     lengths: FloatArray
 
-    def applied(self, chain: Chain, j: int = 0) -> Chain:
-        """Return the chain of the j-th size.
+    def applied(self, chain: Chain) -> Chain:
+        """Return the chain of the first size.
 
         Raises:
             ChainError: When a contact is left without a segment.
         """
-        if (self.lengths[j] < SHORTEST_CONTACT).any():
-            k = int(self.lengths[j].argmin())
+        if (self.lengths[0] < SHORTEST_CONTACT).any():
+            k = int(self.lengths[0].argmin())
             raise ChainError(f"object {chain.objects[k].name!r} has slid off what pushes it")
         objects = tuple(
-            replace(obj, pose_chain=compose(self.poses[j, i], obj.pose_chain)) if self.moved[i] else obj
+            replace(obj, pose_chain=compose(self.poses[0, i], obj.pose_chain)) if self.moved[i] else obj
             for i, obj in enumerate(chain.objects)
         )
         contacts = tuple(
             replace(contact, right=ends[0], left=ends[1])
             if (ends != [contact.right, contact.left]).any()
             else contact
-            for contact, ends in zip(chain.contacts, self.ends[j], strict=True)
+            for contact, ends in zip(chain.contacts, self.ends[0], strict=True)
         )
         return replace(chain, objects=objects, contacts=contacts)
 

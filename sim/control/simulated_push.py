@@ -298,7 +298,7 @@ def simulate_push(
         simulator_of: What the world is simulated with: slip without inertia, or `PhysicsSimulator`.
 
     Raises:
-        MissingEngineError: When the physics engine is asked for and not installed.
+        MissingExtraError: When the physics engine is asked for and not installed.
         SupportError: When the load under an object is not known.
     """
     simulator, seen, held = simulator_of(world), Measurements(sensor, seed), None

@@ -133,7 +133,7 @@ def drive(
         watch: See there.
 
     Raises:
-        MissingEngineError: When the engine is not installed.
+        MissingExtraError: When the engine is not installed.
         PhysicsError: When the simulation does not stay finite.
         SupportError: When a load is not known.
     """

@@ -9,13 +9,7 @@ from typing import Any
 
 from pushplan.errors import PushplanError
 from pushplan.sim.feet import DEGREE
-
-EXTRA = "physics"
-"""Extra of the package that brings the engine."""
-
-
-class MissingEngineError(PushplanError, ImportError):
-    """A physics simulation was asked for and its engine is not installed."""
+from pushplan.util.naming import optional
 
 
 class PhysicsError(PushplanError):
@@ -26,15 +20,9 @@ def engine() -> Any:
     """Return the module `mujoco`.
 
     Raises:
-        MissingEngineError: When it is not installed.
+        MissingExtraError: When it is not installed.
     """
-    try:
-        import mujoco
-    except ImportError as error:
-        raise MissingEngineError(
-            f"a physics simulation needs MuJoCo, which is not installed: pip install 'pushplan[{EXTRA}]'"
-        ) from error
-    return mujoco
+    return optional("mujoco", "a physics simulation", "MuJoCo", "physics")
 
 
 @dataclass(frozen=True)

@@ -382,7 +382,7 @@ def build_model(
         settings: See there.
 
     Raises:
-        MissingEngineError: When the engine is not installed.
+        MissingExtraError: When the engine is not installed.
         SupportError: When a load is not known, or the push at the contact height could lift a part of an object.
     """
     spec = engine().MjSpec()

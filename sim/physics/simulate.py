@@ -59,7 +59,7 @@ def simulate_in_physics(
         progress: Called now and then with the share of the trajectory that is done.
 
     Raises:
-        MissingEngineError: When the engine is not installed.
+        MissingExtraError: When the engine is not installed.
         PhysicsError: When there is nothing to simulate, or the simulation does not stay finite.
         SupportError: When a load is not known.
     """

@@ -51,7 +51,7 @@ class PhysicsSimulator:
             settings: See there; quasi-static ones do not matter.
 
         Raises:
-            MissingEngineError: When the engine is not installed.
+            MissingExtraError: When the engine is not installed.
             SupportError: When the load under an object is not known, or a push could lift a part of it.
         """
         self.world, self.jammed, self.stalled = world, False, False
