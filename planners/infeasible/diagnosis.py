@@ -284,7 +284,9 @@ def beyond_reach(
     among = reached(open_floor, start, WITHIN)
     if among.is_empty:
         return None
-    centers = {name: [disc.at(se2.compose(pose, into)) for pose in poses] for name, poses in faces.items()}
+    inside = se2.compose(into, [*disc.center, 0.0])
+    places = {name: se2.compose(poses, inside)[:, :2] for name, poses in faces.items()}
+    centers = {name: [*np.asarray(shapely.points(xy))] for name, xy in places.items()}
     if not any(_any_in(among, points) for points in centers.values()):
         every = [point for points in centers.values() for point in points]
         text = "the robot is boxed in: it has no way to any face of an object that it may push"

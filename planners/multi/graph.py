@@ -158,7 +158,9 @@ class Graph:
         for k, contact in enumerate(self._room.contacts):
             starts, ends = can_begin[k] & leaves, can_end[k] & arrives
             for rows, columns in ((starts & fresh, ends), (starts & ~fresh, ends & fresh)):
-                u, v = np.flatnonzero(rows), np.flatnonzero(columns)
+                u, v = rows.nonzero()[0], columns.nonzero()[0]
+                if not (u.size and v.size):
+                    continue
                 costs = word_costs(contact.packed, every[u], every[v], self._to[u], self._on[v], below)
                 push[k, u[:, None], v] = costs + after[k, v]
             change[old:, k] = self.changes[k]

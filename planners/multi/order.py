@@ -15,6 +15,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -111,11 +112,14 @@ class Order:
         assert settings.seed is not None
         self._pieces, self._seed, self._until = pieces, settings.seed, until
         self._cancelled, self._most = settings.observer.cancelled, settings.iterations or math.inf
-        self._random = np.random.default_rng(self._seed)
         self._patience = STAGES[0][0]
         self._known: dict[tuple[object, ...], Transfer | None] = {}
         self._tours: Tours | None = None
         self.looked_at = 0
+
+    @cached_property
+    def _random(self) -> np.random.Generator:
+        return np.random.default_rng(self._seed)  # NumPy loads it now: most plans need none
 
     def find(self, now: Situation) -> tuple[Transfer, ...] | None:
         """Return transfers that bring every piece that is left to a goal, None where none were found in time."""

@@ -113,8 +113,8 @@ class PushRoom:
         """Return it for a scenario that differs in what stands in the room; ways around the load are kept."""
         robot = self.robot.with_obstacles(*standing_in(scenario))
         contacts = tuple(
-            replace(contact, scene=robot.with_body(contact.scene.body, contact.scene.body_bound))
-            for contact in self.contacts
+            Contact(one.mode, one.margin, one.packed, robot.with_body(one.scene.body, one.scene.body_bound))
+            for one in self.contacts
         )
         return replace(self, scenario=scenario, robot=robot, contacts=contacts)
 
@@ -167,18 +167,16 @@ def lower_bounds(room: PushRoom, question: Question, through: FloatArray) -> tup
     contacts = np.array([contact.packed.contact[:2] for contact in room.contacts])
     middle = contacts.mean(axis=0)
     faster = max(1.0, float(np.linalg.norm(contacts - middle, axis=1).max()) / TURN_WEIGHT)
-    to = _bounds(question.load[None], through, middle, faster)[0]
-    on = _bounds(through, question.goals, middle, faster).min(axis=1)
+    poses = np.concatenate([question.load[None], through, question.goals])
+    start, between, goals = np.split(se2.compose(poses, [*middle, 0.0]), [1, 1 + len(through)])
     alone = pushes.transit_weight * (pushes.approach + pushes.retreat)
-    return to, on + alone
+    return _bounds(start, between, faster)[0], _bounds(between, goals, faster).min(axis=1) + alone
 
 
-def _bounds(starts: FloatArray, goals: FloatArray, middle: FloatArray, faster: float) -> FloatArray:
-    """Return what no pushes from starts (n, 3) to goals (m, 3) cost less than, (n, m)."""
-    first, last = (se2.compose(poses, np.append(middle, 0.0))[:, :2] for poses in (starts, goals))
-    away = np.linalg.norm(first[:, None] - last[None], axis=2) / faster
-    turn = TURN_WEIGHT * np.abs(se2.wrap_angle(goals[None, :, 2] - starts[:, None, 2]))
-    return np.asarray(np.maximum(away, turn))
+def _bounds(starts: FloatArray, goals: FloatArray, faster: float) -> FloatArray:
+    """Return what no pushes of the contacts' middle from starts (n, 3) to goals (m, 3) cost less than, (n, m)."""
+    x, y, turn = np.moveaxis(goals - starts[:, None], -1, 0)
+    return np.asarray(np.maximum(np.hypot(x, y) / faster, TURN_WEIGHT * np.abs(se2.wrap_angle(turn))))
 
 
 def find_drive(

@@ -225,7 +225,7 @@ def search(
     began = time.perf_counter()
     modes = [contact.packed for contact in room.contacts]
     graph = Graph(room, question, seed)
-    sampler = Sampler(room, question, graph.changes, graph.begins & graph.leaves, graph.ends, seed)
+    sampler: Sampler | None = None  # most first plans need none
     best: PushSequence | None = None
     first: float | None = None
     batches, waiting = 0, question.goals[:0]
@@ -250,8 +250,12 @@ def search(
         if batches == 0:
             poses = _shortest_first(graph, crossings(question.load, question.goals, modes))
             poses, waiting = poses[:CROSSINGS], poses[CROSSINGS:]
+        elif len(waiting):
+            poses, waiting = waiting, waiting[:0]
         else:
-            poses, waiting = (waiting, waiting[:0]) if len(waiting) else (sampler.draw(12, best), waiting)
+            firsts = graph.begins & graph.leaves
+            sampler = sampler or Sampler(room, question, graph.changes, firsts, graph.ends, seed)
+            poses = sampler.draw(12, best)
         if batches and len(graph.poses) + len(poses) > MOST_POSES:
             graph.forget(MOST_POSES // 2, below)
         graph.add(poses, below)

@@ -51,8 +51,7 @@ class Rooms:
     def robot(self, piece: int, other: int | None, pose: FloatArray | None = None) -> Scene:
         """Return the room of a body, another one standing at a pose (3,); bodies that are alike share it."""
         room = self._pieces[piece].search.room(0)
-        kind = tuple(id(contact.packed) for contact in room.contacts)
-        key = (kind, other, None if pose is None else pose.tobytes())
+        key = (id(room.shortest), other, None if pose is None else pose.tobytes())  # which rooms of twins share
         if key not in self._known:
             there = () if other is None or pose is None else self._pieces[other].obstacles(pose)
             standing = (*room.scenario.obstacles, *self._standing, *there)

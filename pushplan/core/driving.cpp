@@ -11,25 +11,9 @@ namespace {
 // Arcs below this (m, rad) are left out.
 constexpr double SHORTEST = 1e-12;
 
-// Letters of a car's words: their arcs are worked out once, as each of some twenty words has three to five of them.
-struct Letters {
-    std::array<Twist, 3> ahead; // by the sign of the curvature: right, straight, left; scaled to a cost rate of 1
-    std::array<double, 3> rate;
-    std::array<double, 3> extent; // how fast the axle moves and turns
-
-    explicit Letters(const Wheels &wheels) {
-        for (int k = 0; k < 3; ++k) {
-            const Twist twist{1.0, 0.0, (k - 1) / wheels.radius}, u = wheels.of_robot(twist);
-            rate[k] = cost_rate(u);
-            ahead[k] = {u.vx / rate[k], u.vy / rate[k], u.omega / rate[k]};
-            extent[k] = 1.0 + std::abs(twist.omega);
-        }
-    }
-};
-
 void find_car_words(const Wheels &wheels, double x, double y, double phi, DrivenWords &found) {
     const double r = wheels.radius;
-    const Letters letters(wheels);
+    const Letters &letters = wheels.letters;
     ReedsSheppWords words;
     find_reeds_shepp(x / r, y / r, phi, words);
     for (const ReedsSheppWord &word : words) {
@@ -98,6 +82,15 @@ bool is_free(const Surroundings &around, const Pose &start, const DrivenWord &wo
 }
 
 } // namespace
+
+Wheels::Wheels(WheelKind kind, const Pose &axle, double radius) : kind(kind), axle(axle), radius(radius) {
+    for (int k = 0; kind == WheelKind::CAR && k < 3; ++k) {
+        const Twist twist{1.0, 0.0, (k - 1) / radius}, u = of_robot(twist);
+        const double rate = cost_rate(u);
+        letters.ahead[k] = {u.vx / rate, u.vy / rate, u.omega / rate};
+        letters.rate[k] = rate, letters.extent[k] = 1.0 + std::abs(twist.omega);
+    }
+}
 
 void DrivenWord::add(const Wheels &wheels, const Twist &twist, double time) {
     if (time * (std::hypot(twist.vx, twist.vy) + std::abs(twist.omega)) <= SHORTEST)

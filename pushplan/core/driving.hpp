@@ -8,6 +8,14 @@ namespace pushplan {
 
 enum class WheelKind { OMNIDIRECTIONAL, DIFFERENTIAL, CAR };
 
+// Letters of a car's words by the sign of the curvature: right, straight, left. Each of some twenty words has three to
+// five of them.
+struct Letters {
+    std::array<Twist, 3> ahead; // of the robot, scaled to a cost rate of 1
+    std::array<double, 3> rate;
+    std::array<double, 3> extent; // how fast the axle moves and turns
+};
+
 // How the robot can move alone.
 //
 // Words are about the axle: a frame, at a pose in the robot's frame, in the axle's middle with +x forward; of an
@@ -16,6 +24,9 @@ struct Wheels {
     WheelKind kind;
     Pose axle;
     double radius; // m, smallest turning radius of the axle's middle; of a car only
+    Letters letters{}; // of a car only
+
+    Wheels(WheelKind kind, const Pose &axle, double radius);
 
     // The robot's twist when the axle's frame moves along one.
     Twist of_robot(const Twist &twist) const {
