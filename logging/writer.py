@@ -83,7 +83,8 @@ class RunLogWriter:
         ...     log.plan(plan(scenario, seed=1))
         ...     log.finish("solved")
 
-    Without `finish`, or with an exception inside, the file stays under `partial` and its metadata say why.
+    Without `finish`, or with an exception inside, the file stays under `partial` and its metadata say why. Whatever
+    writes raises OutputError when the file cannot be written.
     """
 
     def __init__(self, file: Output, scenario: Scenario) -> None:
@@ -115,9 +116,6 @@ class RunLogWriter:
             settings: Names and values for the metadata `pushplan.run`: planner, set, seed, ...
             words: The metadata `pushplan.run` of a run that is over; None for one that begins now.
             new: Refuse a name that there is already.
-
-        Raises:
-            OutputError: When the file cannot be written.
         """
         file = Output(path, new=new)
         try:
@@ -168,29 +166,17 @@ class RunLogWriter:
         self.line(LogLine(time, level, text))
 
     def line(self, line: LogLine) -> None:
-        """Write a line to /log as it is.
-
-        Raises:
-            OutputError: When the file cannot be written.
-        """
+        """Write a line to /log as it is."""
         self._others.append(line)
         self._numbered(LINE, (line.time, line.level, line.text))
 
     def note(self, name: str, words: Mapping[str, str]) -> None:
-        """Write metadata under a name that begins with `pushplan.`.
-
-        Raises:
-            OutputError: When the file cannot be written.
-        """
+        """Write metadata under a name that begins with `pushplan.`."""
         metadata.add_words_to_digest(self._digest, name, words)
         self._writer.add_metadata(name, dict(words))
 
     def improved(self, point: Improvement) -> None:
-        """Write an improvement of the best path.
-
-        Raises:
-            OutputError: When the file cannot be written.
-        """
+        """Write an improvement of the best path."""
         number = len(self._run.improvements)
         words = {"found_s": metadata.exact(point.seconds), "path_cost": repr(point.cost)}
         self.note(f"{metadata.PROGRESS}.{number:04d}", words)
@@ -198,11 +184,7 @@ class RunLogWriter:
         self._run = replace(self._run, improvements=(*self._run.improvements, point))
 
     def plan(self, plan: Plan) -> None:
-        """Write what planning found, and what it took; improvements that `improved` has written are not repeated.
-
-        Raises:
-            OutputError: When the file cannot be written.
-        """
+        """Write what planning found, and what it took; improvements that `improved` has written are not repeated."""
         for point in plan.improvements[len(self._run.improvements) :]:
             self.improved(point)
         self.note(metadata.PLANNING, metadata.planning_words(plan))
@@ -257,11 +239,7 @@ class RunLogWriter:
             raise RunLogError(str(self._file.path), what)
 
     def measured(self, measured: Measured) -> None:
-        """Write what a closed loop has measured since the last time.
-
-        Raises:
-            OutputError: When the file cannot be written.
-        """
+        """Write what a closed loop has measured since the last time."""
         before = self._feedback()
         self._numbered(MEASURED, measured)
         if len(before.measured.t):
@@ -270,21 +248,13 @@ class RunLogWriter:
         self._run = replace(self._run, feedback=replace(before, measured=measured))
 
     def event(self, event: Event) -> None:
-        """Write something that a closed loop has noticed or done.
-
-        Raises:
-            OutputError: When the file cannot be written.
-        """
+        """Write something that a closed loop has noticed or done."""
         before = self._feedback()
         self._numbered(EVENT, event)
         self._run = replace(self._run, feedback=replace(before, events=(*before.events, event)))
 
     def replan(self, replan: Replan) -> None:
-        """Write an attempt to plan on the way.
-
-        Raises:
-            OutputError: When the file cannot be written.
-        """
+        """Write an attempt to plan on the way."""
         before = self._feedback()
         result: Any = replan.result  # see `topics`
         result = None if result is None else metadata.without_clock(result)
@@ -292,11 +262,7 @@ class RunLogWriter:
         self._run = replace(self._run, feedback=replace(before, replans=(*before.replans, replan)))
 
     def trial(self, end: TrialEnd) -> None:
-        """Write how the plan ended in a sampled world.
-
-        Raises:
-            OutputError: When the file cannot be written.
-        """
+        """Write how the plan ended in a sampled world."""
         self._numbered(TRIAL, end)
 
     def _feedback(self) -> Feedback:
@@ -305,11 +271,7 @@ class RunLogWriter:
         return self._run.feedback or Feedback(nothing, (), ())
 
     def closed_loop(self, execution: Execution, feedback: Feedback) -> None:
-        """Write the execution of a closed loop that is over with all that was measured, noticed and planned.
-
-        Raises:
-            OutputError: When the file cannot be written.
-        """
+        """Write the execution of a closed loop that is over with all that was measured, noticed and planned."""
         if len(feedback.measured.t):
             self.measured(feedback.measured)
         for event in feedback.events:

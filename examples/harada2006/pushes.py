@@ -96,7 +96,7 @@ def _simulate(
 ) -> ContactReport:
     """Return the report of a motion from `start`; one of its steps counts as `dt`."""
     began = perf_counter()
-    recording = drive(chain, motion, settings, watch.placed, watch)
+    recording = drive(chain, motion, settings, watch)
     poses = se2.compose(start, recording.motions[:, -1])
     objects = se2.compose(start, se2.compose(recording.motions[:, :-1], chain.places))
     t = np.asarray(dt * recording.steps, dtype=np.float64)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,9 +18,6 @@ from pushplan.util.arrays import FloatArray, IntArray
 
 _BARELY = 1e-9
 """Least sliding speed that the feet are made for, m/s."""
-
-Watch = Callable[[float, FloatArray], bool]
-"""Called at every look with the share of the motion that is done and the motions (n + 1, 3); True ends the drive."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,72 +52,57 @@ class Recording:
     forces: FloatArray
 
 
+@dataclass(eq=False)
 class ContactWatch:
     """Looks at the contacts while a chain is pushed: from when on slides and gaps count, and whether to go on.
 
     Attributes:
+        chain: What is pushed.
+        tolerance: Slide or gap over the length of a segment above which a contact counts as moved.
+        begin: Share of the motion before which nothing counts.
+        end: Share after which nothing does.
         placed: (n, 3) how the objects stand off their places at the start, as motions of the chain frame, or None.
+        until_moved: Ask to stop when a contact has moved.
+        progress: Called with the share that is done.
         base: Number of the look from which slides and gaps count. Objects off their places touch with a corner only
             and have to close first, until no gap is wider than a tenth of the tolerance. None before that.
     """
 
-    def __init__(
-        self,
-        chain: Chain,
-        tolerance: float,
-        begin: float = 0.0,
-        end: float = 1.0,
-        placed: FloatArray | None = None,
-        until_moved: bool = False,
-        progress: Callable[[float], None] | None = None,
-    ) -> None:
-        """Watch `chain`.
+    chain: Chain
+    tolerance: float
+    begin: float = 0.0
+    end: float = 1.0
+    placed: FloatArray | None = None
+    until_moved: bool = False
+    progress: Callable[[float], None] | None = None
+    base: int | None = field(default=None, init=False)
 
-        Args:
-            chain: What is pushed.
-            tolerance: Slide or gap over the length of a segment above which a contact counts as moved.
-            begin: Share of the motion before which nothing counts.
-            end: Share after which nothing does.
-            placed: See the class.
-            until_moved: Ask to stop when a contact has moved.
-            progress: Called with the share that is done.
-        """
-        self.placed = placed
-        self.base: int | None = None
-        self._chain, self._begin, self._end = chain, begin, end
-        self._until_moved, self._progress = until_moved, progress
-        self._most = tolerance * np.array([contact.length for contact in chain.contacts])
-        self._looks = 0
-        self._reference: FloatArray | None = None
+    def __post_init__(self) -> None:
+        self._most = self.tolerance * np.array([contact.length for contact in self.chain.contacts])
+        self._looks, self._reference = 0, np.zeros(0)
 
-    def __call__(self, share: float, motions: FloatArray) -> bool:
-        """Take a look; tell whether to stop. See `Watch`."""
-        if self._progress is not None:
-            self._progress(share)
-        counts = self._begin <= share <= self._end
+    def look(self, share: float, motions: FloatArray) -> bool:
+        """Take a look at motions (n + 1, 3) when a share of the motion is done; tell whether to stop."""
+        if self.progress is not None:
+            self.progress(share)
+        counts = self.begin <= share <= self.end
         if self.base is None and counts and self._closed(motions):
             self.base, self._reference = self._looks, motions
         self._looks += 1
-        return self._until_moved and counts and self._reference is not None and self._moved(self._reference, motions)
+        return self.until_moved and counts and self.base is not None and self._moved(motions)
 
     def _closed(self, motions: FloatArray) -> bool:
         if self.placed is None:
             return True
-        opening = contact_motion(self._chain, motions[None], None)[1][0]
+        opening = contact_motion(self.chain, motions[None], None)[1][0]
         return bool((opening <= CLOSED * self._most).all())
 
-    def _moved(self, reference: FloatArray, motions: FloatArray) -> bool:
-        slide, opening, _ = contact_motion(self._chain, np.stack([reference, motions]))
+    def _moved(self, motions: FloatArray) -> bool:
+        slide, opening, _ = contact_motion(self.chain, np.stack([self._reference, motions]))
         return bool((np.maximum(np.abs(slide[1]), opening[1]) > self._most).any())
 
 
-def drive(
-    chain: Chain,
-    motion: Motion,
-    settings: PhysicsSettings,
-    placed: FloatArray | None = None,
-    watch: Watch | None = None,
-) -> Recording:
+def drive(chain: Chain, motion: Motion, settings: PhysicsSettings, watch: ContactWatch | None = None) -> Recording:
     """Push a chain with the plate along a motion.
 
     First everything is carried along as one for a few steps, so that the feet settle; then only the plate is.
@@ -129,8 +111,7 @@ def drive(
         chain: The chain.
         motion: What the plate is made to do.
         settings: See there.
-        placed: (n, 3) how the objects stand off their places, as motions of the chain frame; None for not at all.
-        watch: See there.
+        watch: Where the objects stand at first, and when to stop; None where they are in place, and to the end.
 
     Raises:
         MissingExtraError: When the engine is not installed.
@@ -141,7 +122,10 @@ def drive(
     placed_at = np.vstack([chain.places, np.zeros(3)])
     model = build_model(World.from_chain(chain), chain, placed_at, sliding, motion.dt, settings)
     bodies = np.arange(len(model.dofs))
-    begin, end = (_all_moved(pose, placed, len(bodies)) for pose in motion.poses[:2])
+    placed = np.zeros((len(bodies), 3))  # as motions of the chain frame, the plate's last
+    if watch is not None and watch.placed is not None:
+        placed[:-1] = watch.placed
+    begin, end = (se2.compose(pose, placed) for pose in motion.poses[:2])
     model.carry(True)
     for _ in range(settings.run_in):
         model.drive(bodies, begin, end)
@@ -151,23 +135,15 @@ def drive(
     return _push(model, motion, settings, watch, ForceMeter(chain.pusher.limits.force, motion.dt))
 
 
-def _all_moved(motion: FloatArray, placed: FloatArray | None, bodies: int) -> FloatArray:
-    """Return how all bodies have moved (n + 1, 3) when they follow the plate as they were placed."""
-    moved = np.tile(motion, (bodies, 1))
-    if placed is not None:
-        moved[:-1] = se2.compose(motion, placed)
-    return moved
-
-
 def _push(
-    model: PhysicsModel, motion: Motion, settings: PhysicsSettings, watch: Watch | None, meter: ForceMeter
+    model: PhysicsModel, motion: Motion, settings: PhysicsSettings, watch: ContactWatch | None, meter: ForceMeter
 ) -> Recording:
     """Drive the plate from look to look."""
     count = len(motion.poses) - 1
     looks = np.union1d(np.linspace(0, count, settings.samples + 1).astype(np.int64), motion.marks).astype(np.int64)
     steps, motions, forces, stalled = [0], [model.motions()], [np.zeros((0, 3))], False
     for begin, end in itertools.pairwise(looks.tolist()):
-        if stalled or (watch is not None and watch(begin / count, motions[-1])):
+        if stalled or (watch is not None and watch.look(begin / count, motions[-1])):
             break
         found, stalled = model.march(motion.poses[begin : end + 1], meter)
         steps.append(begin + len(found))
@@ -175,7 +151,7 @@ def _push(
         forces.append(-found)
     else:
         if watch is not None and not stalled:
-            watch(1.0, motions[-1])
+            watch.look(1.0, motions[-1])
     model.require_sound()
     return Recording(np.array(steps), np.array(motions), stalled, np.concatenate(forces)[:, :2])
 

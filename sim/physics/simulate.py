@@ -176,7 +176,7 @@ class _Push:
             self._tell(duration),
         )
         motion = Motion(dt, se2.relative(poses[0], poses), marks)
-        recording = drive(self.chain, motion, settings, watch.placed, watch)
+        recording = drive(self.chain, motion, settings, watch)
         return _Driven(recording, watch.base, poses[0], np.asarray(at[recording.steps], dtype=np.float64), marks)
 
     def _tell(self, duration: float) -> Callable[[float], None] | None:
