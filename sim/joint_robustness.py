@@ -254,11 +254,13 @@ class JointErrors:
         while high - low > FINE * high:
             scales = low + (high - low) * (np.arange(SECTIONS) + 1.0) / SECTIONS
             values = self.values(np.tile(scales, len(losing)), np.repeat(corners[losing], SECTIONS, axis=0), which)
-            gone = (values <= 0.0).any(axis=(1, 2)).reshape(-1, SECTIONS)
+            lost_at = (values <= 0.0).any(axis=2).reshape(len(losing), SECTIONS, -1)
+            gone = np.asarray(lost_at.any(axis=2))
             if not gone.any():
                 return (high, int(losing[0])) if lost else (most, None)
             first = np.where(gone.any(axis=1), gone.argmax(axis=1), SECTIONS)
             k, lost = int(first.min()), True
-            losing = losing[first == k]
+            losing, seen = losing[first == k], np.flatnonzero(np.any(lost_at[first == k, k], axis=0))
+            which = seen if which is None else which[seen]
             low, high = float(scales[k - 1]) if k else low, float(scales[k])
         return low, int(losing[0])
