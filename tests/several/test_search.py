@@ -1,7 +1,7 @@
 """The search for several pushes: exact graphs, sound bounds, descents that only descend, faces that fit."""
 
 import time
-from itertools import pairwise, product
+from itertools import pairwise, permutations, product
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from several.conftest import Problem, problem_document
 
 from pushplan.core.pushes import ARCS, find_passings, find_push, word_costs
 from pushplan.core.samples import descend
-from pushplan.core.sequences import cheapest_sequence
+from pushplan.core.sequences import cheapest_sequence, cheapest_tours
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import places
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes
@@ -61,6 +61,28 @@ def test_the_cheapest_sequence_is_the_cheapest_of_all(seed: int) -> None:
         along += sum(changes[a[2], a[0], b[0]] for a, b in pairwise(steps))
         assert along == pytest.approx(cost)
         assert (steps[1:, 1] == steps[:-1, 2]).all()
+
+
+def test_the_cheapest_tours_are_the_cheapest_of_all_orders() -> None:
+    random = np.random.default_rng(5)
+    entries, exits = (2, 1, 3), (1, 3, 2)
+    pushes = [random.random((3, 2, m, e)) for m, e in zip(entries, exits, strict=True)]
+    ways = [random.random((sum(exits), m)) for m in entries]
+    tours = cheapest_tours(ways, pushes)
+    own = np.split(np.arange(sum(exits)), np.cumsum(exits)[:-1])
+    for bits in product((0, 1), repeat=3):
+        loads = [k for k in range(3) if bits[k]]
+        best = np.full(sum(exits), np.inf)
+        for order in permutations(loads):
+            rest = np.zeros(sum(exits))
+            for at in reversed(range(len(order))):
+                left, load = order[at:], order[at]
+                push = np.max([pushes[load][k, int(k in left)] for k in range(3)], axis=0) + rest[own[load]]
+                rest = (ways[load] + push.min(axis=1)).min(axis=1)
+            best = np.minimum(best, rest)
+        np.testing.assert_allclose(tours[sum(1 << k for k in loads)], best if loads else 0.0)
+    with pytest.raises(ValueError, match="table of ways"):
+        cheapest_tours(ways[::-1], pushes)
 
 
 def side_by_side(problem: Problem, second_is: float = 0.15) -> Scenario:
