@@ -66,7 +66,7 @@ _Resolution = Annotated[float, Quantity("a length", units.LENGTH, 1e-4, 100.0, "
 class _MapFile(BaseModel):
     """What map_server reads; other keys are left to others."""
 
-    model_config = ConfigDict(extra="ignore")
+    model_config = ConfigDict(extra="ignore", defer_build=True)
 
     image: t.FileName = Field(description="the name of a picture")
     resolution: _Resolution = Field(description="the side of a cell, a length in m")

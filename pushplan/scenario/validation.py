@@ -7,7 +7,7 @@ import types
 from collections.abc import Sequence
 from typing import Any, TypeVar, get_args
 
-from pydantic import BaseModel, RootModel, ValidationError
+from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from pushplan.scenario import units
@@ -109,8 +109,6 @@ def _walk(model: type[BaseModel], location: Place) -> tuple[list[type[BaseModel]
 def _models_in(annotation: Any) -> list[type[BaseModel]]:
     """Return the models that an annotation mentions."""
     if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
-        if issubclass(annotation, RootModel):
-            return _models_in(annotation.model_fields["root"].annotation)
         return [annotation] if issubclass(annotation, BaseModel) else []
     return [model for part in get_args(annotation) for model in _models_in(part)]
 
