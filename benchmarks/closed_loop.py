@@ -239,7 +239,6 @@ def carry_out(
     return Row(closed, opened, errors[0], tuple(controller.replans), why, seconds, travel=travel, planned=planned)
 
 
-APART_NOW = "objects have slid against one another"
 HARSH = ("displaced", "slippery", "dragged", "unseen", "rough floor")
 
 
@@ -344,7 +343,7 @@ def main() -> int:
         return report([*carried_out(plans, arguments.verbose, arguments.physics)])
     if arguments.harsh:
         rows = [*endured(arguments.only, arguments.worlds, arguments.verbose)]
-        apart = [not row.closed and row.why.startswith(APART_NOW) for row in rows]
+        apart = [not row.closed and row.why.startswith("objects have slid against one another") for row in rows]
         print(
             f"{sum(apart)} of {len(rows)} runs say that objects have slid too far for one push to bring all to goals"
         )
@@ -373,11 +372,10 @@ def main() -> int:
 
 def endured(only: list[str] | None, worlds: int, verbose: bool) -> Iterator[Row]:
     """Let every packaged scenario, or those that are named, endure every large disturbance; print a line each."""
-    for what, name in itertools.product(HARSH, only or example_names()):
-        for seed in range(worlds):
-            row = harsh(load_scenario(name), what, seed, verbose)
-            print(f"{what:12} {name:22} {_told(row)}", flush=True)
-            yield row
+    for what, name, seed in itertools.product(HARSH, only or example_names(), range(worlds)):
+        row = harsh(load_scenario(name), what, seed, verbose)
+        print(f"{what:12} {name:22} {_told(row)}", flush=True)
+        yield row
 
 
 def carried_out(problems: Iterator[tuple[Scenario, Plan]], verbose: bool, physics: int) -> Iterator[Row]:
