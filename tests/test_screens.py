@@ -31,7 +31,7 @@ from pushplan.logging.film import Film, Still
 from pushplan.logging.page import render, write_html
 from pushplan.logging.scene import scene as messages_of
 from pushplan.plans.run import Run
-from pushplan.view import stage
+from pushplan.view import tone
 
 EVERY = pytest.mark.parametrize("kind", KINDS)
 
@@ -109,7 +109,8 @@ def test_one_thing_has_one_colour_everywhere(kind: str) -> None:
             assert rgb == palette.red_green_blue(expected[name])
     pytest.importorskip("viser")
     from pushplan.view.draft import Draft
-    from pushplan.view.stage import Stage, of_body
+    from pushplan.view.stage import Stage
+    from pushplan.view.tone import of_body
 
     seen, draft = Seen(), Draft.of(run.scenario)
     stage = Stage(seen, draft)
@@ -122,17 +123,17 @@ def test_a_colour_that_the_window_is_told_is_seen_as_the_palette_has_it() -> Non
     """Through the filmic curve of three.js, written down here as three.js has it."""
 
     def seen(linear: Any) -> Any:
-        v = stage.INTO @ (np.asarray(linear) / 0.6)
+        v = tone.INTO @ (np.asarray(linear) / 0.6)
         v = (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081)
-        mapped = np.clip(stage.OUT @ v, 0.0, 1.0)
+        mapped = np.clip(tone.OUT @ v, 0.0, 1.0)
         return 255.0 * np.where(mapped < 0.0031308, 12.92 * mapped, 1.055 * mapped ** (1.0 / 2.4) - 0.055)
 
     for colour in (*palette.OBJECTS, *palette.NAMED.values(), palette.ROBOT, palette.PLATE, palette.BLOCKING):
-        told = np.array(stage.of_body(colour)) / 255.0
-        lit = stage.LIGHT * np.where(told < 0.04045, told / 12.92, ((told + 0.055) / 1.055) ** 2.4)
+        told = np.array(tone.of_body(colour)) / 255.0
+        lit = tone.LIGHT * np.where(told < 0.04045, told / 12.92, ((told + 0.055) / 1.055) ** 2.4)
         np.testing.assert_allclose(seen(lit), palette.red_green_blue(colour), atol=3.0)
     for colour in (palette.PATH, palette.GOAL, palette.ALONE, palette.WALL, *(c for _, c in palette.MARGINS)):
-        told = np.array(stage.of_line(colour)) / 255.0
+        told = np.array(tone.of_line(colour)) / 255.0
         np.testing.assert_allclose(seen(told), palette.red_green_blue(colour), atol=5.0)
 
 

@@ -32,7 +32,7 @@ from pushplan.util.arrays import FloatArray
 from pushplan.view import answers as answering
 from pushplan.view.answers import Answers, Worker
 from pushplan.view.draft import Draft
-from pushplan.view.stage import of_line
+from pushplan.view.tone import of_line
 
 KINDS = ("push", "multi-push", "rearrangement")
 

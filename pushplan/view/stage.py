@@ -10,12 +10,12 @@ import shapely
 import trimesh
 
 from pushplan.drawing import palette
-from pushplan.drawing.palette import red_green_blue
 from pushplan.drawing.scene import Line, Scene, piece_colours
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import BodyKind
 from pushplan.util.arrays import FloatArray
 from pushplan.view.draft import GOAL, MOST_DRAGGED, ROBOT, START, Draft
+from pushplan.view.tone import of_body, of_line
 
 _HEIGHT = 0.04
 """Of all bodies in the picture, m."""
@@ -28,7 +28,7 @@ _GRID = "#bcc1c7"
 _FLOOR = 10.0
 """Half the side of the floor of a room without walls, m."""
 _AMBIENT, _SUN = 5.0, 4.4
-"""Strengths of the lights, in viser's measure; `LIGHT` is measured with them."""
+"""Strengths of the lights, in viser's measure; `tone.LIGHT` is measured with them."""
 _OUTLINES = 12
 """Places along a single push at which the chain is outlined."""
 
@@ -263,43 +263,3 @@ def _pose(node: Any) -> FloatArray:
     w, _, _, z = node.wxyz
     angle = float(se2.wrap_angle(2.0 * np.arctan2(z, w)))
     return np.array([node.position[0], node.position[1], angle])
-
-
-LIGHT = 3.0
-"""Times as bright as its colour is a body's top under the lights of the window; measured on its pixels."""
-
-# The window's colours go through the filmic curve of three.js (ACES, S. Hill's fit), which makes them pale: a matrix,
-# a quotient of quadratic polynomials for each channel, another matrix. Here it is inverted, so that a colour is seen
-# as it is drawn everywhere else. Vertices of lines have linear colours, bodies the colours that light leaves.
-EXPOSURE = 1.0 / 0.6
-INTO = np.array([[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]])
-OUT = np.array([[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]])
-CURVE = (0.0245786, 0.000090537, 0.983729, 0.4329510, 0.238081)
-"""(v^2 + a v - b) / (c v^2 + d v + e)."""
-
-
-def of_line(colour: str) -> tuple[int, int, int]:
-    """Return the parts, 0 to 255, of the colour of a line that shall be seen in a colour `#rrggbb`."""
-    return _parts(_before_curve(colour))
-
-
-def of_body(colour: str) -> tuple[int, int, int]:
-    """Return the parts, 0 to 255, of the colour of a body that shall be seen in a colour `#rrggbb` from above."""
-    lit = np.clip(_before_curve(colour) / LIGHT, 0.0, 1.0)
-    return _parts(np.where(lit <= 0.0031308, 12.92 * lit, 1.055 * lit ** (1.0 / 2.4) - 0.055))
-
-
-def _before_curve(colour: str) -> FloatArray:
-    """Return the linear light (3,) that the curve turns into a colour."""
-    share = np.array(red_green_blue(colour)) / 255.0
-    seen = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    y, (a, b, c, d, e) = np.linalg.solve(OUT, seen), CURVE
-    # (1 - c y) v^2 + (a - d y) v - (b + e y) = 0
-    square, linear, rest = 1.0 - c * y, a - d * y, b + e * y
-    v = (np.sqrt(linear**2 + 4.0 * square * rest) - linear) / (2.0 * square)
-    return np.asarray(np.linalg.solve(INTO, v) / EXPOSURE)
-
-
-def _parts(shares: FloatArray) -> tuple[int, int, int]:
-    red, green, blue = (round(255.0 * float(part)) for part in np.clip(shares, 0.0, 1.0))
-    return red, green, blue
