@@ -33,6 +33,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from closed_loop import way_of
 from numpy.typing import ArrayLike
 from tracker import Tracker
 
@@ -296,7 +297,7 @@ def run(job: Job) -> Row:
     if job.what == "disturbances":
         world, disturbance = _disturbed(world, plan.trajectory.duration, random)
     simulator: Simulator = SlipSimulator(world)
-    planned = float(np.hypot(*np.diff(plan.trajectory.poses[:, :2], axis=0).T).sum())
+    planned = way_of(plan.trajectory.poses)
     if job.what == "slides":
         begin, contact = random.uniform(0.1, 0.7) * planned, int(random.integers(len(world.names)))
         simulator = Sliding(world, controller, begin, contact, random.choice([-1.0, 1.0]))
@@ -332,7 +333,7 @@ def run(job: Job) -> Row:
         "arrived elsewhere" if outcome == "arrived" and not there else outcome,
         (float(error[0]), float(error[1])),
         sum(replan.solved for replan in controller.replans),
-        float(np.hypot(*np.diff(course.poses[:, :2], axis=0).T).sum()),
+        way_of(course.poses),
         planned,
         noticed,
         seconds,

@@ -41,7 +41,20 @@ if TYPE_CHECKING:
 _SIDES = 12
 
 
-class StableUnknownSet(StableSet):
+class _UnknownLoadSet(StableSet):
+    """A set that asks for nothing of loads but what a chain with intervals states of them, if there is one."""
+
+    def __init__(self, chain: Chain, interval: IntervalChain | None) -> None:
+        super().__init__(chain)
+        self._as_numbers = interval is None
+
+    @property
+    def loads_known(self) -> bool:
+        """Whether the load under every object is known, in its distribution and as a number."""
+        return self._as_numbers and super().loads_known
+
+
+class StableUnknownSet(_UnknownLoadSet):
     """Twists that STABLE accepts at every contact: a convex cone inside `robust`.
 
     The margin is the sine of the angle, on the twist sphere, to the nearest of the great circles above.
@@ -58,16 +71,10 @@ class StableUnknownSet(StableSet):
     name = "stable"
 
     def __init__(self, chain: Chain, interval: IntervalChain | None = None) -> None:
-        super().__init__(chain)
-        self._as_numbers = interval is None
+        super().__init__(chain, interval)
         rows = _chain_rows(chain, interval)
         self._owner = np.repeat(np.arange(len(rows)), [len(part) for part in rows])
         self._rows = np.concatenate(rows)
-
-    @property
-    def loads_known(self) -> bool:
-        """Whether the load under every object is known, in its distribution and as a number."""
-        return self._as_numbers and super().loads_known
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""
@@ -141,7 +148,7 @@ def _around(shift: float) -> FloatArray:
     return np.asarray(shift / np.cos(np.pi / _SIDES) * corners, dtype=np.float64)
 
 
-class RobustSet(StableSet):
+class RobustSet(_UnknownLoadSet):
     """Twists that every pressure with the given centres lets all contacts transmit.
 
     Feet carry any loads that balance; any other support counts as its convex hull, with any pressure. A load
@@ -159,14 +166,8 @@ class RobustSet(StableSet):
     name = "robust"
 
     def __init__(self, chain: Chain, interval: IntervalChain | None = None) -> None:
-        super().__init__(chain)
-        self._as_numbers = interval is None
+        super().__init__(chain, interval)
         self._packed = pack_centred(chain, interval)
-
-    @property
-    def loads_known(self) -> bool:
-        """Whether the load under every object is known, in its distribution and as a number."""
-        return self._as_numbers and super().loads_known
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""

@@ -80,9 +80,8 @@ def bodies_of(world: World, chain: Chain | None = None) -> Bodies:
     n = len(objects)
     outlines = [*enumerate(obj.outline for obj in objects), *((n, part) for part in carried)]
     outlines += [(n + 1, one.outline) for one in world.obstacles if not isinstance(one, CircleObstacle)]
-    pieces = [piece for number, outline in outlines for piece in cut(number, outline)] + _round_and_walls(
-        world, n + 1
-    )
+    pieces = [piece for number, outline in outlines for piece in cut(number, outline)]
+    pieces += _round_and_walls(world, n + 1)
     return Bodies(objects, outlines, pieces, _pairs(world, chain, [obj.name for obj in objects], pieces))
 
 
