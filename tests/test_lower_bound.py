@@ -8,7 +8,9 @@ import pytest
 from conftest import there
 from plans_of import load_plain
 
+import pushplan.planners.infeasible.bounds as bounds
 from pushplan.core.problem import find_words
+from pushplan.geometry import se2
 from pushplan.planners.controls import control_segments, steering_families
 from pushplan.planners.infeasible.bounds import lower_bound, turn_bound
 from pushplan.planners.planner import plan
@@ -57,6 +59,22 @@ def test_a_block_in_the_way_has_to_be_passed_on_its_short_side() -> None:
     found = bound_of(replace(scenario, obstacles=(PolygonObstacle(corners),)))
     assert found <= exact
     assert found == pytest.approx(exact, rel=2e-3)
+
+
+def test_no_way_gets_shorter_by_bends_around_which_it_would_not_lie(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng, scenario, found = np.random.default_rng(5), scenario_from_text(AHEAD, "ahead.yaml"), []
+    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    for _ in range(12):
+        poses = rng.uniform([0.3, -0.5, 0.0], [1.7, 0.5, 6.0], (8, 3))
+        outlines = [se2.transform_points(pose, rng.uniform(0.03, 0.15) * square) for pose in poses]
+        blocked = replace(scenario, obstacles=tuple(map(PolygonObstacle, outlines)))
+        with monkeypatch.context() as anywhere:
+            anywhere.setattr(bounds, "STRAIGHT", math.inf)
+            anywhere.setattr(bounds, "MOST_SIGHTS", math.inf)
+            of_all = bound_of(blocked)
+        found.append((bound_of(blocked), of_all))
+    np.testing.assert_allclose(*np.array(found).T, rtol=1e-9)
+    assert np.ptp(found) > 0.1
 
 
 @pytest.mark.parametrize("name", example_names())

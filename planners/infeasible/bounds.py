@@ -125,6 +125,9 @@ def _floor(scenario: Scenario, radius: float) -> BaseGeometry:
 TOUCH = 1e-7
 """Ways may cut into what is blocked by so much (m): they run along its edges."""
 
+STRAIGHT = 1e-12
+"""What edges are on two sides of a line counts as rounding, m^4."""
+
 MOST_SIGHTS = 10_000
 """Lines of sight looked at, at most; the bound found until then is returned."""
 
@@ -188,14 +191,17 @@ def _way_around(scenario: Scenario, disc: Disc, most: float) -> float:
     radius = disc.radius + scenario.clearance - CLEARANCE_ROOM
     start, goal = disc.at(scenario.start), disc.at(scenario.goal.pose_chain)
     shape = blocked(scenario.obstacles, radius)
-    points = _corners(shape, shapely.get_coordinates([start, goal]), most)
+    points, edges = _corners(shape, shapely.get_coordinates([start, goal]), most)
     inside = shape.buffer(-TOUCH, join_style="mitre")
     shapely.prepare(inside)
-    return _shortest(points, inside)
+    return _shortest(points, edges, inside)
 
 
-def _shortest(points: FloatArray, inside: BaseGeometry) -> float:
-    """Length of the shortest way from the first of points (k, 2) to the second along lines that miss a shape."""
+def _shortest(points: FloatArray, edges: FloatArray, inside: BaseGeometry) -> float:
+    """Length of the shortest way from the first of points (k, 2) to the second along lines that miss a shape.
+
+    Where it bends, both edges (k, 2, 2) that leave a point are on one side of it.
+    """
     ahead = np.linalg.norm(points - points[1], axis=1)
     so_far = np.where(np.arange(len(points)) == 0, 0.0, np.inf)
     queue, done, sights = [(float(ahead[0]), 0)], np.zeros(len(points), dtype=bool), 0
@@ -206,8 +212,10 @@ def _shortest(points: FloatArray, inside: BaseGeometry) -> float:
         if done[here]:
             continue
         done[here] = True
-        steps = so_far[here] + np.linalg.norm(points - points[here], axis=1)
-        better = np.flatnonzero(steps < so_far)
+        away = points - points[here]
+        steps = so_far[here] + np.hypot(*away.T)
+        sides = away[:, None, 0] * edges[..., 1] - away[:, None, 1] * edges[..., 0]
+        better = np.flatnonzero((steps < so_far) & (sides[:, 0] * sides[:, 1] > -STRAIGHT))
         sights += len(better)
         if sights > MOST_SIGHTS:
             return through
@@ -218,11 +226,20 @@ def _shortest(points: FloatArray, inside: BaseGeometry) -> float:
     return float(ahead[0])
 
 
-def _corners(shape: BaseGeometry, ends: FloatArray, most: float) -> FloatArray:
-    """Start, goal (2, 2) and the corners of a shape that ways of at most `most` can pass, (k, 2)."""
-    corners = shapely.get_coordinates(shape)
+def _corners(shape: BaseGeometry, ends: FloatArray, most: float) -> tuple[FloatArray, FloatArray]:
+    """Return start, goal (2, 2) and the corners of a shape that ways of at most `most` can pass, (k, 2).
+
+    Also the edges (k, 2, 2) that go from each to its neighbours; they are zero at start and goal.
+    """
+    corners, ring = shapely.get_coordinates(shapely.get_rings(shapely.get_parts(shape)), return_index=True)
+    begins = np.flatnonzero(np.diff(ring, prepend=-1))
+    forth = np.roll(corners, -1, axis=0) - corners
+    back = np.roll(corners, 1, axis=0) - corners
+    back[begins] = back[np.roll(begins, -1) - 1]  # a ring ends with its first corner
     through = np.linalg.norm(corners - ends[0], axis=1) + np.linalg.norm(corners - ends[1], axis=1)
-    return np.concatenate([ends, corners[through <= most + TOUCH]])
+    kept = (np.diff(ring, append=-1) == 0) & (through <= most + TOUCH)
+    edges = np.stack([back, forth], axis=1)[kept]
+    return np.concatenate([ends, corners[kept]]), np.concatenate([np.zeros((2, 2, 2)), edges])
 
 
 BINS, STRIDE = 360, 3
@@ -359,16 +376,17 @@ class _Side(NamedTuple):
             return cls(np.full((len(LENGTHS), BINS), NEVER), np.full(BINS, math.inf))
         tightest, widest = np.minimum(sectors[:, :2], WIDEST).T
         middles = BIN * (0.5 + np.arange(BINS))
-        off = np.abs(se2.wrap_angle(middles[:, None] + sectors[:, 2])) - sectors[:, 3] - 0.5 * BIN
+        # Sectors come first: the least over them is taken of whole rows, in a third of the time.
+        off = np.abs(se2.wrap_angle(middles + sectors[:, 2:3])) - sectors[:, 3:] - 0.5 * BIN
         cosines = np.cos(np.clip(off, 0.0, math.pi))
         # What a turn costs above p . R v is linear in its radius but for a corner: least at one of these.
         rho, longest = np.full((len(LENGTHS), BINS), math.inf), np.full(BINS, math.inf)
         for radius in (tightest, widest, np.clip(price.radius, tightest, widest)):
-            cost, ahead = price.weight + np.maximum(radius, price.radius), radius * cosines
-            rho = np.minimum(rho, [np.min(cost - p * ahead, axis=1) for p in LENGTHS])
+            cost, ahead = price.weight + np.maximum(radius, price.radius)[:, None], radius[:, None] * cosines
+            rho = np.minimum(rho, [np.min(cost - p * ahead, axis=0) for p in LENGTHS])
             # Where v may go straight, the straight pushes hold p.
-            held = np.where(np.isinf(sectors[:, 1]) & (radius == WIDEST), 0.0, ahead)
-            longest = np.minimum(longest, np.min(cost / np.maximum(held, 1e-12), axis=1))
+            held = np.where((np.isinf(sectors[:, 1]) & (radius == WIDEST))[:, None], 0.0, ahead)
+            longest = np.minimum(longest, np.min(cost / np.maximum(held, 1e-12), axis=0))
         return cls(rho, longest)
 
 
