@@ -12,7 +12,7 @@ import numpy as np
 from pushplan.core.driving import Surroundings, shortest_drives
 from pushplan.core.pushes import PackedMode, approaches_are_free, find_passings, find_push, settles, word_costs
 from pushplan.core.sequences import cheapest_sequence
-from pushplan.core.transit import find_transit, shortened, transit_is_free
+from pushplan.core.transit import find_transit, shortened
 from pushplan.geometry import se2
 from pushplan.planners.multi.room import DETOUR, PushRoom, Question, lower_bounds
 from pushplan.planners.problem import sampling_box
@@ -56,8 +56,8 @@ class PushSequence:
     cost_to_go: float = 0.0
 
 
-EFFORT = (30, 200, 1000)
-"""Poses drawn in search of a way of the robot: a way that is not found is looked for again, with more, later on."""
+EFFORT = 200
+"""Poses drawn in search of a way of the robot, at most."""
 
 SHORTCUTS = 200
 """Tries to shorten a way."""
@@ -105,7 +105,6 @@ class Graph:
         self._to, self._on = np.zeros(0), np.zeros(0)
         self._known_pushes: dict[tuple[int, int, int], FloatArray] = {}
         self._known_transits: dict[Change, FloatArray] = {}
-        self._postponed: list[tuple[Change, int, float]] = []
         self.looked_at = 0
         self.leaves = np.array([settles(c.scene, c.packed, question.load) for c in room.contacts])
         self.changes = self._changed(room.shortest)
@@ -213,7 +212,7 @@ class Graph:
         if way[:, 3].sum() > least + SHORTER:
             way = shortened(around, wheels, step.start, way, self._state, SHORTCUTS)
         if way[:, 3].sum() > LONG * least:
-            other = self._found_transit(around, step.start, goal, EFFORT[0])
+            other = self._found_transit(around, step.start, goal)
             if other is not None:
                 other = shortened(around, wheels, step.start, other, self._state, SHORTCUTS)
                 way = min(way, other, key=lambda arcs: float(arcs[:, 3].sum()))
@@ -247,7 +246,7 @@ class Graph:
                 continue
             change, load = (0, FIRST, int(k)), self.poses[0]
             if change not in self._known_transits:
-                self._look_at_transit(change, 0)
+                self._look_at_transit(change)
             if change in self._known_transits:
                 way = self._known_transits[change]
                 yield Step(int(k), load, load, self._question.robot, way, np.zeros((0, 4)), 0.0)
@@ -264,7 +263,7 @@ class Graph:
                 return False
         changes = [(v, m, q) for (m, _, v), (q, _, _) in pairwise(rows) if m != q]
         for change in [*changes, (0, FIRST, rows[0][0])]:
-            if change not in self._known_transits and not self._look_at_transit(change, 0):
+            if change not in self._known_transits and not self._look_at_transit(change):
                 return False
         return True
 
@@ -283,61 +282,27 @@ class Graph:
         """Return what comes after a plan that ends with a contact at a node, m; nothing where no plan ends."""
         return float(self._cost_to_go[m, v - 1]) if 1 <= v <= self.goals else 0.0
 
-    def _look_at_transit(self, change: Change, level: int) -> bool:
-        """Find the way of a change, return whether it costs what was assumed; one that is not found is put off."""
+    def _look_at_transit(self, change: Change) -> bool:
+        """Find the way of a change, return whether it costs what was assumed."""
         v, left, taken = change
-        assumed = self._first[taken] if left == FIRST else self._change[v, left, taken]
-        arcs = self._transit(change, level)
+        load, second = self.poses[v], self._room.contacts[taken].packed
+        start, goal = self._transit_start(change), second.robot_at(load, second.approach)
+        arcs, cost = self._found_transit(self._room.around(load), start, goal), np.inf
         self.looked_at += 1
-        if arcs is None:
-            cost = np.inf
-            if level + 1 < len(EFFORT):
-                self._postponed.append((change, level + 1, float(assumed)))
-        else:
+        if arcs is not None:
             length = float(arcs[:, 3].sum())
             self._known_transits[change] = arcs
             cost = self._weighed(length + self._pushes.approach) if left == FIRST else self._changed(length)
+        assumed = self._first[taken] if left == FIRST else self._change[v, left, taken]
         if left == FIRST:
             self._first[taken] = cost
         else:
             self._change[v, left, taken] = cost
         return bool(cost <= assumed + SAME)
 
-    def try_harder(self, most: int = len(EFFORT)) -> bool:
-        """Look again, with more effort, for a way that was not found; return whether there was one to look for.
-
-        Args:
-            most: The most effort, an index of `EFFORT`, that may be spent.
-        """
-        self._postponed.sort(key=lambda item: (item[1], item[2]))
-        if not self._postponed or self._postponed[0][1] > most:
-            return False
-        change, level, assumed = self._postponed.pop(0)
-        v, left, taken = change
-        if left == FIRST:
-            self._first[taken] = assumed
-        else:
-            self._change[v, left, taken] = assumed
-        self._look_at_transit(change, level)
-        return True
-
-    def _transit(self, change: Change, level: int) -> FloatArray | None:
-        v, left, taken = change
-        load, second = self.poses[v], self._room.contacts[taken].packed
-        around = self._room.around(load)
-        goal = second.robot_at(load, second.approach)
-        start = self._transit_start(change)
-        if left != FIRST:
-            known = self._room.transit_around(left, taken)
-            if known is not None and transit_is_free(around, start, known):
-                return known
-        return self._found_transit(around, start, goal, EFFORT[level])
-
-    def _found_transit(
-        self, around: Surroundings, start: FloatArray, goal: FloatArray, effort: int
-    ) -> FloatArray | None:
+    def _found_transit(self, around: Surroundings, start: FloatArray, goal: FloatArray) -> FloatArray | None:
         reach = 1.0 + self._room.scenario.chain.reach  # m: how far from the ends poses are drawn
-        return find_transit(around, self._room.wheels, start, goal, self._box, reach, self._state, effort)
+        return find_transit(around, self._room.wheels, start, goal, self._box, reach, self._state, EFFORT)
 
     def _transit_start(self, change: Change) -> FloatArray:
         """Return where the robot's frame (3,) is before it drives to a contact."""
@@ -382,9 +347,6 @@ class Graph:
         self._known_transits = {
             (place[v], left, taken): arcs for (v, left, taken), arcs in self._known_transits.items() if v in place
         }
-        self._postponed = [
-            ((place[v], left, taken), level, cost) for (v, left, taken), level, cost in self._postponed if v in place
-        ]
 
 
 BESIDE = np.array(

@@ -9,17 +9,15 @@ import numpy as np
 
 from pushplan.core.collision import SLACK, Scene, sweep_is_free
 from pushplan.core.driving import Surroundings, WheelKind, Wheels, shortest_drives
-from pushplan.core.problem import MOST_FAMILIES
 from pushplan.core.pushes import PackedMode
 from pushplan.core.transit import find_transit, shortened
 from pushplan.errors import EmptyStableSetError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
-from pushplan.planners.controls import MARGIN_FLOOR
 from pushplan.planners.multi.contact_modes import ContactMode
 from pushplan.planners.problem import open_scene, sampling_box, standing_in
 from pushplan.planners.scene import bounding_circle, convex_pieces, flatten, scene_of
-from pushplan.plans.path import TURN_WEIGHT, cost_rate
+from pushplan.plans.path import TURN_WEIGHT
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import TRANSIT_CLEARANCE
@@ -79,7 +77,6 @@ class PushRoom:
     load: Scene
     contacts: tuple[Contact, ...]
     shortest: FloatArray
-    _transits: dict[tuple[int, int], FloatArray | None] = field(default_factory=dict)
 
     @classmethod
     def of(cls, scenario: Scenario, modes: tuple[ContactMode, ...], level: int) -> PushRoom:
@@ -104,13 +101,13 @@ class PushRoom:
         return cls(scenario, wheels, robot, load, tuple(contacts), shortest_drives(wheels, left, taken))
 
     def of_twin(self, scenario: Scenario, modes: tuple[ContactMode, ...]) -> PushRoom:
-        """Return the same for a load that differs in name and place only; ways around it are shared."""
+        """Return the same for a load that differs in name and place only."""
         own = {mode.place: mode for mode in modes}
         contacts = (replace(contact, mode=own[contact.mode.place]) for contact in self.contacts)
         return replace(self, scenario=scenario, contacts=tuple(contacts))
 
     def with_obstacles(self, scenario: Scenario) -> PushRoom:
-        """Return it for a scenario that differs in what stands in the room; ways around the load are kept."""
+        """Return it for a scenario that differs in what stands in the room."""
         robot = self.robot.with_obstacles(*standing_in(scenario))
         contacts = tuple(
             Contact(one.mode, one.margin, one.packed, robot.with_body(one.scene.body, one.scene.body_bound))
@@ -121,24 +118,6 @@ class PushRoom:
     def around(self, load: FloatArray) -> Surroundings:
         """Return what the robot must not touch with the load at a pose (3,)."""
         return Surroundings(self.robot, self.load, load)
-
-    def transit_around(self, left: int, taken: int) -> FloatArray | None:
-        """Return a way (k, 4) around the load from one contact to another where nothing else is, None without any."""
-        if (left, taken) not in self._transits:
-            self._transits[left, taken] = self._find_transit(left, taken)
-        return self._transits[left, taken]
-
-    def _find_transit(self, left: int, taken: int) -> FloatArray | None:
-        first, second = self.contacts[left].packed, self.contacts[taken].packed
-        start, goal = first.robot_at(NOWHERE, first.retreat), second.robot_at(NOWHERE, second.approach)
-        open_room = self.robot.with_obstacles(flatten([]), np.zeros((0, 3)), np.zeros((0, 9)), NO_WALLS)
-        around = Surroundings(open_room, self.load, NOWHERE)
-        reach = 2.0 * (self.scenario.chain.reach + self.wheels.radius)
-        box, state = (-reach, -reach, reach, reach), np.zeros(1, dtype=np.uint64)
-        # More effort than for other ways: it is spent once for each pair of contacts.
-        spread = self.scenario.chain.reach
-        arcs = find_transit(around, self.wheels, start, goal, box, spread, state, 1000)
-        return None if arcs is None else shortened(around, self.wheels, start, arcs, state, 400)
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,27 +240,12 @@ def packed_mode(mode: ContactMode, margin: float, scenario: Scenario) -> PackedM
 
 
 def _families(mode: ContactMode, margin: float) -> FloatArray:
-    """Return the families that differ, and where there is room for one more, one with gentler turns."""
+    """Return the families that differ."""
     kept: list[FloatArray] = []
     for family in mode.controls(margin).families:
         if not any(np.array_equal(family, other) for other in kept):
             kept.append(family)
-    if len(kept) < MOST_FAMILIES and kept[0][1].any():
-        gentler = _gentler(kept[0])
-        margins = mode.stable.margin(gentler[gentler.any(axis=1)])
-        if (margins > margin + MARGIN_FLOOR).all():
-            kept.append(gentler)
     return np.array(kept)
-
-
-def _gentler(family: FloatArray) -> FloatArray:
-    """Return a family whose turns are combinations of the turns and the straight push."""
-    out = family.copy()
-    for k in (0, 2):
-        if family[k].any():
-            mixed = 0.4 * family[k] + 0.6 * family[1]
-            out[k] = mixed / cost_rate(mixed)
-    return out
 
 
 def reaches(load: Scene, mode: PackedMode) -> bool:

@@ -149,11 +149,6 @@ CROSSINGS = 40
 """So many of the poses where straight pushes cross are tried at first: each adds pushes to and from all others."""
 
 
-DEAR = 3.0
-"""A first plan that costs so much more than its bound, m, is taken only after more effort was spent on ways
-that were not found."""
-
-
 @dataclass(frozen=True, eq=False)
 class Found:
     """What a search came to.
@@ -238,14 +233,10 @@ def search(
             first = time.perf_counter() - began if first is None else first
             if improved is not None:
                 improved(best, graph.looked_at)
-        if best is not None and limits.first and best.cost > graph.bound + DEAR and graph.try_harder(1):
-            continue
         if best is not None and (limits.first or best.cost <= graph.bound * (1.0 + limits.gap)):
             break
         if graph.stuck or limits.over(batches, best is None):
             break
-        if best is None:
-            graph.try_harder()
         below = math.inf if best is None else best.cost - 1e-6
         if batches == 0:
             poses = _shortest_first(graph, crossings(question.load, question.goals, modes))
