@@ -144,7 +144,7 @@ def main() -> int:
         moments = thinned(trajectory.directions, trajectory.rates_at(trajectory.t), box.chain.characteristic_length)
         errors = JointErrors(Course(box.chain, moments), box)
         rho, corner = errors.worst()
-        assert rho == stated.joint
+        assert abs(rho / stated.joint - 1.0) < 1e-5
         rng = np.random.default_rng([asked.seed, count])
         count += 1
         rhos.append(rho)

@@ -1,4 +1,4 @@
-"""How far all numbers of a chain may be off at once on a plan: the scale of a box of errors.
+"""How far numbers of a chain may be off on a plan, each alone or all at once: the scale of a box of errors.
 
 rho = min over moments and contact conditions of sup {r: the condition holds for all |delta_j| <= r u_j}, u being the
 half widths of the box. In each number a condition is nearly monotonic, so its worst errors are a corner of the box.
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from pushplan.plans.load import Load
     from pushplan.sim.robustness import Course, Variants
 
-FINE = 1e-4
+FINE = 1e-6
 """Share of itself to which the scale is found."""
 
-SECTIONS = 8
-"""Scales that are asked at once."""
+SECTIONS, AT_ONCE, MOST_SECTIONS = 8, 512, 128
+"""Scales that are asked at once: more where few chains and moments are left, so that a call asks about so much."""
 
 CORNERS = 24
 """Corners that one linearisation may add."""
@@ -38,8 +38,8 @@ CORNERS = 24
 ROUNDS = 8
 """Linearisations at most."""
 
-WEAK = 192
-"""Moments with the least to spare that are asked before all are."""
+FEW, WEAK = 32, 192
+"""Moments with the least to spare that are asked before all are: of single numbers, and of all at once."""
 
 NO_CONTACT = 1e6
 """How negative the conditions of a chain count of which a contact has no length, N."""
@@ -74,6 +74,12 @@ class ErrorBox:
         n, off = len(chain.objects), BOX
         row = [off.floor_friction, off.mass, off.load, off.load, off.position, off.angle]
         return cls(chain, np.full(n, off.contact_friction), np.tile(row, (n, 1)))
+
+    @classmethod
+    def of_kind(cls, chain: Chain, kind: str) -> ErrorBox:
+        """Return the box about the numbers of a chain in which those of one kind are off by 1, 1 m or 1 rad."""
+        n = len(chain.objects)
+        return cls(chain, np.zeros(n), np.tile([float(kind == one) for one in KINDS], (n, 1)))
 
     @classmethod
     def of(cls, load: Load) -> ErrorBox:
@@ -114,26 +120,6 @@ class JointErrors:
     box: ErrorBox
 
     @cached_property
-    def _slopes(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-        """What the packed arrays `objects`, `parts` and `centers` change with a share of each load's lean in x and y.
-
-        They are linear in it, at least at floor level; above it what is left out is of second order.
-        """
-        chain = self.course.chain
-        found: list[tuple[FloatArray, FloatArray, FloatArray]] = []
-        for i, obj in enumerate(chain.objects):
-            for axis in (0, 1):
-                direction, most = self.course.most_lean(i, axis)
-                step = 0.01 * min(1.0, most)
-                if not step > 0.0:  # then `most` is zero, and nothing is asked
-                    continue
-                leant = [replace(obj, support=obj.support.leaning(direction, s)) for s in (-step, step)]
-                at = self.course.standing(i, leant)
-                objects, parts, centers = ((a[1] - a[0]) / (2.0 * step) for a in (at.objects, at.parts, at.centers))
-                found.append((objects, parts, centers))
-        return found
-
-    @cached_property
     def most(self) -> float:
         """Largest scale at which every number still means something: no load is negative, no friction."""
         widths, share = self.box.widths, self.box.contact_friction
@@ -144,7 +130,7 @@ class JointErrors:
         for i, (obj, row) in enumerate(zip(self.course.chain.objects, widths, strict=True)):
             leans = sum(row[2 + axis] / max(self.course.most_lean(i, axis)[1], 1e-300) for axis in (0, 1))
             if leans > 0.0:
-                least.append((1.0 - 1e-9) / leans)
+                least.append((1.0 - 1e-9 * (height > 0.0)) / leans)
             if height > 0.0:  # a push shifts more with more friction, and what leans bears less of it
                 room = push_room(obj, height)
                 least.append(max(room, 0.0) / (height * obj.floor_friction * (row[0] + leans) + 1e-300))
@@ -153,13 +139,16 @@ class JointErrors:
     def variants(self, scales: FloatArray, corners: FloatArray) -> Variants:
         """Return the chains at scales (q,) of points (q, n, 6) of the box, contact frictions at their lowest."""
         itself, chain = self.course.itself, self.course.chain
-        n = len(chain.objects)
         off = scales[:, None, None] * corners * self.box.widths
         arrays = [np.repeat(a, len(scales), axis=0) for a in (itself.objects, itself.parts, itself.centers)]
-        for k, slopes in enumerate(self._slopes):
-            i, axis = divmod(k, 2)
-            for array, slope in zip(arrays, slopes, strict=True):
-                array += off[:, i, 2 + axis, None, None] * slope
+        links = itself.links
+        if off[:, :, 2:4].any():
+            links = links.copy()
+            links[:, 0] = np.where(links[:, 0] == UNIFORM, AFFINE, links[:, 0])
+            for k, slopes in enumerate(self.course.lean_slopes):
+                i, axis = divmod(k, 2)
+                for array, slope in zip(arrays, slopes, strict=True):
+                    array += off[:, i, 2 + axis, None, None] * slope
         arrays[0][:, :, 0] *= (1.0 + off[:, :, 0]) * (1.0 + off[:, :, 1])
         arrays[0][:, :, SHIFT] *= 1.0 + off[:, :, 0]
         moved = displace(chain, aside_slides(chain, off[:, :, 4]), off[:, :, 5])
@@ -167,13 +156,11 @@ class JointErrors:
         ends = np.where(exist[:, None, None, None], moved.ends, self.course.ends)
         friction = np.array([contact.friction for contact in chain.contacts])
         friction = friction * (1.0 - scales[:, None] * self.box.contact_friction)
-        links = itself.links.copy()
-        links[:, 0] = np.where(links[:, 0] == UNIFORM, AFFINE, links[:, 0])
         return itself._replace(
             objects=np.ascontiguousarray(arrays[0]),
             parts=np.ascontiguousarray(arrays[1]),
             links=links,
-            changed=np.ones(n, dtype=np.bool_),
+            changed=np.asarray((off[:, :, :4] != 0.0).any(axis=(0, 2)) | moved.moved),
             poses=np.ascontiguousarray(moved.poses),
             centers=np.ascontiguousarray(arrays[2]),
             facets=contact_facets(ends[:, :, 0], ends[:, :, 1], friction, 1.0),
@@ -201,10 +188,9 @@ class JointErrors:
         scale, known, about = min(most, self.most), middle, middle[0]
         if not scale > 0.0 or (self.values(np.zeros(1), middle, None) <= 0.0).any():
             return 0.0, about
-        which: IntArray | None = None
+        which = self.course.order[:WEAK]
         for _ in range(ROUNDS):
-            corners, moments = self._corners(scale if len(known) > 1 else min(1.0, scale), about, which)
-            which = moments if which is None else which
+            corners = self._corners(scale if len(known) > 1 else min(1.0, scale), about, which)
             fresh = np.array([c for c in corners if not (known == c).all(axis=(1, 2)).any()])
             if not len(fresh):
                 break
@@ -213,17 +199,23 @@ class JointErrors:
             if at is None:
                 break
             scale, about = found, fresh[at]
-        values = self.values(np.full(len(known), scale * (1.0 - FINE)), known, None)
-        lost = (values <= 0.0).any(axis=(1, 2))
-        if lost.any():
-            scale, at = self._first_loss(known[lost], scale, None)
-            about = about if at is None else known[lost][at]
-        return scale, about
+        scale, at = self._first_loss(known, scale, None)
+        return scale, about if at is None else known[at]
 
-    def _corners(self, scale: float, about: FloatArray, which: IntArray | None) -> tuple[FloatArray, IntArray]:
+    def alone(self, most: float) -> float:
+        """Return the largest scale, at most `most` and `self.most`, up to which any one number may be off."""
+        numbers, shape = np.argwhere(self.box.widths > 0.0), self.box.widths.shape
+        either_way = np.zeros((len(numbers), 2, *shape))
+        either_way[np.arange(len(numbers)), :, numbers[:, 0], numbers[:, 1]] = 1.0, -1.0
+        scale = min(most, self.most)
+        if scale > 0.0:
+            scale, _ = self._first_loss(either_way.reshape(-1, *shape), scale, self.course.order[:FEW])
+            for points in either_way:  # one by one: what is not off is not worked out again
+                scale, _ = self._first_loss(points, scale, None)
+        return scale
+
+    def _corners(self, scale: float, about: FloatArray, which: IntArray) -> FloatArray:
         """Return corners (c, n, 6) that are the worst ones as seen from a point (n, 6) of the box at a scale.
-
-        Also which `WEAK` of the moments `which` lose a contact first, seen so.
 
         Of each condition the change with each number alone is looked at, to either side: a contact that shortens
         whichever way an object moves has no gradient.
@@ -240,10 +232,9 @@ class JointErrors:
         # The share of the changes at which a condition is lost, if they simply add up.
         share = here / np.maximum(total, 1e-300)
         chosen = np.argsort(share, kind="stable")[: 4 * CORNERS]
-        first_lost = share.reshape(-1, 4 * len(about)).min(axis=1)
         corners = np.where(gain > 0.0, np.where(below < above, -1.0, 1.0), about.reshape(-1, 1))[:, chosen].T
         _, first = np.unique(corners, axis=0, return_index=True)
-        return corners[np.sort(first)[:CORNERS]].reshape(-1, *shape), np.argsort(first_lost)[:WEAK]
+        return corners[np.sort(first)[:CORNERS]].reshape(-1, *shape)
 
     def _first_loss(self, corners: FloatArray, most: float, which: IntArray | None) -> tuple[float, int | None]:
         """Return the largest scale up to `most` before which no corner loses a contact, and the one that does first.
@@ -252,13 +243,17 @@ class JointErrors:
         """
         low, high, losing, lost = 0.0, most, np.arange(len(corners)), False
         while high - low > FINE * high:
-            scales = low + (high - low) * (np.arange(SECTIONS) + 1.0) / SECTIONS
-            values = self.values(np.tile(scales, len(losing)), np.repeat(corners[losing], SECTIONS, axis=0), which)
-            lost_at = (values <= 0.0).any(axis=2).reshape(len(losing), SECTIONS, -1)
+            count = 1  # all moments are asked once the weak ones have been: few lose a contact earlier
+            if which is not None:
+                count = min(max(SECTIONS, AT_ONCE // (len(losing) * len(which))), MOST_SECTIONS)
+            scales = low + (high - low) * (np.arange(count) + 1.0) / count
+            just_below = np.tile((1.0 - 1e-9) * scales, len(losing))  # the largest one may leave no friction at all
+            values = self.values(just_below, np.repeat(corners[losing], count, axis=0), which)
+            lost_at = (values <= 0.0).any(axis=2).reshape(len(losing), count, -1)
             gone = np.asarray(lost_at.any(axis=2))
             if not gone.any():
                 return (high, int(losing[0])) if lost else (most, None)
-            first = np.where(gone.any(axis=1), gone.argmax(axis=1), SECTIONS)
+            first = np.where(gone.any(axis=1), gone.argmax(axis=1), count)
             k, lost = int(first.min()), True
             losing, seen = losing[first == k], np.flatnonzero(np.any(lost_at[first == k, k], axis=0))
             which = seen if which is None else which[seen]

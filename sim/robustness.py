@@ -1,14 +1,12 @@
-"""How far numbers of a chain may be off on a plan: roots of the contact conditions of perturbed chains.
+"""How far numbers of a chain may be off on a plan: the least change that loses a contact at any of its moments.
 
 Each object in turn gets another floor friction, a load that leans, another place along its contact or another
-heading (`mechanics.perturb`), in both senses; all at once are in `joint_robustness`. All conditions of all perturbed
-chains at all moments are asked in one call; where they are polynomials of degree 2 in the size of the change the
-first root is a formula, else it is bracketed.
+heading (`mechanics.perturb`), in both senses, and then all are off at once (`joint_robustness`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -18,14 +16,13 @@ import shapely
 
 import pushplan.core.contacts as contacts
 import pushplan.core.robustness as core
-from pushplan.geometry.polygon import SHORTEST_CONTACT
-from pushplan.geometry.se2 import rotate, transform_points
-from pushplan.mechanics.chain import Chain, InertiaTable, PushedObject, inertia_table
+from pushplan.geometry.se2 import rotate
+from pushplan.mechanics.chain import Chain, InertiaTable, inertia_table
 from pushplan.mechanics.contacts import carried_objects
 from pushplan.mechanics.heights import is_pressed
-from pushplan.mechanics.packed import contact_facets, pack_chain, pack_objects, push_room
-from pushplan.mechanics.perturb import Motion, aside, contact_ends, turn
-from pushplan.plans.robustness import MOST_ANGLE, MOST_SHARE, USED_UP, Robustness
+from pushplan.mechanics.packed import contact_facets, pack_chain, pack_objects
+from pushplan.mechanics.perturb import contact_ends
+from pushplan.plans.robustness import BOX, MOST_ANGLE, MOST_SHARE, USED_UP, Robustness
 from pushplan.plans.segment import Segment
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sim.joint_robustness import MOST_SCALE, ErrorBox, JointErrors
@@ -33,18 +30,6 @@ from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 SAME = 1e-11
 """Difference up to which two directions, or a rate and its part along the twist, count as the same."""
-
-WEAK = 32
-"""Moments with the least to spare that bound a size before all are asked."""
-
-SECTIONS, FINE_SECTIONS = 12, 48
-"""Sizes that are asked at once: of the weak moments at first, then of those that lose a contact."""
-
-CHECKS = 2
-"""Sizes up to the one found at which every moment is asked; a loss that ends again between two of them is missed."""
-
-FINE = 1e-6
-"""Share of its size to which a root is found."""
 
 
 def robustness_of(
@@ -91,23 +76,22 @@ def robustness_along(
     course = Course(chain, moments)
     if not course.nominal.min() > 0.0:
         return USED_UP
-    everyone, senses = range(len(chain.objects)), (1.0, -1.0)
     length = 2.0 * chain.characteristic_length  # more than any contact is long
     least = least or Robustness(0.0, MOST_SHARE, MOST_SHARE, length, MOST_ANGLE, MOST_SCALE)
-    friction, floor, load, aside_by, turned_by, scale = astuple(least)
-    position = [course.moving(aside, i, d) for i in everyone for d in senses]
-    angle = [course.moving(turn, i, d) for i in everyone for d in senses]
+    friction, floor, load, position, angle, scale = astuple(least)
+
+    def alone(kind: str, most: float) -> float:
+        return JointErrors(course, ErrorBox.of_kind(chain, kind)).alone(most)
+
+    floor, load = alone("floor_friction", floor), alone("lean_y", alone("lean_x", load))
+    position, angle = alone("position", position), alone("angle", angle)
     below, above = course.nominal[..., 0], course.nominal[..., 1]  # mu f_n - f_t and mu f_n + f_t
     box = ErrorBox.fixed(chain) if box is None else box
     about = course if box.chain is chain else Course(box.chain, moments)
-    return Robustness(
-        contact_friction=max(friction, float(np.max(np.abs(above - below) / (above + below)))),
-        floor_friction=min(floor, *(course.least_floor(i) for i in everyone)),
-        load=min(load, *(course.least_lean(i, axis) for i in everyone for axis in (0, 1))),
-        position=course.first_loss(position, min(length, aside_by)),
-        angle=course.first_loss(angle, turned_by),
-        joint=JointErrors(about, box).worst(scale)[0],
-    )
+    if about is course:  # what one number alone loses, all lose together
+        scale = min(scale, floor / BOX.floor_friction, load / BOX.load, position / BOX.position, angle / BOX.angle)
+    friction = max(friction, float(np.max(np.abs(above - below) / (above + below))))
+    return Robustness(friction, floor, load, position, angle, JointErrors(about, box).worst(scale)[0])
 
 
 class Moments(NamedTuple):
@@ -182,10 +166,6 @@ class Variants(NamedTuple):
     exist: BoolArray
 
 
-Change = Callable[[FloatArray], Variants]
-"""The perturbed chains for sizes (q,) >= 0 of one change in one sense."""
-
-
 @dataclass(frozen=True, eq=False)
 class Course:
     """A chain, all loads known, and the moments at which its contacts have to hold.
@@ -251,52 +231,10 @@ class Course:
         factor = np.ones((1, len(mass))) if masses is None else masses
         return core.facet_values(variants, self.packed.series, factor * mass, factor * moment, moments, floor)
 
-    def moving(self, motion: Callable[[Chain, int, FloatArray], Motion], index: int, sense: float) -> Change:
-        """Return the change that moving an object in one sense (+1 or -1) is, `perturb.aside` or `perturb.turn`."""
-
-        def change(sizes: FloatArray) -> Variants:
-            moved = motion(self.chain, index, sense * sizes)
-            exist = np.asarray((moved.lengths > SHORTEST_CONTACT).all(axis=1))
-            ends = np.where(exist[:, None, None, None], moved.ends, self.ends)
-            return self.itself._replace(
-                changed=moved.moved, poses=moved.poses, facets=self._facets(ends), exist=exist
-            )
-
-        return change
-
     @cached_property
     def ends(self) -> FloatArray:
         """(n, 2, 2) right and left end of every contact, m."""
         return contact_ends(self.chain)
-
-    def standing(self, index: int, objects: Sequence[PushedObject]) -> Variants:
-        """Return the chains with another object in place of one, all of the same outline.
-
-        Raises:
-            SupportError: When a push at the contact height could lift a part of one.
-        """
-        packed, height = self.packed, self.chain.contact_height
-        many, parts = (np.repeat(a[None], len(objects), axis=0) for a in (packed.objects, packed.parts))
-        centers, links = np.repeat(self.itself.centers, len(objects), axis=0), packed.links.copy()
-        begin, end = links[index, 1:3]
-        for j, obj in enumerate(objects):
-            own = pack_objects([obj], height)
-            many[j, index], parts[j, begin:end] = own.objects[0], own.parts
-            links[index, 0] = own.links[0, 0]
-            centers[j, index] = transform_points(obj.pose_chain, obj.support.center)
-        changed, exist = np.arange(len(links)) == index, np.ones(len(objects), dtype=np.bool_)
-        return self.itself._replace(
-            objects=many, parts=parts, links=links, changed=changed, centers=centers, exist=exist
-        )
-
-    def least_floor(self, index: int) -> float:
-        """Return the largest share by which the floor friction of an object may be off either way."""
-        obj = self.chain.objects[index]
-
-        def at(size: float) -> PushedObject:
-            return replace(obj, floor_friction=obj.floor_friction * (1.0 + size))
-
-        return self._least_either_way(index, at, MOST_SHARE)
 
     def most_lean(self, index: int, axis: int) -> tuple[FloatArray, float]:
         """Return the chain frame's x or y (2,) in an object's own frame, and how far its load may lean either way."""
@@ -304,93 +242,28 @@ class Course:
         direction = rotate(-float(obj.pose_chain[2]), np.eye(2)[axis])
         return direction, min(obj.support.most_lean(sense * direction) for sense in (1.0, -1.0))
 
-    def least_lean(self, index: int, axis: int) -> float:
-        """Return the largest share by which the load of an object may lean along the chain frame's x or y."""
-        obj, (direction, most) = self.chain.objects[index], self.most_lean(index, axis)
+    @cached_property
+    def lean_slopes(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+        """What the packed arrays `objects`, `parts` and `centers` change with a share of each load's lean in x and y.
 
-        def at(size: float) -> PushedObject:
-            return replace(obj, support=obj.support.leaning(direction, size))
-
-        return self._least_either_way(index, at, min(most, MOST_SHARE))
-
-    def _least_either_way(self, index: int, at: Callable[[float], PushedObject], most: float) -> float:
-        """Return the first loss, up to `most`, of a change of either sign, given by its object for any size.
-
-        The arrays of a `PackedChain` are polynomials of degree 2 in a share of friction or load, and so are the
-        conditions of a push at the floor. Above it friction shifts the load: then only the arrays are.
+        They are linear in it, at least at floor level; above it what is left out is of second order.
         """
-        height = self.chain.contact_height
-        if not most > 0.0:
-            return 0.0
-        most = most if height == 0.0 else self._most_pressed(at, most * (1.0 - 1e-9))
-        sample = 0.5 * most
-        sampled = self.standing(index, [at(-sample), at(sample)])
-        if height == 0.0:
-            return min(most, self._least_root(sampled, sample))
-
-        def between(arrays: FloatArray, middle: FloatArray, sizes: FloatArray) -> FloatArray:
-            s = (sizes / sample).reshape(-1, *[1] * middle.ndim)
-            below, above = arrays
-            return np.ascontiguousarray(middle + 0.5 * s * (above - below + s * (above + below - 2.0 * middle)))
-
-        def change(sense: float) -> Change:
-            return lambda sizes: sampled._replace(
-                objects=between(sampled.objects, self.packed.objects, sense * sizes),
-                parts=between(sampled.parts, self.packed.parts, sense * sizes),
-                centers=between(sampled.centers, self.inertia.center, sense * sizes),
-                exist=np.ones(len(sizes), dtype=np.bool_),
-            )
-
-        return self.first_loss([change(1.0), change(-1.0)], most)
-
-    def _most_pressed(self, at: Callable[[float], PushedObject], most: float) -> float:
-        """Return the largest size up to `most`, of either sign, at which a push lifts no part of the object."""
-
-        def room(size: float) -> float:
-            return min(push_room(at(sense * size), self.chain.contact_height) for sense in (1.0, -1.0))
-
-        if room(most) > 0.0:
-            return most
-        kept, lost = 0.0, most
-        while lost - kept > FINE * lost:  # a root finder of scipy's would take a fifth of a second to load
-            middle = 0.5 * (kept + lost)
-            kept, lost = (middle, lost) if room(middle) > 0.0 else (kept, middle)
-        return kept
-
-    def _least_root(self, variants: Variants, size: float) -> float:
-        """Return the least |s| of a root of polynomials of degree 2 that are given at -size, 0 and size; or inf."""
-        below, above = self.values_of(variants, None)
-        c = self.nominal
-        a, b = 0.5 * (above + below) - c, 0.5 * (above - below)
-        square = b**2 - 4.0 * a * c
-        q = -0.5 * (b + np.copysign(np.sqrt(np.maximum(square, 0.0)), b))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            roots = np.fmin(np.abs(c / q), np.abs(q / a))
-        return size * (1.0 + 1e-12) * float(np.min(roots, where=square >= 0.0, initial=np.inf))
-
-    def first_loss(self, changes: Sequence[Change], most: float) -> float:
-        """Return the largest size up to `most` before which none of the changes loses a contact."""
-        for which in (self.order[:WEAK], None):
-            for change in changes:
-                most = self._narrowed(change, which, most)
-        return most
-
-    def _narrowed(self, change: Change, which: IntArray | None, most: float) -> float:
-        """Return the size just below the first loss in (0, most]; `most` where none is seen at some sizes."""
-        low, high, lost = 0.0, most, False
-        count = CHECKS if which is None else SECTIONS
-        while not lost or high - low > FINE * high:
-            sizes = low + (high - low) * (np.arange(count) + 1.0) / count
-            losses = self._lost(change(sizes), which)
-            at = np.flatnonzero(losses.any(axis=1))
-            if not len(at):
-                return high if lost else most
-            lost, count = True, FINE_SECTIONS
-            which = np.flatnonzero(losses[at[0]]) if which is None else which[losses[at[0]]]
-            low, high = float(sizes[at[0] - 1]) if at[0] else low, float(sizes[at[0]])
-        return low
-
-    def _lost(self, variants: Variants, which: IntArray | None) -> BoolArray:
-        """Return whether a contact is lost (q, k) at moments (k,)."""
-        values = self.values_of(variants, which)
-        return (values.reshape(*values.shape[:2], -1) <= 0.0).any(axis=2) | ~variants.exist[:, None]
+        packed, height = self.packed, self.chain.contact_height
+        found: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+        for i, obj in enumerate(self.chain.objects):
+            begin, end = packed.links[i, 1:3]
+            for axis in (0, 1):
+                direction, most = self.most_lean(i, axis)
+                step = 0.01 * min(1.0, most)
+                apart = 2.0 * step or 1.0  # a load that cannot lean stays as it is
+                leant = [replace(obj, support=obj.support.leaning(direction, s)) for s in (-step, step)]
+                below, above = (pack_objects([one], height) for one in leant)
+                objects, parts, centers = (
+                    np.zeros_like(a) for a in (packed.objects, packed.parts, self.inertia.center)
+                )
+                objects[i] = (above.objects[0] - below.objects[0]) / apart
+                parts[begin:end] = (above.parts - below.parts) / apart
+                shift = leant[1].support.center - leant[0].support.center
+                centers[i] = rotate(float(obj.pose_chain[2]), shift) / apart
+                found.append((objects, parts, centers))
+        return found

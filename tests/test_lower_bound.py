@@ -73,7 +73,8 @@ def test_no_way_gets_shorter_by_bends_around_which_it_would_not_lie(monkeypatch:
             anywhere.setattr(bounds, "MOST_SIGHTS", math.inf)
             of_all = bound_of(blocked)
         found.append((bound_of(blocked), of_all))
-    np.testing.assert_allclose(*np.array(found).T, rtol=1e-9)
+    own, least = np.array(found).T
+    np.testing.assert_allclose(own, least, rtol=1e-9)
     assert np.ptp(found) > 0.1
 
 
