@@ -78,8 +78,7 @@ def execute(scenario: Scenario, segments: tuple[Segment, ...], planned: str) -> 
                     whole[np.ix_(inside, moved)] = values
     unknown = np.full((len(t), len(names)), np.nan)
     margins, dynamic = columns.get("margins", unknown), columns.get("dynamic", unknown)
-    decides = scenario.pusher.limits.contact == "dynamic"
-    deciding = np.fmin(margins, dynamic) if decides else margins
+    deciding = np.fmin(margins, dynamic) if scenario.pusher.limits.contact == "dynamic" else margins
     lost = np.flatnonzero((columns_of(deciding) <= 0.0).any(axis=0))
     count = int(lost[0]) + 1 if len(lost) else len(t)
 

@@ -9,14 +9,15 @@ import tomllib
 from collections.abc import Callable, Iterator
 from functools import cache
 from graphlib import TopologicalSorter
+from inspect import CO_OPTIMIZED
 from pathlib import Path
-from types import ModuleType
+from types import FrameType, ModuleType
 
 import pytest
 from click.testing import CliRunner
-from conftest import Patch
+from conftest import Captured, Patch
 
-from pushplan.cli.main import COMMANDS, MORE
+from pushplan.cli.main import COMMANDS, MORE, main
 from pushplan.cli.main import pushplan as command_line
 
 HEAVY = ("ompl", "matplotlib", "mcap", "shapely", "pydantic", "scipy", "ruckig", "numpy")
@@ -150,6 +151,35 @@ def graph() -> dict[str, set[str]]:
         targets = {name if name in files else name.rpartition(".")[0] for name in names}
         found[module] = targets & set(files) - {module}
     return found
+
+
+WAY = re.findall(r"^\d+\. `([\w/.]+)`, `([\w.]+)`: ", PAGE, re.MULTILINE)
+
+
+@pytest.mark.skipif(not (ROOT / "planners").is_dir(), reason="needs the sources, not a wheel")
+def test_a_plan_goes_the_way_that_is_told(tmp_path: Path, capsys: Captured) -> None:
+    files = modules()
+    way = {files[module.removesuffix(".py").replace("/", ".")]: name for module, name in WAY}
+    assert len(way) == len(WAY) <= 15
+    met = dict[tuple[str, str], None]()
+
+    def note(frame: FrameType, event: str, _: object) -> None:
+        code = frame.f_code
+        if event == "call" and code.co_flags & CO_OPTIMIZED:  # no body of a class
+            met[code.co_filename, code.co_qualname.removesuffix(".__init__")] = None
+
+    sys.setprofile(note)
+    try:
+        assert main(["plan", "two-crates", "--first", "-o", str(tmp_path / "run.mcap")]) == 0
+    finally:
+        sys.setprofile(None)
+    assert "solved" in capsys.readouterr().out
+    stops = [(Path(file).resolve(), name) for file, name in met]
+    assert [stop for stop in stops if way.get(stop[0]) == stop[1]] == [*way.items()]
+    for file in way:
+        assert len(file.read_text(encoding="utf-8").splitlines()) <= 450
+        functions = [node for node in ast.walk(tree_of(file)) if isinstance(node, ast.FunctionDef)]
+        assert max((node.end_lineno or 0) - node.lineno + 1 for node in functions) <= 60, file
 
 
 @pytest.mark.skipif(not (ROOT / "planners").is_dir(), reason="needs the sources, not a wheel")
