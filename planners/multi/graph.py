@@ -56,7 +56,7 @@ class PushSequence:
     cost_to_go: float = 0.0
 
 
-EFFORT = 200
+EFFORT = 400
 """Poses drawn in search of a way of the robot, at most."""
 
 SHORTCUTS = 200
