@@ -5,7 +5,7 @@ import signal
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeVar
 
 # Its threads spin while they wait; on these small matrices that took up to six times the work.
@@ -18,7 +18,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from pushplan.errors import PushplanError
-from pushplan.geometry.se2 import compose, rotate, transform_points
+from pushplan.geometry.se2 import rotate
 from pushplan.mechanics.chain import PLATE, Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
 from pushplan.util.arrays import FloatArray
@@ -150,15 +150,6 @@ class ChainMaker:
             pusher = int(rng.integers(PLATE, i)) if tree and i else i - 1
             contacts.append(Contact(middle - half, middle + half, float(rng.uniform(0.1, 0.8)), i, pusher))
         return Chain(tuple(objects), tuple(contacts), Pusher(PLATE_OUTLINE, 0.5))
-
-    def moved(self, chain: Chain, pose: FloatArray) -> Chain:
-        """Return the chain with every object and contact moved by a pose (3,)."""
-        objects = (replace(obj, pose_chain=compose(pose, obj.pose_chain)) for obj in chain.objects)
-        contacts = (
-            replace(c, right=transform_points(pose, c.right), left=transform_points(pose, c.left))
-            for c in chain.contacts
-        )
-        return Chain(tuple(objects), tuple(contacts), chain.pusher)
 
 
 def pressure_of(rng: np.random.Generator, outline: FloatArray, center: FloatArray) -> FeetSupport:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ChainMaker
+from conftest import ChainMaker, there
 
 import pushplan.core.contacts as contacts
 from pushplan.errors import SupportError
@@ -169,9 +169,7 @@ def test_what_could_tip_is_refused_with_the_height_that_is_possible(make_chain: 
     with pytest.raises(SupportError, match="could tip"):
         stable_set_over(tips, name)
     off = name in KNOWN_LOAD_SETS
-    room, beyond = (tipping_room(one.chain, one, off) for one in (fits, tips))
-    assert room is not None
-    assert beyond is not None
+    room, beyond = (there(tipping_room(one.chain, one, off)) for one in (fits, tips))
     assert -1e-4 < beyond[0] < 0.0 < room[0] < 1e-4
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import ChainMaker, Patch
+from test_dynamics import widened
 
 import pushplan.core.uncertain as uncertain
 from pushplan.mechanics import support as supports
@@ -21,16 +22,6 @@ def forward_twists(chain: Chain, seed: int, count: int = 300) -> FloatArray:
     spread = np.array([0.3, 0.3, 0.3 / chain.characteristic_length])
     twists = np.random.default_rng(seed).normal(size=(count, 3)) * spread + np.array([1.0, 0.0, 0.0])
     return np.asarray(twists, dtype=np.float64)
-
-
-def widened(chain: Chain) -> IntervalChain:
-    """Return the chain with wide intervals of masses, floor frictions and contact frictions."""
-    return IntervalChain.from_ranges(
-        chain,
-        mass={obj.name: (0.6 * obj.mass, 1.5 * obj.mass) for obj in chain.objects},
-        floor_friction={chain.objects[0].name: (0.1, 0.5)},
-        contact_friction={chain.objects[-1].name: (0.25, 0.9)},
-    )
 
 
 def with_loads(interval: IntervalChain, loads: FloatArray) -> Chain:
@@ -66,7 +57,7 @@ def test_nothing_between_the_vertices_is_missed(make_chain: ChainMaker, name: st
         rng = np.random.default_rng(seed)
         for _ in range(8):
             chain = with_loads(interval, rng.uniform(interval.loads[:, 0], interval.loads[:, 1]))
-            last = replace(chain.contacts[-1], friction=float(rng.uniform(0.25, 0.9)))
+            last = replace(chain.contacts[-1], friction=chain.contacts[-1].friction * rng.uniform(1.0, 1.6))
             chain = replace(chain, contacts=(*chain.contacts[:-1], last))
             assert not (found & ~stable_set(chain, name).contains(twists)).any()
         inside += int(found.sum())
