@@ -1,7 +1,7 @@
 """Planted runs as a module that processes find by name, and rows of results."""
 
+import os
 import sqlite3
-from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,11 @@ HERE = Path(__file__).parent
 Rows = list[dict[str, Any]]
 
 
+def environment() -> dict[str, str]:
+    """Return the environment of a program that finds the planted runs."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")])}
+
+
 @pytest.fixture
 def planted(monkeypatch: Patch) -> Any:
     """Return the module of planted runs."""
@@ -21,16 +26,11 @@ def planted(monkeypatch: Patch) -> Any:
     return import_module("planted_runs")
 
 
-@pytest.fixture
-def rows() -> Callable[[Path], Rows]:
-    """Return a reader of all results in a folder, in the order of the suite."""
-
-    def read(folder: Path) -> Rows:
-        database = sqlite3.connect(folder / "results.db")
-        database.row_factory = sqlite3.Row
-        query = "SELECT r.*, o.*, r.seed AS seed FROM runs r JOIN pushplan_runs o ON o.runid = r.id ORDER BY o.number"
-        found = [dict(row) for row in database.execute(query)]
-        database.close()
-        return found
-
-    return read
+def rows(folder: Path) -> Rows:
+    """Return all results in a folder, in the order of the suite."""
+    database = sqlite3.connect(folder / "results.db")
+    database.row_factory = sqlite3.Row
+    query = "SELECT r.*, o.*, r.seed AS seed FROM runs r JOIN pushplan_runs o ON o.runid = r.id ORDER BY o.number"
+    found = [dict(row) for row in database.execute(query)]
+    database.close()
+    return found

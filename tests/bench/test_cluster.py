@@ -1,25 +1,20 @@
 """The same rows from a Dask cluster, also when a worker is killed."""
 
-import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
+from bench.conftest import environment, rows
 
 from pushplan.bench.batch import Tally, run_suite
 from pushplan.bench.executor import cluster_engine, local_engine
 from pushplan.bench.store import ResultsFolder
 from pushplan.bench.suite import suite_from_text
-
-HERE = Path(__file__).parent
-
-Rows = list[dict[str, Any]]
-ReadRows = Callable[[Path], Rows]
 
 PATIENCE = 120.0
 """Seconds after which a cluster that does not start is given up."""
@@ -34,46 +29,30 @@ limits: {time: 20 s, iterations: 2000}
 
 
 class Cluster:
-    """A scheduler and workers as programs of their own.
-
-    Attributes:
-        address: Of the scheduler.
-    """
+    """A scheduler and workers as programs of their own."""
 
     def __init__(self, folder: Path) -> None:
-        self._environment = {
-            **os.environ,
-            "PYTHONPATH": os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")]),
-            "DASK_DISTRIBUTED__WORKER__DAEMON": "False",
-        }
-        self._folder = folder
-        self._programs: list[subprocess.Popen[str]] = []
-        ready = folder / "scheduler.json"
-        self.scheduler = self._start("scheduler", "--port=0", "--no-dashboard", f"--scheduler-file={ready}")
-        self.scheduler_file = ready
-        self.workers = [self.add_worker() for _ in range(2)]
+        self._folder, self._programs = folder, list[subprocess.Popen[bytes]]()
+        self._file = folder / "scheduler.json"
+        self._start("scheduler", "--port=0")
+        self.workers = [self.add_worker("--no-nanny") for _ in range(2)]
 
-    def add_worker(self, *more: str) -> subprocess.Popen[str]:
+    def add_worker(self, nanny: str) -> subprocess.Popen[bytes]:
         """Start another worker."""
-        where = (f"--scheduler-file={self.scheduler_file}", f"--local-directory={self._folder}")
-        return self._start("worker", *where, "--nthreads=1", "--no-dashboard", *(more or ("--no-nanny",)))
+        return self._start("worker", f"--local-directory={self._folder}", "--nthreads=1", nanny)
 
-    def _start(self, *words: str) -> subprocess.Popen[str]:
+    def _start(self, kind: str, *words: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", f"--scheduler-file={self._file}", *words]
+        found = {**environment(), "DASK_DISTRIBUTED__WORKER__DAEMON": "False"}
         with (self._folder / "output.txt").open("a") as output:
-            program = subprocess.Popen(
-                [sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]],
-                stdout=output,
-                stderr=output,
-                env=self._environment,
-                text=True,
-            )
+            program = subprocess.Popen([*command, "--no-dashboard"], stdout=output, stderr=output, env=found)
         self._programs.append(program)
         return program
 
     @property
     def address(self) -> str:
         dask: Any = import_module("distributed")
-        with dask.Client(scheduler_file=str(self.scheduler_file), timeout=PATIENCE, set_as_default=False) as client:
+        with dask.Client(scheduler_file=str(self._file), timeout=PATIENCE, set_as_default=False) as client:
             client.wait_for_workers(2, timeout=PATIENCE)
             return str(client.scheduler.address)
 
@@ -98,7 +77,7 @@ def _run(text: str, path: Path, engine: Any, **more: Any) -> Tally:
 
 
 def test_a_cluster_gives_the_same_rows_also_when_a_worker_is_killed(
-    cluster: Cluster, planted: Any, tmp_path: Path, rows: ReadRows
+    cluster: Cluster, planted: Any, tmp_path: Path
 ) -> None:
     with local_engine(2) as local:
         _run(REAL, tmp_path / "local", local)

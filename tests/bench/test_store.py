@@ -151,8 +151,7 @@ def quasi_static(plan: Plan) -> Plan:
 
 
 def test_an_execution_that_slips_with_inertia_is_no_solution(done: Run) -> None:
-    plan, execution = done.plan, done.execution
-    assert execution is not None
+    plan, execution = done.plan, there(done.execution)
     assert validation_error(plan, execution) == ""
     values = there(execution.dynamic_margins).copy()
     values[len(values) // 2, 0] = 0.0
@@ -167,11 +166,11 @@ def test_an_execution_that_slips_with_inertia_is_no_solution(done: Run) -> None:
 def test_the_outcome_of_a_run_has_its_margins(done: Run) -> None:
     found = validated("", done.scenario, done, Stopwatch())
     assert (found.status, found.message) == ("ok", "")
-    assert done.execution is not None
+    execution, margins = there(done.execution), there(there(done.execution).dynamic_margins)
     assert found.values["margin"] == done.plan.margin
-    assert found.values["min_margin"] == done.execution.margins.min()
-    assert found.values["min_dynamic_margin"] == there(done.execution.dynamic_margins).min()
-    slipping = replace(done.execution, dynamic_margins=np.full_like(there(done.execution.dynamic_margins), -0.1))
+    assert found.values["min_margin"] == execution.margins.min()
+    assert found.values["min_dynamic_margin"] == margins.min()
+    slipping = replace(execution, dynamic_margins=np.full_like(margins, -0.1))
     lost = validated("", done.scenario, replace(done, execution=slipping), Stopwatch())
     assert (lost.status, lost.values["min_dynamic_margin"]) == ("invalid", -0.1)
 
@@ -181,13 +180,12 @@ def test_an_execution_is_validated_by_where_the_objects_are() -> None:
     rooms = ProblemParameters(objects=(1, 1), obstacles=(0, 0), drives=DRIVES, robot=(0.5, 1.0))
     scenario = scenario_from_text(generate(rooms, 1))
     result = pushplan.plan(scenario, first=True, time_limit=60.0)
-    assert result.solved
-    assert result.execution is not None
-    assert validation_error(result, result.execution) == ""
-    assert (clearance(scenario, result.execution) or 0.0) > 0.0
-    middle = result.execution.objects[len(result.execution.t) // 2, 0, :2]
+    execution = there(result.execution)
+    assert validation_error(result, execution) == ""
+    assert (clearance(scenario, execution) or 0.0) > 0.0
+    middle = execution.objects[len(execution.t) // 2, 0, :2]
     hit = replace(result, scenario=replace(scenario, obstacles=(CircleObstacle(middle, 0.02),)))
-    assert str(hit.scenario.obstacles[0]) in validation_error(hit, result.execution)
+    assert str(hit.scenario.obstacles[0]) in validation_error(hit, execution)
 
 
 VARIED = ProblemParameters(drives=DRIVES, supports=("uniform", "feet"))
