@@ -42,16 +42,15 @@ def page_of(run: RecordedRun) -> Any:
 
 @EXECUTED
 def test_the_page_has_every_body_where_it_is(kind: str, runs: dict[str, RecordedRun]) -> None:
-    run = runs[kind]
-    assert run.execution is not None
+    run, execution = runs[kind], there(runs[kind].execution)
     told = page_of(run)
-    kept = np.searchsorted(run.execution.t, np.array(told["samples"]["t"]) - 1e-5)
+    kept = np.searchsorted(execution.t, np.array(told["samples"]["t"]) - 1e-5)
     objects = np.moveaxis(np.array(told["samples"]["objects"]), -1, 0)
-    np.testing.assert_allclose(objects, run.execution.objects[kept], atol=1e-5)
-    np.testing.assert_allclose(told["samples"]["x"], run.execution.poses[kept, 0], atol=1e-5)
+    np.testing.assert_allclose(objects, execution.objects[kept], atol=1e-5)
+    np.testing.assert_allclose(told["samples"]["x"], execution.poses[kept, 0], atol=1e-5)
     margins = np.array(told["samples"]["margins"], dtype=float).T
-    np.testing.assert_allclose(margins, run.execution.margins[kept], atol=1e-5)
-    assert [body["name"] for body in told["bodies"] if body["kind"] == "object"] == list(run.execution.names)
+    np.testing.assert_allclose(margins, execution.margins[kept], atol=1e-5)
+    assert [body["name"] for body in told["bodies"] if body["kind"] == "object"] == list(execution.names)
     pushes = [load is not None for load in told["loads"]]
     assert pushes == [segment.pushes for segment in there(run.plan).segments]
     assert [way["alone"] for way in told["ways"]] == [not push for push in pushes]
