@@ -3,14 +3,16 @@
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
+import shapely
 from conftest import there
+from numpy.typing import ArrayLike
 
 import pushplan
-from pushplan.geometry.se2 import compose, exp, inverse, relative, twist_of
+from pushplan.geometry.se2 import compose, exp, inverse, relative, transform_points, twist_of
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.perturb import slid
 from pushplan.planners.clearance import find_collision
@@ -23,14 +25,17 @@ from pushplan.sim.control.aim import Aim
 from pushplan.sim.control.closing import GAP, ClosingPush, Spread, closing_push, contacts_at
 from pushplan.sim.control.departures import find_slide
 from pushplan.sim.control.estimator import Estimator, Sample
+from pushplan.sim.control.replanner import BOLD, CAUTION, NEARBY, Replanner, cautious
 from pushplan.sim.control.sensing import Measurements, Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance, disturbed
 from pushplan.sim.control.touching import tangents_of
 from pushplan.sim.follower import Drive
+from pushplan.util.arrays import FloatArray
 
 SPREAD = Spread(0.2, 2.5e-4, 1e-3)
 NOISE = np.array([1e-3, 5e-3])
+PERIOD = 1.0 / 30.0
 
 
 @pytest.fixture(scope="module")
@@ -44,18 +49,17 @@ def queries(crates: pushplan.Scenario) -> Planner:
 
 
 def test_a_stop_keeps_to_the_path_and_the_limits_wherever_it_begins(crates: pushplan.Scenario) -> None:
-    plan = plan_in(crates, seed=1, first=True)
-    assert plan.trajectory is not None
+    trajectory = there(plan_in(crates, seed=1, first=True).trajectory)
     limits, dt = crates.chain.pusher.limits, 0.01
-    for begin in np.linspace(0.05, 0.95, 7) * plan.trajectory.duration:
-        driving = Drive(plan.trajectory, limits)
+    for begin in np.linspace(0.05, 0.95, 7) * trajectory.duration:
+        driving = Drive(trajectory, limits)
         driving.at = float(begin)
         driving.stop()
-        poses, times = [plan.trajectory.poses_at([begin])[0]], [float(begin)]
+        poses, times = [trajectory.poses_at([begin])[0]], [float(begin)]
         while not driving.over:
             poses.append(driving.advance(dt))
             times.append(driving.at)
-        np.testing.assert_allclose(plan.trajectory.poses_at(times), poses, atol=1e-12)
+        np.testing.assert_allclose(trajectory.poses_at(times), poses, atol=1e-12)
         speeds = np.hypot(*np.diff(np.array(poses)[:, :2], axis=0).T) / dt
         speeds = np.append(speeds, 0.0)
         assert np.abs(np.diff(speeds)).max() / dt < 1.1 * limits.both("acceleration")[0]
@@ -131,41 +135,52 @@ def test_what_is_wrong_is_found_and_measurements_to_come_are_expected(what: str,
     assert ("delay" in words.split(";")[0]) <= (tau != 0.0), words
 
 
+class Watched:
+    """A plate that drives, seen 30 times a second with some noise, stated or not, and what is estimated of it."""
+
+    def __init__(self, count: int, seed: int, true: ArrayLike = (0.0, 0.0, 0.0), **more: Any) -> None:
+        self.estimator = Estimator(ControlSettings(), count, np.zeros(3), **more)
+        self.true, self.believed, self.k = np.array(true), np.zeros(3), 0
+        self.random, self.noise, self.stated = np.random.default_rng(seed), NOISE, NOISE
+
+    def see(self, objects: FloatArray, places: FloatArray, every: int = 0) -> None:
+        """Measure objects (n, 3) of the plate's frame, at `places` by the plan; fit every so many times."""
+        now = PERIOD * self.k
+        self.estimator.moved(now, self.believed)
+        seen = compose(self.true, objects) + self.random.normal(size=objects.shape) * self.noise[[0, 0, 1]]
+        self.estimator.add(Sample(now, seen, places, self.stated))
+        if every and self.k % every == 0:
+            self.estimator.fit(now)
+
+    def drive(self, twist: FloatArray, done: FloatArray | None = None) -> None:
+        """Go on for a period as the wheels believe, and as they do."""
+        self.believed = compose(self.believed, exp(PERIOD * twist))
+        self.true = compose(self.true, exp(PERIOD * (twist if done is None else done)))
+        self.k += 1
+
+
 def test_measurements_count_by_the_noise_that_each_is_stated_with() -> None:
     """A camera that sees badly, 5 mm off, is replaced by one that sees well; nothing moves."""
-    estimator, random, places = (
-        Estimator(ControlSettings(), 1, np.zeros(3)),
-        np.random.default_rng(4),
-        np.zeros((1, 3)),
-    )
+    plate, places = Watched(1, seed=4), np.zeros((1, 3))
     for k in range(200):
-        noise, off = (np.array([1e-2, 5e-2]), 5e-3) if k < 100 else (NOISE, 0.0)
-        estimator.moved(k / 30.0, np.zeros(3))
-        seen = places + [off, 0.0, 0.0] + random.normal(size=(1, 3)) * noise[[0, 0, 1]]
-        estimator.add(Sample(k / 30.0, seen, places, noise))
-        estimator.fit(k / 30.0)
-    left = estimator.residuals([Sample(200 / 30.0, places, places, NOISE)])
+        plate.noise = plate.stated = np.array([1e-2, 5e-2]) if k < 100 else NOISE
+        plate.see(places + np.array([5e-3 * (k < 100), 0.0, 0.0]), places, 1)
+        plate.drive(np.zeros(3))
+    left = plate.estimator.residuals([Sample(200 * PERIOD, places, places, NOISE)])
     assert np.hypot(left[0, 0, 0], left[0, 0, 1]) < 4e-4
 
 
 def test_what_was_measured_well_counts_as_much_when_the_camera_becomes_bad() -> None:
     """From 1 mm to 8 mm, without saying so: more measurements do not make less known."""
-    estimator, random, places = (
-        Estimator(ControlSettings(), 1, np.zeros(3)),
-        np.random.default_rng(6),
-        np.zeros((1, 3)),
-    )
-    known = []
+    plate, places, known = Watched(1, seed=6), np.zeros((1, 3)), []
     for k in range(300):
-        estimator.moved(k / 30.0, np.array([0.2 * k / 30.0, 0.0, 0.0]))
-        scale = 1.0 if k < 200 else 8.0
-        seen = compose([0.2 * k / 30.0, 0.0, 0.0], places) + random.normal(size=(1, 3)) * scale * NOISE[[0, 0, 1]]
-        estimator.add(Sample(k / 30.0, seen, places, NOISE))
-        estimator.fit(k / 30.0)
+        plate.noise = (1.0 if k < 200 else 8.0) * NOISE
+        plate.see(places, places, 1)
+        plate.drive(np.array([0.2, 0.0, 0.0]))
         if k in (199, 299):
-            known.append(np.sqrt(np.diag(estimator.covariance)))
+            known.append(np.sqrt(np.diag(plate.estimator.covariance)))
     assert (known[1] < 1.02 * known[0]).all()
-    assert estimator.noise([Sample(10.0, places, places, NOISE)])[0, 0] == pytest.approx(8e-3, rel=0.3)
+    assert plate.estimator.noise([Sample(10.0, places, places, NOISE)])[0, 0] == pytest.approx(8e-3, rel=0.3)
 
 
 def test_where_a_load_stands_on_the_plate_is_no_drift_of_the_wheels() -> None:
@@ -173,20 +188,15 @@ def test_where_a_load_stands_on_the_plate_is_no_drift_of_the_wheels() -> None:
     places, aside = np.array([[0.075, 0.0, 0.0]]), -9e-3
     normal = np.array([[1.0, 0.0]])
     tangents = tangents_of(places, normal)
-    random, found = np.random.default_rng(2), []
+    found = []
     for known in (0.0, 0.02):
-        estimator = Estimator(ControlSettings(), 1, np.zeros(3), aside_deviation=known, tangents=tangents)
-        believed, true, period = np.zeros(3), np.array([0.0, aside, 0.0]), 1.0 / 30.0
+        plate = Watched(1, 2, [0.0, aside, 0.0], aside_deviation=known, tangents=tangents)
         for k in range(400):
-            estimator.moved(k * period, believed)
-            seen = compose(compose(true, [0.0, -aside, 0.0]), places)
-            estimator.add(Sample(k * period, seen + random.normal(size=(1, 3)) * NOISE[[0, 0, 1]], places, NOISE))
-            if k % 8 == 0:
-                estimator.fit(k * period)
+            plate.see(compose([0.0, -aside, 0.0], places), places, 8)
             if k == 280:
-                straight = estimator.aside(places, normal)
-            moved = exp(np.array([0.2, 0.0, 0.2 if k > 280 else 0.0]) * period)
-            believed, true = compose(believed, moved), compose(true, moved)
+                straight = plate.estimator.aside(places, normal)
+            plate.drive(np.array([0.2, 0.0, 0.2 if k > 280 else 0.0]))
+        estimator = plate.estimator
         bent = estimator.aside(places, normal)
         assert bent[0] == pytest.approx(-aside, abs=1e-3)
         assert known == 0.0 or bent[1] < 4e-3 < 0.5 * abs(aside) < straight[1], "it shows in a bend only"
@@ -209,21 +219,15 @@ SLIDES = {
 def test_slides_are_told_from_constant_errors(crates: pushplan.Scenario, what: str) -> None:
     """Over 2 m, on a straight at first and, where there is anything before that to tell it from, on an arc."""
     contact, rate, drift, begin = SLIDES[what]
-    chain, random, period, way = crates.chain, np.random.default_rng(5), 1.0 / 30.0, 0.0
-    estimator, believed, true = Estimator(ControlSettings(), 2, np.zeros(3)), np.zeros(3), np.zeros(3)
+    chain, plate, way = crates.chain, Watched(2, seed=5), 0.0
     for k in range(300):
         speed, slides = 0.2 * min(1.0, 0.05 * max(0, k - 15)), np.zeros(2)
         twist = np.array([speed, 0.0, 0.3 * speed if begin and k > 100 else 0.0])
-        way += speed * period * (k >= 300 * begin)
+        way += speed * PERIOD * (k >= 300 * begin)
         slides[contact or 0] = rate * (way if begin < 0.9 else k >= 300 * begin)
-        estimator.moved(k * period, believed)
-        seen = compose(true, slid(chain, slides).places) + random.normal(size=(2, 3)) * [1e-3, 1e-3, 5e-3]
-        estimator.add(Sample(k * period, seen, chain.places, NOISE))
-        if k % 8 == 0:
-            estimator.fit(k * period)
-        done = twist + np.array([0.0, drift * speed, 0.0])
-        believed, true = compose(believed, exp(twist * period)), compose(true, exp(done * period))
-    found = find_slide(estimator, chain, 0.0)
+        plate.see(slid(chain, slides).places, chain.places, 8)
+        plate.drive(twist, twist + np.array([0.0, drift * speed, 0.0]))
+    found = find_slide(plate.estimator, chain, 0.0)
     assert (None if found is None else found.contact) == contact
     if found is not None:
         assert found.size == pytest.approx(slides[found.contact], abs=3e-3)
@@ -235,24 +239,15 @@ def noticed_after(chain: Chain, rate: float, seed: int) -> float:
 
     It begins after 0.3 m of a straight, on an arc of 1 m of radius.
     """
-    estimator, random, period = (
-        Estimator(ControlSettings(), len(chain.objects), np.zeros(3)),
-        np.random.default_rng(seed),
-        1 / 30,
-    )
-    plate, way = np.zeros(3), 0.0
+    plate, way = Watched(len(chain.objects), seed), 0.0
     for k in range(210):
-        step, far = 0.2 * period * min(1.0, 0.1 * k), max(0.0, rate * (way - 0.3))
-        estimator.moved(k * period, plate)
-        places = slid(chain, [far] + [0.0] * (len(chain.objects) - 1)).places
-        seen = compose(plate, places) + random.normal(size=places.shape) * NOISE[[0, 0, 1]]
-        estimator.add(Sample(k * period, seen, chain.places, NOISE))
-        if k % 8 == 0:
-            estimator.fit(k * period)
-            found = find_slide(estimator, chain, 0.0)
-            if found is not None:
-                return far if rate and found.size > 0.0 else -math.inf
-        plate, way = compose(plate, exp(np.array([step, 0.0, step if way > 0.3 else 0.0]))), way + step
+        speed, far = 0.2 * min(1.0, 0.1 * k), max(0.0, rate * (way - 0.3))
+        plate.see(slid(chain, [far] + [0.0] * (len(chain.objects) - 1)).places, chain.places, 8)
+        found = find_slide(plate.estimator, chain, 0.0) if k % 8 == 0 else None
+        if found is not None:
+            return far if rate and found.size > 0.0 else -math.inf
+        plate.drive(np.array([speed, 0.0, speed if way > 0.3 else 0.0]))
+        way += PERIOD * speed
     return math.inf
 
 
@@ -280,10 +275,6 @@ def test_a_sensor_has_its_rate_delay_and_noise() -> None:
 
 @pytest.mark.parametrize("held", [True, False])
 def test_a_kick_leaves_no_overlap_and_moves_what_is_carried_ahead(crates: pushplan.Scenario, held: bool) -> None:
-    import shapely
-
-    from pushplan.geometry.se2 import transform_points
-
     world = pushplan.World.from_scenario(crates)
     random = np.random.default_rng(2)
     for _ in range(20):
@@ -329,8 +320,6 @@ def test_the_rest_of_an_earlier_plan_is_kept_from_a_little_aside(crates: pushpla
 def test_a_cautious_plan_leaves_room_for_what_the_camera_may_err_by_against_the_map(
     crates: pushplan.Scenario,
 ) -> None:
-    from pushplan.sim.control.replanner import Replanner
-
     first = Replanner(crates, ControlSettings(bias=(4e-3, 0.01)), Observer()).first()
     poses = first.segments[0].contact_trajectory.poses
     assert find_collision(replace(crates, clearance=1.04e-2), poses) is None
@@ -340,14 +329,24 @@ def test_a_cautious_plan_leaves_room_for_what_the_camera_may_err_by_against_the_
 @pytest.mark.parametrize("slide", [-1.7e-2, 1.7e-2])
 def test_what_has_slid_is_kept_off_obstacles(slide: float) -> None:
     """At the goal a pillar would stand 5 mm to the left of the cabinet, had that not slid by 3 % of its contact."""
-    from pushplan.sim.control.replanner import CAUTION, Replanner
-
     pillar = CircleObstacle(np.array([5.0 + 0.95, 0.3 + 0.1 + 0.005]), 0.1)
     goal = np.array([5.0, 0.0, 0.0])
     feet = replace(pushplan.load_scenario("feet"), obstacles=(pillar,), goal=Goal(goal, "table", goal, 1e-3, 1e-3))
     replanner = Replanner(feet, ControlSettings(time_limit=60.0), Observer())
     found = replanner.replan(0.0, np.zeros(3), None, np.array([0.0, slide]), CAUTION[-1])
     assert found.solved == (slide < 0.0), found.reason
+
+
+Question = tuple[float, FloatArray, None, FloatArray, float]
+
+
+def carts_aside(
+    margin: float | Literal["auto"], before: float, aside: float, travel: float = 1.0
+) -> tuple[pushplan.Scenario, Question]:
+    """Return carts that stand so far before the goal and aside, turned, and the question how to go on."""
+    carts = pushplan.load_scenario("carts").with_margin(margin)
+    start = compose(carts.goal.pose_chain, inverse([before, aside, 2.0 * aside]))
+    return carts, (0.0, start, None, np.zeros(2), travel)
 
 
 @pytest.mark.parametrize(("aside", "margin", "ends"), [
@@ -360,13 +359,8 @@ def test_where_no_path_leads_to_the_goal_one_ends_as_near_as_it_can(
 
     A margin that is stated is kept; an automatic one gives way where the goal can be met with less.
     """
-    from pushplan.sim.control.replanner import BOLD, NEARBY, Replanner
-
-    carts = pushplan.load_scenario("carts")
-    carts = carts.with_margin(margin)
+    carts, given = carts_aside(margin, 0.45, aside)
     replanner = Replanner(carts, ControlSettings(time_limit=60.0), Observer())
-    start, still = compose(carts.goal.pose_chain, inverse([0.45, aside, 2.0 * aside])), np.zeros(2)
-    given = 0.0, start, None, still, 1.0
     assert replanner.best(*given, left=0.9)[-1].solved == (aside == 0.0)
     found = there(replanner.best(*given, left=np.inf)[-1].result)
     share = float(replanner.aim.share(compose(there(found.path).end, carts.chain.places)))
@@ -377,19 +371,14 @@ def test_where_no_path_leads_to_the_goal_one_ends_as_near_as_it_can(
         others = carts.goal.pose_chain + random
         shares = replanner.aim.share(compose(others[:, None], carts.chain.places))
         reach = replanner.planner(BOLD if margin == 0.05 else NEARBY[-1]).reach
-        assert shares[np.isfinite(reach(start, others)[0])].min() > share - 0.2
+        assert shares[np.isfinite(reach(given[1], others)[0])].min() > share - 0.2
 
 
 @pytest.mark.parametrize(("aside", "ends"), [(0.053, 0.9), (0.075, np.inf)])
 def test_a_margin_that_planners_chose_is_lowered_where_nothing_else_leads_to_the_goal(
     aside: float, ends: float
 ) -> None:
-    from pushplan.sim.control.replanner import Replanner
-
-    carts = pushplan.load_scenario("carts")
-    carts = carts.with_margin(0.05)
-    start = compose(carts.goal.pose_chain, inverse([0.45, aside, 2.0 * aside]))
-    given = 0.0, start, None, np.zeros(2), 1.0
+    carts, given = carts_aside(0.05, 0.45, aside)
     for lowers in (False, True):
         replanner = Replanner(carts, ControlSettings(time_limit=60.0), Observer(), lowers)
         replan = replanner.best(*given, left=0.9)[-1]
@@ -400,11 +389,8 @@ def test_a_margin_that_planners_chose_is_lowered_where_nothing_else_leads_to_the
 
 def test_who_is_wary_plans_for_the_least_friction_only_and_of_objects_apart_too() -> None:
     """A metre before the goal, carts stand aside so that they can be turned enough with the friction as believed."""
-    from pushplan.sim.control.replanner import Replanner, cautious
-
-    carts = pushplan.load_scenario("carts")
+    carts, given = carts_aside("auto", 1.0, 0.055, 1.5)
     replanner = Replanner(carts, ControlSettings(time_limit=60.0), Observer())
-    given = 0.0, compose(carts.goal.pose_chain, inverse([1.0, 0.055, 0.11])), None, np.zeros(2), 1.5
     for replanner.wary, least in ((False, 1.0), (True, 0.8)):
         found = there(replanner.best(*given, left=0.9)[-1].result)
         assert there(found.cost) < 1.5
@@ -422,21 +408,17 @@ def test_what_a_slide_was_taken_for_is_forgotten_and_what_is_known_well_is_not(
     crates: pushplan.Scenario, length: float, slides: float
 ) -> None:
     """Both objects slide from the beginning of a short arc, or wheels err along a long one."""
-    chain, random, period = crates.chain, np.random.default_rng(5), 1.0 / 30.0
-    estimator, believed, true, way = (Estimator(ControlSettings(), 2, np.zeros(3)), np.zeros(3), np.zeros(3), 0.0)
-    scales = np.array([1.03, 1.0, 0.99]) if slides == 0.0 else np.ones(3)
-    twist, k = np.array([0.2, 0.0, -0.14]), 0
+    chain, plate, way = crates.chain, Watched(2, seed=5), 0.0
+    scales, twist = np.array([1.03, 1.0, 0.99]) if slides == 0.0 else np.ones(3), np.array([0.2, 0.0, -0.14])
     while way < length:
-        estimator.moved(k * period, believed)
-        places = slid(chain, [slides * way, 0.0]).places
-        seen = compose(true, places) + random.normal(size=(2, 3)) * [1e-3, 1e-3, 5e-3]
-        estimator.add(Sample(k * period, seen, chain.places, NOISE))
-        believed, true = compose(believed, exp(twist * period)), compose(true, exp(twist * scales * period))
-        way, k = way + 0.2 * period, k + 1
+        plate.see(slid(chain, [slides * way, 0.0]).places, chain.places)
+        plate.drive(twist, twist * scales)
+        way += 0.2 * PERIOD
+    estimator, now = plate.estimator, PERIOD * plate.k + 1.0
     for _ in range(5):
-        estimator.fit(k * period + 1.0)
+        estimator.fit(now)
     taken = estimator.values[4:7].copy()
-    estimator.doubt(k * period + 1.0)
+    estimator.doubt(now)
     found, sigma = estimator.values[4:7], np.sqrt(np.diag(estimator.covariance))[4:7]
     if slides:
         assert np.abs(taken).max() > 0.01
