@@ -68,7 +68,7 @@ def _changed(before: Any, now: Any, place: str = "") -> Iterator[str]:
 
 def _meaning(scenario: Scenario) -> dict[str, Any]:
     """Return the numbers of a scenario of one load."""
-    chain, pusher, pushes = scenario.chain, scenario.chain.pusher, scenario.pushes
+    chain, pushes = scenario.chain, scenario.pushes
     meant = scenario.resolved()
     if meant["name"] == "__frozen":
         meant["name"] = ""
@@ -78,23 +78,7 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
         meant["obstacles"] = {"count": len(scenario.obstacles), "corners": len(corners), **sums}
     meant["chain"] = {
         "contacts": [[c.pusher, c.pushed, _plain(c.right), _plain(c.left), c.friction] for c in chain.contacts],
-        "objects": [
-            [
-                obj.mass,
-                obj.floor_friction,
-                _plain(obj.outline),
-                _plain(obj.pose_chain),
-                type(obj.support).__name__,
-                obj.support.known,
-            ]
-            for obj in chain.objects
-        ],
-        "plate": _plain(pusher.outline),
-        "friction": pusher.friction,
-        "footprint": [_plain(part) for part in pusher.footprint],
-        "base": _plain(pusher.base_pose),
-        "drive": [pusher.drive.kind, _plain(pusher.drive.axle), pusher.drive.min_radius],
-        "contact_friction": _plain(scenario.contact_friction),
+        "objects": [[_plain(obj.outline), _plain(obj.pose_chain)] for obj in chain.objects],
     }
     if scenario.interval is not None:
         interval = scenario.interval

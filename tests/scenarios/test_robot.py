@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import shapely
 from conftest import there
+from kinds import MULTI
 from scenarios.conftest import Changed
 
 from pushplan.scenario.file import scenario_from_document
@@ -68,42 +69,28 @@ def test_findings_name_the_place_and_what_helps(valid: Changed, stated: str, fin
     assert finding in valid.findings(with_robot(stated))
 
 
-FILE = """\
-format: pushplan/1
-name: behind
-floor: {friction: 0.3}
-objects:
-  - {name: box, shape: {box: [0.15, 0.15]}, mass: 1.0}
-pusher: {width: 0.2, friction: 0.5}
-robot: {start: [0.2, 1.0, 0.0]}
-start: [1.0, 1.0, 0.0]
-goal: {pose: [2.0, 1.0, 0.0], of: box}
-workspace: {x: [0.0, 3.0], y: [0.0, 3.0]}
-"""
-
-
-BEHIND = Changed(FILE)
+BEHIND = Changed(MULTI)
 
 
 def test_symmetry_turns_the_goal_about_the_object_that_it_is_for() -> None:
     pushes = there(BEHIND.scenario(("of: box}", "of: box, symmetry: 4}")).pushes)
     assert [round(math.degrees(goal.pose[2])) % 360 for goal in pushes.goals] == [0, 90, 180, 270]
     for goal in pushes.goals:
-        ahead = 0.075 * np.array([math.cos(goal.pose[2]), math.sin(goal.pose[2])])
-        np.testing.assert_allclose(goal.pose_chain[:2] + ahead, [2.0, 1.0], atol=1e-12)
+        ahead = 0.1 * np.array([math.cos(goal.pose[2]), math.sin(goal.pose[2])])
+        np.testing.assert_allclose(goal.pose_chain[:2] + ahead, [0.6, 0.4], atol=1e-12)
 
 
 WRONG = """\
-of: box} | of: box, symmetry: 4} | 8:40: goal.symmetry: is for multi-push plans: it needs a robot.start,
-friction: 0.5} | friction: 0.5, faces: all} | 6:37: pusher.faces: is for multi-push plans: it needs a robot.start,
+of: box} | of: box, symmetry: 4} | 7:40: goal.symmetry: is for multi-push plans: it needs a robot.start,
+friction: 0.5} | friction: 0.5, faces: all} | 5:37: pusher.faces: is for multi-push plans: it needs a robot.start,
 friction: 0.5} | friction: 0.5, faces: [behind]} | faces[0]: is the text 'behind'; allowed: rear, front, left, right,
-[0.2, 1.0, 0.0]} | [0.0, 1.0, 0.0]} | 7:16: robot.start: at the robot's start, 'pusher' leaves the workspace (x >= 0)
-[0.2, 1.0, 0.0]} | [1.05, 1.0, 0.0]} | 7:16: robot.start: at the robot's start, 'pusher' overlaps 'box' by 50 mm
-[2.0, 1.0, 0.0] | [3.0, 1.0, 0.0] | 9:14: goal.pose: at the goal, 'box' leaves the workspace (x <= 3) by 75 mm
-of: box | of: bix | 9:35: goal.of: no object is called 'bix'; did you mean 'box'? allowed: box
-name: behind | planner: {name: rrt} | planner.name: is for a single push; multi-push plans have auto only
-name: behind | pushes: {most: 0} | pushes.most: is 0; allowed: a whole number from 1 to 100
-name: behind | clearance: 0.1 | pushes.approach: is 0.05 m, and the robot keeps 0.1 m from the objects
+[-0.5, 0.0, 0.0]} | [-3.0, 0.0, 0.0]} | 6:16: robot.start: at the robot's start, 'pusher' leaves the workspace (x
+[-0.5, 0.0, 0.0]} | [0.05, 0.0, 0.0]} | 6:16: robot.start: at the robot's start, 'pusher' overlaps 'box' by 50 mm
+[0.6, 0.4, 0.0] | [6.0, 0.4, 0.0] | 8:14: goal.pose: at the goal, 'box' leaves the workspace (x <= 6) by 100 mm
+of: box | of: bix | 8:35: goal.of: no object is called 'bix'; did you mean 'box'? allowed: box
+name: box | planner: {name: rrt} | planner.name: is for a single push; multi-push plans have auto only
+name: box | pushes: {most: 0} | pushes.most: is 0; allowed: a whole number from 1 to 100
+name: box | clearance: 0.1 | pushes.approach: is 0.05 m, and the robot keeps 0.1 m from the objects
 """
 """What is replaced in the file, by what, and what is told; what needs a robot's start is told where there is none."""
 
@@ -111,6 +98,6 @@ name: behind | clearance: 0.1 | pushes.approach: is 0.05 m, and the robot keeps 
 @pytest.mark.parametrize("row", WRONG.splitlines())
 def test_what_is_wrong_is_told_with_its_place(row: str) -> None:
     old, new, expected = row.split(" | ")
-    without = [("robot: {start: [0.2, 1.0, 0.0]}\n", "")] if "needs a robot.start" in expected else []
+    without = [("robot: {start: [-0.5, 0.0, 0.0]}\n", "")] if "needs a robot.start" in expected else []
     found = BEHIND.findings((old, new), *without)
     assert any(expected in finding for finding in found), found
