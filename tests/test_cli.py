@@ -54,16 +54,12 @@ def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captur
 
 
 @pytest.mark.parametrize(("words", "message"), [
-    ([], "Usage: pushplan COMMAND"), (["pul"], "No such command 'pul'"), (["plan"], "Missing argument 'SCENARIO'"),
-    (["plan", "two-crates", "--planner", "rtr"], "did you mean 'rrt'?"),
+    ([], "Usage: pushplan COMMAND"), (["plan"], "Missing argument 'SCENARIO'"),
     (["plan", "two-crates", "--set", "none"], "'none' is not known"),
-    (["plan", "two-crates", "--time-limit", "nan"], "'nan' is no time limit"),
     (["plan", "two-crates", "--time-limit", "0"], "'0' is out of range; allowed: a number above 0"),
     (["plan", "two-crates", "--time-limit", "soon"], "also with a unit (s, ms, min, h)"),
     (["plan", "two-crates", "--seed", "-1"], "'-1' is out of range; allowed: a whole number from 0"),
-    (["plan", "two-crates", "--iterations", "0"], "'0' is out of range; allowed: a whole number from 1"),
     *((["new", "--", name], "allowed: a name of up to 64") for name in (" ", "_x", "a\tb", "-", "x" * 65)),
-    (["plan", ""], "there is an empty word, which names nothing"),
     (["bench", "smoke", "-o", ""], "there is an empty word, which names nothing"),
     (["identify", "none.mcap", "--into", "none", "-o", "l.yaml"], "none: cannot read the file: No such file"),
     (["replay", "@first"], "@first is neither a file nor a recorded run; the last run is @1"),
@@ -72,11 +68,9 @@ def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captur
     (["simulate", "two-crates", "--disturb", "object=far,time=soon"], "time is 'soon'; allowed: a number"),
     (["simulate", "two-crates", "--sensor", "noise=1"], "'noise=1' is not NAME=VALUE with a NAME of rate"),
     (["simulate", "two-crates", "--sensor", "rate=0"], "rate of the sensor is 0.0; it must be finite and > 0"),
-    (["trial", "two-crates", "--samples", "0"], "'0' is out of range; allowed: a whole number from 1"),
     (["trial", "two-crates", "--samples", "2.5"], "'2.5' is no whole number; allowed: a whole number from 1"),
     (["trial", "two-crates", "--uncertainty", "load=20"], "below 1; it is a share: 20 % is 0.2"),
     (["plan", "two-crates", "--see", "1"], "'--seed'"),
-    (["plan", "two-crates", "--time-limit", "1x"], "'1x' is no time limit"),
     (["pln", "two-crates"], "Did you mean 'plan'?"),
     (["plan", "two-crates", "--planner", "autoo"], "did you mean 'auto'?"),
     (["plan", "two-crates", "more"], "unexpected extra argument (more)"),
@@ -84,7 +78,6 @@ def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captur
     (["plan", "two-crates", "-o", "/no/such/folder/r.mcap"], "there is no folder /no/such/folder"),
     (["plan", "two-crates", "--html", "x", "-o", "./x"], "this file is read or written already"),
     (["simulate", "one-box", "--no-log", "-o", "x"], "--no-log does not go together with -o and --runs"),
-    (["trial", "one-box", "--no-log", "--runs", "x"], "--no-log does not go together with -o and --runs"),
     (["plan", "no-such.yaml"], "no-such.yaml: cannot read the file: No such file"),
     (["replay", "no-such.mcap"], "no-such.mcap"),
 ])  # fmt: skip

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import Captured, Patch, there
+from kinds import WALL
 
 from pushplan.cli.main import main
 from pushplan.logging.writer import RunLogWriter
@@ -22,14 +23,6 @@ from pushplan.verification import execute_again
 
 REPEATED = ("--time-limit", "60", "--iterations", "2000")
 """Ends a search at the same place on every machine."""
-WALLS = """
-obstacles:
-  - {box: [0.1, 1.0], pose: [-0.4, 0.0, 0.0]}
-  - {box: [0.1, 1.0], pose: [0.6, 0.0, 0.0]}
-  - {box: [1.2, 0.1], pose: [0.1, -0.5, 0.0]}
-  - {box: [1.2, 0.1], pose: [0.1, 0.5, 0.0]}
-"""
-"""A room without a door around the start of the example free-space."""
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +110,7 @@ def test_replay_shows_what_a_cut_off_log_still_has(
 
 
 @pytest.mark.parametrize(("text", "reason"), [
-    (example_text("free-space") + WALLS, "obstacles and walls separate the start from the goal: "),
+    (WALL, "obstacles and walls separate the start from the goal: "),
     (example_text("narrow-gap").replace("1.33", "1.26"), "no path found within the time limit of 60 s or 300 itera"),
 ])  # fmt: skip
 def test_a_plan_not_found_is_logged_all_the_same(text: str, reason: str, tmp_path: Path, capsys: Captured) -> None:

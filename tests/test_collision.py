@@ -259,19 +259,6 @@ def test_gaps_are_the_distances_of_every_body_from_everything_up_to_what_is_enou
     np.testing.assert_allclose(Room.of(scenario).gaps(poses, enough), expected, atol=1e-12)
 
 
-LANE = """
-format: pushplan/1
-floor: {friction: 0.3}
-objects:
-  - {name: box, shape: {box: [0.1, 0.1]}, mass: 1.0}
-pusher: {width: 0.2, friction: 0.4}
-goal: {pose: [0.6, 0.0, 0.0]}
-workspace: {x: [-0.5, 1.5], y: [-0.5, 0.5]}
-obstacles:
-  - {box: [0.4, 0.1], pose: [0.2, 0.16, 0.0]}
-"""
-
-
 @pytest.mark.parametrize(("clearance", "trajectory"), [(0.0005, "exact"), (0.006, "blended")])
 def test_paths_keep_the_clearance_and_use_it_up(clearance: float, trajectory: str) -> None:
     scenario = replace(load_scenario("narrow-gap"), clearance=clearance, trajectory=trajectory)
@@ -283,11 +270,11 @@ def test_paths_keep_the_clearance_and_use_it_up(clearance: float, trajectory: st
     assert gap < clearance + 0.02
 
 
-def test_a_start_just_at_the_clearance_leaves_the_room_to_leave_it() -> None:
+def test_a_start_just_at_the_clearance_leaves_the_room_to_leave_it(lane: Scenario) -> None:
     """The plate's end passes along the obstacle: no pose on the first half of the straight push is farther away."""
     for gap in (0.01, 0.01 + 5e-5, 0.02):
-        text = LANE.replace("0.16", f"{0.15 + gap}")
-        scenario = replace(scenario_from_text(text, "lane.yaml"), clearance=0.01)
+        wall = PolygonObstacle(SQUARE * [0.4, 0.1] + [0.2, 0.2 + gap])
+        scenario = replace(lane, clearance=0.01, obstacles=(wall,))
         scene = scenario_scene(scenario)
         assert 0.01 - CLEARANCE_ROOM - 1e-8 <= scene.kept <= 0.01
         assert scene.clearance == pytest.approx(min(gap, 0.01 + SLACK), abs=1e-8)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import Patch, there
+from kinds import WALL
 from plans_of import load_plain, plain
 
 import pushplan
@@ -16,20 +17,12 @@ from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnos
 from pushplan.planners.planner import plan
 from pushplan.planners.problem import build_problem
 from pushplan.plans.plan import CAUSES, Diagnosis, Plan
+from pushplan.scenario.builders import box, build_scenario, plate
 from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import PolygonObstacle
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray
-
-ROOM = """
-obstacles:
-  - {box: [0.05, 2.0], pose: [-0.3, 0.0, 0.0]}
-  - {box: [0.05, 2.0], pose: [0.5, 0.0, 0.0]}
-  - {box: [1.0, 0.05], pose: [0.1, 0.5, 0.0]}
-  - {box: [1.0, 0.05], pose: [0.1, -0.5, 0.0]}
-"""
-WALLED_IN = plain(scenario_from_text(example_text("free-space") + ROOM, "walled-in.yaml"))
 
 
 def gap(top: float) -> Scenario:
@@ -58,7 +51,7 @@ def diagnosed(scenario: Scenario, segments: FloatArray) -> tuple[Diagnosis, ...]
 
 
 def test_walls_all_around_are_proven_to_leave_no_way() -> None:
-    result = short(WALLED_IN)
+    result = short(plain(scenario_from_text(WALL)))
     assert result.reason == "obstacles and walls separate the start from the goal: no passage joins them"
     (found,) = result.diagnosis
     assert (found.cause, found.proven) == ("gap", True)
@@ -150,37 +143,33 @@ def test_an_end_with_something_just_in_the_way_is_perhaps_boxed_in(
     assert boxed[0].blocking == (0,)
 
 
-WIDE_ROOM = """
-format: pushplan/1
-name: wide
-floor: {{friction: 0.3}}
-objects:
-  - {{name: a, shape: {{box: [0.2, 0.3]}}, mass: 1.0}}
-  - {{name: b, shape: {{box: [0.2, 0.3]}}, mass: 1.0}}
-contacts: {{friction: 0.3}}
-pusher: {{width: 0.4, thickness: 0.03, friction: 0.5, drive: {drive}}}
-start: [1.0, 1.0, 0.0]
-goal: {{pose: {goal}}}
-workspace: {{x: [0, 12], y: [0, 7]}}
-"""
 DRIVES = {
-    "differential": "{differential: {axle: [-0.4, 0, 0]}}",
-    "car": "{car: {axle: [-0.4, 0, 0], min_radius: 0.5}}",
+    "differential": {"differential": {"axle": [-0.4, 0.0, 0.0]}},
+    "car": {"car": {"axle": [-0.4, 0.0, 0.0], "min_radius": 0.5}},
 }
 
 
-def _room(drive: str, goal: str) -> Scenario:
-    return scenario_from_text(WIDE_ROOM.format(drive=DRIVES.get(drive, drive), goal=goal), "wide")
+def _room(drive: str, goal: tuple[float, float, float]) -> Scenario:
+    return build_scenario(
+        "wide",
+        [box("a", 0.2, 0.3, 1.0), box("b", 0.2, 0.3, 1.0)],
+        plate(0.4, 0.5, thickness=0.03, drive=DRIVES[drive]),
+        goal,
+        floor_friction=0.3,
+        contact_friction=0.3,
+        start=(1.0, 1.0, 0.0),
+        workspace={"x": [0.0, 12.0], "y": [0.0, 7.0]},
+    )
 
 
 @pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.parametrize("goal", ["[9, 5, 90 deg]", "[1.5, 3.5, 90 deg]"])
-def test_wide_turns_find_their_way(drive: str, goal: str) -> None:
+@pytest.mark.parametrize("goal", [(9.0, 5.0, np.pi / 2), (1.5, 3.5, np.pi / 2)])
+def test_wide_turns_find_their_way(drive: str, goal: tuple[float, float, float]) -> None:
     assert pushplan.plan(_room(drive, goal), first=True, time_limit=60.0).solved
 
 
 def test_a_goal_beside_the_wall_is_proven_out_of_reach_and_the_drive_is_to_blame() -> None:
-    result = pushplan.plan(_room("car", "[2, 5, 0]"), time_limit=600.0)  # it ends with the proof
+    result = pushplan.plan(_room("car", (2.0, 5.0, 0.0)), time_limit=600.0)  # it ends with the proof
     assert not result.solved
     (found,) = result.diagnosis
     assert (found.cause, found.proven) == ("boxed in", True)

@@ -25,7 +25,6 @@ from pushplan.bench.store import ResultsFolder
 from pushplan.bench.suite import suite_from_text
 from pushplan.closed_loop import ClosedLoopRun, run_closed_loop
 from pushplan.drawing.scene import Scene
-from pushplan.errors import RunLogError
 from pushplan.logging.page import write_html
 from pushplan.logging.tables import write_csv
 from pushplan.planners.validator import Validator
@@ -37,11 +36,10 @@ from pushplan.plans.segment import Segment
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance
+from pushplan.sim.physics.simulate import simulate_in_physics
 from pushplan.trial import write_trial
 from pushplan.util.arrays import FloatArray
 from pushplan.verification import verify_log
-from pushplan.view.answers import Answers
-from pushplan.view.draft import Draft
 
 KINDS = ("push", "multi-push", "rearrangement", "gathering")
 EVERY = pytest.mark.parametrize("kind", KINDS)
@@ -139,8 +137,6 @@ def test_simulators_keep_every_contact_and_end_at_the_goals(kind: str, engine: s
         report = pushplan.simulate(one.plan, pushplan.World.from_scenario(one.scenario))
     else:
         pytest.importorskip("mujoco")
-        from pushplan.sim.physics.simulate import simulate_in_physics
-
         report = simulate_in_physics(one.plan)
     assert report.kept, report.summaries
     assert at_goals(one.scenario, report.objects[-1])
@@ -164,14 +160,6 @@ def test_a_picture_shows_the_path_and_where_everything_ends(kind: str, tmp_path:
     assert bool(scene.marks) == (kind in LOOPS)
     pushplan.plot_plan(one.plan, tmp_path / "run.png", one.execution, events)
     assert image.imread(tmp_path / "run.png").std() > 0.02
-
-
-@EVERY
-def test_the_window_plans_what_is_dragged(kind: str) -> None:
-    one = made(kind)
-    answer = Answers(one.scenario).timed(Draft.of(one.scenario))
-    assert answer.solved, answer.findings
-    assert there(answer.plan).segments[-1].after.keys() == one.plan.segments[-1].after.keys()
 
 
 @EVERY
@@ -203,13 +191,12 @@ def test_a_closed_loop_is_a_run_that_can_be_repeated_shown_and_verified(kind: st
 
 @CLOSED
 def test_a_closed_loop_pushes_what_the_plan_pushes_to_its_goals(kind: str) -> None:
-    one = made(kind)
-    assert one.loop is not None
+    one, loop = made(kind), there(made(kind).loop)
     assert at_goals(one.scenario, one.execution.objects[-1])
-    assert max(one.loop.goal_errors) < 0.018
-    driven = np.hypot(*np.diff(one.loop.simulated.poses[:, :2], axis=0).T).sum()
+    assert max(loop.goal_errors) < 0.018
+    driven = np.hypot(*np.diff(loop.simulated.poses[:, :2], axis=0).T).sum()
     assert driven <= 2.0 * sum(s.path.travel for s in made(kind.split(" ")[0]).plan.segments) + 1.0
-    drives = [event for event in one.loop.events if event.kind == "drive"]
+    drives = [event for event in loop.events if event.kind == "drive"]
     assert len(drives) >= sum(segment.kind == "transit" for segment in one.plan.segments)
     pushed = {k for k, row in enumerate(~np.isnan(one.execution.margins).T) if row.any()}
     assert {one.execution.names[k] for k in pushed} == {n for s in one.plan.pushes for n in names_of(s)}
@@ -221,23 +208,19 @@ def test_what_was_pushed_is_learned_from(tmp_path: Path, monkeypatch: Patch) -> 
     assert scenario.kind == "push"
     run_closed_loop(scenario, settings=SETTINGS).write(tmp_path / "loop.mcap")
     assert len(pushplan.identify([tmp_path / "loop.mcap"], seed=1).estimates) > 0
-    pushplan.run(scenario, log=tmp_path / "rigid.mcap", seed=1, first=True)
-    with pytest.raises(RunLogError, match="nobody measured"):
-        pushplan.identify([tmp_path / "rigid.mcap"])
 
 
-@EVERY
-def test_a_batch_runs_it(kind: str, tmp_path: Path) -> None:
-    (tmp_path / "problem.yaml").write_text(FAST[kind])
+def test_a_batch_runs_every_kind(tmp_path: Path) -> None:
+    for kind in KINDS:
+        (tmp_path / f"{kind}.yaml").write_text(FAST[kind])
     suite = suite_from_text(
-        "format: pushplan-suite/1\nproblems: [problem.yaml]\nplanners: [{name: auto, first: true}]\n"
-        "seeds: 1\nlimits: {time: 60 s}\n",
+        f"format: pushplan-suite/1\nproblems: [{', '.join(f'{kind}.yaml' for kind in KINDS)}]\n"
+        "planners: [{name: auto, first: true}]\nseeds: 1\nlimits: {time: 60 s}\n",
         tmp_path / "suite.yaml",
     )
     folder = ResultsFolder(tmp_path / "results")
     with folder.locked(), local_engine(1, folder.scratch) as engine:
         run_suite(suite, folder, engine, Selection(), None, "test")
     done = read_results(tmp_path / "results").done
-    assert len(done) == 1
-    assert done["outcome"].tolist() == ["ok"]
+    assert done["outcome"].tolist() == ["ok"] * len(KINDS)
     assert (done["solution_length"] > 0.1).all()

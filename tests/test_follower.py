@@ -49,8 +49,7 @@ def pushed(drive: str) -> Plan:
 @pytest.mark.parametrize("drive", DRIVES)
 def test_twists_of_the_base_lead_to_the_goal_within_a_micrometre(drive: str) -> None:
     run = pushed(drive)
-    trajectory, pusher = run.trajectory, run.scenario.chain.pusher
-    assert trajectory is not None
+    trajectory, pusher = there(run.trajectory), run.scenario.chain.pusher
     np.testing.assert_array_equal(trajectory.base, pusher.base_pose)
     begins = np.arange(0.0, trajectory.duration, 1e-3)
     spans = np.diff(np.append(begins, trajectory.duration))
@@ -113,8 +112,7 @@ def test_a_robot_that_starts_beside_the_path_comes_back_on_stable_twists(drive: 
 
 def test_leaving_the_path_or_losing_an_object_aborts_and_says_so() -> None:
     run = pushed("differential")
-    trajectory, chain = run.trajectory, run.scenario.chain
-    assert trajectory is not None
+    trajectory, chain = there(run.trajectory), run.scenario.chain
     start = trajectory.base_poses[0]
     beside = se2.compose(start, np.array([0.0, 0.004, 0.0]))
     command = Follower(run).step(beside)

@@ -19,7 +19,6 @@ from pushplan.plans.path import TURN_WEIGHT, PushPath
 from pushplan.scenario.file import example_names, scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import PolygonObstacle
-from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
 
 AHEAD = """
@@ -42,9 +41,8 @@ def bound_of(scenario: Scenario, most: float = math.inf) -> float:
 def test_nothing_in_the_way_leaves_straight_travel_and_the_turns_that_the_pushes_need() -> None:
     scenario = scenario_from_text(AHEAD.replace("[2.0, 0.0, 0.0]", "[3.0, 4.0, -90 deg]"), "ahead.yaml")
     result = plan(scenario.with_planner(cost="travel", arc_price=0.0), iterations=20_000)
-    assert result.lower_bound is not None
-    assert 5.0 + TURN_WEIGHT * math.pi / 2.0 < bound_of(scenario) < result.lower_bound
-    assert result.lower_bound < there(result.path).cost < 1.03 * result.lower_bound
+    bound = there(result.lower_bound)
+    assert 5.0 + TURN_WEIGHT * math.pi / 2.0 < bound_of(scenario) < bound < there(result.path).cost < 1.03 * bound
 
 
 def test_a_block_in_the_way_has_to_be_passed_on_its_short_side() -> None:
@@ -92,11 +90,6 @@ CAR = np.array([[1.0, 0.0, -2.0, 1.0, 0.0, 2.0]])
 """Dubins' car with a turning radius of 0.5 m at the chain frame's origin."""
 
 
-def set_of(name: str) -> tuple[Scenario, StableSet]:
-    scenario = load_plain(name)
-    return scenario, scenario.stable_set()
-
-
 def random_path(segments: FloatArray, rng: np.random.Generator) -> PushPath:
     """A few arcs of twists on segments, most of them at their ends, from a random pose."""
     count = int(rng.integers(1, 6))
@@ -110,8 +103,8 @@ def random_path(segments: FloatArray, rng: np.random.Generator) -> PushPath:
 @pytest.mark.parametrize("name", ["one-box", "asymmetric", "carts", "trapezoids"])
 def test_no_path_of_stable_twists_beats_the_bound(name: str) -> None:
     """Paths of finer meridians than those that the bound knows: it holds between them, too."""
-    scenario, stable = set_of(name)
-    known, finer = (control_segments(stable, scenario.chain.pusher.drive, 0.05, k) for k in (512, 4099))
+    stable = load_plain(name).stable_set()
+    known, finer = (control_segments(stable, stable.chain.pusher.drive, 0.05, k) for k in (512, 4099))
     rng = np.random.default_rng(7)
     for _ in range(15):
         path = random_path(finer, rng)
@@ -131,10 +124,9 @@ def test_no_word_of_a_car_beats_the_bound_and_some_reach_it() -> None:
 
 @pytest.mark.parametrize("name", ["free-space", "narrow-gap", "carts"])
 def test_what_is_ranked_by_time_states_a_gap_in_time_and_by_margin_none(name: str) -> None:
-    scenario, _ = set_of(name)
+    scenario = load_plain(name)
     by = {cost: plan(scenario, cost=cost, time_limit=300.0, iterations=300, seed=1) for cost in ("time", "margin")}
     assert by["margin"].gap is None
-    timed = by["time"]
-    assert timed.duration is not None
-    assert 0.5 * timed.duration < there(timed.lower_bound) < timed.duration
-    assert timed.gap == timed.duration / there(timed.lower_bound) - 1.0
+    duration, bound = there(by["time"].duration), there(by["time"].lower_bound)
+    assert 0.5 * duration < bound < duration
+    assert by["time"].gap == duration / bound - 1.0

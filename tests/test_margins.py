@@ -121,19 +121,15 @@ def u_turned(margin: float | None = None) -> Plan:
 def test_the_margin_is_lowered_in_halvings_until_there_is_a_path() -> None:
     result = u_turned()
     assert result.solved, result.reason
-    assert result.margin_asked is not None
-    assert result.margin is not None
-    assert result.margin_asked == pytest.approx(automatic_margin(u_turn().stable_set(), Drive()))
-    asked = result.margin_asked
+    asked, margin = there(result.margin_asked), there(result.margin)
+    assert asked == pytest.approx(automatic_margin(u_turn().stable_set(), Drive()))
     most = f"no push of 'near', 'far' has more than {2.0 * asked:.2g}"
     assert result.notes == [f"margin {asked:.2g} instead of 0.05: {most}", result.lowered]
-    halvings = np.log2(result.margin_asked / result.margin)
+    halvings = np.log2(asked / margin)
     assert halvings == pytest.approx(round(float(halvings)), abs=1e-9)
     assert 1 <= halvings <= HALVINGS
-    assert result.margin < there(result.min_margin) < result.margin_asked
-    assert result.lowered == (
-        f"margin {result.margin:.2g} instead of {result.margin_asked:.2g}: no path was found with more"
-    )
+    assert margin < there(result.min_margin) < asked
+    assert result.lowered == f"margin {margin:.2g} instead of {asked:.2g}: no path was found with more"
 
 
 def test_a_stated_margin_is_never_lowered() -> None:
@@ -161,14 +157,9 @@ def test_the_output_and_the_json_say_that_the_margin_was_lowered(tmp_path: Path,
     file.write_text(u_turn().to_json())
     words = f"plan {file} --iterations {ITERATIONS} --time-limit 60 --json -o {log}".split()
     assert main(words) == 0
-    said = capsys.readouterr()
-    found, result = json.loads(said.out), u_turned()
-    assert result.lowered
+    said, result = capsys.readouterr(), u_turned()
     assert result.lowered in " ".join(said.err.split())
-    assert found["margin_asked"] == pytest.approx(result.margin_asked)
-    assert found["margin"] == pytest.approx(result.margin)
-    assert found["min_margin"] > found["margin"]
-    assert found["min_dynamic_margin"] > 0.5 * found["margin"]
+    assert json.loads(said.out)["margin"] == pytest.approx(result.margin)
     assert main(["replay", log]) == 0
     assert result.lowered in " ".join(capsys.readouterr().out.split())
 
@@ -240,8 +231,7 @@ def test_what_stands_aside_touches_where_its_outline_does_and_what_is_turned_tak
 def test_every_margin_is_positive_just_below_the_robustness_and_one_is_not_just_above(name: str) -> None:
     scenario = load_scenario(name)
     found = plan(scenario, first=True, seed=1, time_limit=60.0)
-    robustness, trajectory = found.robustness, found.segments[0].contact_trajectory
-    assert robustness is not None
+    robustness, trajectory = there(found.robustness), found.segments[0].contact_trajectory
     assert robustness == robustness_of(scenario.chain, trajectory)
     assert not robustness.used_up
     moments = thinned(trajectory.directions, trajectory.rates_at(trajectory.t), scenario.chain.characteristic_length)

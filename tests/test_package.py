@@ -2,7 +2,6 @@
 
 import ast
 import re
-import runpy
 import subprocess
 import sys
 import tomllib
@@ -11,11 +10,11 @@ from functools import cache
 from graphlib import TopologicalSorter
 from inspect import CO_OPTIMIZED
 from pathlib import Path
-from types import FrameType, ModuleType
+from types import FrameType
 
 import pytest
 from click.testing import CliRunner
-from conftest import Captured, Patch
+from conftest import Captured
 
 from pushplan.cli.main import COMMANDS, MORE, main
 from pushplan.cli.main import pushplan as command_line
@@ -57,21 +56,6 @@ def test_a_command_loads_only_what_it_needs(tmp_path: Path) -> None:
         assert not loaded & spared
 
 
-def test_all_that_the_core_is_called_with_has_a_kind_in_python() -> None:
-    from pushplan import core
-
-    def signatures(of: object) -> Iterator[str]:
-        for value in vars(of).values():
-            if "pushplan.core" in str(getattr(value, "__module__", "")) or isinstance(value, property | ModuleType):
-                yield value.__doc__ or ""
-                if isinstance(value, type | ModuleType):
-                    yield from signatures(value)
-
-    found = list(signatures(core))
-    assert sum("(" in text for text in found) > 100
-    assert not [text for text in found if "std::" in text or "pushplan::" in text]
-
-
 @pytest.mark.skipif(not (ROOT / "planners").is_dir(), reason="needs the sources, not a wheel")
 def test_every_source_of_the_core_is_listed() -> None:
     """An sdist holds what is listed; a checkout is built without that, too."""
@@ -79,23 +63,6 @@ def test_every_source_of_the_core_is_listed() -> None:
     (core,) = settings["ext-modules"]
     there = {f"pushplan/core/{path.name}" for path in (ROOT / "pushplan" / "core").glob("*.[ch]pp")}
     assert sorted([*core["sources"], *core["depends"]]) == sorted(there)
-
-
-BENCHMARKS = sorted((ROOT / "benchmarks").glob("*.py"))
-
-
-@pytest.mark.skipif(not (ROOT / "planners").is_dir(), reason="some need the sources, not a wheel")
-@pytest.mark.parametrize("path", BENCHMARKS, ids=[path.stem for path in BENCHMARKS])
-def test_a_benchmark_finds_all_that_it_imports(path: Path, monkeypatch: Patch) -> None:
-    monkeypatch.setattr(sys, "path", [str(path.parent), *sys.path])
-    monkeypatch.setattr(sys, "dont_write_bytecode", sys.dont_write_bytecode)
-    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")
-    try:
-        runpy.run_path(str(path), run_name="loaded")
-    except ModuleNotFoundError as error:
-        if error.name not in ("mujoco", "nanobind"):  # of the extra `physics`, and for building
-            raise
-        pytest.skip(f"needs {error.name}")
 
 
 def test_pythons_own_logging_is_found_from_the_checkout() -> None:

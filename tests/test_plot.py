@@ -45,23 +45,11 @@ def test_margins_have_one_colour_each_on_a_fixed_scale() -> None:
 
 
 @pytest.mark.parametrize("kind", PUSHES)
-def test_a_scene_has_the_bodies_where_the_execution_has_them(kind: str, plans: dict[str, Plan]) -> None:
-    plan = plans[kind]
-    scene, execution = Scene.of(plan.scenario, plan), plan.execution
-    assert execution is not None
-    for k in (0, len(execution.t) // 2, len(execution.t) - 1):
-        plate, objects = execution.poses_at(float(execution.t[k]))
-        for body, pose in zip(scene.bodies, scene.at(float(execution.t[k])), strict=True):
-            np.testing.assert_allclose(pose, objects.get(body.name, plate), atol=1e-12)
-
-
-@pytest.mark.parametrize("kind", PUSHES)
 def test_the_path_has_the_margins_of_the_execution_and_none_where_nothing_is_pushed(
     kind: str, plans: dict[str, Plan]
 ) -> None:
     plan = plans[kind]
-    scene, execution = Scene.of(plan.scenario, plan), plan.execution
-    assert execution is not None
+    scene, execution = Scene.of(plan.scenario, plan), there(plan.execution)
     assert [line.kind for line in scene.lines] == [segment.kind for segment in plan.segments]
     for line, segment in zip(scene.lines, plan.segments, strict=True):
         assert np.isnan(line.margins).all() == (not segment.pushes)

@@ -1,6 +1,7 @@
 """What searches are made of: controls, exact connections, lattice, sparse tree, and when they end."""
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -53,18 +54,21 @@ def _searched(problem: Problem, scenario: Scenario, back: int, bound: float = ma
     return lattice, bound
 
 
+def check_branches(problem: Problem, nodes: FloatArray, rows: Iterable[int], back: int = 0) -> None:
+    """Check that some nodes are joined to their parents by free arcs of the right cost, forwards or backwards."""
+    for node in nodes[list(rows)]:
+        parent = nodes[int(node[4])]
+        first, last = (node, parent) if back else (parent, node)
+        assert max(se2.pose_error(se2.compose(first[:3], se2.exp(node[5:8] * node[8])), last[:3])) < 1e-9
+        assert sweep_is_free(problem.scene, *[*parent[:3], *((1 - 2 * back) * node[5:8]), node[8]])
+        assert node[3] == pytest.approx(parent[3] + node[8], abs=1e-9)
+
+
 @pytest.mark.parametrize("back", [0, 1])
 def test_every_branch_is_a_free_stable_arc(problem: Problem, scenario: Scenario, back: int) -> None:
     nodes = _searched(problem, scenario, back)[0].nodes
     assert len(nodes) > 50
-    for node in nodes[1:]:
-        parent = nodes[int(node[4])]
-        first, last = (node, parent) if back else (parent, node)
-        end = se2.compose(first[:3], se2.exp(node[5:8] * node[8]))
-        np.testing.assert_allclose(last[:2], end[:2], atol=1e-9)
-        assert abs(se2.wrap_angle(last[2] - end[2])) < 1e-9
-        assert sweep_is_free(problem.scene, *[*parent[:3], *((1 - 2 * back) * node[5:8]), node[8]])
-        assert node[3] == pytest.approx(parent[3] + node[8], abs=1e-9)
+    check_branches(problem, nodes, range(1, len(nodes)), back)
     assert scenario.stable_set().margin(nodes[1:, 5:8]).min() > 0.0
 
 
@@ -121,13 +125,9 @@ def test_every_branch_is_a_free_arc_with_the_right_cost(problem: Problem, scenar
         done += tree.grow(problem, session.random, np.inf, 4000 - done)[0]
     rows, nodes, to_go = np.setdiff1d(np.arange(len(tree.nodes)), tree.unused), tree.nodes, tree.to_go
     assert len(rows) > 100
+    check_branches(problem, nodes, rows[1:])
     for row in rows[1:]:
-        node, parent = nodes[row], nodes[int(nodes[row, 4])]
-        end = se2.compose(parent[:3], se2.exp(node[5:8] * node[8]))
-        np.testing.assert_allclose(node[:3], end, atol=1e-12)
-        assert node[3] == pytest.approx(parent[3] + node[8], abs=1e-12)
-        assert sweep_is_free(problem.scene, *parent[:3], *node[5:9])
-        assert to_go[row] <= np.hypot(*(problem.goal[:2] - node[:2])) + 0.1 * np.pi + 1e-12
+        assert to_go[row] <= np.hypot(*(problem.goal[:2] - nodes[row, :2])) + 0.1 * np.pi + 1e-12
 
 
 def _turning(cor: tuple[float, float], sense: float) -> FloatArray:

@@ -18,9 +18,7 @@ BOX = np.array([[-0.05, -0.03], [0.05, -0.03], [0.05, 0.03], [-0.05, 0.03]])
 @pytest.mark.parametrize(("fractions", "center", "text"), [
     ([0.5, 0.5, 0.5, -0.5], None, "-0.5 of point 3 must be > 0"),
     ([0.5, 0.25, 0.0, 0.25], None, "load fraction 0 of point 2 must be > 0"),
-    ([0.25, 0.25, 0.25, 0.2], None, "sum to 0.95; they must sum to 1"), ([0.5, 0.5], None, "shape"),
-    (None, None, "either"), ([0.25] * 4, [0.0, 0.0], "either"),
-    (None, [0.06, 0.0], r"center_of_mass \(0.06, 0\) lies outside"),
+    ([0.5, 0.5], None, "shape"), (None, None, "either"), ([0.25] * 4, [0.0, 0.0], "either"),
 ])  # fmt: skip
 def test_wrong_feet_are_refused(fractions: FloatArray | None, center: FloatArray | None, text: str) -> None:
     with pytest.raises(Exception, match=text) as caught:

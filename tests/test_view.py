@@ -17,7 +17,7 @@ import boxes
 import numpy as np
 import pytest
 from conftest import heed_interrupts, there
-from kinds import MULTI, SWAP, made
+from kinds import MULTI, ROW, SWAP, made
 from rough import first_plans
 
 import pushplan
@@ -53,8 +53,8 @@ def scenario() -> Scenario:
 
 @pytest.fixture(scope="module")
 def scenarios(scenario: Scenario) -> dict[str, Scenario]:
-    each = (scenario, scenario_from_text(MULTI), scenario_from_text(SWAP))
-    return {one.kind: one for one in each}
+    texts = {"multi-push": MULTI, "rearrangement": SWAP, "gathering": ROW}
+    return {"push": scenario, **{kind: scenario_from_text(text) for kind, text in texts.items()}}
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +84,7 @@ def test_what_was_dragged_is_where_the_saved_scenario_has_it(
     assert [goal.position_tolerance for goal in before] == [goal.position_tolerance for goal in after]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*KINDS, "gathering"])
 def test_every_stage_of_an_answer_leads_from_the_dragged_start_to_the_dragged_goal(
     kind: str, scenarios: dict[str, Scenario]
 ) -> None:

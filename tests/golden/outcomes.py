@@ -16,10 +16,8 @@ import numpy as np
 from kinds import MULTI, SWAP
 
 import pushplan
-from pushplan.plans.plan import Plan
 from pushplan.scenario.model import Scenario
 from pushplan.sim.slip.simulator import slip
-from pushplan.util.arrays import FloatArray
 
 FROZEN = Path(__file__).with_name("outcomes.json")
 
@@ -52,7 +50,7 @@ def planned(scenario: Scenario, **options: Any) -> Numbers:
     numbers = {
         "cost": [plan.cost or 0.0, plan.lower_bound or 0.0, plan.duration or 0.0],
         "margin": [execution.min_margin or 0.0, execution.min_dynamic_margin or 0.0],
-        "arcs": [*np.hstack([_arcs(plan)]).ravel()],
+        "arcs": [*np.concatenate([np.column_stack([s.path.twists, s.path.lengths]) for s in plan.segments]).ravel()],
         "poses": [*execution.objects[chosen].ravel(), *execution.poses[chosen].ravel()],
         "margins": [*np.nan_to_num(execution.margins[chosen], nan=-1.0).ravel()],
     }
@@ -65,10 +63,6 @@ def planned(scenario: Scenario, **options: Any) -> Numbers:
 
 def _packaged(name: str) -> Numbers:
     return planned(pushplan.load_scenario(name))
-
-
-def _arcs(plan: Plan) -> FloatArray:
-    return np.concatenate([np.column_stack([s.path.twists, s.path.lengths]) for s in plan.segments])
 
 
 def slipped(name: str) -> Numbers:

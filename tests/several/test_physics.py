@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from several.conftest import Problem
+from conftest import there
+from kinds import FAST
 
 import pushplan
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty
 from pushplan.sim.follower import Follower, FollowerState
@@ -20,36 +20,16 @@ from pushplan.sim.world import World
 
 OFF = np.array([0.0, 2e-3, math.radians(0.5)])
 NEAR = [5e-3, math.radians(1.0)]
-TWO = """
-format: pushplan/1
-name: two boxes
-floor: {friction: 0.3}
-objects:
-  - {name: a, shape: {box: [0.2, 0.2]}, mass: 1.0, pose: [1.0, 0.5, 0.0]}
-  - {name: b, shape: {box: [0.2, 0.2]}, mass: 1.0, pose: [1.0, 1.5, 0.0]}
-contacts: {friction: 0.4}
-pusher: {width: 0.2, friction: 0.5, faces: all}
-robot: {footprint: {box: [0.3, 0.2], pose: [-0.15, 0, 0]}, start: [0.3, 1.0, 0.0]}
-goals: {a: [2.0, 0.6, 0.0], b: [2.0, 1.4, 0.0]}
-workspace: {x: [-0.5, 3.0], y: [-0.5, 2.5]}
-"""
 
 
 @pytest.fixture(scope="module", params=["multi-push", "rearrangement"])
-def found(request: pytest.FixtureRequest, problem: Problem) -> Plan:
-    if request.param == "rearrangement":
-        scenario = pushplan.scenario_from_text(TWO)
-    else:
-        scenario = problem("omnidirectional", goal={"pose": [0.95, 1.1, 0.0]})
-    assert scenario.kind == request.param
-    result = plan(scenario, first=True, seed=1, time_limit=60.0)
-    assert result.solved
-    return result
+def found(request: pytest.FixtureRequest) -> Plan:
+    return pushplan.plan(pushplan.scenario_from_text(FAST[request.param]), first=True, seed=1, time_limit=60.0)
 
 
 def test_a_world_of_other_objects_is_refused(found: Plan) -> None:
-    other = World.from_scenario(pushplan.load_scenario("one-box"))
-    with pytest.raises(PushplanError, match="the world has the objects box, and the plan"):
+    other = World.from_scenario(pushplan.load_scenario("two-crates"))
+    with pytest.raises(PushplanError, match="the world has the objects near, far, and the plan"):
         simulate(found, other)
     in_contact = replace(World.from_scenario(found.scenario), plate=None)
     with pytest.raises(PushplanError, match="the world says otherwise of where the plate is"):
@@ -68,9 +48,7 @@ def test_objects_off_their_places_come_home_too(found: Plan) -> None:
 
 
 def test_a_robot_that_follows_it_arrives_and_its_objects_are_watched(found: Plan) -> None:
-    execution, trajectory = found.execution, found.trajectory
-    assert execution is not None
-    assert trajectory is not None
+    execution, trajectory = there(found.execution), there(found.trajectory)
     follower, base = Follower(found), trajectory.base_poses[0]
     for step in range(20_000):
         at = min(int(np.searchsorted(execution.t, 0.02 * step)), len(execution.t) - 1)

@@ -86,12 +86,8 @@ def test_more_search_makes_the_same_transfers_cheaper(monkeypatch: Patch) -> Non
 @pytest.mark.parametrize("stated", [{}, {"tolerance": {"position": 0.002, "angle": 0.004}}])
 def test_an_object_ends_within_the_tolerance_where_that_saves_a_detour(stated: dict[str, Any]) -> None:
     """A car's robot cannot push by 0.1 m and 5 mm aside at once."""
-    document = problem_document()
-    (shape,) = document.pop("objects")
-    del document["start"], document["goal"]
-    document["objects"] = [{**shape, "name": name, "pose": [x, 1.0, 0.0]} for name, x in (("a", 1.0), ("b", 2.0))]
-    document["goals"] = {"a": {"pose": [1.1, 1.005, 0.0], **stated}, "b": [2.1, 1.0, 0.0]}
-    scenario = scenario_from_document(document)
+    goals = {"a": {"pose": [1.1, 1.005, 0.0], **stated}, "b": [2.1, 1.0, 0.0]}
+    scenario = boxes({"a": ((1.0, 1.0), None), "b": ((2.0, 1.0), None)}, goals=goals)
     found = plan(scenario, first=True, time_limit=LIMIT)
     assert found.solved, found.reason
     off = off_goals(found)

@@ -6,15 +6,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import shapely
-from conftest import ChainMaker, there
+from conftest import ChainMaker
 from plans_of import push_of, timed
 from timing.conftest import Planned, use_by_differences
 
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Limits
-from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.planners.clearance import find_collision
-from pushplan.planners.planner import plan
 from pushplan.planners.timing.arc_limits import Bounds, arc_limits
 from pushplan.planners.timing.blending import Blend, blend_path
 from pushplan.planners.timing.exact_timing import time_path
@@ -33,9 +31,8 @@ def _set(scenario: Scenario) -> StableSet:
     return stable_set(scenario.chain, scenario.stability.set)
 
 
-def _blend(scenario: Scenario, path: PushPath, contacts: ContactDynamics | None = None) -> Blend:
-    """The blend within the limits of the pusher and, where they are given, of the contacts."""
-    return blend_path(scenario, path, _set(scenario), Bounds(scenario.chain.pusher.limits, contacts))
+def _blend(scenario: Scenario, path: PushPath) -> Blend:
+    return blend_path(scenario, path, _set(scenario), Bounds(scenario.chain.pusher.limits))
 
 
 def _check(scenario: Scenario, path: PushPath, stable: StableSet, blend: Blend) -> None:
@@ -127,28 +124,6 @@ def _swept(trajectory: Trajectory) -> shapely.Geometry:
     body = np.array([[-0.03, -0.1], [0.2, -0.1], [0.2, 0.1], [-0.03, 0.1]])
     poses = trajectory.poses_at(np.arange(0.0, trajectory.duration, 5e-3))
     return shapely.union_all([shapely.Polygon(transform_points(pose, body)) for pose in poses])
-
-
-def test_blends_keep_contacts_that_inertia_would_open(planned: Planned) -> None:
-    scenario, _ = planned("two-crates")
-    scenario = scenario.with_margin(0.05)
-    path = there(plan(scenario, seed=1, time_limit=60.0, iterations=20_000).path)
-    fast = Limits(
-        speed=0.5, acceleration=2.0, jerk=20.0, angular_speed=2.0, angular_acceleration=8.0, angular_jerk=80.0
-    )
-    scenario = replace(scenario, chain=replace(scenario.chain, pusher=replace(scenario.chain.pusher, limits=fast)))
-    contacts, stable = ContactDynamics(scenario.chain), _set(scenario)
-    least = []
-    for used in (None, contacts):
-        blend = _blend(scenario, path, used)
-        _check(scenario, path, stable, blend)
-        trajectory = blend.trajectory
-        times = np.linspace(1e-3, trajectory.duration - 1e-3, 5000)
-        rates = (trajectory.twists_at(times + 1e-6) - trajectory.twists_at(times - 1e-6)) / 2e-6
-        moving = np.abs(trajectory.twists_at(times)).max(axis=1) > 1e-6
-        least.append(contacts.margins(trajectory.twists_at(times)[moving], rates[moving]).min())
-        assert trajectory.duration <= time_path(path, Bounds(fast, used)).duration
-    assert least[0] < 0.0 < least[1]
 
 
 @pytest.mark.parametrize("word", ["exact", "blended"])
