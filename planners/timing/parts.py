@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Protocol
 
 import daqp
 import numpy as np
@@ -22,45 +22,55 @@ from pushplan.plans.trajectory import Trajectory
 from pushplan.util.arrays import FloatArray, IntArray, columns_of
 
 
-class Part(Protocol):
-    """Arcs of a path between two stops; methods take the lengths (k,) of all arcs of the path."""
+@dataclass(frozen=True, eq=False)
+class Part(ABC):
+    """Arcs of a path between two stops; methods take the lengths (k,) of all arcs of the path.
 
-    @property
-    def arcs(self) -> IntArray:
-        """Indices (a,) of the arcs."""
+    Attributes:
+        arcs: (a,) indices of the arcs.
+        bounds: What limits the motion.
+    """
 
+    arcs: IntArray
+    bounds: Bounds
+
+    @abstractmethod
     def pieces(self, lengths: FloatArray) -> Pieces:
         """Return the twist over time; a piece's level is the index of its arc."""
 
     def duration(self, lengths: FloatArray) -> float:
         """Return how long it takes, s."""
+        return float(self.pieces(lengths).durations.sum())
 
     def motion(self, lengths: FloatArray) -> FloatArray:
         """Return the pose (3,) at the end, seen from the beginning."""
+        return self.pieces(lengths).motion
 
     def corners(self, lengths: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the arcs (c,) after which the twist changes, and when (c,), s from the beginning."""
+        del lengths
+        return np.zeros(0, dtype=np.int64), np.zeros(0)
 
     def eased(self, lengths: FloatArray) -> Part:
         """Return it with wider steps wherever a limit is exceeded, as far as that helps."""
+        del lengths
+        return self
 
     def slowed(self, lengths: FloatArray) -> tuple[Part, float]:
         """Return it slowed down as a whole until no limit is exceeded, and when the most was, s."""
+        del lengths
+        return self, 0.0
 
 
 @dataclass(frozen=True, eq=False)
-class Push:
-    """Arcs of one twist, driven by the exact profile of `timing`; see `Part`.
+class Push(Part):
+    """Arcs of one twist, driven by the exact profile of `timing`, which keeps the limits.
 
     Attributes:
-        arcs: (a,) their indices.
         twist: (3,) body twist per unit of the arcs' parameters.
-        bounds: What limits the motion.
     """
 
-    arcs: IntArray
     twist: FloatArray
-    bounds: Bounds
 
     def pieces(self, lengths: FloatArray) -> Pieces:
         """Return the twist over time."""
@@ -69,28 +79,9 @@ class Push:
         durations, coefficients, owner = time_run(self.twist, own, limits)
         return Pieces(durations, coefficients, self.arcs[owner])
 
-    def duration(self, lengths: FloatArray) -> float:
-        """Return how long it takes, s."""
-        return float(self.pieces(lengths).durations.sum())
-
     def motion(self, lengths: FloatArray) -> FloatArray:
         """Return the pose (3,) at the end."""
         return se2.exp(self.twist * lengths[self.arcs].sum())
-
-    def corners(self, lengths: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return nothing: there are none."""
-        del lengths
-        return np.zeros(0, dtype=np.int64), np.zeros(0)
-
-    def eased(self, lengths: FloatArray) -> Push:
-        """Return the push: its profile keeps the limits."""
-        del lengths
-        return self
-
-    def slowed(self, lengths: FloatArray) -> tuple[Push, float]:
-        """Return the push: its profile keeps the limits."""
-        del lengths
-        return self, 0.0
 
 
 WIDENINGS = 25
@@ -113,23 +104,19 @@ USED_UP = 1.0 + 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Section:
-    """Arcs of several twists, blended; see `Part`.
+class Section(Part):
+    """Arcs of several twists, blended.
 
     Attributes:
-        arcs: (a,) their indices.
         levels: (a + 2, 3) the arcs' twists at full speed, m/s and rad/s, and rest at either end.
         speeds: (a,) rates of the arcs' parameters.
         widths: (a + 1, 2) windows of the steps between the levels, s.
-        bounds: What limits the motion.
         slower: Factor by which everything is stretched in time.
     """
 
-    arcs: IntArray
     levels: FloatArray
     speeds: FloatArray
     widths: FloatArray
-    bounds: Bounds
     slower: float = 1.0
 
     def pieces(self, lengths: FloatArray) -> Pieces:
@@ -141,10 +128,6 @@ class Section:
         """Return how long it takes, s."""
         centers, widths = self._steps(lengths)
         return float(centers[-1] + widths[-1].sum() / 2.0)
-
-    def motion(self, lengths: FloatArray) -> FloatArray:
-        """Return the pose (3,) at the end."""
-        return self.pieces(lengths).motion
 
     def corners(self, lengths: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the arcs (c,) after which the twist changes, and when (c,)."""
@@ -198,10 +181,10 @@ def make_part(path: PushPath, arcs: IntArray, bounds: Bounds) -> Part:
     """
     twists, lengths = path.twists[arcs], path.lengths[arcs]
     if np.abs(twists - twists[0]).max() <= SAME:
-        return Push(arcs, twists[0], bounds)
+        return Push(arcs, bounds, twists[0])
     speeds = passing_speeds(twists, lengths, bounds)
     levels = _levels(twists, speeds)
-    return Section(arcs, levels, speeds, step_windows(levels, bounds.limits), bounds)
+    return Section(arcs, bounds, levels, speeds, step_windows(levels, bounds.limits))
 
 
 def passing_speeds(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> FloatArray:
