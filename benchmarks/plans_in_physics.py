@@ -29,6 +29,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from corner_places import shifted_places, turned_places
 from on_feet import on_feet
 
 from pushplan.bench.random_problems import DRIVES, generate
@@ -37,14 +38,7 @@ from pushplan.bench.store import Machine
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.perturb import (
-    shifted_places,
-    turned,
-    turned_places,
-    with_contact_friction,
-    with_floor_friction,
-    with_leaning_load,
-)
+from pushplan.mechanics.perturb import turned, with_contact_friction, with_floor_friction, with_leaning_load
 from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names, example_text, scenario_from_document

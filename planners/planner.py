@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -332,7 +332,7 @@ class Planner:
                 reason, diagnosis, nearest = _why_not(outcome, settings, explain)
             elif not reason:
                 reason = validator.flaw(segments, execution, set_name)
-        found = segments if not reason else ()
+        found, bound = segments if not reason else (), outcome.lower_bound
         return Plan(
             scenario,
             found,
@@ -342,7 +342,7 @@ class Planner:
             settings.seed or 0,
             cost=outcome.cost(found) if found else None,
             objective=scenario.planner.cost,
-            lower_bound=_bound(outcome, found),
+            lower_bound=(lambda: bound(found)) if callable(bound) else bound,
             first_solution_s=outcome.improvements[0].seconds if outcome.improvements else None,
             planning_s=seconds,
             iterations=outcome.iterations,
@@ -388,11 +388,6 @@ def _why_not(
     if not explain or outcome.explain is None:
         return "no plan was found in time", (), None
     return outcome.explain()
-
-
-def _bound(outcome: Outcome, found: Segments) -> float | Callable[[], float | None] | None:
-    bound = outcome.lower_bound
-    return (lambda: bound(found)) if callable(bound) else bound
 
 
 def _require_own_search(scenario: Scenario, planner: str) -> None:

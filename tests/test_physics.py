@@ -18,7 +18,6 @@ from pushplan.cli.main import main
 from pushplan.geometry.se2 import compose, relative, transform_points
 from pushplan.mechanics.chain import GRAVITY, PLATE, Chain
 from pushplan.mechanics.contacts import friction_wrench
-from pushplan.mechanics.perturb import turned_places
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import FeetSupport, Support
 from pushplan.plans.trajectory import Trajectory
@@ -39,6 +38,7 @@ ROOT = Path(__file__).parents[1]
 for folder in ("examples/harada2006", "benchmarks"):
     sys.path.insert(0, str(ROOT / folder))
 agreement = runpy.run_path(str(ROOT / "examples" / "harada2006" / "agreement.py"))
+turned_places = runpy.run_path(str(ROOT / "benchmarks" / "corner_places.py"))["turned_places"]
 random_chains = runpy.run_path(str(ROOT / "benchmarks" / "random_chains.py"))
 simulate_twist, simulate_trajectory = (
     sys.modules["pushes"].__dict__[name] for name in ("simulate_twist", "simulate_trajectory")

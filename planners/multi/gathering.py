@@ -174,15 +174,11 @@ class _Beams:
         for steps in with_one_moved(self.steps, self._settings, self._until):
             yield _Beams(steps, self._settings, self._until, self._improvements)
 
-    def over(self) -> bool:
-        """Whether there is no more time."""
-        return self._past(self._until, self._most) or self._settings.observer.cancelled()
-
-    def _turn_over(self) -> bool:
-        return self._past(*self._turn) or self._settings.observer.cancelled()
-
-    def _past(self, until: float, most: float) -> bool:
-        return self.steps.floor.looked_at >= most or time.perf_counter() >= until
+    def over(self, turn: bool = False) -> bool:
+        """Whether there is no more time, or no more of a turn."""
+        until, most = self._turn if turn else (self._until, self._most)
+        spent = self.steps.floor.looked_at >= most or time.perf_counter() >= until
+        return spent or self._settings.observer.cancelled()
 
     def _half(self) -> tuple[float, float]:
         """Return until when, and how many pushes and transits looked at, half of what is left lasts."""
@@ -266,7 +262,7 @@ class _Beams:
         heapq.heapify(queue)
         kept: list[Node] = []
         seen: set[tuple[object, ...]] = set()
-        while queue and len(kept) < width and not self._turn_over():
+        while queue and len(kept) < width and not self.over(turn=True):
             least, _, bound, chance, priced = heapq.heappop(queue)
             if least >= best:
                 break

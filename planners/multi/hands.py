@@ -53,8 +53,8 @@ VIAS = 200
 TRIED = 8
 """So many of them are swept, cheapest first."""
 
-EFFORT = (30, 300)
-"""Poses drawn in search of a transit, at first and where none was found."""
+EFFORT = 300
+"""Poses drawn in search of a transit, at most."""
 
 Standing = tuple[tuple[str, bytes], ...]
 """Names and poses of all objects that rest, as a key."""
@@ -421,12 +421,9 @@ class Floor:
             if name not in self._berths:
                 self._berths[name] = self._beside(name, np.zeros(3))
             around = Surroundings(self.robot(standing), self._berths[name], pose)
-            found: FloatArray | None = None
-            for effort in EFFORT:
-                found = find_transit(around, self.wheels, start, goal, self.box, 1.0, state, effort)
-                if found is not None:
-                    found = shortened(around, self.wheels, start, found, state, 100)
-                    break
+            found = find_transit(around, self.wheels, start, goal, self.box, 1.0, state, EFFORT)
+            if found is not None:
+                found = shortened(around, self.wheels, start, found, state, 100)
             self._transits[key] = found
         return self._transits[key]
 

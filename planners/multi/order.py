@@ -301,10 +301,8 @@ class Order:
 
     def _is_open(self, now: Situation, piece: int) -> bool:
         """Tell whether a piece has a plan, or only waits for others that are left to leave all its goals."""
-        return self._waits(now, piece) or self._delivery(now, piece) is not None
-
-    def _waits(self, now: Situation, piece: int) -> bool:
-        return all(self._on_goal(now, piece, goal) & now.left for goal in range(len(self._pieces[piece].goals)))
+        waits = all(self._on_goal(now, piece, goal) & now.left for goal in range(len(self._pieces[piece].goals)))
+        return waits or self._delivery(now, piece) is not None
 
     def _on_goal(self, now: Situation, piece: int, goal: int) -> frozenset[int]:
         """Return the pieces that stand on a goal of another."""

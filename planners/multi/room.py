@@ -33,8 +33,8 @@ TOLERANCE_USED = 0.6
 DETOUR = 0.05
 """What a plan that ends within a tolerance has to save, so that it is taken in place of one to the exact goal, m."""
 
-DRIVES = (30, 200, 1000)
-"""Poses drawn in search of a way of the robot, one after the other until there is one."""
+DRIVE = 1000
+"""Poses drawn in search of a way of the robot, at most."""
 
 TOUCHING = 1e-3
 """Up to so far before the contact (m) the robot is proven not to touch the load elsewhere."""
@@ -178,11 +178,8 @@ def find_drive(
     wheels = wheels_of(problem.chain.pusher.drive, bounding_circle(robot.body.corners[:, :2])[:2])
     around, state = Surroundings(robot, objects, load), np.array([seed], dtype=np.uint64)
     reach = 1.0 + problem.chain.reach
-    for effort in DRIVES:
-        arcs = find_transit(around, wheels, start, goal, sampling_box(problem), reach, state, effort)
-        if arcs is not None:
-            return shortened(around, wheels, start, arcs, state, 200)
-    return None
+    arcs = find_transit(around, wheels, start, goal, sampling_box(problem), reach, state, DRIVE)
+    return None if arcs is None else shortened(around, wheels, start, arcs, state, 200)
 
 
 def wheels_of(drive: Drive, middle: FloatArray) -> Wheels:

@@ -63,9 +63,10 @@ class Search:
             word = free_word(session, session.start, session.problem.goal)
             if word is not None:
                 session.offer(word)
-            # A free word from the start may be all that was wanted: then nothing is posed but what shows a planner's
-            # faults.
-            if session.finished and _is_of_ours(self._make):
+            # A free word from the start may be all that was wanted: then nothing is posed, which takes 0.1 ms, a
+            # seventh of a question to a `Planner`, but for what shows the faults of a user's planner.
+            ours = isinstance(self._make, type) and self._make.__module__.partition(".")[0] in ("ompl", "pushplan")
+            if session.finished and ours:
                 return session.best_path
             self._information, self._definition = pose_problem(session, self._box, self._heading_length)
             self._planner = _made(self._make, self._information)
@@ -104,14 +105,6 @@ class Search:
                 self._allowance *= 2
                 self._target = session.extensions + self._allowance
         propagator.bound = math.inf
-
-
-def _is_of_ours(make: Factory) -> bool:
-    """Tell whether what makes a planner is a class of OMPL or of this package.
-
-    To pose the problem and make the planner takes 0.1 ms, a seventh of a question to a `Planner` that a word answers.
-    """
-    return isinstance(make, type) and make.__module__.partition(".")[0] in ("ompl", "pushplan")
 
 
 def _made(make: Factory, information: PushInformation) -> Any:

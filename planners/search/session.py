@@ -258,23 +258,16 @@ class Session:
             share, seconds = 1.0, seconds + budget.explaining
         if budget.is_used_up(seconds, self.iterations, share):
             return True
-        if not self.solved:
-            return self._given_up()
+        if not self.solved:  # time must not tell where iterations end the search
+            return self._hopeless is not None and budget.iterations is None and self._hopeless(self.common.seconds)
         if budget.first or self.best.horizon <= self.lower_bound * (1.0 + budget.gap) + 1e-12:
             return True
         return self.iterations - self._improved_at >= budget.stall * (1.0 + DOUBT * self._doubt())
 
     def _doubt(self) -> float:
         """Share of the lower bound by which the best path's cost is doubtful."""
-        if self.best.horizon >= (1.0 + MOST_DOUBT) * self.lower_bound:
-            return MOST_DOUBT - DOUBTFUL
-        return max(0.0, self.best.horizon / self.lower_bound - 1.0 - DOUBTFUL)
-
-    def _given_up(self) -> bool:
-        """Whether it is known that there is no path; not asked where iterations end the search, as time must not."""
-        if self._hopeless is None or self.budget.iterations is not None:
-            return False
-        return self._hopeless(self.common.seconds)
+        above = self.best.horizon / max(self.lower_bound, 1e-300) - 1.0
+        return min(max(above, DOUBTFUL), MOST_DOUBT) - DOUBTFUL
 
     def note_nearest(self, poses: FloatArray, way_to: Callable[[int], FloatArray]) -> None:
         """While there is no path, keep the way to that one of a tree's poses (n, 3) which is nearest to the goal.

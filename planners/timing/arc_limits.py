@@ -55,12 +55,7 @@ def motion_bounds(scenario: Scenario, stable: StableSet) -> Bounds:
     if limits.contact != "dynamic":
         return Bounds(limits, force=force)
     contacts = contact_dynamics(scenario, stable.name)
-    return Bounds(limits, contacts, margin_with_inertia(scenario.required_margin), force=force)
-
-
-def margin_with_inertia(margin: float) -> float:
-    """Return the margin that contacts keep with inertia where one without it is asked for: half of it."""
-    return INERTIA_SHARE * margin
+    return Bounds(limits, contacts, INERTIA_SHARE * scenario.required_margin, force=force)
 
 
 class ArcLimits(NamedTuple):

@@ -183,7 +183,8 @@ def make_part(path: PushPath, arcs: IntArray, bounds: Bounds) -> Part:
     if np.abs(twists - twists[0]).max() <= SAME:
         return Push(arcs, bounds, twists[0])
     speeds = passing_speeds(twists, lengths, bounds)
-    levels = _levels(twists, speeds)
+    rest = np.zeros((1, 3))
+    levels = np.concatenate([rest, twists * speeds[:, None], rest])
     return Section(arcs, bounds, levels, speeds, step_windows(levels, bounds.limits))
 
 
@@ -213,12 +214,6 @@ def step_windows(levels: FloatArray, limits: Limits) -> FloatArray:
     turn = np.where(steps[:, 2] > 0.0, leftward, rightward)
     rise = np.maximum(linear / room, angular / turn)
     return step_widths(rise, np.maximum(linear / limits.jerk, angular / limits.angular_jerk))
-
-
-def _levels(twists: FloatArray, speeds: FloatArray) -> FloatArray:
-    """The twists of arcs (k, 3) at some speeds (k,), and rest at either end."""
-    rest = np.zeros((1, 3))
-    return np.concatenate([rest, twists * speeds[:, None], rest])
 
 
 CLOSE = 1e-12

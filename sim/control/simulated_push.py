@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar, Union
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from pushplan.errors import PushplanError
 from pushplan.geometry.polygon import exit_distance
 from pushplan.geometry.se2 import compose, exp, inverse, log, relative, rotate, transform_points, twist_of
-from pushplan.mechanics.chain import PLATE, Chain
+from pushplan.mechanics.chain import PLATE
 from pushplan.mechanics.contacts import carried_objects
 from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
@@ -26,6 +26,9 @@ from pushplan.sim.report import columns_of
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from pushplan.sim.physics.stepping import PhysicsSimulator
 
 SENSOR = Sensor()
 TIME_LIMIT = 600.0
@@ -62,53 +65,8 @@ class Disturbance:
         return Event(self.time, "disturbance", f"{names[self.index]} was displaced by {moved}")
 
 
-class Simulator(Protocol):
-    """Objects on the floor and a plate that moves among them: `SlipSimulator`, `PhysicsSimulator`."""
-
-    @property
-    def world(self) -> World:
-        """What it began as."""
-
-    @property
-    def chain(self) -> Chain | None:
-        """What is held."""
-
-    @property
-    def jammed(self) -> bool:
-        """Whether nothing can move any more."""
-
-    @property
-    def stalled(self) -> bool:
-        """Whether in the last move the plate stood, as it would have had to push with more force than it has."""
-
-    @property
-    def plate_in_frame(self) -> FloatArray:
-        """(3,) pose of the plate frame in the frame that the plate is moved in."""
-
-    @property
-    def plate_pose(self) -> FloatArray:
-        """(3,) pose in the world of the frame that the plate is moved in."""
-
-    @property
-    def object_poses(self) -> FloatArray:
-        """(n, 3) poses of the objects' own frames in the world."""
-
-    def hold(self, chain: Chain | None) -> None:
-        """Hold a chain, or nothing; the plate stays there."""
-
-    def place(self, object_poses: ArrayLike, plate_pose: ArrayLike) -> None:
-        """Put objects (n, 3) and the plate's frame (3,) somewhere else in the world, at rest."""
-
-    def move(self, twist: ArrayLike, duration: float) -> Pushed:
-        """Move the plate with a constant body twist (3,) of its frame for a time, s."""
-
-
-class Pushed(Protocol):
-    """What a move leaves behind."""
-
-    @property
-    def wrenches(self) -> FloatArray:
-        """(m, 3) of the plate, in its frame: N, N, N m."""
+Simulator = Union["SlipSimulator", "PhysicsSimulator"]
+"""Objects on the floor and a plate that moves among them."""
 
 
 def disturbed(simulator: Simulator, frame: FloatArray, disturbance: Disturbance) -> FloatArray:
