@@ -10,13 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import shapely
 from conftest import Captured, ChainMaker, Patch
 from plans_of import push_of
 
 from pushplan.cli.main import main
-from pushplan.geometry.se2 import compose, relative, transform_points
-from pushplan.mechanics.chain import GRAVITY, PLATE, Chain
+from pushplan.geometry.se2 import compose, relative
+from pushplan.mechanics.chain import GRAVITY, Chain
 from pushplan.mechanics.contacts import friction_wrench
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import FeetSupport, Support
@@ -146,27 +145,6 @@ def test_a_missing_engine_is_named_with_its_extra(make_chain: ChainMaker, monkey
 @pytest.fixture
 def chain(make_chain: ChainMaker) -> Chain:
     return make_chain.boxes(3, support=on_corners)
-
-
-def body(chain: Chain, index: int, placed: FloatArray) -> shapely.Polygon:
-    if index == PLATE:
-        return shapely.Polygon(chain.pusher.outline)
-    return shapely.Polygon(transform_points(placed[index], chain.objects[index].outline_chain))
-
-
-@pytest.mark.parametrize("index", [0, 1, 2])
-@pytest.mark.parametrize("angle", [0.01, -0.01])
-def test_a_turned_object_touches_with_a_corner_and_overlaps_nothing(chain: Chain, index: int, angle: float) -> None:
-    placed = turned_places(chain, index, angle)
-    np.testing.assert_allclose(placed[:, 2], angle * (np.arange(3) == index))
-    for contact in chain.contacts:
-        pusher, pushed = body(chain, contact.pusher, placed), body(chain, contact.pushed, placed)
-        assert pusher.intersection(pushed).area < 1e-12
-        assert pusher.distance(pushed) < 2.0 * angle**2 * 0.1  # what nothing overlaps by may be left as a gap
-    own = chain.contacts[index]
-    far = own.right if angle > 0.0 else own.left
-    gap = (transform_points(placed[index], far) - far) @ own.normal
-    assert gap == pytest.approx(abs(angle) * own.length, rel=1e-3)
 
 
 def executed(chain: Chain, trajectory: Trajectory, placed: FloatArray) -> ContactReport:

@@ -26,7 +26,7 @@ REAL = """\
 format: pushplan-suite/1
 problems: [one-box, {name: random, generate: {objects: 2, obstacles: 5}, count: 1}]
 planners: [auto, {name: rrt, first: true}]
-seeds: 2
+seeds: 1
 trials: 2
 limits: {time: 20 s, iterations: 3000}
 """
@@ -106,18 +106,17 @@ def test_one_job_and_two_resumed_jobs_give_the_same_costs_and_arcs(tmp_path: Pat
     suite = suite_from_text(REAL)
     _run(suite, tmp_path / "1", 1)
     some = _run(suite, tmp_path / "2", selection=Selection(filters=("problem=one-box", "planner=rrt")))
-    assert (some.total, some.done) == (2, 2)
+    assert (some.total, some.done) == (1, 1)
     rest = _run(suite, tmp_path / "2", selection=Selection(resume=True))
-    assert (rest.total, rest.before, rest.done, rest.left) == (8, 2, 6, 0)
+    assert (rest.total, rest.before, rest.done, rest.left) == (4, 1, 3, 0)
     one, two = rows(tmp_path / "1"), rows(tmp_path / "2")
     assert _results(one) == _results(two)
-    assert len(one) == 8
     solved = [row for row in one if row["outcome"] == "ok"]
-    assert len(solved) >= 5
+    assert len(solved) >= 3
     for row in solved:
         assert 0.0 <= row["trial_success"] <= 1.0
         assert 0.0 < row["overhead_time"] < row["total_time"]
-    assert len({row["log"] for row in one}) == 8
+    assert len({row["log"] for row in one}) == len(one) == 4
     assert all((tmp_path / "1" / row["log"]).read_bytes().startswith(b"\x89MCAP0\r\n") for row in one)
     (tmp_path / "1" / one[2]["log"]).unlink()
     tally = _run(suite, tmp_path / "1", selection=Selection(rerun=one[2]["key"][:8]))

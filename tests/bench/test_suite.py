@@ -206,9 +206,7 @@ def test_runs_that_broke_off_have_an_exit_code(suite: str, tmp_path: Path, capsy
 @pytest.mark.parametrize(("words", "message"), [
     (["smoke"], "name a folder for the results: pushplan bench smoke -o DIR"),
     (["nosuite", "-o", "x"], "no packaged suite is called so either"),
-    (["smoke", "-o", "x", "--jobs", "0"], "'0' is out of range; allowed: a whole number from 1"),
     (["smoke", "-o", "x", "--jobs", "many"], "'many' is no number of jobs"),
-    (["--compare", "a", "b", "--threshold", "-1"], "'-1' is out of range"),
     (["smoke", "--compare", "a", "b", "--resume"], "--compare does not go together with SUITE and --resume"),
     (["smoke", "-o", "x", "--rerun", "ab", "--filter", "seed=1"], "--rerun does not go together with --filter"),
     (["smoke", "-o", "x", "--scheduler", "tcp://h:1", "--jobs", "2"], "does not go together with --jobs"),

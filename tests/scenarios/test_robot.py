@@ -56,19 +56,6 @@ def test_what_is_resolved_is_the_same_scenario(valid: Changed, stated: str) -> N
         np.testing.assert_allclose(one.outline, other.outline, atol=1e-12)
 
 
-@pytest.mark.parametrize(("stated", "finding"), [
-    ("{footprint: {box: [0.42, 0.285], pose: [-0.2, 0, 0]}}",
-     "f.yaml:21:20: robot.footprint: 'robot' overlaps 'near' by 10 mm; move them apart"),
-    ("{footprint: {polygon: [[-0.2, -0.1], [0, -0.1], [0, -0.04], [0.1, -0.04], [0.1, -0.15], [-0.2, -0.15]]}}",
-     "f.yaml:21:20: robot.footprint: 'robot' touches 'near' beside the plate, which alone may push; move it back"),
-    ("{drive: omnidirectional}", "f.yaml:21:9: robot.drive: is stated in pusher.drive, too; keep one of them"),
-    ("{footprint: {box: [0.1, 0.1], pose: [-0.15, -1.15, 0]}}",
-     "f.yaml:24:9: goal.pose: at the goal, 'robot' leaves the workspace (x <= 2) by 410 mm"),
-])  # fmt: skip
-def test_findings_name_the_place_and_what_helps(valid: Changed, stated: str, finding: str) -> None:
-    assert finding in valid.findings(with_robot(stated))
-
-
 BEHIND = Changed(MULTI)
 
 

@@ -17,7 +17,6 @@ from pushplan.scenario.file import scenario_from_document, scenario_from_text
 
 @pytest.mark.parametrize(("wrong", "right", "told"), [
     ("{red-box: {", "{red-bxo: {", "10:9: goals.red-bxo: no object is called 'red-bxo'; did you mean 'red-box'?"),
-    ("mass: 4.0", "mass: -4.0", "5:55: objects[0].mass: is -4;"),
     ("[2.2, 1.0, 90 deg]", "[9.0, 1.0, 0]", "goals.other: at the goal, 'other' leaves the workspace"),
     ("pose: [3.0, 3.0, 0.0]", "pose: [1.2, 1.1, 0.0]", "objects[2].pose: 'bin' overlaps 'red-box' by 75 mm;"),
     (", pose: [3.0, 3.0, 0.0]", "", "objects[2].pose: is missing; needed: [x, y, theta] in the world"),

@@ -215,7 +215,7 @@ def test_what_is_handed_over_is_in_the_file_before_anything_else_happens(
     monkeypatch.setattr(RunLogWriter, "_attach", noted)
     case.write(tmp_path / "run.mcap")
     cut = tmp_path / "cut.mcap.partial"
-    for count in (4, 6, 8, 10):
+    for count in range(4, len(files) + 1):
         cut.write_bytes(files[count - 1])
         run = load_run(cut)
         assert (run.plan is not None) == ("plan.bin" in names[:count])
