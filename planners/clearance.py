@@ -264,18 +264,6 @@ class Motion:
         return se2.compose(self.poses[i], se2.exp(self.twists[i] * share[:, None]))
 
 
-def densify(poses: FloatArray, reach: float, spacing: float) -> FloatArray:
-    """Insert poses on the constant-twist motion between neighbours: no body point moves more than `spacing`."""
-    if len(poses) < 2:
-        return poses
-    motion = Motion.through(poses, reach)
-    counts = np.maximum(1, np.ceil(np.diff(motion.travel) / spacing)).astype(int)
-    owner = np.repeat(np.arange(len(counts)), counts)
-    share = (np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[owner]
-    inner = se2.compose(poses[owner], se2.exp(motion.twists[owner] * share[:, None]))
-    return np.concatenate([inner, poses[-1:]])
-
-
 def _log(pose: FloatArray) -> FloatArray:
     """Body twists (k, 3) whose exponential are the poses (k, 3); the inverse of `se2.exp`."""
     half = 0.5 * pose[:, 2]

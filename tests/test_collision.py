@@ -11,16 +11,7 @@ from conftest import there
 from pushplan.core import collision, problem
 from pushplan.core.collision import SLACK, Scene, separation, sweep_is_free
 from pushplan.geometry import se2
-from pushplan.planners.clearance import (
-    SPACING,
-    Motion,
-    Moving,
-    Room,
-    Standing,
-    densify,
-    find_collision,
-    find_collisions,
-)
+from pushplan.planners.clearance import SPACING, Motion, Moving, Room, Standing, find_collision, find_collisions
 from pushplan.planners.planner import plan
 from pushplan.planners.problem import scenario_scene
 from pushplan.planners.scene import convex_pieces, scene_of
@@ -188,7 +179,8 @@ def test_few_poses_find_what_many_do(lane: Scenario) -> None:
         poses = np.cumsum(rng.normal(size=(6, 3)) * [0.08, 0.05, 0.2], axis=0)
         poses[:, 0] += 0.3
         found = find_collision(lane, poses)
-        dense = densify(poses, lane.chain.reach, 5e-4)
+        motion = Motion.through(poses, lane.chain.reach)
+        dense = motion.at(np.append(np.arange(0.0, motion.travel[-1], 5e-4), motion.travel[-1]))
         gaps = Room.of(lane).gaps(dense, 0.1)
         near = np.flatnonzero(gaps < lane.clearance - CLEARANCE_ROOM)
         if found is None:

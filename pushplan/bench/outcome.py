@@ -7,24 +7,23 @@ from __future__ import annotations
 
 import os
 import resource
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import shapely
 
 from pushplan.bench.suite import RunSpec
 from pushplan.errors import EmptyStableSetError, PlanningError
-from pushplan.geometry.se2 import compose, inverse, rotate
-from pushplan.planners.clearance import densify
+from pushplan.geometry.se2 import compose, inverse
+from pushplan.mechanics.chain import Body, BodyKind
+from pushplan.planners.clearance import Motion, Moving, Room, Standing
 from pushplan.planners.validator import Validator
 from pushplan.plans.execution import Execution
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Run
 from pushplan.run import run
 from pushplan.scenario.model import Scenario
-from pushplan.util.arrays import FloatArray
 from pushplan.util.names import AUTO
 from pushplan.util.stopwatch import Stopwatch
 
@@ -250,57 +249,24 @@ def validation_error(plan: Plan, execution: Execution) -> str:
     return Validator(scenario).flaw(plan.segments, execution, plan.stable_set)
 
 
-def _moving(scenario: Scenario, execution: Execution) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield the poses (m, 3) of each body that moves, and its outline (v, 2) in that frame."""
-    chain = scenario.tasks[0].chain
-    robot = compose(execution.poses, inverse(chain.pusher.plate_pose))
-    for body in chain.carried:
-        yield robot, body.outline
-    objects = {obj.name: obj for obj in scenario.objects}
-    for k, name in enumerate(execution.names):
-        yield execution.objects[:, k], objects[name].outline
-
-
 def clearance(scenario: Scenario, execution: Execution) -> float | None:
     """Return the smallest distance (m) of the moving bodies from obstacles and walls in an execution.
 
     None where there is nothing to keep clear of. Measured at poses `CLEARANCE_SPACING` apart, so the true one may be
     smaller by half of that at most.
     """
-    found = [np.inf]
-    obstacles = shapely.STRtree(
-        [one.core.buffer(one.radius, quad_segs=64) if one.radius else one.core for one in scenario.obstacles]
-    )
-    for poses, outline in _moving(scenario, execution):
-        reach = float(np.linalg.norm(outline, axis=1).max())
-        some = densify(_thinned(poses, reach), reach, CLEARANCE_SPACING)
-        corners = some[:, None, :2] + rotate(some[:, 2:3], outline[None])
-        found.append(_distance(obstacles, shapely.polygons(corners)))
-        if (area := scenario.workspace) is not None:
-            walls = corners - [area.xmin, area.ymin], [area.xmax, area.ymax] - corners
-            found.append(max(0.0, float(min(side.min() for side in walls))))
-    smallest = min(found)
-    return None if smallest == np.inf else smallest
-
-
-def _thinned(poses: FloatArray, reach: float) -> FloatArray:
-    """Leave out poses that are nearer to the last one kept than the spacing."""
-    steps = np.abs(np.diff(poses, axis=0))
-    travel = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]) + reach * steps[:, 2])])
-    bins = np.floor(travel / CLEARANCE_SPACING)
-    kept = np.concatenate([[True], bins[1:] > bins[:-1]])
-    kept[-1] = True
-    return np.asarray(poses[kept])
-
-
-def _distance(obstacles: shapely.STRtree, bodies: object) -> float:
-    """Return the smallest distance between obstacles and placed bodies, infinity without obstacles."""
-    if not len(obstacles):
-        return np.inf
-    bodies = np.asarray(bodies)
-    _, some = obstacles.query_nearest(bodies[::COARSE], return_distance=True, all_matches=False)
-    smallest = float(some.min())
-    if smallest > 0.0:  # with a bound, the search passes over most of the other poses quickly
-        _, rest = obstacles.query_nearest(bodies, max_distance=smallest, return_distance=True, all_matches=False)
-        smallest = float(min(rest.min(initial=smallest), smallest))
+    if not scenario.obstacles and scenario.workspace is None:
+        return None
+    chain = scenario.tasks[0].chain
+    moving = [(compose(execution.poses, inverse(chain.pusher.plate_pose)), chain.carried)]
+    outlines = {obj.name: obj.outline for obj in scenario.objects}
+    for k, name in enumerate(execution.names):
+        moving.append((execution.objects[:, k], (Body(name, BodyKind.OBJECT, outlines[name]),)))
+    standing, smallest = Standing.of(scenario.obstacles), np.inf
+    for poses, bodies in moving:
+        reach = max(float(np.linalg.norm(body.outline, axis=1).max()) for body in bodies)
+        motion, room = Motion.through(poses, reach), Room((Moving.of(bodies),), scenario.workspace, standing)
+        some = motion.at(np.append(np.arange(0.0, motion.travel[-1], CLEARANCE_SPACING), motion.travel[-1]))
+        for looked in (some[::COARSE], some):
+            smallest = float(room.gaps(looked, smallest).min())
     return smallest
