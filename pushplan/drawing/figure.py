@@ -146,7 +146,11 @@ def margin_ticks(axes: Axes, kept: float | None) -> None:
 
 def letters_across(axes: Axes, points: float) -> int:
     """Return how many letters of so many points fit beside one another over the width of axes."""
-    inches = axes.get_window_extent().width / axes.figure.dpi
+    return letters_in(axes.get_window_extent().width / axes.figure.dpi, points)
+
+
+def letters_in(inches: float, points: float) -> int:
+    """Return how many letters of so many points fit beside one another into a width, inches."""
     return int(72.0 * inches / (_LETTER * points))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,28 @@ from matplotlib.patches import Patch, PathPatch, Polygon
 from matplotlib.path import Path as Outline
 
 from pushplan.drawing import palette
-from pushplan.drawing.figure import HALO, SMALL, MarginScale, equal_ticks, narrowest, outline_width
+from pushplan.drawing.figure import HALO, SMALL, MarginScale, equal_ticks, outline_width
 from pushplan.drawing.palette import ALONE, FAINT, GOAL, INK, NEAREST
-from pushplan.drawing.scene import Body, Layer, Line, Scene, Window, piece_colours
+from pushplan.drawing.scene import Line, Scene, Window, piece_colours
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import BodyKind
 from pushplan.util.arrays import FloatArray
 from pushplan.util.printable import cut
+
+
+class Layer(IntEnum):
+    """What is drawn over what; axes and grid lie below 1."""
+
+    TREE = 2
+    SWEPT = 3
+    OBSTACLE = 4
+    GOAL = 5
+    ROBOT = 6
+    PLATE = 7
+    OBJECT = 8
+    PATH = 9
+    MARK = 10
+
 
 GHOSTS = 9
 """Poses between start and goal of a single push that are outlined."""
@@ -69,20 +85,20 @@ def draw_room(axes: Axes, scene: Scene) -> None:
     """Draw walls and obstacles; what is unknown of a map is hatched."""
     if scene.walls is not None:
         axes.add_artist(
-            Polygon(scene.walls, fill=False, edgecolor=palette.WALL, linewidth=1.4, zorder=_z(Layer.OBSTACLE))
+            Polygon(scene.walls, fill=False, edgecolor=palette.WALL, linewidth=1.4, zorder=Layer.OBSTACLE)
         )
     for one in scene.obstacles:
         look: Any = {"facecolor": "none", "hatch": "////"} if one.unknown else {"facecolor": one.colour}
         edge = one.colour if one.unknown else palette.OBSTACLE_EDGE
-        axes.add_artist(Polygon(one.outline, edgecolor=edge, linewidth=0.8, zorder=_z(one.layer), **look))
+        axes.add_artist(Polygon(one.outline, edgecolor=edge, linewidth=0.8, zorder=Layer.OBSTACLE, **look))
 
 
 def draw_goals(axes: Axes, scene: Scene) -> None:
     """Outline where objects shall go: green dashes over a line and a touch of the object's own colour."""
     width = outline_width(axes, [body.outline for body in scene.objects])
     for goal in scene.goals:
-        look: Any = {"fill": False, "linewidth": 1.4 * width, "zorder": _z(Layer.OBJECT) + 0.5}
-        fill = Polygon(goal.outline, facecolor=goal.colour, alpha=0.45, linewidth=0.0, zorder=_z(Layer.GOAL))
+        look: Any = {"fill": False, "linewidth": 1.4 * width, "zorder": Layer.OBJECT + 0.5}
+        fill = Polygon(goal.outline, facecolor=goal.colour, alpha=0.45, linewidth=0.0, zorder=Layer.GOAL)
         line = Polygon(goal.outline, **{**look, "edgecolor": goal.colour, "linewidth": 2.8 * width})
         for patch in (fill, line, Polygon(goal.outline, **look, **_GOAL)):
             axes.add_artist(patch)
@@ -98,7 +114,7 @@ def draw_bodies(
             look: Any = {"facecolor": body.colour, "edgecolor": INK, "linewidth": width}
             if faint:
                 look |= {"facecolor": palette.mixed(body.colour, "#ffffff", 0.5), "edgecolor": FAINT}
-            axes.add_artist(Polygon(body.at(pose), zorder=_z(body.layer) - 0.4 * faint, **look))
+            axes.add_artist(Polygon(body.at(pose), zorder=Layer[body.kind.name] - 0.4 * faint, **look))
 
 
 def draw_outlines(axes: Axes, scene: Scene, poses: FloatArray, **look: Any) -> None:
@@ -123,17 +139,17 @@ def draw_swept(axes: Axes, scene: Scene) -> None:
         if body.kind is not BodyKind.OBJECT or body.name in loads
     ]
     for patch in polygon_patches(shapely.union_all(passed)):
-        patch.set(facecolor=palette.SWEPT, edgecolor="none", zorder=_z(Layer.SWEPT))
+        patch.set(facecolor=palette.SWEPT, edgecolor="none", zorder=Layer.SWEPT)
         axes.add_artist(patch)
 
 
 def draw_lines(axes: Axes, lines: Sequence[Line]) -> None:
     """Draw the plate's path: dashed where the robot is alone, by margin over white where it pushes."""
     for line in lines:
-        if not line.pushes:
-            axes.plot(*line.points.T, color=ALONE, linewidth=0.9, linestyle=_DASHES, zorder=_z(Layer.PATH))
-            continue
-        draw_by_margin(axes, line.points, line.margins)
+        if line.pushes:
+            draw_by_margin(axes, line.points, line.margins)
+        else:
+            axes.plot(*line.points.T, color=ALONE, linewidth=0.9, linestyle=_DASHES, zorder=Layer.PATH)
 
 
 def draw_by_margin(
@@ -156,7 +172,7 @@ def draw_by_margin(
         broken: Leave out pieces over which the margin jumps, as it does when the pusher stops and sets off
             differently; the plain line shows them.
     """
-    axes.plot(*points.T, color=under, linewidth=under_width, solid_capstyle="round", zorder=_z(Layer.PATH))
+    axes.plot(*points.T, color=under, linewidth=under_width, solid_capstyle="round", zorder=Layer.PATH)
     pieces, colours = np.stack([points[:-1], points[1:]], axis=1), piece_colours(margins)
     kept = np.flatnonzero(~(np.abs(np.diff(margins)) > _JUMP) | (not broken))
     line = LineCollection(
@@ -164,7 +180,7 @@ def draw_by_margin(
         colors=[colours[k] for k in kept],
         linewidths=_PATH,
         capstyle="round",
-        zorder=_z(Layer.PATH) + 0.1,
+        zorder=Layer.PATH + 0.1,
     )
     axes.add_collection(line, autolim=False)
 
@@ -172,9 +188,7 @@ def draw_by_margin(
 def draw_tree(axes: Axes, scene: Scene) -> None:
     """Draw the branches of the search tree."""
     if scene.tree is not None:
-        branches = LineCollection(
-            list(scene.tree), colors=palette.TREE, linewidths=0.4, alpha=0.6, zorder=_z(Layer.TREE)
-        )
+        branches = LineCollection(list(scene.tree), colors=palette.TREE, linewidths=0.4, alpha=0.6, zorder=Layer.TREE)
         axes.add_collection(branches, autolim=False)
 
 
@@ -182,14 +196,12 @@ def draw_nearest(axes: Axes, scene: Scene) -> None:
     """Draw the path that comes nearest to the goal, and the bodies at its end."""
     for line in scene.nearest:
         style: Any = {} if line.pushes else {"linestyle": _DASHES}
-        axes.plot(*line.points.T, color=NEAREST, linewidth=1.4, zorder=_z(Layer.PATH), **style)
+        axes.plot(*line.points.T, color=NEAREST, linewidth=1.4, zorder=Layer.PATH, **style)
     if scene.nearest_poses is not None:
         width = outline_width(axes, [body.outline for body in scene.objects])
         for outline in scene.outlines(scene.nearest_poses):
             axes.add_artist(
-                Polygon(
-                    outline, fill=False, edgecolor=NEAREST, linewidth=width, linestyle="--", zorder=_z(Layer.PATH)
-                )
+                Polygon(outline, fill=False, edgecolor=NEAREST, linewidth=width, linestyle="--", zorder=Layer.PATH)
             )
 
 
@@ -198,18 +210,20 @@ def draw_numbers(axes: Axes, scene: Scene) -> None:
     spots: list[FloatArray] = []
     reach = 9.0 / 72.0 * float(np.ptp(axes.get_xlim())) * axes.figure.dpi / axes.get_window_extent().width
     for rest in scene.rests:
-        spot = _inside(np.concatenate(_outlines(scene, rest.poses, rest.names)))
+        bodies = zip(scene.bodies, rest.poses, strict=True)
+        corners = np.concatenate([body.at(pose) for body, pose in bodies if body.name in rest.names])
+        spot = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
         while any(np.hypot(*(spot - other)) < reach for other in spots):  # two pushes end in one place
             spot = spot + np.array([reach, 0.0])
         spots.append(spot)
         box = {"boxstyle": "circle,pad=0.18", "facecolor": "white", "edgecolor": INK, "linewidth": 0.5}
         style: Any = {"ha": "center", "va": "center", "fontsize": SMALL, "color": INK, "clip_on": True, "bbox": box}
-        axes.text(float(spot[0]), float(spot[1]), str(rest.number), zorder=_z(Layer.MARK), **style)
+        axes.text(float(spot[0]), float(spot[1]), str(rest.number), zorder=Layer.MARK, **style)
 
 
 def draw_marks(axes: Axes, scene: Scene) -> None:
     """Mark where something was noticed or done in a closed loop."""
-    look: Any = {"markersize": 5.0, "markeredgecolor": "white", "markeredgewidth": 0.6, "zorder": _z(Layer.MARK)}
+    look: Any = {"markersize": 5.0, "markeredgecolor": "white", "markeredgewidth": 0.6, "zorder": Layer.MARK}
     for mark in scene.marks:
         axes.plot(*mark.place, marker=_EVENT_MARKS[mark.kind], color=palette.EVENTS[mark.kind], **look)
 
@@ -233,7 +247,7 @@ def draw_names(axes: Axes, scene: Scene, poses: FloatArray) -> None:
                 fontsize=SMALL,
                 color=INK,
                 bbox=HALO,
-                zorder=_z(Layer.MARK),
+                zorder=Layer.MARK,
             )
 
 
@@ -249,7 +263,7 @@ def draw_path_name(axes: Axes, scene: Scene) -> None:
     standing = shapely.union_all([shapely.Polygon(one.outline) for one in scene.obstacles])
     sides = [line.points[k] + side * 2.5 * reach * across for side in (+1.0, -1.0)]
     spot = max(sides, key=lambda at: shapely.distance(standing, shapely.Point(at)) if scene.obstacles else 0.0)
-    look: Any = {"fontsize": SMALL, "color": INK, "bbox": HALO, "zorder": _z(Layer.MARK)}
+    look: Any = {"fontsize": SMALL, "color": INK, "bbox": HALO, "zorder": Layer.MARK}
     line_to: Any = {"arrowstyle": "-", "color": FAINT, "linewidth": 0.6}
     place, beside = ((float(x), float(y)) for x, y in (line.points[k], spot))
     axes.annotate("path", place, beside, ha="center", va="center", arrowprops=line_to, **look)
@@ -266,8 +280,11 @@ def draw_scene(axes: Axes, scene: Scene) -> None:
         return
     draw_swept(axes, scene)
     if is_single(scene):
-        ghosts: Any = {"edgecolor": INK, "alpha": 0.22, "linewidth": 0.6, "zorder": _z(Layer.SWEPT) + 0.5}
-        for poses in _ghosts(scene):
+        ghosts: Any = {"edgecolor": INK, "alpha": 0.22, "linewidth": 0.6, "zorder": Layer.SWEPT + 0.5}
+        step = np.diff(scene.poses[:, -1], axis=0)
+        travel = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]) + 0.1 * np.abs(step[:, 2]))])
+        at = np.searchsorted(travel, np.linspace(0.0, travel[-1], GHOSTS + 2)[1:-1])
+        for poses in scene.poses[np.clip(at, 0, len(travel) - 1)]:
             draw_outlines(axes, scene, poses, **ghosts)
         draw_bodies(axes, scene, scene.start)
         draw_bodies(axes, scene, scene.end)
@@ -279,7 +296,7 @@ def draw_scene(axes: Axes, scene: Scene) -> None:
         draw_bodies(axes, scene, scene.start)
         draw_bodies(axes, scene, scene.end, list(last))
         width = outline_width(axes, [body.outline for body in scene.objects])
-        robot: Any = {"edgecolor": palette.PLATE, "linewidth": width, "zorder": _z(Layer.ROBOT)}
+        robot: Any = {"edgecolor": palette.PLATE, "linewidth": width, "zorder": Layer.ROBOT}
         for body, pose in zip(scene.bodies, scene.end, strict=True):
             if body.kind is not BodyKind.OBJECT:
                 axes.add_artist(Polygon(body.at(pose), fill=False, **robot))
@@ -300,21 +317,20 @@ def scene_keys(scene: Scene) -> list[Artist]:
     if BodyKind.ROBOT in kinds:
         keys.append(Patch(facecolor=palette.ROBOT, edgecolor=INK, label="robot"))
     keys.append(Patch(facecolor=palette.PLATE, edgecolor=INK, label="pusher"))
-    objects: tuple[Body, ...] = scene.objects
-    if len(objects) <= NAMED:
-        keys += [Patch(facecolor=one.colour, edgecolor=INK, label=cut(one.name, 20)) for one in objects]
+    if len(scene.objects) <= NAMED:
+        keys += [Patch(facecolor=one.colour, edgecolor=INK, label=cut(one.name, 20)) for one in scene.objects]
     if scene.goals:
         keys.append(Patch(facecolor="none", label="goal", **_GOAL))
-    known = {one.unknown for one in scene.obstacles}
     named = {palette.OBSTACLE: "obstacle", palette.BLOCKING: "in the way"}
     for colour in sorted({one.colour for one in scene.obstacles if not one.unknown}):
         keys.append(Patch(facecolor=colour, edgecolor=palette.OBSTACLE_EDGE, label=named[colour]))
-    if True in known:
+    if any(one.unknown for one in scene.obstacles):
         keys.append(Patch(facecolor="none", edgecolor=palette.OBSTACLE, hatch="////", label="unknown"))
-    return [*keys, *_path_keys(scene), *_event_keys(scene)]
+    return [*keys, *_path_keys(scene)]
 
 
 def _path_keys(scene: Scene) -> Iterator[Artist]:
+    """Yield the entries of paths and of the marks on them."""
     if scene.lines:
         if len(scene.t) > 1:
             yield Patch(facecolor=palette.SWEPT, edgecolor=FAINT, label="swept")
@@ -323,14 +339,10 @@ def _path_keys(scene: Scene) -> Iterator[Artist]:
         if not is_single(scene):
             yield Line2D([], [], color=ALONE, linewidth=0.9, linestyle=_DASHES, label="robot alone")
             yield Line2D([], [], linestyle="none", marker="$1$", color=INK, markersize=5.0, label="after push 1")
-        return
-    if scene.tree is not None:
+    elif scene.tree is not None:
         yield Line2D([], [], color=palette.TREE, linewidth=0.8, label="search tree")
-    if scene.nearest:
+    if scene.nearest and not scene.lines:
         yield Line2D([], [], color=NEAREST, linewidth=1.4, label="nearest path")
-
-
-def _event_keys(scene: Scene) -> Iterator[Artist]:
     for kind in dict.fromkeys(mark.kind for mark in scene.marks):
         look: Any = {"marker": _EVENT_MARKS[kind], "color": palette.EVENTS[kind]}
         yield Line2D([], [], linestyle="none", markersize=5.0, label=kind, **look)
@@ -342,29 +354,3 @@ def polygon_patches(geometry: shapely.Geometry) -> Iterator[PathPatch]:
         if isinstance(part, shapely.Polygon) and not part.is_empty:
             rings = [np.asarray(ring.coords)[:, :2] for ring in (part.exterior, *part.interiors)]
             yield PathPatch(Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings)))
-
-
-def names_fit(axes: Axes, scene: Scene) -> bool:
-    """Tell whether the narrowest object is wider than small letters."""
-    return narrowest(axes, [body.outline for body in scene.objects]) > SMALL
-
-
-def _ghosts(scene: Scene) -> FloatArray:
-    """Return the poses (g, b, 3) of all bodies at even distances along the path."""
-    step = np.diff(scene.poses[:, -1], axis=0)
-    travel = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]) + 0.1 * np.abs(step[:, 2]))])
-    at = np.linspace(0.0, travel[-1], GHOSTS + 2)[1:-1]
-    return scene.poses[np.clip(np.searchsorted(travel, at), 0, len(travel) - 1)]
-
-
-def _outlines(scene: Scene, poses: FloatArray, names: Sequence[str]) -> list[FloatArray]:
-    return [body.at(pose) for body, pose in zip(scene.bodies, poses, strict=True) if body.name in names]
-
-
-def _inside(points: FloatArray) -> FloatArray:
-    return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
-
-
-def _z(layer: Layer) -> float:
-    """Return the order in which Matplotlib draws a layer: axes and grid lie below 1."""
-    return 1.0 + layer

@@ -13,7 +13,17 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from pushplan.drawing import PANELS, PlotError, palette
-from pushplan.drawing.figure import axes_at, broken, draw_footer, figure_for, letters_across, margin_ticks
+from pushplan.drawing.figure import (
+    SMALL,
+    axes_at,
+    broken,
+    draw_footer,
+    figure_for,
+    letters_across,
+    letters_in,
+    margin_ticks,
+    narrowest,
+)
 from pushplan.drawing.floor import (
     draw_bodies,
     draw_by_margin,
@@ -23,7 +33,6 @@ from pushplan.drawing.floor import (
     draw_path_name,
     draw_room,
     draw_scene,
-    names_fit,
     scene_keys,
     set_view,
     view_of,
@@ -92,14 +101,16 @@ def plot_plan(
     tall = _HEIGHT if width or "set" in panels else _MARGIN_HEIGHT if beside else 0.0
     with figure_for(path, full, _HEIGHT) as figure:
         keys = scene_keys(scene) if width or "steps" in panels else []
-        low = draw_footer(figure, _LEFT, keys, _borne(plan) if plan.solved else "") + 0.15
+        said = [plan.robustness_words] if plan.robustness is not None and plan.robustness.known else []
+        said += [plan.force_words] if plan.force_limit is not None else []
+        low = draw_footer(figure, _LEFT, keys, "; ".join(filter(None, said)) if plan.solved else "") + 0.15
         steps = None
         if "steps" in panels and plan.scenario.kind == "rearrangement":
             steps = _Steps.of(scene, view, full - _LEFT - _RIGHT)
         bottom = low + (0.0 if steps is None else steps.height) + _AXIS - 0.15
         over = 0.24 if beside and not (plan.solved and width) else 0.0  # above the titles of what is beside
         across = width if plan.solved and width else full - _LEFT - _RIGHT
-        lines = _title(plan, scene, bool(events), int(letters_across_inches(across, _TITLE)))
+        lines = _title(plan, scene, bool(events), letters_in(across, _TITLE))
         figure.set_size_inches(full, bottom + tall + _TOP + over + 0.17 * (len(lines) - 1))
         title: Any = {"transform": figure.dpi_scale_trans, "fontsize": _TITLE, "va": "bottom"}
         figure.text(_LEFT, bottom + tall + 0.1 + over, "\n".join(lines), **title)
@@ -124,13 +135,6 @@ def plot_plan(
                 _list_pushes(column, scene, plan)
 
 
-def _borne(plan: Plan) -> str:
-    """Return in words what a plan tolerates, and which force it needs where that is limited."""
-    known = plan.robustness is not None and plan.robustness.known
-    force = plan.force_words if plan.force_limit is not None else ""
-    return "; ".join(words for words in (plan.robustness_words if known else "", force) if words)
-
-
 def plot_scenario(scenario: Scenario, path: str | Path, stable: StableSet | None = None) -> None:
     """Draw what was understood of a scenario: the floor with start and goals, and the chain with its stable set.
 
@@ -153,15 +157,13 @@ def plot_scenario(scenario: Scenario, path: str | Path, stable: StableSet | None
         floor = axes_at(figure, _LEFT, bottom, width, _HEIGHT)
         set_view(floor, view)
         floor.set_title(cut(scenario.name, letters_across(floor, _TITLE)), loc="left")
-        draw_room(floor, scene)
-        draw_goals(floor, scene)
-        draw_bodies(floor, scene, scene.start)
+        draw_scene(floor, scene)
         if stable is None:
             draw_names(floor, scene, scene.start)
             return
         beside = axes_at(figure, side, bottom, _SCENARIO_SIDE, _HEIGHT)
         draw_set(beside, scenario.chain, stable)
-        if names_fit(beside, scene):
+        if narrowest(beside, [body.outline for body in scene.objects]) > SMALL:
             name_objects(beside, scenario.chain)
 
 
@@ -241,7 +243,7 @@ def _title(plan: Plan, scene: Scene, executed: bool, letters: int) -> list[str]:
 
 def _tell_more(figure: Figure, left: float, bottom: float, plan: Plan) -> float:
     """Write what else is known of why there is no plan; return the height that it takes, inches."""
-    letters = int(letters_across_inches(_SIDE, _LETTERS))
+    letters = letters_in(_SIDE, _LETTERS)
     lines = [line for sentence in plan.why_not[1:] for line in [*broken(sentence, letters), ""]][:-1]
     lines = lines if len(lines) <= 12 else [*lines[:11], "…"]
     text: Any = {"transform": figure.dpi_scale_trans, "fontsize": _LETTERS, "color": INK, "va": "top"}
@@ -301,7 +303,7 @@ def _push_text(push: Segment, several: bool) -> str:
     face = f"{push.load.face} face, {push.cost:.2f} m"
     if not several:
         return face
-    letters = int(letters_across_inches(_SIDE - 0.38, _LETTERS)) - 2
+    letters = letters_in(_SIDE - 0.38, _LETTERS) - 2
     names = _named(push.load.names, letters - len(face))
     if len(names) + len(face) > letters:
         face = face.replace(" face", "")
@@ -312,8 +314,3 @@ def _named(names: Sequence[str], letters: int) -> str:
     """Return the names of objects, or how many there are, where that is more than one and there is no room."""
     said = ", ".join(names)
     return said if len(said) <= letters or len(names) == 1 else f"{len(names)} objects"
-
-
-def letters_across_inches(inches: float, points: float) -> float:
-    """Return how many letters of so many points fit beside one another."""
-    return 72.0 * inches / (0.6 * points)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple, Self
@@ -18,7 +17,7 @@ import numpy as np
 from pushplan.drawing import palette
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import BodyKind
-from pushplan.scenario.parts import CircleObstacle, Obstacle, PolygonObstacle
+from pushplan.scenario.parts import Obstacle, PolygonObstacle
 from pushplan.util.arrays import FloatArray, IntArray, distinct
 from pushplan.util.names import CLOSE, PUSH, PUSHER, ROBOT, TRANSIT
 
@@ -41,21 +40,6 @@ _SAME = 6
 _AIR, _ACTION, _CROPPED = 0.03, 0.15, 0.4
 """Rims around everything and around what moves, as shares of the longer side; what moves is shown alone where it
 takes less than this share of the whole."""
-
-
-class Layer(IntEnum):
-    """What is drawn over what, from below."""
-
-    FLOOR = 0
-    TREE = 1
-    SWEPT = 2
-    OBSTACLE = 3
-    GOAL = 4
-    ROBOT = 5
-    PLATE = 6
-    OBJECT = 7
-    PATH = 8
-    MARK = 9
 
 
 class Window(NamedTuple):
@@ -81,14 +65,12 @@ class Body:
         kind: What it is.
         outline: (v, 2) in the plate frame of what the robot carries, else in the object's own frame, m.
         colour: Of its inside.
-        layer: What it is drawn over.
     """
 
     name: str
     kind: BodyKind
     outline: FloatArray
     colour: str
-    layer: Layer
 
     def at(self, pose: FloatArray) -> FloatArray:
         """Return its outline (v, 2) in the world, its frame being at a pose (3,)."""
@@ -103,14 +85,12 @@ class Fixed:
         name: Of the object that shall go there; empty for an obstacle.
         outline: (v, 2) in the world, m.
         colour: Of an obstacle, or of the object.
-        layer: What it is drawn over.
         unknown: Nothing is known of this part of a map: it is hatched.
     """
 
     name: str
     outline: FloatArray
     colour: str
-    layer: Layer
     unknown: bool = False
 
 
@@ -227,7 +207,9 @@ class Scene:
         segments = () if plan is None else plan.segments
         lines, rests = _planned(bodies, segments)
         if execution is not None and len(execution.t):
-            t, poses, margins = execution.t, _executed_poses(bodies, execution), smallest(execution.margins)
+            moved = dict(zip(execution.names, np.moveaxis(execution.objects, 1, 0), strict=True))
+            poses = np.stack([moved.get(body.name, execution.poses) for body in bodies], axis=1)
+            t, margins = execution.t, smallest(execution.margins)
             lines, rests = _executed(bodies, segments, execution, poses, margins)
         blocking = () if plan is None or plan.solved else plan.blocking
         nearest: tuple[Line, ...] = ()
@@ -285,19 +267,17 @@ class Scene:
     @cached_property
     def window(self) -> Window:
         """The rectangle to show: the workspace, or everything there is; of a plan in a wide room, where it leads."""
-        whole = self._whole()
+        moving = self._action()
+        if self.walls is not None:
+            whole = _around([self.walls], 0.0)
+        else:
+            whole = _around([*moving, *(one.outline for one in self.obstacles)], _AIR)
         if not self.lines and not self.nearest:
             return whole
-        action = _around(self._action(), _ACTION)
+        action = _around(moving, _ACTION)
         low, high = np.maximum(whole[:2], action[:2]), np.minimum(whole[2:], action[2:])
         part = Window(*map(float, (*low, *high)))
         return part if np.prod(part.size) < _CROPPED * np.prod(whole.size) else whole
-
-    def _whole(self) -> Window:
-        if self.walls is not None:
-            return Window(*map(float, (*self.walls.min(axis=0), *self.walls.max(axis=0))))
-        standing = [one.outline for one in self.obstacles]
-        return _around([*self._action(), *standing], _AIR)
 
     def _action(self) -> list[FloatArray]:
         """Return the outlines of what moves, along its path, and of the goals."""
@@ -327,18 +307,13 @@ def smallest(margins: FloatArray) -> FloatArray:
     return np.where(np.isinf(least), np.nan, least)
 
 
-def obstacle_outline(obstacle: Obstacle) -> FloatArray:
-    """Return the polygon (v, 2), world frame, that is drawn for an obstacle."""
-    if not isinstance(obstacle, CircleObstacle):
-        return obstacle.outline
-    angle = np.linspace(0.0, 2.0 * np.pi, CIRCLE_CORNERS, endpoint=False)
-    return obstacle.center + obstacle.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-
-
 def _obstacle(obstacle: Obstacle, blocking: bool) -> Fixed:
-    unknown = isinstance(obstacle, PolygonObstacle) and obstacle.unknown
     colour = palette.BLOCKING if blocking else palette.OBSTACLE
-    return Fixed("", obstacle_outline(obstacle), colour, Layer.OBSTACLE, unknown)
+    if isinstance(obstacle, PolygonObstacle):
+        return Fixed("", obstacle.outline, colour, obstacle.unknown)
+    angle = np.linspace(0.0, 2.0 * np.pi, CIRCLE_CORNERS, endpoint=False)
+    around = obstacle.center + obstacle.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return Fixed("", around, colour)
 
 
 def _bodies(scenario: Scenario) -> Iterator[Body]:
@@ -346,12 +321,12 @@ def _bodies(scenario: Scenario) -> Iterator[Body]:
     of_plate = se2.inverse(pusher.plate_pose)
     for part in pusher.footprint:
         outline = se2.transform_points(of_plate, part)
-        yield Body(ROBOT, BodyKind.ROBOT, outline, palette.ROBOT, Layer.ROBOT)
+        yield Body(ROBOT, BodyKind.ROBOT, outline, palette.ROBOT)
     plate = se2.transform_points(of_plate, pusher.outline)
-    yield Body(PUSHER, BodyKind.PLATE, plate, palette.PLATE, Layer.PLATE)
+    yield Body(PUSHER, BodyKind.PLATE, plate, palette.PLATE)
     colours = palette.object_colours(list(scenario.poses))
     for obj, colour in zip(scenario.objects, colours, strict=True):
-        yield Body(obj.name, BodyKind.OBJECT, obj.outline, colour, Layer.OBJECT)
+        yield Body(obj.name, BodyKind.OBJECT, obj.outline, colour)
 
 
 def _goals(scenario: Scenario, colours: dict[str, str]) -> Iterator[Fixed]:
@@ -363,7 +338,7 @@ def _goals(scenario: Scenario, colours: dict[str, str]) -> Iterator[Fixed]:
             key = obj.name, frozenset(map(tuple, outline.round(_SAME).tolist()))
             if key not in seen and (obj.name in goal.objects or not goal.objects):
                 seen.add(key)
-                yield Fixed(obj.name, outline, colours[obj.name], Layer.GOAL)
+                yield Fixed(obj.name, outline, colours[obj.name])
 
 
 def _marks(events: Iterable[Event], execution: Execution | None) -> Iterator[Mark]:
@@ -377,11 +352,6 @@ def _marks(events: Iterable[Event], execution: Execution | None) -> Iterator[Mar
 def _pose_rows(bodies: tuple[Body, ...], plate: FloatArray, objects: Poses) -> FloatArray:
     """Return the poses (b, 3) of bodies, the plate frame (3,) and the objects' frames being known."""
     return np.array([objects[body.name] if body.kind is BodyKind.OBJECT else plate for body in bodies])
-
-
-def _executed_poses(bodies: tuple[Body, ...], execution: Execution) -> FloatArray:
-    columns = dict(zip(execution.names, np.moveaxis(execution.objects, 1, 0), strict=True))
-    return np.stack([columns.get(body.name, execution.poses) for body in bodies], axis=1)
 
 
 def _planned(bodies: tuple[Body, ...], segments: tuple[Segment, ...]) -> tuple[tuple[Line, ...], tuple[Rest, ...]]:

@@ -219,11 +219,6 @@ def name_objects(axes: Axes, chain: Chain) -> None:
         axes.text(float(x), float(y), cut(obj.name, letters), rotation=turned, zorder=8.0, **style)
 
 
-def turn_keys() -> list[Artist]:
-    """Return the entries for centres of rotation to the left and to the right."""
-    return [Patch(facecolor=TURNS[sense], alpha=0.35, label=TURN_NAMES[sense]) for sense in TURNS]
-
-
 def _set_keys(chain: Chain, sets: Sequence[StableSet]) -> list[Artist]:
     """Return the entries, column by column."""
     colours = palette.object_colours([obj.name for obj in chain.objects])
@@ -238,4 +233,5 @@ def _set_keys(chain: Chain, sets: Sequence[StableSet]) -> list[Artist]:
     ]
     words = chain.pusher.drive.turning_words
     drive = [Line2D([], [], color=INK, linewidth=0.8, linestyle=_DASHED, label=words)] if words else []
-    return [*turn_keys(), *bodies, *styles, *drive]
+    turns = [Patch(facecolor=TURNS[sense], alpha=0.35, label=TURN_NAMES[sense]) for sense in TURNS]
+    return [*turns, *bodies, *styles, *drive]
