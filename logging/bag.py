@@ -16,36 +16,36 @@ import re
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
-from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 
 import pushplan.logging.metadata as metadata
-from pushplan.drawing.scene import PATH_SPACING, Scene
+import pushplan.logging.schemas as schemas
+from pushplan.drawing.scene import Scene
 from pushplan.geometry import se2
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.rviz import Frames, line_width, rviz_file
-from pushplan.logging.scene import contact_messages, nearest, scene
-from pushplan.logging.schemas import LEVELS
-from pushplan.logging.shown import CHAIN, WORLD, ContactShapes, LoadContacts, contact_names, smoothed_times, viewed
+from pushplan.logging.scene import NANO
+from pushplan.logging.shown import CHAIN, WORLD, contact_names
 from pushplan.logging.tables import base_in_plate, footprint_of
-from pushplan.logging.topics import pushed_at_samples
-from pushplan.plans.execution import Execution
-from pushplan.scenario.model import Scenario
+from pushplan.logging.topics import messages
 from pushplan.util.arrays import FloatArray
 from pushplan.util.files import check_output, write_whole
 from pushplan.util.names import BESIDE_A_BAG, PUSHER
 from pushplan.util.naming import optional
 
-_NANO = 1_000_000_000
 _EARLIEST = 1.0
 """Epoch of a run whose log does not say when it began, s: tf2 takes 0 for `latest`."""
-_AGAIN = 1.0
-"""Time after which scene and paths are sent again, s."""
+_AGAIN = NANO
+"""Time after which scene and paths are sent again, ns."""
 _LINE_STRIP, _LINE_LIST, _TRIANGLES = 4, 5, 11
 """Types of visualization_msgs/Marker."""
 
@@ -71,7 +71,7 @@ def write_ros2(
     frames = Frames() if frames is None else frames
     frames.check(run.scenario)
     with tempfile.TemporaryDirectory() as folder:
-        with _Bag(Path(folder) / "bag", round(_NANO * (_begun(run) if epoch is None else epoch))) as bag:
+        with _Bag(Path(folder) / "bag", round(NANO * (_begun(run) if epoch is None else epoch))) as bag:
             _Contents(bag, run, frames).write()
         write_whole(path, (Path(folder) / "bag" / "bag.mcap").read_bytes())
     if not check_output(Path(path)).streamed:
@@ -110,24 +110,23 @@ class _Bag:
         """Return a message of the type `package/Name` with values for its fields, in their order."""
         return self._store.types[kind.replace("/", "/msg/")](*values)
 
-    def stamp(self, time: float) -> Any:
-        """Return a simulated time, s, in the time of the bag."""
-        now = self._epoch + round(_NANO * time)
-        return self.make("builtin_interfaces/Time", now // _NANO, now % _NANO)
+    def stamp(self, instant: int) -> Any:
+        """Return a simulated time, ns, in the time of the bag."""
+        return self.make("builtin_interfaces/Time", *divmod(self._epoch + instant, NANO))
 
-    def header(self, frame: str, time: float) -> Any:
+    def header(self, frame: str, instant: int) -> Any:
         """Return the header of a message in a frame."""
-        return self.make("std_msgs/Header", self.stamp(time), frame)
+        return self.make("std_msgs/Header", self.stamp(instant), frame)
 
-    def send(self, topic: str, time: float, message: Any, latched: bool = False) -> None:
-        """Write a message at a simulated time, s; one that is `latched` is also for those who come later."""
+    def send(self, topic: str, instant: int, message: Any, latched: bool = False) -> None:
+        """Write a message at a simulated time, ns; one that is `latched` is also for those who come later."""
         kind = message.__msgtype__
         if topic not in self._connections:
             self._connections[topic] = self._writer.add_connection(
                 topic, kind, typestore=self._store, offered_qos_profiles=[self._quality(latched)]
             )
         data = self._store.serialize_cdr(message, kind)
-        self._writer.write(self._connections[topic], self._epoch + round(_NANO * time), data)
+        self._writer.write(self._connections[topic], self._epoch + instant, data)
 
     def _quality(self, latched: bool) -> Any:
         """Return a QoS profile: reliable, the last 10 messages kept."""
@@ -148,116 +147,83 @@ class _Bag:
 
 
 class _Contents:
-    """What a bag says of a run."""
+    """What a bag says of a run: what its log says to viewers, and where the base is."""
 
     def __init__(self, bag: _Bag, run: RecordedRun, frames: Frames) -> None:
         self._bag, self._run, self._frames, self._scenario = bag, run, frames, run.scenario
         self._width = line_width(Scene.of(run.scenario, run.plan).window)
         self._base = base_in_plate(run.scenario)
-        execution = run.execution
-        self._execution = execution if execution is not None and len(execution.t) else None
+        names = enumerate(contact_names(run.scenario))  # in ROS they have letters, digits and underscores only
+        self._margins = [f"/margins/c{k:02d}_{re.sub('[^A-Za-z0-9]+', '_', name)}" for k, name in names]
 
     def write(self) -> None:
-        """Write all messages."""
-        self._still()
-        self._motion()
-        if self._execution is not None:
-            self._margins(self._execution)
-        for line in self._run.lines:
-            level = 10 * (1 + LEVELS.index(line.level))
-            stamp = self._bag.stamp(line.time)
-            message = self._bag.make("rcl_interfaces/Log", stamp, level, "pushplan", line.text, "", "", 0)
-            self._bag.send("/log", line.time, message)
+        """Write all messages: what stands still at once and again and again."""
+        still: dict[str, Callable[[int], Any]] = {"/footprint": self._footprint}
+        moving: dict[tuple[schemas.Topic, int], bytes] = {}  # what is there at first is in the first sample, too
+        for instant, topic, data in messages(self._run):
+            if topic in (schemas.TF, schemas.CONTACTS, schemas.PUSHER_TWIST, schemas.MARGINS):
+                moving[topic, instant] = data
+            elif topic is schemas.LOG:
+                line = topic.message.FromString(data)
+                said = (10 * line.level, "pushplan", line.message, "", "", 0)
+                self._bag.send("/log", instant, self._bag.make("rcl_interfaces/Log", self._bag.stamp(instant), *said))
+            elif instant == 0:
+                still = self._standing(topic, topic.message.FromString(data)) | still
+        self._bag.send("/tf_static", 0, self._rigid(), latched=True)
+        for instant in range(0, 1 + max((instant for _, instant in moving), default=0), _AGAIN):
+            for name, message in still.items():
+                self._bag.send(name, instant, message(instant), latched=True)
+        for (topic, instant), data in moving.items():
+            for name, message in self._moved(topic, topic.message.FromString(data), instant):
+                self._bag.send(name, instant, message)
 
-    def _still(self) -> None:
-        """Send what stands still, at once and again and again."""
-        run = self._run
-        still: list[tuple[str, Callable[[float], Any]]] = [
-            ("/scene", lambda time: self._markers(scene(run.scenario).entities, time)),
-            ("/footprint", self._footprint),
-        ]
-        for topic, poses in self._paths():
-            still.append((topic, lambda time, poses=poses: self._path(poses, time)))  # type: ignore[misc]
-        ghost = () if run.plan is None else nearest(self._scenario, run.plan).entities
-        if ghost:
-            still.append(("/plan/nearest", lambda time: self._markers(ghost, time)))
-        self._bag.send("/tf_static", 0.0, self._rigid(), latched=True)
-        end = 1e-9 if self._execution is None else self._execution.t[-1] + 1e-9
-        for time in np.arange(0.0, end, _AGAIN).tolist():
-            for topic, message in still:
-                self._bag.send(topic, time, message(time), latched=True)
+    def _standing(self, topic: schemas.Topic, message: Any) -> dict[str, Callable[[int], Any]]:
+        """Return what makes the messages of what stands still, by their topics."""
+        if topic is schemas.SCENE or (topic is schemas.PLAN_NEAREST and message.entities):
+            return {topic.name: partial(self._markers, message.entities)}
+        if topic not in (schemas.PLAN_PATH, schemas.PLAN_SMOOTHED):
+            return {}
+        poses = np.array([_planar(pose.position, pose.orientation) for pose in message.poses])
+        base = {"/base/path": partial(self._path, se2.compose(poses, self._base))}
+        return {topic.name: partial(self._path, poses), **(base if topic is schemas.PLAN_SMOOTHED else {})}
 
-    def _motion(self) -> None:
-        """Send frames, contacts and twists at each sample to show; the start where nothing was executed."""
-        scenario, execution = self._scenario, self._execution
-        if execution is None:
-            times, plates, twists = [0.0], scenario.plate_start[None], np.zeros((1, 3))
-            objects = np.stack(list(scenario.poses.values()))[None]
+    def _moved(self, topic: schemas.Topic, message: Any, instant: int) -> Iterator[tuple[str, Any]]:
+        """Yield topics and messages of a sample: frames, contacts, twists, a number for each contact's margin."""
+        if topic is schemas.TF:
+            yield "/tf", self._transforms(message, instant)
+        elif topic is schemas.CONTACTS:
+            yield "/contacts", self._markers(message.entities, instant)
+        elif topic is schemas.PUSHER_TWIST:
+            twist = np.array([message.vx, message.vy, message.omega])
+            yield "/pusher/twist", self._twist(twist, PUSHER, instant)
+            yield "/base/twist", self._twist(se2.twist_of(self._base, twist), self._frames.base, instant)
         else:
-            samples = viewed(execution)
-            times, plates = execution.t[samples].tolist(), execution.poses[samples]
-            twists, objects = execution.twists[samples], execution.objects[samples]
-        for time, plate, places, twist, entities in zip(
-            times, plates, objects, twists, self._contacts(), strict=True
-        ):
-            self._bag.send("/tf", time, self._moving(plate, places, time))
-            self._bag.send("/contacts", time, self._markers(entities, time))
-            self._bag.send("/pusher/twist", time, self._twist(twist, PUSHER, time))
-            moved = self._twist(se2.twist_of(self._base, twist), self._frames.base, time)
-            self._bag.send("/base/twist", time, moved)
-
-    def _contacts(self) -> Iterator[Any]:
-        """Yield the entities of the contacts that are closed at each sample to show."""
-        drawn, execution = LoadContacts(self._scenario, self._execution), self._execution
-        samples = np.zeros(1, dtype=np.int64) if execution is None else viewed(execution)
-        for load, part in pushed_at_samples(self._run, samples):
-            shapes: list[ContactShapes] = []
-            if load is not None:
-                shapes = drawn.at(load, None if execution is None else samples[part])
-            stamps = np.zeros(len(part), dtype=np.int64)
-            for data in contact_messages(shapes, len(self._scenario.poses), stamps):
-                yield SceneUpdate.FromString(data).entities
-
-    def _margins(self, execution: Execution) -> None:
-        """Send the margin of each contact as a number of its own."""
-        for i in viewed(execution):
-            for topic, margin in zip(margin_topics(self._scenario), execution.margins[i], strict=True):
-                number = self._bag.make("std_msgs/Float64", float(margin))
-                self._bag.send(topic, float(execution.t[i]), number)
-
-    def _paths(self) -> Iterator[tuple[str, FloatArray]]:
-        run = self._run
-        if run.plan is None:
-            return
-        if run.plan.segments:
-            poses = [segment.path.sampled(PATH_SPACING) for segment in run.plan.segments]
-            yield "/plan/path", np.concatenate(poses)
-        if run.plan.trajectory is not None:
-            smoothed = run.plan.trajectory.poses_at(smoothed_times(run.plan.trajectory))
-            yield "/plan/smoothed", smoothed
-            yield "/base/path", se2.compose(smoothed, self._base)
+            for name, contact in zip(self._margins, message.contacts, strict=True):
+                yield name, self._bag.make("std_msgs/Float64", contact.margin)
 
     def _rigid(self) -> Any:
-        """Return the message for /tf_static."""
         frames, scenario = self._frames, self._scenario
         pairs = [(frames.map, frames.odom, np.zeros(3)), (frames.base, PUSHER, se2.inverse(self._base))]
         if scenario.kind == "push":
             pairs.append((PUSHER, CHAIN, se2.inverse(scenario.pusher.plate_pose)))
-        return self._bag.make("tf2_msgs/TFMessage", [self._transform(*pair, 0.0) for pair in pairs])
+        return self._bag.make("tf2_msgs/TFMessage", [self._transform(*pair, 0) for pair in pairs])
 
-    def _moving(self, plate: FloatArray, objects: FloatArray, time: float) -> Any:
-        """Return the message for /tf: the base, with the plate at a pose (3,), and the objects (n, 3)."""
-        frames = self._frames
-        moved = [self._transform(frames.odom, frames.base, se2.compose(plate, self._base), time)]
-        pairs = zip(self._scenario.poses, objects, strict=True)
-        moved += [self._transform(frames.map, name, place, time) for name, place in pairs]
+    def _transforms(self, message: FrameTransforms, instant: int) -> Any:
+        """Return the message for /tf: the base where the log has the plate, and the objects."""
+        frames, moved = self._frames, []
+        for one in message.transforms:
+            pose = _planar(one.translation, one.rotation)
+            if one.child_frame_id == PUSHER:
+                moved.append(self._transform(frames.odom, frames.base, se2.compose(pose, self._base), instant))
+            elif one.child_frame_id != CHAIN:
+                moved.append(self._transform(frames.map, one.child_frame_id, pose, instant))
         return self._bag.make("tf2_msgs/TFMessage", moved)
 
-    def _transform(self, parent: str, child: str, pose: FloatArray, time: float) -> Any:
+    def _transform(self, parent: str, child: str, pose: FloatArray, instant: int) -> Any:
         x, y, theta = map(float, pose)
         there = self._bag.make("geometry_msgs/Vector3", x, y, 0.0)
         transform = self._bag.make("geometry_msgs/Transform", there, self._turn(theta))
-        return self._bag.make("geometry_msgs/TransformStamped", self._bag.header(parent, time), child, transform)
+        return self._bag.make("geometry_msgs/TransformStamped", self._bag.header(parent, instant), child, transform)
 
     def _turn(self, theta: float) -> Any:
         half = 0.5 * theta
@@ -267,31 +233,31 @@ class _Contents:
         point = self._bag.make("geometry_msgs/Point", x, y, 0.0)
         return self._bag.make("geometry_msgs/Pose", point, self._turn(theta))
 
-    def _path(self, poses: FloatArray, time: float) -> Any:
-        header = self._bag.header(self._frames.map, time)
+    def _path(self, poses: FloatArray, instant: int) -> Any:
+        header = self._bag.header(self._frames.map, instant)
         make = self._bag.make
         stamped = [make("geometry_msgs/PoseStamped", header, self._pose(*pose)) for pose in poses.tolist()]
         return make("nav_msgs/Path", header, stamped)
 
-    def _twist(self, twist: FloatArray, frame: str, time: float) -> Any:
+    def _twist(self, twist: FloatArray, frame: str, instant: int) -> Any:
         vx, vy, omega = map(float, twist)
         linear, angular = (self._bag.make("geometry_msgs/Vector3", *v) for v in ((vx, vy, 0.0), (0.0, 0.0, omega)))
         moved = self._bag.make("geometry_msgs/Twist", linear, angular)
-        return self._bag.make("geometry_msgs/TwistStamped", self._bag.header(frame, time), moved)
+        return self._bag.make("geometry_msgs/TwistStamped", self._bag.header(frame, instant), moved)
 
-    def _footprint(self, time: float) -> Any:
+    def _footprint(self, instant: int) -> Any:
         """Return the outline of robot and plate, and of the objects if they stay there, in the frame of the base."""
         points = [
             self._bag.make("geometry_msgs/Point32", x, y, 0.0) for x, y in footprint_of(self._scenario).tolist()
         ]
         polygon = self._bag.make("geometry_msgs/Polygon", points)
-        header = self._bag.header(self._frames.base, time)
+        header = self._bag.header(self._frames.base, instant)
         return self._bag.make("geometry_msgs/PolygonStamped", header, polygon)
 
-    def _markers(self, entities: Iterable[SceneEntity], time: float) -> Any:
+    def _markers(self, entities: Iterable[SceneEntity], instant: int) -> Any:
         """Return markers of scene entities, each in the frame of its body."""
         markers = [
-            self._marker(entity, i, kind, scale, shape, points, time)
+            self._marker(entity, i, kind, scale, shape, points, instant)
             for entity in entities
             for i, (kind, scale, shape, points) in enumerate(self._shapes(entity))
         ]
@@ -309,14 +275,14 @@ class _Contents:
             yield kind, self._width, line, points
 
     def _marker(
-        self, entity: SceneEntity, number: int, kind: int, scale: float, shape: Any, points: list[Point], time: float
+        self, entity: SceneEntity, number: int, kind: int, scale: float, shape: Any, points: list[Point], instant: int
     ) -> Any:
         bag, color = self._bag, shape.color
         frame = self._frames.map if entity.frame_id == WORLD else entity.frame_id
         nothing = np.zeros(0, dtype=np.uint8)
         return bag.make(
             "visualization_msgs/Marker",
-            bag.header(frame, time),
+            bag.header(frame, instant),
             entity.id,
             number,
             kind,
@@ -329,7 +295,7 @@ class _Contents:
             [bag.make("geometry_msgs/Point", *point) for point in points],
             [],
             "",
-            bag.make("sensor_msgs/CompressedImage", bag.header("", time), "", nothing),
+            bag.make("sensor_msgs/CompressedImage", bag.header("", instant), "", nothing),
             [],
             "",
             "",
@@ -338,7 +304,6 @@ class _Contents:
         )
 
 
-def margin_topics(scenario: Scenario) -> list[str]:
-    """Return the topic of each contact's margin; names in ROS have letters, digits and underscores only."""
-    names = enumerate(contact_names(scenario))
-    return [f"/margins/c{k:02d}_{re.sub('[^A-Za-z0-9]+', '_', name)}" for k, name in names]
+def _planar(place: Vector3, turn: Quaternion) -> FloatArray:
+    """Return the pose (3,) in the plane of what a log's message says."""
+    return np.array([place.x, place.y, 2.0 * math.atan2(turn.z, turn.w)])

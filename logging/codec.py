@@ -84,15 +84,12 @@ def encode(value: object) -> bytes:
     """Return the attachment that holds a value: numbers, texts, arrays, sequences, mappings, the types above."""
     arrays: list[NDArray[Any]] = []
     tree = _plain(value, arrays)
-    kept = [np.asarray(array, dtype=_dtype(array)) for array in arrays]
+    types = {"f": "<f8", "i": "<i8", "u": "<i8", "b": "|b1"}
+    kept = [np.asarray(array, dtype=types[array.dtype.kind]) for array in arrays]
     data = b"".join(_planes(array) for array in kept)
     told = [[array.dtype.str, list(array.shape)] for array in kept]
     head = json.dumps({"value": tree, "arrays": told}, separators=(",", ":"))
     return _HEAD + b"%d\n" % len(data) + head.encode() + b"\n" + zstandard.compress(data)
-
-
-def _dtype(array: NDArray[Any]) -> str:
-    return {"f": "<f8", "i": "<i8", "u": "<i8", "b": "|b1"}[array.dtype.kind]
 
 
 def _planes(array: NDArray[Any]) -> bytes:
@@ -260,16 +257,11 @@ def load_of(
     Raises:
         PushplanError: When there is no such load.
     """
-    known, key = _loads(scenario), (names, face, offset, faces)
+    known: dict[_Key, Load] = vars(scenario).setdefault("_loads_of_logs", {})  # each has stable sets of its own
+    key = (names, face, offset, faces)
     if key not in known:
         known[key] = _load(scenario, *key)
     return known[key]
-
-
-def _loads(scenario: Scenario) -> dict[_Key, Load]:
-    """Return the loads of a scenario that have been made, kept with it: each has stable sets of its own."""
-    found: dict[_Key, Load] = vars(scenario).setdefault("_loads_of_logs", {})
-    return found
 
 
 def _load(scenario: Scenario, names: tuple[str, ...], face: str, offset: float, faces: tuple[str, ...]) -> Load:

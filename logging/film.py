@@ -31,10 +31,9 @@ from pushplan.drawing.palette import FAINT, INK
 from pushplan.drawing.scene import Scene
 from pushplan.geometry import se2
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.shown import LoadContacts, contact_names, part_at, worst_contacts
+from pushplan.logging.shown import LoadContacts, contact_names, part_at, pushed_at_samples, worst_contacts
 from pushplan.plans.execution import Execution
-from pushplan.plans.load import Load
-from pushplan.plans.run import Run, segments_of
+from pushplan.plans.run import Run
 from pushplan.util.arrays import FloatArray
 from pushplan.util.files import write_whole
 from pushplan.util.naming import optional
@@ -197,7 +196,7 @@ class Film(Still):
         """Draw segment, friction cones and force of each contact that is closed as one line with gaps."""
         for line in self._lines:
             line.set_data([], [])
-        load = self._load(sample)
+        ((load, _),) = pushed_at_samples(self.run, np.array([sample]))
         for shapes in () if load is None else self._contacts.at(load, np.array([sample])):
             parts = [shapes.segment, *(cone[[1, 0, 2]] for cone in shapes.cones[0])]
             if shapes.shafts is not None and shapes.heads is not None:
@@ -205,14 +204,6 @@ class Film(Still):
             gap = np.full((1, 2), np.nan)
             points = [piece for part in parts for piece in (se2.transform_points(plate, part), gap)]
             self._lines[shapes.column].set_data(*np.concatenate(points).T)
-
-    def _load(self, sample: int) -> Load | None:
-        """Return what is pushed at a sample; None where nothing is."""
-        segments, k = segments_of(self.run.plan, self.run.feedback), int(self._execution.segment[sample])
-        if k >= len(segments):
-            return Load.of(self.run.scenario) if self.run.scenario.kind == "push" else None
-        segment = segments[k]
-        return segment.load if segment.pushes else None
 
     def _draw_margins(self, marks: list[str]) -> None:
         execution, axes = self._execution, self.plot

@@ -16,7 +16,7 @@ import pushplan.logging.schemas as schemas
 from pushplan.drawing import palette
 from pushplan.drawing.scene import Scene
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.shown import WORLD, contact_names
+from pushplan.logging.shown import contact_names
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Run
 from pushplan.scenario.model import Scenario
@@ -24,14 +24,6 @@ from pushplan.util.files import write_whole
 
 LAYOUT_FILE = "layout.json"
 """Name of the attachment that every log carries from its plan on."""
-
-_SCENE, _MARGINS, _FORCES, _PROGRESS, _LOG = (
-    "3D!pushplan",
-    "Plot!pushplanmargins",
-    "Plot!pushplanlambda",
-    "Plot!pushplanprogress",
-    "RosOut!pushplan",
-)
 
 _LINE_SHARE = 0.003
 """Width of the path as a share of the longer side of what is shown."""
@@ -55,116 +47,46 @@ def layout_text(scenario: Scenario, plan: Plan | None) -> bytes:
 
 
 def layout(scenario: Scenario, plan: Plan | None) -> dict[str, Any]:
-    """Return the layout for a run as plain data."""
-    solved = plan is not None and plan.solved
-    log = {"topicToRender": schemas.LOG.name, "minLogLevel": 1, "searchTerms": []}
-    panels = {
-        _SCENE: _scene(scenario, plan),
-        _LOG: {**_titled("Log" if solved else "Why there is no plan"), **log},
-        **(_plots(scenario) if solved else {}),
+    """Return the layout for a run as plain data: what `layout.json` arranges, with the run in it."""
+    found: dict[str, Any] = json.loads(Path(__file__).with_name("layout.json").read_text("utf-8"))
+    panels, solved = found["configById"], plan is not None and plan.solved
+    view = Scene.of(scenario, plan).window
+    side = float(view.size.max())
+    distance, middle = _RIM * side, [0.5 * (view.xmin + view.xmax), 0.5 * (view.ymin + view.ymax), 0]
+    scene, topics = panels["3D!pushplan"], panels["3D!pushplan"]["topics"]
+    scene |= _titled(scenario.name if solved else f"{scenario.name}: no plan")
+    scene["cameraState"] |= {"distance": distance, "targetOffset": middle}
+    scene["cameraState"] |= {"near": 0.01 * distance, "far": 10.0 * distance}
+    topics[schemas.PLAN_TREE.name]["visible"] = not solved
+    for topic, colour in ((schemas.PLAN_PATH, palette.PATH), (schemas.PLAN_SMOOTHED, palette.SMOOTHED)):
+        topics[topic.name] |= {"lineWidth": _LINE_SHARE * side, "gradient": 2 * [colour + "ff"]}
+    plots = {
+        "Plot!pushplanmargins": _contacts(scenario, "margin", {"0": "slips"}),
+        "Plot!pushplanlambda": _contacts(scenario, "lambda", {"0": "right end", "1": "left end"}),
+        "Plot!pushplanprogress": [_line(f"{schemas.COSTS.name}.cost[:]", "cost (m)", palette.PATH)],
     }
-    return {
-        "configById": panels,
-        "globalVariables": {},
-        "userNodes": {},
-        "playbackConfig": {"speed": 1.0},
-        "layout": _split("row", 60, _SCENE, _beside() if solved else _LOG),
-    }
-
-
-def _plots(scenario: Scenario) -> dict[str, Any]:
-    return {
-        _MARGINS: _contacts(scenario, "Margin of each contact", "margin", {"0": "slips"}),
-        _FORCES: _contacts(scenario, "Where the force acts", "lambda", {"0": "right end", "1": "left end"}),
-        _PROGRESS: _progress(),
-    }
-
-
-def _beside() -> dict[str, Any]:
-    lower = _split("row", 60, _PROGRESS, _LOG)
-    return _split("column", 40, _MARGINS, _split("column", 50, _FORCES, lower))
-
-
-def _split(direction: str, percentage: int, first: str, second: Any) -> dict[str, Any]:
-    return {"direction": direction, "splitPercentage": percentage, "first": first, "second": second}
+    for name, lines in plots.items():
+        panels[name]["paths"] = lines
+        if not solved:
+            del panels[name]
+    if not solved:
+        panels["RosOut!pushplan"] |= _titled("Why there is no plan")
+        found["layout"]["second"] = "RosOut!pushplan"
+    return found
 
 
 def _titled(title: str) -> dict[str, str]:
     return {"foxglovePanelTitle": title, "lichtblickPanelTitle": title}
 
 
-def _scene(scenario: Scenario, plan: Plan | None) -> dict[str, Any]:
-    """The scene seen straight from above, all of it."""
-    view = Scene.of(scenario, plan).window
-    side = float(view.size.max())
-    distance, solved = _RIM * side, plan is not None and plan.solved
-    return {
-        **_titled(scenario.name if solved else f"{scenario.name}: no plan"),
-        "followTf": WORLD,
-        "followMode": "follow-none",
-        "cameraState": {
-            "perspective": False,
-            "distance": distance,
-            "phi": 0,
-            "thetaOffset": 0,
-            "target": [0, 0, 0],
-            "targetOffset": [0.5 * (view.xmin + view.xmax), 0.5 * (view.ymin + view.ymax), 0],
-            "targetOrientation": [0, 0, 0, 1],
-            "fovy": 45,
-            "near": 0.01 * distance,
-            "far": 10.0 * distance,
-        },
-        "scene": {
-            "backgroundColor": "#fbfaf7",
-            "transforms": {"axisScale": 0, "lineWidth": 0, "showLabel": False, "enablePreloading": True},
-        },
-        "topics": _topics(_LINE_SHARE * side, solved),
-        "transforms": {f"frame:{WORLD}": {"visible": False}},
-        "layers": {},
-        "publish": {},
-    }
-
-
-def _topics(width: float, solved: bool) -> dict[str, Any]:
-    path = {"visible": True, "type": "line", "lineWidth": width}
-    return {
-        **{topic.name: {"visible": True} for topic in (schemas.SCENE, schemas.CONTACTS, schemas.PLAN_NEAREST)},
-        schemas.PLAN_TREE.name: {"visible": not solved},
-        schemas.PLAN_PATH.name: {**path, "gradient": 2 * [palette.PATH + "ff"]},
-        schemas.PLAN_SMOOTHED.name: {**path, "gradient": 2 * [palette.SMOOTHED + "ff"]},
-    }
-
-
-def _contacts(scenario: Scenario, title: str, field: str, bounds: dict[str, str]) -> dict[str, Any]:
-    """A plot of one number of every contact over time, and of its bounds."""
+def _contacts(scenario: Scenario, field: str, bounds: dict[str, str]) -> list[dict[str, Any]]:
+    """Return the lines of one number of every contact over time, and of its bounds."""
     names = contact_names(scenario)
     lines = [
         _line(f"{schemas.MARGINS.name}.contacts[{k}].{field}", name, colour)
         for k, (name, colour) in enumerate(zip(names, palette.contact_colours(len(names)), strict=True))
     ]
-    lines += [_line(value, label, palette.SLIPS) for value, label in bounds.items()]
-    return {**_plot(title, lines), "xAxisVal": "timestamp"}
-
-
-def _progress() -> dict[str, Any]:
-    """A plot of the cost of the best path over the planner's iterations, both out of one message."""
-    topic = schemas.COSTS.name
-    plot = _plot("Cost of the best path over iterations", [_line(f"{topic}.cost[:]", "cost (m)", palette.PATH)])
-    return {**plot, "xAxisVal": "currentCustom", "xAxisPath": {"value": f"{topic}.iterations[:]", "enabled": True}}
-
-
-def _plot(title: str, lines: list[dict[str, Any]]) -> dict[str, Any]:
-    return {
-        **_titled(title),
-        "paths": lines,
-        "isSynced": True,
-        "showLegend": True,
-        "legendDisplay": "left",
-        "showPlotValuesInLegend": False,
-        "showXAxisLabels": True,
-        "showYAxisLabels": True,
-        "sidebarDimension": 180,
-    }
+    return [*lines, *(_line(value, label, palette.SLIPS) for value, label in bounds.items())]
 
 
 def _line(path: str, label: str, colour: str) -> dict[str, Any]:

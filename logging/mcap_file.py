@@ -77,7 +77,7 @@ class Message(NamedTuple):
     number: int
     time: int
     published: int
-    data: memoryview
+    data: bytes
     offset: int
 
 
@@ -226,7 +226,10 @@ class McapFile:
             if opcode == Opcode.DATA_END:
                 checksum = 0
             elif opcode == Opcode.FOOTER:
-                _check_footer(body, checksum, at)
+                stated = _parse(records.Footer, body, at).summary_crc
+                own = zlib.crc32(body[:16], zlib.crc32(_PREFIX.pack(Opcode.FOOTER, len(body)), checksum or 0))
+                if stated and stated != own:
+                    raise DamageError("the checksum of the summary does not fit", at)
             elif checksum is not None:
                 checksum = zlib.crc32(body, zlib.crc32(_PREFIX.pack(opcode, len(body)), checksum))
         at = stream.tell()
@@ -266,7 +269,6 @@ class McapFile:
             raise DamageError(f"{type(new).__name__.lower()} {new.id} is declared twice", at)
 
     def _chunk(self, chunk: records.Chunk, at: int) -> Iterator[Item]:
-        """Yield the messages of a chunk."""
         data = self._inflate(chunk, at)
         begin, size = 0, len(data)
         while begin < size:
@@ -294,8 +296,7 @@ class McapFile:
         if channel is None:
             raise DamageError(f"a message on channel {identity}, which is not declared", at)
         if self._wanted is None or channel.topic in self._wanted:
-            data = body[_MESSAGE.size :]
-            yield Message(channel.topic, number, time, published, data, at)
+            yield Message(channel.topic, number, time, published, bytes(body[_MESSAGE.size :]), at)
 
     def _inflate(self, chunk: records.Chunk, at: int) -> memoryview:
         """Return the records in a chunk, one after another; what it states is checked before it is inflated."""
@@ -305,29 +306,22 @@ class McapFile:
             raise DamageError(f"a chunk claims {size} bytes; at most {RECORD_LIMIT} are allowed", at)
         if self._inflated > min(_FREE_BYTES + _INFLATION * self.size, max(_MOST_BYTES, 10 * self.size)):
             raise DamageError("the file holds far more data than its size allows", at)
-        data = inflate(chunk.data, size, at) if chunk.compression else chunk.data
-        if chunk.compression not in ("", "zstd"):
+        data = chunk.data
+        if chunk.compression == "zstd":
+            try:
+                stated = zstandard.frame_content_size(data)
+                if stated not in (-1, size):
+                    raise DamageError(f"a chunk claims {size} bytes and holds {stated}", at)
+                data = zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+            except zstandard.ZstdError as error:
+                raise DamageError(f"damaged zstd data ({error})", at) from error
+        elif chunk.compression:
             raise DamageError(f"compression {chunk.compression!r}; pushplan reads '' and 'zstd'", at)
         if len(data) != size:
             raise DamageError(f"a chunk claims {size} bytes and holds {len(data)}", at)
         if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
             raise DamageError("the checksum of a chunk does not fit", at)
         return memoryview(data)
-
-
-def inflate(data: bytes, size: int, at: int) -> bytes:
-    """Return the `size` bytes that a zstd frame holds, and never more, whatever the frame claims.
-
-    Raises:
-        DamageError: When it is damaged, or holds another number of bytes.
-    """
-    try:
-        stated = zstandard.frame_content_size(data)
-        if stated not in (-1, size):
-            raise DamageError(f"a chunk claims {size} bytes and holds {stated}", at)
-        return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
-    except zstandard.ZstdError as error:
-        raise DamageError(f"damaged zstd data ({error})", at) from error
 
 
 def metadata_of(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
@@ -375,7 +369,6 @@ class _Exact(ReadDataStream):
 
 
 def _parse(kind: Any, body: bytes, at: int) -> Any:
-    """Return the record of a kind that `body` is."""
     try:
         return kind.read(_Exact(BytesIO(body)))
     except (ValueError, McapError, struct.error, KeyError, OverflowError) as error:
@@ -393,11 +386,3 @@ def _next_record(stream: BinaryIO, size: int) -> tuple[int, bytes]:
     if length > RECORD_LIMIT:
         raise DamageError(f"a record claims {length} bytes; at most {RECORD_LIMIT} are allowed", at)
     return opcode, stream.read(length)
-
-
-def _check_footer(body: bytes, checksum: int | None, at: int) -> None:
-    """Raise DamageError unless the checksum of the summary leads to the one that the footer holds, if any."""
-    footer = _parse(records.Footer, body, at)
-    own = zlib.crc32(body[:16], zlib.crc32(_PREFIX.pack(Opcode.FOOTER, len(body)), checksum or 0))
-    if footer.summary_crc and footer.summary_crc != own:
-        raise DamageError("the checksum of the summary does not fit", at)

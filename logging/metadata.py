@@ -11,12 +11,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cache
-from importlib.metadata import PackageNotFoundError, distribution
+from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
 
 from pushplan.logging.recorded import RecordedRun
-from pushplan.plans.execution import Execution
 from pushplan.plans.plan import Plan
 from pushplan.scenario.model import Scenario
 
@@ -40,6 +39,12 @@ _NONE = "none"
 _DEPENDENCIES = ("numpy", "scipy", "shapely", "ompl", "ruckig", "mcap", "protobuf")
 
 
+def versions() -> dict[str, str]:
+    """Return the versions of pushplan, of what its results depend on, and of Python."""
+    known = {name: version_of(name) for name in ("pushplan", *_DEPENDENCIES)}
+    return {"python": platform.python_version(), **known}
+
+
 def run_words(scenario: Scenario, settings: Mapping[str, object]) -> dict[str, str]:
     """Return what is known when a run begins; `started_at` and `machine` differ from run to run."""
     return {
@@ -47,22 +52,11 @@ def run_words(scenario: Scenario, settings: Mapping[str, object]) -> dict[str, s
         "format": str(FORMAT),
         "scenario": scenario.name,
         "scenario_sha256": hashlib.sha256(scenario.source).hexdigest(),
-        **{f"version.{name}": version_of(name) for name in ("pushplan", *_DEPENDENCIES)},
-        "version.python": platform.python_version(),
+        **{f"version.{name}": version for name, version in versions().items()},
         "git": git_commit(),
         "machine": f"{platform.system()} {platform.release()} {platform.machine()}, {os.cpu_count()} CPUs",
         "started_at": now(),
     }
-
-
-def current_version(name: str) -> str:
-    """Return the version of a package, or of Python, that runs now; empty where it is not installed."""
-    if name == "python":
-        return platform.python_version()
-    try:
-        return version_of(name)
-    except PackageNotFoundError:
-        return ""
 
 
 @cache
@@ -132,8 +126,20 @@ def with_clock(plan: Plan, words: Mapping[str, str]) -> Plan:
 
 def result_words(run: RecordedRun) -> dict[str, str]:
     """Return what a run comes to, as far as that follows from its plan and its execution."""
-    plan = {} if run.plan is None else {**planning_words(run.plan), **_plan_words(run.plan)}
-    return {**plan, **({} if run.execution is None else _execution_words(run.execution))}
+    words, numbers = dict[str, str](), dict[str, float | None]()
+    if (plan := run.plan) is not None:
+        words |= {**planning_words(plan), "solved": str(plan.solved).lower(), "reason": plan.reason}
+        numbers |= {"path_cost": plan.cost, "duration": plan.duration}
+        numbers |= {"margin_asked": plan.margin_asked, "margin": plan.margin}
+        if plan.segments:
+            words["arcs"] = str(sum(len(segment.path.lengths) for segment in plan.pushes))
+    if (execution := run.execution) is not None:
+        numbers |= dict(zip(("goal_position_error", "goal_angle_error"), execution.goal_error, strict=True))
+        numbers |= {"min_margin": execution.min_margin, "min_dynamic_margin": execution.min_dynamic_margin}
+        numbers["max_force"] = execution.max_force()
+        if execution.loss is not None:
+            words |= {"lost_at": repr(execution.loss.time), "lost_contact": execution.loss.contact}
+    return words | {name: repr(value) for name, value in numbers.items() if value is not None}
 
 
 def add_to_digest(digest: Digest, name: str, data: bytes) -> None:
@@ -148,23 +154,3 @@ def add_words_to_digest(digest: Digest, name: str, words: Mapping[str, str]) -> 
     """Add metadata to the digest of a run, as an attachment of JSON with sorted fields, without the digest."""
     told = {key: words[key] for key in sorted(words) if key != DIGEST}
     add_to_digest(digest, name, json.dumps(told).encode())
-
-
-def _plan_words(plan: Plan) -> dict[str, str]:
-    words = {"solved": str(plan.solved).lower(), "reason": plan.reason}
-    numbers = {"path_cost": plan.cost, "duration": plan.duration}
-    numbers |= {"margin_asked": plan.margin_asked, "margin": plan.margin}
-    known = {name: repr(value) for name, value in numbers.items() if value is not None}
-    arcs = sum(len(segment.path.lengths) for segment in plan.pushes)
-    return {**words, **known, **({"arcs": str(arcs)} if plan.segments else {})}
-
-
-def _execution_words(execution: Execution) -> dict[str, str]:
-    position, angle = execution.goal_error
-    words = {"goal_position_error": repr(position), "goal_angle_error": repr(angle)}
-    least = {"min_margin": execution.min_margin, "min_dynamic_margin": execution.min_dynamic_margin}
-    least["max_force"] = execution.max_force()
-    words |= {name: repr(value) for name, value in least.items() if value is not None}
-    if execution.loss is not None:
-        words |= {"lost_at": repr(execution.loss.time), "lost_contact": execution.loss.contact}
-    return words

@@ -36,6 +36,8 @@ from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray, IntArray
 from pushplan.util.files import write_whole
 
+_COLOURS = ("GOAL", "NEAREST", "ALONE", "BLOCKING", "OBSTACLE_EDGE", "WALL")
+
 MOST_SAMPLES = 5_000
 """Samples of an execution that the page holds, at most, beside the smallest margins."""
 
@@ -52,6 +54,10 @@ def write_html(run: Run | RecordedRun, path: Path | str) -> None:
 def render(run: Run | RecordedRun) -> str:
     """Return the page of `run`."""
     scene = Scene.of(run.scenario, run.plan, run.execution, run.events)
+    if run.plan is None:
+        why = ["The log ends before a plan."]
+    else:
+        why = run.plan.why_not or (["A path was planned, but not executed."] if run.execution is None else [])
     kept = None if run.plan is None else run.plan.margin
     least = float(np.fmin.reduce(scene.margins, initial=np.nan))
     title = palette.margins_title(kept, least, bool(scene.marks))
@@ -60,9 +66,9 @@ def render(run: Run | RecordedRun) -> str:
         **_plan(run, scene),
         **_execution(run.scenario, run.execution),
         "window": scene.window,
-        "why": _why(run),
+        "why": why,
         "parts": parts_of(run),
-        "events": _events(run),
+        "events": [(one.time, f"{one.kind}: {one.text}", palette.EVENTS.get(one.kind)) for one in run.events],
         "kept": kept,
         "margin_ticks": palette.margin_ticks(kept),
         "margins_title": title.replace("\n", " ").replace("keeps", "(dashed) keeps"),
@@ -70,11 +76,6 @@ def render(run: Run | RecordedRun) -> str:
     text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")  # no </script>
     page = files("pushplan.logging").joinpath("player.html").read_text(encoding="utf-8")
     return page.replace("@TITLE@", html.escape(f"{run.scenario.name} - pushplan")).replace("@RUN@", text)
-
-
-def _events(run: Run | RecordedRun) -> list[tuple[float, str, str | None]]:
-    """Return what happened, was noticed and was done in a closed loop, with the colour of those that are marked."""
-    return [(event.time, f"{event.kind}: {event.text}", palette.EVENTS.get(event.kind)) for event in run.events]
 
 
 def _world(scenario: Scenario, scene: Scene) -> dict[str, Any]:
@@ -106,14 +107,7 @@ def _world(scenario: Scenario, scene: Scene) -> dict[str, Any]:
             {"kind": mark.kind, "place": _plain(mark.place), "colour": palette.EVENTS[mark.kind]}
             for mark in scene.marks
         ],
-        "colours": {
-            "goal": palette.GOAL,
-            "nearest": palette.NEAREST,
-            "alone": palette.ALONE,
-            "blocking": palette.BLOCKING,
-            "obstacle_edge": palette.OBSTACLE_EDGE,
-            "wall": palette.WALL,
-        },
+        "colours": {name.lower(): getattr(palette, name) for name in _COLOURS},
     }
 
 
@@ -128,15 +122,6 @@ def _contacts(scenario: Scenario, load: Load) -> list[dict[str, Any]]:
         }
         for name, contact in zip(load.names, load.chain.contacts, strict=True)
     ]
-
-
-def _why(run: Run | RecordedRun) -> list[str]:
-    """Return why there is nothing to play, in sentences."""
-    if run.plan is None:
-        return ["The log ends before a plan."]
-    if run.plan.solved and run.execution is None:
-        return ["A path was planned, but not executed."]
-    return run.plan.why_not
 
 
 def _plan(run: Run | RecordedRun, scene: Scene) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,27 +13,12 @@ import numpy as np
 
 import pushplan.logging.metadata as metadata
 import pushplan.logging.schemas as schemas
+import pushplan.logging.writer as writer
 from pushplan.errors import PushplanError, RunLogError, ScenarioError
 from pushplan.logging.codec import CodecError, decode, memory
 from pushplan.logging.mcap_file import Attachment, DamageError, Item, McapFile, Message, Metadata
-from pushplan.logging.recorded import LogLine, RawMessage, RecordedRun
+from pushplan.logging.recorded import LogLine, RecordedRun
 from pushplan.logging.topics import lines_of
-from pushplan.logging.writer import (
-    END,
-    EVENT,
-    IMPROVEMENT,
-    LINE,
-    MEASURED,
-    PLAN,
-    REPLAN,
-    SAMPLES,
-    SCENARIO_FILE,
-    SCENARIO_FOLDER,
-    SCENARIO_JSON,
-    SERIES,
-    SERIES_KNOWN,
-    TRIAL,
-)
 from pushplan.plans.execution import Execution, StabilityLoss, TrialEnd
 from pushplan.plans.plan import Improvement, Plan
 from pushplan.plans.run import Event, Feedback, Measured, Replan
@@ -83,7 +68,7 @@ class _Reading:
         self._file = file
         self._words: dict[str, dict[str, str]] = {}
         self._files: dict[str, Attachment] = {}
-        self._messages: list[RawMessage] = []
+        self._messages: list[Message] = []
         self._digest = hashlib.sha256()
 
     def take(self, item: Item) -> None:
@@ -92,7 +77,7 @@ class _Reading:
             match item:
                 case Message():
                     self._file.keep(len(item.data) + 256, item.offset)
-                    self._messages.append(RawMessage(*item[:4], bytes(item.data)))
+                    self._messages.append(item)
                 case Attachment():
                     self._take_attachment(item)
                 case Metadata():
@@ -108,7 +93,7 @@ class _Reading:
     def _take_attachment(self, item: Attachment) -> None:
         if item.name in self._files:
             raise ValueError("a name that was there already")
-        ours = item.name.endswith(".bin") and item.name.startswith(_OURS)
+        ours = item.name.endswith(".bin") and item.name.startswith(writer.ENCODED)
         cost = memory(item.data) if ours else _SCENARIO_MEMORY * len(item.data)
         self._file.keep(max(cost, _ITEM), item.offset)
         metadata.add_to_digest(self._digest, item.name, item.data)
@@ -136,16 +121,18 @@ class _Reading:
         """
         file = self._file
         file.require(metadata.RUN in self._words, f"the metadata {metadata.RUN!r} of a run log")
-        scenario, other = self._scenario()
+        self._scenario, other = self._stated()
         file.require(metadata.RESULT in self._words, f"the metadata {metadata.RESULT!r}")
         self._check_digest()
-        contents = _Contents(file, self._files, scenario)
         try:
-            plan, execution, feedback = contents.plan(), contents.execution(), contents.feedback()
+            plan, execution, feedback = self._plan(), self._execution(), self._feedback()
             if plan is not None:
                 plan = metadata.with_clock(plan, self._words[metadata.PLANNING])
-            others = [LogLine(*line) for line in contents.numbered(LINE, _is_line)]
-            improvements, trials = self._improvements(contents), contents.trials()
+            others = [LogLine(*line) for line in self._numbered(writer.LINE, _is_line)]
+            points, trials = self._numbered(writer.IMPROVEMENT, Improvement), self._trials()
+            words = [self._words.get(f"{metadata.PROGRESS}.{k:04d}", {}) for k in range(len(points))]
+            found = [float(each.get("found_s", "nan")) for each in words]
+            improvements = tuple(replace(point, seconds=s) for point, s in zip(points, found, strict=True))
         except RunLogError:
             raise
         except (CodecError, KeyError, ValueError, TypeError, PushplanError) as error:
@@ -154,26 +141,18 @@ class _Reading:
             plan = replace(plan, execution=execution, improvements=improvements)
         return RecordedRun(
             path=file.path,
-            scenario=scenario,
+            scenario=self._scenario,
             plan=plan,
             execution=execution,
             feedback=feedback,
             trials=trials,
             improvements=improvements,
-            lines=lines_of(scenario, plan, execution, feedback, others),
+            lines=lines_of(self._scenario, plan, execution, feedback, others),
             other_scenario=other,
             fields=self._words,
             losses=tuple(file.losses),
             messages=tuple(self._messages),
             channels=file.channels,
-        )
-
-    def _improvements(self, contents: _Contents) -> tuple[Improvement, ...]:
-        points = contents.numbered(IMPROVEMENT, lambda value: isinstance(value, Improvement))
-        words = [self._words.get(f"{metadata.PROGRESS}.{k:04d}", {}) for k in range(len(points))]
-        return tuple(
-            replace(point, seconds=float(found.get("found_s", "nan")))
-            for point, found in zip(points, words, strict=True)
         )
 
     def _check_digest(self) -> None:
@@ -187,21 +166,21 @@ class _Reading:
             what = "its attachments and metadata are not those that were written (their digest differs)"
             self._file.lose(DamageError(what, self._file.size))
 
-    def _scenario(self) -> tuple[Scenario, bool]:
+    def _stated(self) -> tuple[Scenario, bool]:
         """Return the scenario, and whether the resolved one differs from what its file comes to.
 
         The file as the user wrote it counts, unless this version of pushplan fills its gaps differently from the
         version that wrote the log; then the resolved one counts. Of a log to be recovered, either one will do.
         """
-        names = [name for name in (SCENARIO_FILE, SCENARIO_JSON) if name in self._files]
-        for name in (SCENARIO_FILE, SCENARIO_JSON):
+        names = [name for name in (writer.SCENARIO_FILE, writer.SCENARIO_JSON) if name in self._files]
+        for name in (writer.SCENARIO_FILE, writer.SCENARIO_JSON):
             self._file.require(name in names, f"the attachment {name!r}", vital=not names)
         scenario = self._parsed(names[0])
-        if len(names) == 1 or scenario.to_json().encode() == self._files[SCENARIO_JSON].data:
+        if len(names) == 1 or scenario.to_json().encode() == self._files[writer.SCENARIO_JSON].data:
             return scenario, False
-        resolved = self._parsed(SCENARIO_JSON)  # a name that is not stated is that of a file unknown here
+        resolved = self._parsed(writer.SCENARIO_JSON)  # a name that is not stated is that of a file unknown here
         scenario = replace(scenario, name=resolved.name)
-        if scenario.to_json().encode() == self._files[SCENARIO_JSON].data:
+        if scenario.to_json().encode() == self._files[writer.SCENARIO_JSON].data:
             return scenario, False
         # The resolved one names no map any more, its source does.
         return replace(resolved, source=scenario.source, attachments=scenario.attachments), True
@@ -209,22 +188,15 @@ class _Reading:
     def _parsed(self, name: str) -> Scenario:
         text = self._files[name]
         referred = {
-            key.removeprefix(SCENARIO_FOLDER): file.data
+            key.removeprefix(writer.SCENARIO_FOLDER): file.data
             for key, file in self._files.items()
-            if key.startswith(SCENARIO_FOLDER)
+            if key.startswith(writer.SCENARIO_FOLDER)
         }
         try:
             return scenario_from_text(text.data, self._file.path / name, referred)
         except ScenarioError as error:
             what = f"the scenario in it is refused: {error}"
             raise RunLogError(str(self._file.path), what, text.offset) from error
-
-
-class _Contents:
-    """What the attachments of a log hold."""
-
-    def __init__(self, file: McapFile, files: Mapping[str, Attachment], scenario: Scenario) -> None:
-        self._file, self._files, self._scenario = file, files, scenario
 
     def _decoded(self, name: str) -> Any:
         """Return the value of an attachment; None where there is none."""
@@ -235,28 +207,28 @@ class _Contents:
             what = f"attachment {name!r}: {error}"
             raise RunLogError(str(self._file.path), what, found.offset if found else 0) from error
 
-    def numbered(self, name: str, check: Callable[[Any], bool]) -> list[Any]:
+    def _numbered(self, name: str, kind: type | Callable[[Any], bool]) -> list[Any]:
         """Return the values of the attachments of a name and a number, as far as the numbers have no gap."""
         found: list[Any] = []
         while (key := f"{name}{len(found):06d}.bin") in self._files:
             value = self._decoded(key)
-            if not check(value):
+            if not (isinstance(value, kind) if isinstance(kind, type) else kind(value)):
                 raise CodecError(f"the attachment {key!r} holds something else than its name says")
             found.append(value)
         count = sum(key.startswith(name) for key in self._files)
         self._file.require(count == len(found), f"the attachment {name}{len(found):06d}.bin")
         return found
 
-    def plan(self) -> Plan | None:
+    def _plan(self) -> Plan | None:
         """Return the plan without its execution."""
-        plan = self._decoded(PLAN)
+        plan = self._decoded(writer.PLAN)
         if not isinstance(plan, Plan | None):
-            raise CodecError(f"the attachment {PLAN!r} holds no plan")
+            raise CodecError(f"the attachment {writer.PLAN!r} holds no plan")
         return plan
 
-    def execution(self) -> Execution | None:
+    def _execution(self) -> Execution | None:
         """Return the execution as far as it has come, None when none has begun."""
-        parts, end = self.numbered(SAMPLES, _is_part), self._decoded(END)
+        parts, end = self._numbered(writer.SAMPLES, _is_part), self._decoded(writer.END)
         self._file.require(end is not None or not parts, "the end of the execution")
         if not parts:
             return None
@@ -291,20 +263,20 @@ class _Contents:
             self._file.require(False, f"samples {count} to {end['samples'] - 1} of the execution")
         return None, (math.nan, math.nan)
 
-    def feedback(self) -> Feedback | None:
+    def _feedback(self) -> Feedback | None:
         """Return what a closed loop measured, noticed and planned; None where it is none."""
-        measured: list[Measured] = self.numbered(MEASURED, lambda value: isinstance(value, Measured))
-        events = self.numbered(EVENT, lambda value: isinstance(value, Event))
-        replans: list[Replan] = self.numbered(REPLAN, lambda value: isinstance(value, Replan))
+        measured: list[Measured] = self._numbered(writer.MEASURED, Measured)
+        events = self._numbered(writer.EVENT, Event)
+        replans: list[Replan] = self._numbered(writer.REPLAN, Replan)
         if not (measured or events or replans):
             return None
         t = np.concatenate([part.t for part in measured]) if measured else np.zeros(0)
         poses = np.concatenate([part.poses for part in measured]) if measured else np.zeros((0, 1, 3))
         return Feedback(Measured(t, poses), tuple(events), tuple(replans))
 
-    def trials(self) -> tuple[TrialEnd, ...]:
+    def _trials(self) -> tuple[TrialEnd, ...]:
         """Return how the plan ended in sampled worlds."""
-        ends: list[TrialEnd] = self.numbered(TRIAL, lambda value: isinstance(value, TrialEnd))
+        ends: list[TrialEnd] = self._numbered(writer.TRIAL, TrialEnd)
         names = list(self._scenario.poses)
         count = len(names)
         for k, end in enumerate(ends):
@@ -312,9 +284,6 @@ class _Contents:
             if end.sample != k or not shapes or end.object not in (names if end.contact else [""]):
                 raise CodecError(f"trial {k} is none of {count} objects, or of another sample")
         return tuple(ends)
-
-
-_OURS = (PLAN, IMPROVEMENT, SAMPLES, END, MEASURED, EVENT, REPLAN, TRIAL, LINE)
 
 
 def _is_line(value: Any) -> bool:
@@ -329,7 +298,7 @@ def _is_part(value: Any) -> bool:
     """Tell whether a value is a part of an execution with all arrays that one has."""
     match value:
         case {"first": int(), "names": tuple(names), "judge": str(), "arrays": dict(arrays)}:
-            known = set(SERIES) <= set(arrays) <= {*SERIES, *SERIES_KNOWN}
+            known = set(writer.SERIES) <= set(arrays) <= {*writer.SERIES, *writer.SERIES_KNOWN}
             return known and all(isinstance(name, str) for name in names)
     return False
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from pushplan.logging.mcap_file import Channel
+from pushplan.logging.mcap_file import Channel, Message
 from pushplan.plans.execution import Execution, TrialEnd
 from pushplan.plans.plan import Improvement, Plan
 from pushplan.plans.run import Event, Feedback
@@ -20,16 +20,6 @@ class LogLine(NamedTuple):
     time: float
     level: str
     text: str
-
-
-class RawMessage(NamedTuple):
-    """A message as it stands in the file: topic, number there, times of the log and of publication, ns, bytes."""
-
-    topic: str
-    number: int
-    time: int
-    published: int
-    data: bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +55,7 @@ class RecordedRun:
     other_scenario: bool = False
     fields: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     losses: tuple[str, ...] = ()
-    messages: tuple[RawMessage, ...] = ()
+    messages: tuple[Message, ...] = ()
     channels: frozenset[Channel] = frozenset()
 
     @property

@@ -191,9 +191,9 @@ def _write(run: RecordedRun, log: RunLogWriter) -> None:
         log.improved(point)
     if run.plan is not None:
         log.plan(run.plan)
-    if run.execution is not None and run.feedback is not None:
-        log.closed_loop(run.execution, run.feedback)
-    elif run.execution is not None:
+    if run.feedback is not None:
+        log.feedback(run.feedback)
+    if run.execution is not None:
         log.execution(run.execution)
     for end in run.trials:
         log.trial(end)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from fnmatch import fnmatchcase
 from math import isfinite
@@ -96,22 +97,17 @@ def prune(folder: Path, newest: Path) -> None:
     Raises:
         OutputError: When the folder cannot be read or written, or the environment sets no size.
     """
-    cap, size = 1e6 * _megabytes(), 0
+    stated, size = os.environ.get(MEGABYTES, ""), 0
+    cap = number_in(stated) if stated else _MEGABYTES
+    if cap is None or not (isfinite(cap) and cap > 0.0):
+        raise OutputError(MEGABYTES, f"'{stated}' is no limit; it must be a number above 0")
     try:
         for entry in reversed(recorded_logs(folder)):
             size += entry.stat(follow_symlinks=False).st_size
-            if size > cap and entry.name != newest.name and not _is_running(entry):
+            if size > 1e6 * cap and entry.name != newest.name and not _is_running(entry):
                 os.unlink(entry.path)
     except OSError as error:
         raise OutputError(str(folder), f"cannot remove old runs: {error.strerror}") from error
-
-
-def _megabytes() -> float:
-    text = os.environ.get(MEGABYTES, "")
-    cap = _number(text) if text else _MEGABYTES
-    if cap is None or not (isfinite(cap) and cap > 0.0):
-        raise OutputError(MEGABYTES, f"'{text}' is no limit; it must be a number above 0")
-    return cap
 
 
 def _is_running(log: os.DirEntry[str]) -> bool:
@@ -197,42 +193,31 @@ def chosen(runs: list[RunEntry], filters: list[str]) -> list[RunEntry]:
 
 
 def _entry(number: int | None, log: os.DirEntry[str], size: int) -> RunEntry:
-    words: dict[str, str] = {}
+    words, started = dict[str, str](), None
     outcome = RUNNING if number is None else CUT_OFF
     try:
         for name, group in metadata_of(Path(log.path)):
             if name == _RESULT:
                 words.pop("path_cost", None)  # of an improvement: the result has the last word
             if name.startswith("pushplan."):
-                words |= {key: value for key, value in group.items() if key in _WORDS}
+                words |= group
     except (DamageError, OSError, ValueError):
         outcome = DAMAGED
+    with contextlib.suppress(ValueError):
+        started = datetime.fromisoformat(words.get("started_at", ""))
     return RunEntry(
         number=number,
         path=Path(log.path),
-        outcome=words.get("outcome", outcome),
-        cost=_number(words.get("path_cost", "")),
-        started=_time(words.get("started_at", "")),
+        cost=number_in(words.get("path_cost", "")),
+        started=started,
         size=size,
-        scenario=words.get("scenario", ""),
-        planner=words.get("planner", ""),
-        set=words.get("set", ""),
-        seed=words.get("seed", ""),
+        **dict.fromkeys(FILTERS, "") | {"outcome": outcome} | {key: words[key] for key in FILTERS if key in words},
     )
 
 
-_WORDS = {*(field.name for field in fields(RunEntry)), "path_cost", "started_at"}
-
-
-def _number(text: str) -> float | None:
+def number_in(text: str) -> float | None:
+    """Return the number that a text is, None where it is none."""
     try:
         return float(text)
-    except ValueError:
-        return None
-
-
-def _time(text: str) -> datetime | None:
-    try:
-        return datetime.fromisoformat(text)
     except ValueError:
         return None

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Self
 
-import yaml
+import jinja2
 
 from pushplan.drawing import palette
 from pushplan.drawing.scene import Scene, Window
@@ -73,50 +74,19 @@ def rviz_file(run: RecordedRun, frames: Frames) -> str:
     """Return a configuration of RViz (ROS 2): the scene from above, all of it."""
     view = Scene.of(run.scenario, run.plan).window
     side = float(view.size.max())
-    displays = [
-        *(_display("MarkerArray", topic, latched) for topic, latched in _MARKERS),
-        {**_display("Path", "/plan/path", True), **_path(palette.PATH, line_width(view))},
-        {**_display("Path", "/plan/smoothed", True), **_path(palette.SMOOTHED, line_width(view))},
-        {"Class": "rviz_default_plugins/TF", "Name": "frames", "Enabled": False, "Marker Scale": side / 10},
-    ]
-    camera = {
-        "Class": "rviz_default_plugins/TopDownOrtho",
-        "Name": "Current View",
-        "Scale": _VIEW / side,
-        "Angle": 0,
-        "X": 0.5 * (view.xmin + view.xmax),
-        "Y": 0.5 * (view.ymin + view.ymax),
-        "Target Frame": frames.map,
-    }
-    options = {"Fixed Frame": frames.map, "Background Color": "251; 250; 247", "Frame Rate": 30}
-    manager = {
-        "Class": "",
-        "Displays": displays,
-        "Enabled": True,
-        "Global Options": options,
-        "Tools": [{"Class": f"rviz_default_plugins/{tool}"} for tool in ("MoveCamera", "Measure")],
-        "Views": {"Current": camera, "Saved": None},
-    }
-    panels = [{"Class": f"rviz_common/{name}", "Name": name} for name in ("Displays", "Time")]
-    config = {"Panels": panels, "Visualization Manager": manager, "Window Geometry": _WINDOW}
-    return yaml.safe_dump(config, sort_keys=False)
-
-
-_MARKERS = (("/scene", True), ("/plan/nearest", True), ("/contacts", False))
-_WINDOW = {"Width": 1400, "Height": 1000}
-
-
-def _display(kind: str, topic: str, latched: bool) -> dict[str, Any]:
-    durability = "Transient Local" if latched else "Volatile"
-    quality = {"Depth": 5, "Durability Policy": durability, "Reliability Policy": "Reliable", "Value": topic}
-    return {
-        "Class": f"rviz_default_plugins/{kind}",
-        "Name": topic,
-        "Enabled": True,
-        "Topic": {**quality, "History Policy": "Keep Last"},
-    }
-
-
-def _path(colour: str, width: float) -> dict[str, Any]:
-    parts = "; ".join(map(str, palette.red_green_blue(colour)))
-    return {"Line Style": "Billboards", "Line Width": width, "Color": parts, "Pose Style": "None"}
+    planned, smoothed = (
+        "; ".join(map(str, palette.red_green_blue(colour))) for colour in (palette.PATH, palette.SMOOTHED)
+    )
+    source = Path(__file__).with_name("run.rviz.jinja").read_text("utf-8")
+    template: Any = jinja2.Template(source, undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
+    text: str = template.render(
+        map=frames.map,
+        side=side,
+        scale=_VIEW / side,
+        x=0.5 * (view.xmin + view.xmax),
+        y=0.5 * (view.ymin + view.ymax),
+        line=line_width(view),
+        planned=planned,
+        smoothed=smoothed,
+    )
+    return text

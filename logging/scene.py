@@ -7,7 +7,7 @@ Layers are a millimetre or less apart in height, so that they do not flicker. Me
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple, Self, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import shapely
@@ -45,24 +45,15 @@ NANO = 1_000_000_000
 Primitive = TypeVar("Primitive", LinePrimitive, TriangleListPrimitive)
 
 
-class Paint(NamedTuple):
-    """A colour: red, green, blue, opacity, each from 0 to 1."""
-
-    r: float
-    g: float
-    b: float
-    a: float = 1.0
-
-    @classmethod
-    def of(cls, colour: str, a: float = 1.0) -> Self:
-        """Return a colour written `#rrggbb`."""
-        r, g, b = (part / 255.0 for part in palette.red_green_blue(colour))
-        return cls(r, g, b, a)
+def _colour(colour: str, opacity: float = 1.0) -> Color:
+    """Return a colour written `#rrggbb`."""
+    r, g, b = (part / 255.0 for part in palette.red_green_blue(colour))
+    return Color(r=r, g=g, b=b, a=opacity)
 
 
-_WALL, _EDGE = Paint.of(palette.WALL), Paint.of(palette.INK)
-_START, _GOAL = Paint.of(palette.FAINT, 0.9), Paint.of(palette.GOAL, 0.9)
-_NEAREST, _TREE = Paint.of(palette.NEAREST), Paint.of(palette.TREE, 0.35)
+_WALL, _EDGE = _colour(palette.WALL), _colour(palette.INK)
+_START, _GOAL = _colour(palette.FAINT, 0.9), _colour(palette.GOAL, 0.9)
+_NEAREST, _TREE = _colour(palette.NEAREST), _colour(palette.TREE, 0.35)
 _UNKNOWN_OPACITY = 0.35
 """Of what nothing is known of on a map: viewers have no hatching."""
 
@@ -98,7 +89,7 @@ def _standing(drawn: Scene) -> Iterator[SceneEntity]:
         walls.lines.append(_loop(drawn.walls, _Z_WORKSPACE, _WALL))
         yield walls
     for i, obstacle in enumerate(drawn.obstacles):
-        paint = Paint.of(obstacle.colour, _UNKNOWN_OPACITY if obstacle.unknown else 1.0)
+        paint = _colour(obstacle.colour, _UNKNOWN_OPACITY if obstacle.unknown else 1.0)
         yield _body(f"obstacle/{i}", WORLD, obstacle.outline, _Z_OBSTACLE, paint)
     start, goal = _entity("start", WORLD), _entity("goal", WORLD)
     for outline in drawn.outlines(drawn.start):
@@ -112,26 +103,26 @@ def _moving(drawn: Scene) -> Iterator[SceneEntity]:
     robot = _entity(ROBOT, PUSHER)
     for body in drawn.bodies:
         if body.kind is BodyKind.ROBOT:
-            _add_body(robot, body.outline, _Z_ROBOT, Paint.of(body.colour))
+            _add_body(robot, body.outline, _Z_ROBOT, _colour(body.colour))
         elif body.kind is BodyKind.PLATE:
             yield from [robot] if robot.lines else []
-            yield _body("pusher", PUSHER, body.outline, _Z_BODY, Paint.of(body.colour))
+            yield _body("pusher", PUSHER, body.outline, _Z_BODY, _colour(body.colour))
         else:
-            yield _body(f"object/{body.name}", body.name, body.outline, _Z_BODY, Paint.of(body.colour))
+            yield _body(f"object/{body.name}", body.name, body.outline, _Z_BODY, _colour(body.colour))
 
 
-def _body(name: str, frame: str, outline: FloatArray, z: float, paint: Paint) -> SceneEntity:
+def _body(name: str, frame: str, outline: FloatArray, z: float, paint: Color) -> SceneEntity:
     entity = _entity(name, frame)
     _add_body(entity, outline, z, paint)
     return entity
 
 
-def _add_body(entity: SceneEntity, outline: FloatArray, z: float, paint: Paint) -> None:
+def _add_body(entity: SceneEntity, outline: FloatArray, z: float, paint: Color) -> None:
     """Add the inside of a simple polygon (v, 2) as triangles, and its edge."""
     entity.lines.append(_loop(outline, z, _EDGE))
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.Polygon(outline)))
     rings = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)
-    filled = TriangleListPrimitive(pose=_identity(), color=Color(**paint._asdict()))
+    filled = TriangleListPrimitive(pose=_identity(), color=paint)
     entity.triangles.append(_with_points(filled, rings[:, :3].reshape(-1, 2), z))
 
 
@@ -140,13 +131,13 @@ def _entity(name: str, frame: str) -> SceneEntity:
     return SceneEntity(id=name, frame_id=frame, frame_locked=True, timestamp=Timestamp())
 
 
-def _loop(outline: FloatArray, z: float, paint: Paint) -> LinePrimitive:
+def _loop(outline: FloatArray, z: float, paint: Color) -> LinePrimitive:
     """Return the closed line around a polygon (v, 2)."""
     return _line(outline, z, paint, LinePrimitive.LINE_LOOP)
 
 
 def _line(
-    points: FloatArray, z: float, paint: Paint, kind: int = LinePrimitive.LINE_STRIP, pixels: float = _PIXELS
+    points: FloatArray, z: float, paint: Color, kind: int = LinePrimitive.LINE_STRIP, pixels: float = _PIXELS
 ) -> LinePrimitive:
     """Return a line through points (k, 2) at height `z`, m, of the same width at every zoom."""
     primitive = LinePrimitive(
@@ -154,7 +145,7 @@ def _line(
         pose=_identity(),
         thickness=pixels,
         scale_invariant=True,
-        color=Color(**paint._asdict()),
+        color=paint,
     )
     return _with_points(primitive, points, z)
 
@@ -180,12 +171,12 @@ def contact_messages(shapes: Sequence[ContactShapes], count: int, instants: IntA
         count: Of all contacts that there may be, for their palette.
         instants: When.
     """
-    paints = [Paint.of(colour) for colour in palette.contact_colours(count)]
+    colours = palette.contact_colours(count)
     update = SceneUpdate(deletions=[SceneEntityDeletion(type=SceneEntityDeletion.ALL)])
     points: list[Point3] = []
     rows: list[FloatArray] = []
     for one in shapes:
-        _add_contact(update, one, paints[one.column])
+        _add_contact(update, one, colours[one.column])
         entity, cones = update.entities[-1], one.cones.shape[1]
         moving: list[Any] = [*entity.triangles[:cones], *entity.lines[1:], *entity.triangles[cones:]]
         points += [point for primitive in moving for point in primitive.points]
@@ -203,16 +194,16 @@ def contact_messages(shapes: Sequence[ContactShapes], count: int, instants: IntA
         del update.deletions[:]
 
 
-def _add_contact(update: SceneUpdate, shapes: ContactShapes, paint: Paint) -> None:
+def _add_contact(update: SceneUpdate, shapes: ContactShapes, colour: str) -> None:
     """Add an entity of cones, segment, and shaft and head of the arrow, as they are at first."""
-    entity = _entity(f"contact/{shapes.name}", PUSHER)
+    entity, paint = _entity(f"contact/{shapes.name}", PUSHER), _colour(colour)
     for corners in shapes.cones[0]:
-        pale = Color(**paint._replace(a=_CONE_OPACITY)._asdict())
-        entity.triangles.append(_with_points(TriangleListPrimitive(pose=_identity(), color=pale), corners, _Z_CONE))
+        cone = TriangleListPrimitive(pose=_identity(), color=_colour(colour, _CONE_OPACITY))
+        entity.triangles.append(_with_points(cone, corners, _Z_CONE))
     entity.lines.append(_line(shapes.segment, _Z_SEGMENT, paint, pixels=_SEGMENT_PIXELS))
     if shapes.shafts is not None and shapes.heads is not None:
         entity.lines.append(_line(shapes.shafts[0], _Z_ARROW, paint, pixels=_SHAFT_PIXELS))
-        head = TriangleListPrimitive(pose=_identity(), color=Color(**paint._asdict()))
+        head = TriangleListPrimitive(pose=_identity(), color=paint)
         entity.triangles.append(_with_points(head, shapes.heads[0], _Z_ARROW))
     update.entities.append(entity)
 

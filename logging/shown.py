@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import statistics
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,13 +20,13 @@ from pushplan.mechanics.chain import Contact
 from pushplan.mechanics.contacts import friction_cone
 from pushplan.plans.execution import Execution
 from pushplan.plans.load import Load
+from pushplan.plans.run import segments_of
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray, IntArray, distinct
 
 if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
-    from pushplan.plans.plan import Plan
     from pushplan.plans.run import Run
 
 WORLD, CHAIN = "world", "chain"
@@ -60,10 +61,12 @@ def parts_of(run: Run | RecordedRun) -> list[tuple[float, float, str]]:
     begins = np.concatenate([[0], np.flatnonzero(np.diff(owner)) + 1]).tolist()
     edges = [float(execution.t[k]) for k in begins] + [float(execution.t[-1])]
     count = {k: f"{k + 1}. " for k in range(len(plan.segments))} if len(plan.segments) > 1 else {}
-    return [
-        (low, high, count.get(int(owner[k]), "") + _part_name(plan, int(owner[k])))
-        for k, low, high in zip(begins, edges, edges[1:], strict=False)
-    ]
+    parts = []
+    for k, low, high in zip(begins, edges, edges[1:], strict=False):
+        segment = plan.segments[min(int(owner[k]), len(plan.segments) - 1)]
+        names = f" {', '.join(segment.load.names)}" if segment.load is not None and segment.pushes else ""
+        parts.append((low, high, f"{count.get(int(owner[k]), '')}{segment.kind}{names}"))
+    return parts
 
 
 def part_at(run: Run | RecordedRun, time: float) -> str:
@@ -72,11 +75,16 @@ def part_at(run: Run | RecordedRun, time: float) -> str:
     return begun[-1] if begun else ""
 
 
-def _part_name(plan: Plan, number: int) -> str:
-    segment = plan.segments[min(number, len(plan.segments) - 1)]
-    if segment.load is None or not segment.pushes:
-        return segment.kind
-    return f"{segment.kind} {', '.join(segment.load.names)}"
+def pushed_at_samples(run: Run | RecordedRun, samples: IntArray) -> Iterator[tuple[Load | None, IntArray]]:
+    """Yield what is pushed, None for nothing, and the indices of the samples (n,) at which it is, in their order."""
+    execution, segments = run.execution, segments_of(run.plan, run.feedback)
+    owner = np.zeros(1, dtype=np.int64) if execution is None else execution.segment[samples]
+    for part in np.split(np.arange(len(owner)), np.flatnonzero(np.diff(owner)) + 1):
+        k = int(owner[part[0]])
+        load = segments[k].load if k < len(segments) and segments[k].pushes else None
+        if load is None and run.scenario.kind == "push":
+            load = Load.of(run.scenario)
+        yield load, part
 
 
 def smoothed_times(trajectory: Trajectory) -> FloatArray:
@@ -170,13 +178,15 @@ class LoadContacts:
         shapes = []
         for i, (name, contact) in enumerate(zip(load.names, load.chain.contacts, strict=True)):
             column, tall = self._names.index(name), cone_height(contact, self._size)
-            count = 1 if samples is None else len(samples)
-            own = self._forces(column, samples)
-            parts = _without_force(contact, tall, count)
-            if own is not None:
+            ends = np.stack([contact.right, contact.left])
+            if (own := self._forces(column, samples)) is not None:
                 parts = _with_force(contact, tall, *own, self._longest)
-            in_plate = [None if part is None else _moved(load.frame_plate, part) for part in parts]
-            shapes.append(ContactShapes(column, load.chain.contact_name(i), *in_plate))  # type: ignore[arg-type]
+            else:
+                cones = friction_cone(contact, ends, tall)
+                parts = [np.tile(cones, (1 if samples is None else len(samples), 1, 1, 1))]
+            frame = load.frame_plate
+            parts = [se2.transform_points(frame, part.reshape(-1, 2)).reshape(part.shape) for part in (ends, *parts)]
+            shapes.append(ContactShapes(column, load.chain.contact_name(i), *parts))
         return shapes
 
     def _forces(self, column: int, samples: IntArray | None) -> tuple[FloatArray, FloatArray] | None:
@@ -189,21 +199,13 @@ class LoadContacts:
         return shares, self._longest * np.nan_to_num(arrows, posinf=0, neginf=0)
 
 
-Parts = tuple[FloatArray, FloatArray, FloatArray | None, FloatArray | None]
-"""Segment, cones, shafts and heads, as in `ContactShapes`, in the contact's frame."""
+def _with_force(
+    contact: Contact, tall: float, shares: FloatArray, arrows: FloatArray, longest: float
+) -> list[FloatArray]:
+    """Return cones, shafts and heads, as in `ContactShapes`, in the contact's frame.
 
-
-def _moved(frame: FloatArray, points: FloatArray) -> FloatArray:
-    return se2.transform_points(frame, points.reshape(-1, 2)).reshape(points.shape)
-
-
-def _without_force(contact: Contact, tall: float, count: int) -> Parts:
-    ends = np.stack([contact.right, contact.left])
-    return ends, np.tile(friction_cone(contact, ends, tall), (count, 1, 1, 1)), None, None
-
-
-def _with_force(contact: Contact, tall: float, shares: FloatArray, arrows: FloatArray, longest: float) -> Parts:
-    """Return a contact whose forces (n, 2), as arrows, m, pass through its segment at `shares` (n,) of its length."""
+    The forces (n, 2), as arrows, m, pass through the contact's segment at `shares` (n,) of its length.
+    """
     ends = np.stack([contact.right, contact.left])
     points = ends[0] + shares[:, None] * (ends[1] - ends[0])
     tips = points + arrows
@@ -213,4 +215,4 @@ def _with_force(contact: Contact, tall: float, shares: FloatArray, arrows: Float
     aside = 0.4 * np.stack([-back[:, 1], back[:, 0]], axis=1)
     heads = np.stack([tips, tips - back + aside, tips - back - aside], axis=1)
     cones = friction_cone(contact, points, tall)[:, None]
-    return ends, cones, np.stack([points, tips - 0.5 * back], axis=1), heads
+    return [cones, np.stack([points, tips - 0.5 * back], axis=1), heads]

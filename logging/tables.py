@@ -18,7 +18,6 @@ from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.shown import contact_names
 from pushplan.mechanics.chain import outline_of_all
 from pushplan.plans.run import Run
-from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 from pushplan.util.files import write_pieces, write_whole
@@ -159,16 +158,12 @@ def trajectory_document(run: Run | RecordedRun) -> dict[str, Any]:
         "goals": goals,
         "segments": segments,
         "polynomials": {"breaks": trajectory.breaks.tolist(), "coefficients": trajectory.coefficients.tolist()},
-        "samples": {"rate": trajectory.rate, **_samples(trajectory, base)},
+        "samples": {
+            "rate": trajectory.rate,
+            "t": trajectory.t.tolist(),
+            "plate_poses": trajectory.poses.tolist(),
+            "plate_twists": trajectory.twists.tolist(),
+            "base_poses": se2.compose(trajectory.poses, base).tolist(),
+            "base_twists": se2.twist_of(base, trajectory.twists).tolist(),
+        },
     }
-
-
-def _samples(trajectory: Trajectory, base: FloatArray) -> dict[str, Any]:
-    columns: dict[str, FloatArray] = {
-        "t": trajectory.t,
-        "plate_poses": trajectory.poses,
-        "plate_twists": trajectory.twists,
-        "base_poses": se2.compose(trajectory.poses, base),
-        "base_twists": se2.twist_of(base, trajectory.twists),
-    }
-    return {name: column.tolist() for name, column in columns.items()}

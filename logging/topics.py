@@ -25,10 +25,18 @@ from pushplan.drawing.scene import PATH_SPACING, smallest
 from pushplan.logging.recorded import LogLine, RecordedRun
 from pushplan.logging.scene import NANO, contact_messages, frame_messages, nearest, placed, scene, tree
 from pushplan.logging.schemas import MessageClass, Topic
-from pushplan.logging.shown import CHAIN, WORLD, LoadContacts, contact_names, smoothed_times, viewed
+from pushplan.logging.shown import (
+    CHAIN,
+    WORLD,
+    LoadContacts,
+    contact_names,
+    pushed_at_samples,
+    smoothed_times,
+    viewed,
+)
 from pushplan.plans.execution import Execution, inertia_warning
 from pushplan.plans.load import Load
-from pushplan.plans.plan import Improvement, Plan
+from pushplan.plans.plan import Plan
 from pushplan.plans.run import WARNINGS, Feedback, segments_of
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray, IntArray
@@ -52,18 +60,6 @@ def messages(run: RecordedRun) -> Iterator[Sent]:
         parts.lines(),
         key=itemgetter(0),
     )
-
-
-def pushed_at_samples(run: RecordedRun, samples: IntArray) -> Iterator[tuple[Load | None, IntArray]]:
-    """Yield what is pushed, None for nothing, and the indices of the samples (n,) at which it is, in their order."""
-    execution, segments = run.execution, segments_of(run.plan, run.feedback)
-    owner = np.zeros(1, dtype=np.int64) if execution is None else execution.segment[samples]
-    for part in np.split(np.arange(len(owner)), np.flatnonzero(np.diff(owner)) + 1):
-        k = int(owner[part[0]])
-        load = segments[k].load if k < len(segments) and segments[k].pushes else None
-        if load is None and run.scenario.kind == "push":
-            load = Load.of(run.scenario)
-        yield load, part
 
 
 class _Messages:
@@ -101,7 +97,8 @@ class _Messages:
             yield self._sent(schemas.PROGRESS, 0.0, message)
         if plan is None:
             return
-        yield self._sent(schemas.COSTS, 0.0, _costs(run.improvements))
+        iterations, costs = ([getattr(one, key) for one in run.improvements] for key in ("iterations", "cost"))
+        yield self._sent(schemas.COSTS, 0.0, schemas.Costs(iterations=iterations, cost=costs))
         yield self._sent(schemas.PLAN, 0.0, _plan(plan))
         yield self._sent(schemas.PLAN_TREE, 0.0, tree(plan.tree))
         yield self._sent(schemas.PLAN_NEAREST, 0.0, nearest(run.scenario, plan))
@@ -219,12 +216,6 @@ class _Messages:
         for line in self._run.lines:
             level: Any = schemas.LEVELS.index(line.level) + 1
             yield self._sent(schemas.LOG, line.time, Log(level=level, message=line.text, name="pushplan"))
-
-
-def _costs(improvements: Sequence[Improvement]) -> MessageClass:
-    return schemas.Costs(
-        iterations=[point.iterations for point in improvements], cost=[point.cost for point in improvements]
-    )
 
 
 def _plan(plan: Plan) -> MessageClass:

@@ -21,8 +21,9 @@ from google.protobuf.message import Message as ProtobufMessage
 import pushplan.logging.metadata as metadata
 import pushplan.logging.schemas as schemas
 from pushplan.geometry.se2 import compose, exp
-from pushplan.logging.mcap_file import Channel
-from pushplan.logging.recorded import RawMessage, RecordedRun
+from pushplan.logging.mcap_file import Channel, Message
+from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.runs import number_in
 from pushplan.logging.topics import messages
 from pushplan.logging.writer import SERIES, SERIES_KNOWN
 from pushplan.plans.execution import Execution
@@ -126,7 +127,10 @@ def verify(run: RecordedRun, execute: Callable[[RecordedRun], Execution | None])
     """
     checks: list[Check] = []
     not_compared: tuple[str, ...] = NOT_COMPARED
-    versions = tuple(_other_versions(run))
+    said = {key: value for key, value in run.fields.get(metadata.RUN, {}).items() if key.startswith("version.")}
+    now = {f"version.{name}": version for name, version in metadata.versions().items()}
+    others = [(key, value, now.get(key, "")) for key, value in said.items() if value != now.get(key)]
+    versions = tuple(f"{key.removeprefix('version.')} {value}, now {new}" for key, value, new in others)
     if run.other_scenario and not any(one.startswith("pushplan ") for one in versions):
         what = "says other than the scenario's file comes to"
         checks.append(Check("scenario.json", math.inf, what=what))
@@ -186,7 +190,7 @@ def _series(
 def _compare_messages(run: RecordedRun) -> list[Check]:
     """Compare the messages with those that the run leads to; of a log cut off, as far as it goes."""
     worst: dict[str, Check] = {topic.name: Check(topic.name, 0.0) for topic in schemas.TOPICS}
-    recorded: dict[str, list[RawMessage]] = {topic.name: [] for topic in schemas.TOPICS}
+    recorded: dict[str, list[Message]] = {topic.name: [] for topic in schemas.TOPICS}
     for message in run.messages:
         recorded.setdefault(message.topic, []).append(message)
     expected: dict[str, list[tuple[int, bytes]]] = {topic.name: [] for topic in schemas.TOPICS}
@@ -268,26 +272,10 @@ def _compare_words(run: RecordedRun) -> Iterator[Check]:
         return
     for key, value in metadata.result_words(run).items():
         quantity, found = f"{metadata.RESULT} {key}", said.get(key)
-        a, b = _number(found), _number(value)
+        a, b = number_in(found or ""), number_in(value)
         if found == value:
             yield Check(quantity, 0.0)
         elif a is not None and b is not None:
             yield Check(quantity, abs(a - b))
         else:
             yield Check(quantity, math.inf, what=f"{found!r} instead of {value!r}")
-
-
-def _number(word: str | None) -> float | None:
-    """Return the number that a word is, None where it is none."""
-    try:
-        return None if word is None else float(word)
-    except ValueError:
-        return None
-
-
-def _other_versions(run: RecordedRun) -> Iterator[str]:
-    for key, value in run.fields.get(metadata.RUN, {}).items():
-        if key.startswith("version."):
-            now = metadata.current_version(key.removeprefix("version."))
-            if now != value:
-                yield f"{key.removeprefix('version.')} {value}, now {now}"

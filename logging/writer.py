@@ -19,7 +19,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from pushplan.logging.recorded import LogLine, RecordedRun
 from pushplan.logging.topics import lines_of, messages
 from pushplan.plans.execution import Execution, TrialEnd
 from pushplan.plans.plan import Improvement, Plan
-from pushplan.plans.run import Event, Feedback, Measured, Replan
+from pushplan.plans.run import Feedback, Measured
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 from pushplan.util.files import Output
@@ -47,6 +47,9 @@ execution; what the execution came to."""
 
 MEASURED, EVENT, REPLAN, TRIAL, LINE = "measured/", "event/", "replan/", "trial/", "line/"
 """Attachments, followed by a number: measurements, events, plans on the way, ends of trials, other lines of /log."""
+
+ENCODED = (PLAN, IMPROVEMENT, SAMPLES, END, MEASURED, EVENT, REPLAN, TRIAL, LINE)
+"""Of all of these, what `codec` encodes."""
 
 SERIES = ("t", "poses", "twists", "objects", "segment", "margins")
 SERIES_KNOWN = ("dynamic_margins", "friction_margins", "lambdas", "forces", "wrenches", "needed_forces")
@@ -96,7 +99,7 @@ class RunLogWriter:
         self._run = RecordedRun(file.path, scenario)
         self._others: list[LogLine] = []
         self._counts: Counter[str] = Counter()
-        self._samples = 0
+        self._samples = self._measured = 0
         self._digest = hashlib.sha256()
 
     @classmethod
@@ -120,7 +123,11 @@ class RunLogWriter:
         file = Output(path, new=new)
         try:
             log = cls(file, scenario)
-            log._begin(metadata.run_words(scenario, settings) if words is None else words)
+            log.note(metadata.RUN, metadata.run_words(scenario, settings) if words is None else words)
+            log._attach(SCENARIO_FILE, scenario.source, "application/yaml")
+            log._attach(SCENARIO_JSON, scenario.to_json().encode(), "application/json")
+            for name, data in scenario.attachments.items():
+                log._attach(SCENARIO_FOLDER + name, data, "application/octet-stream")
         except BaseException:
             file.discard()
             raise
@@ -130,14 +137,6 @@ class RunLogWriter:
     def partial(self) -> Path:
         """Name of the file until it is finished."""
         return self._file.partial
-
-    def _begin(self, words: Mapping[str, str]) -> None:
-        scenario = self._run.scenario
-        self.note(metadata.RUN, words)
-        self._attach(SCENARIO_FILE, scenario.source, "application/yaml")
-        self._attach(SCENARIO_JSON, scenario.to_json().encode(), "application/json")
-        for name, data in scenario.attachments.items():
-            self._attach(SCENARIO_FOLDER + name, data, "application/octet-stream")
 
     def _attach(self, name: str, data: bytes, media_type: str = MEDIA_TYPE) -> None:
         """Write an attachment; when this returns, no kill can lose it."""
@@ -221,7 +220,11 @@ class RunLogWriter:
 
     def _write_samples(self, execution: Execution, end: int, ended: bool) -> None:
         """Write the samples of an execution up to one, but for those that were written before."""
-        self._check_times(execution.t)
+        before = np.append(0.0, execution.t[:-1])
+        wrong = np.flatnonzero(~((execution.t >= before) & (execution.t < _LATEST)))
+        if len(wrong):
+            what = f"time {execution.t[wrong[0]]} s cannot follow {before[wrong[0]]} s"
+            raise RunLogError(str(self._file.path), what)
         about = {"names": execution.names, "judge": execution.judge}
         arrays = {name: getattr(execution, name) for name in (*SERIES, *SERIES_KNOWN)}
         first = self._samples
@@ -231,54 +234,23 @@ class RunLogWriter:
             self._numbered(SAMPLES, {"first": these.start, **about, "arrays": part})
             self._samples = these.stop
 
-    def _check_times(self, t: FloatArray) -> None:
-        before = np.append(0.0, t[:-1])
-        wrong = np.flatnonzero(~((t >= before) & (t < _LATEST)))
-        if len(wrong):
-            what = f"time {t[wrong[0]]} s cannot follow {before[wrong[0]]} s"
-            raise RunLogError(str(self._file.path), what)
-
-    def measured(self, measured: Measured) -> None:
-        """Write what a closed loop has measured since the last time."""
-        before = self._feedback()
-        self._numbered(MEASURED, measured)
-        if len(before.measured.t):
-            t = np.concatenate([before.measured.t, measured.t])
-            measured = Measured(t, np.concatenate([before.measured.poses, measured.poses]))
-        self._run = replace(self._run, feedback=replace(before, measured=measured))
-
-    def event(self, event: Event) -> None:
-        """Write something that a closed loop has noticed or done."""
-        before = self._feedback()
-        self._numbered(EVENT, event)
-        self._run = replace(self._run, feedback=replace(before, events=(*before.events, event)))
-
-    def replan(self, replan: Replan) -> None:
-        """Write an attempt to plan on the way."""
-        before = self._feedback()
-        result: Any = replan.result  # see `topics`
-        result = None if result is None else metadata.without_clock(result)
-        self._numbered(REPLAN, replace(replan, seconds=math.nan, result=result))
-        self._run = replace(self._run, feedback=replace(before, replans=(*before.replans, replan)))
+    def feedback(self, feedback: Feedback) -> None:
+        """Write what a closed loop has measured, noticed, done and planned and is not written yet."""
+        first, measured = self._measured, feedback.measured
+        if len(measured.t) > first:
+            self._numbered(MEASURED, Measured(measured.t[first:], measured.poses[first:]))
+            self._measured = len(measured.t)
+        for event in feedback.events[self._counts[EVENT] :]:
+            self._numbered(EVENT, event)
+        for replan in feedback.replans[self._counts[REPLAN] :]:
+            result = None if replan.result is None else metadata.without_clock(replan.result)
+            self._numbered(REPLAN, replace(replan, seconds=math.nan, result=result))
+        if self._measured or feedback.events or feedback.replans:
+            self._run = replace(self._run, feedback=feedback)
 
     def trial(self, end: TrialEnd) -> None:
         """Write how the plan ended in a sampled world."""
         self._numbered(TRIAL, end)
-
-    def _feedback(self) -> Feedback:
-        """Return what a closed loop has told so far."""
-        nothing = Measured(np.zeros(0), np.zeros((0, len(self._run.scenario.poses), 3)))
-        return self._run.feedback or Feedback(nothing, (), ())
-
-    def closed_loop(self, execution: Execution, feedback: Feedback) -> None:
-        """Write the execution of a closed loop that is over with all that was measured, noticed and planned."""
-        if len(feedback.measured.t):
-            self.measured(feedback.measured)
-        for event in feedback.events:
-            self.event(event)
-        for replan in feedback.replans:
-            self.replan(replan)
-        self.execution(execution)
 
     def finish(self, outcome: str, seconds: Mapping[str, float] | None = None) -> None:
         """End the log and give it its final name.
@@ -290,19 +262,9 @@ class RunLogWriter:
         Raises:
             OutputError: When the file cannot be written; what is there stays under `partial`.
         """
-        self._end(_ended(outcome, seconds))
+        spent = {f"{phase}_s": metadata.exact(time) for phase, time in (seconds or {}).items()}
+        self._end({"outcome": outcome, **spent})
         self._file.publish()
-
-    def _conclude(self, words: Mapping[str, str]) -> None:
-        """Write messages and result of the run."""
-        run = self._run
-        lines = lines_of(run.scenario, run.plan, run.execution, run.feedback, self._others)
-        for instant, topic, data in messages(replace(run, lines=lines)):
-            self._send(instant, topic, data)
-        self._writer.flush()  # type: ignore[no-untyped-call]
-        told = {**metadata.result_words(run), **words, "finished_at": metadata.now()}
-        metadata.add_words_to_digest(self._digest, metadata.RESULT, told)
-        self._writer.add_metadata(metadata.RESULT, {**told, metadata.DIGEST: self._digest.hexdigest()})
 
     def _send(self, instant: int, topic: schemas.Topic, data: bytes) -> None:
         if not self._channels:
@@ -316,8 +278,15 @@ class RunLogWriter:
         self._sequence[channel] += 1
 
     def _end(self, words: Mapping[str, str]) -> None:
-        self._finished = True
-        self._conclude(words)
+        """Write messages and result of the run."""
+        self._finished, run = True, self._run
+        lines = lines_of(run.scenario, run.plan, run.execution, run.feedback, self._others)
+        for instant, topic, data in messages(replace(run, lines=lines)):
+            self._send(instant, topic, data)
+        self._writer.flush()  # type: ignore[no-untyped-call]
+        told = {**metadata.result_words(run), **words, "finished_at": metadata.now()}
+        metadata.add_words_to_digest(self._digest, metadata.RESULT, told)
+        self._writer.add_metadata(metadata.RESULT, {**told, metadata.DIGEST: self._digest.hexdigest()})
         self._writer.finish()  # type: ignore[no-untyped-call]
 
     def __enter__(self) -> Self:
@@ -332,20 +301,11 @@ class RunLogWriter:
     def abandon(self, error: BaseException | None) -> None:
         """Close the file; if it was not finished, say why in it, as far as that can be written, and leave it."""
         if not self._finished:
+            words = {"outcome": "unfinished"}
             with contextlib.suppress(OutputError):  # nothing more can be written; the first error counts
-                self._say_why(error)
+                if error is not None:
+                    outcome = "interrupted" if isinstance(error, KeyboardInterrupt) else "failed"
+                    words = {"outcome": outcome, "error": f"{type(error).__name__}: {error}"}
+                    self.log("error", f"{outcome}: {words['error']}")
+                self._end(words)
         self._file.close()
-
-    def _say_why(self, error: BaseException | None) -> None:
-        if error is None:
-            self._end({"outcome": "unfinished"})
-            return
-        outcome = "interrupted" if isinstance(error, KeyboardInterrupt) else "failed"
-        what = f"{type(error).__name__}: {error}"
-        self.log("error", f"{outcome}: {what}")
-        self._end({"outcome": outcome, "error": what})
-
-
-def _ended(outcome: str, seconds: Mapping[str, float] | None) -> dict[str, str]:
-    """Return how a run ended as metadata."""
-    return {"outcome": outcome, **{f"{phase}_s": metadata.exact(spent) for phase, spent in (seconds or {}).items()}}

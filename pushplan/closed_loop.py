@@ -14,13 +14,12 @@ import numpy as np
 from pushplan.errors import PlanningError
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.recording import Recording, Where
-from pushplan.logging.writer import RunLogWriter
 from pushplan.planners.planner import plan as plan_in
 from pushplan.plans.execution import Execution
 from pushplan.plans.goals import tolerance_of, with_places, worst_at_goal
 from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
-from pushplan.plans.run import Event, Feedback, Measured, Replan, segments_of
+from pushplan.plans.run import Event, Feedback, Replan, segments_of
 from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.run import fields_of
 from pushplan.scenario.model import Scenario
@@ -176,8 +175,6 @@ class _Growing:
     def begin(self, plan: Plan, controller: Controller | None = None) -> None:
         """Write the plan that is executed first."""
         self._plan, self._controller = plan, controller
-        nothing = Measured(np.zeros(0), np.zeros((0, len(self._scenario.poses), 3)))
-        self._written = Feedback(nothing, (), ())
         self._recording.write(lambda log: log.plan(plan))
 
     def grown(self, course: SimulatedPush) -> None:
@@ -188,25 +185,10 @@ class _Growing:
         events = events_until(float(course.t[-1]), course.names, self._disturbances, self._controller)
         feedback = Feedback(course.measured, events, replans)
         execution = execution_of(self._scenario, self._plan, course, feedback).until(known)
-        self._write_feedback(feedback)
+        self._recording.write(lambda log: log.feedback(feedback))
         self._recording.write(lambda log: log.samples(execution))
         if self._progress is not None:
             self._progress(float(course.t[-1]))
-
-    def _write_feedback(self, feedback: Feedback) -> None:
-        before, self._written = self._written, feedback
-        count = len(before.measured.t)
-        measured = Measured(feedback.measured.t[count:], feedback.measured.poses[count:])
-
-        def part(log: RunLogWriter) -> None:
-            if len(measured.t):
-                log.measured(measured)
-            for event in feedback.events[len(before.events) :]:
-                log.event(event)
-            for replan in feedback.replans[len(before.replans) :]:
-                log.replan(replan)
-
-        self._recording.write(part)
 
     def end(self, run: ClosedLoopRun) -> ClosedLoopRun:
         """Write the rest; return the run with its log.
@@ -214,7 +196,7 @@ class _Growing:
         Raises:
             IncompleteLogError: When the log that is named could not be written.
         """
-        self._write_feedback(run.feedback)
+        self._recording.write(lambda log: log.feedback(run.feedback))
         self._recording.write(lambda log: log.execution(run.execution))
         if run.reason:
             self._recording.write(lambda log: log.log("warning", f"{run.outcome}: {run.reason}"))

@@ -46,7 +46,8 @@ class Case:
             for end in self.trials:
                 log.trial(end)
             if self.execution is not None and self.feedback is not None:
-                log.closed_loop(self.execution, self.feedback)
+                log.feedback(self.feedback)
+                log.execution(self.execution)
             elif self.execution is not None:
                 log.execution(self.execution)
             log.log("info", "a line of somebody")
