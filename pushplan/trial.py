@@ -24,7 +24,7 @@ from pushplan.sim.report import ContactLoss, with_margins
 from pushplan.sim.slip.simulator import slip
 from pushplan.sim.trials import Simulator, Trials, execute_trials, sampled_world
 from pushplan.util.names import SIMULATORS
-from pushplan.util.naming import function_named, simulator_names
+from pushplan.util.naming import SIMULATOR_NAMES, function_named
 
 if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
@@ -114,7 +114,7 @@ def simulator_named(simulator: Simulator | str) -> Simulator:
     """
     if not isinstance(simulator, str):
         return simulator
-    return slip if simulator == SIMULATORS[0] else function_named(simulator, simulator_names(), "simulator")
+    return slip if simulator == SIMULATORS[0] else function_named(simulator, SIMULATOR_NAMES, "simulator")
 
 
 def write_trial(trials: Trials, sample: int, path: Path | str) -> None:

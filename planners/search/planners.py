@@ -22,7 +22,7 @@ from pushplan.planners.search.form import PushInformation, information_of, leave
 from pushplan.planners.search.search import Factory
 from pushplan.planners.search.session import CHUNK, Session
 from pushplan.util.arrays import FloatArray
-from pushplan.util.naming import attribute_named, name_of, planner_names
+from pushplan.util.naming import PLANNER_NAMES, attribute_named, name_of
 
 _SPECK = 1e-7 * np.array([[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]])
 
@@ -345,9 +345,7 @@ def planner_named(planner: str | Factory) -> tuple[str, Factory]:
         PlanningError: When nothing is called so, or it cannot be called.
     """
     found = (
-        attribute_named(PLANNERS.get(planner, planner), planner_names().group)
-        if isinstance(planner, str)
-        else planner
+        attribute_named(PLANNERS.get(planner, planner), PLANNER_NAMES.group) if isinstance(planner, str) else planner
     )
     if found is None:
         raise PlanningError(

@@ -12,7 +12,7 @@ from pushplan.scenario import units
 from pushplan.scenario.schema import finished
 from pushplan.scenario.units import Quantity, fault, friction
 from pushplan.util import names
-from pushplan.util.naming import PLACE, OpenNames, planner_names, stable_set_names
+from pushplan.util.naming import PLACE, PLANNER_NAMES, STABLE_SET_NAMES, OpenNames
 
 SUITE_FORMAT = "pushplan-suite/1"
 """What `format` says in a suite file."""
@@ -178,7 +178,7 @@ def _one_of(known: OpenNames) -> Any:
     return Annotated[built_in | added, Discriminator(whose), WithJsonSchema(schema)]
 
 
-_PLANNERS, _SETS = planner_names(), stable_set_names()
+_PLANNERS, _SETS = PLANNER_NAMES, STABLE_SET_NAMES
 _PlannerName, _SetName = _one_of(_PLANNERS), _one_of(_SETS)
 
 

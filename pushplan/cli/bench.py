@@ -18,7 +18,6 @@ from pushplan.cli.main import DONE, MISMATCH
 
 if TYPE_CHECKING:
     from pushplan.bench.batch import Selection, Tally
-    from pushplan.bench.results import Results
     from pushplan.bench.store import ResultsFolder
     from pushplan.bench.suite import Suite
 
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
 @click.option("-o", "--output", type=p.PATH, metavar="DIR", help="Folder of the results, may be new.")
 @click.option(
     "--jobs",
-    type=p.Number("number of jobs", 1, 1024, whole=True),
+    type=p.number("number of jobs", 1, 1024, whole=True),
     metavar="N",
     help="Runs at a time (default 1: parallel runs slow one another down).",
 )
@@ -46,7 +45,7 @@ if TYPE_CHECKING:
 @click.option("--compare", type=p.PATH, nargs=2, metavar="OLD NEW", help="Compare the results of two folders.")
 @click.option(
     "--threshold",
-    type=p.Number("threshold", 0.0, 1000.0, {"%": 1.0}),
+    type=p.number("threshold", 0.0, 1000.0, {"%": 1.0}),
     metavar="PERCENT",
     default=5.0,
     show_default=True,
@@ -96,7 +95,12 @@ def bench(
 
     selection = Selection(resume, filters, rerun)
     with p.code_of(suite, console.note, no_code) as observer:
-        read = _read(suite, selection, console)
+        with console.working(f"reading {suite}"):
+            from pushplan.bench.store import package_version
+            from pushplan.bench.suite import load_suite
+
+            read = load_suite(str(suite))
+            selection.of(read, package_version())  # the runs that are wanted are there, before a folder is made
         for name in read.code:
             observer(name)
     words = ["pushplan", "bench", str(suite), "-o", str(output), "--resume"]
@@ -122,17 +126,6 @@ def _list(console: Console) -> int:
     console.say("run one with: pushplan bench SUITE -o DIR")
     console.emit({"suites": about})
     return DONE
-
-
-def _read(source: Path, selection: Selection, console: Console) -> Suite:
-    """Read a suite, and find out whether the runs that are wanted are there before a folder is made."""
-    with console.working(f"reading {source}"):
-        from pushplan.bench.store import package_version
-        from pushplan.bench.suite import load_suite
-
-        suite = load_suite(str(source))
-        selection.of(suite, package_version())
-    return suite
 
 
 def _bench(
@@ -164,23 +157,18 @@ def _bench(
             if folder.database.exists():
                 console.note(f"stopped; go on with: {resumption}")
             raise
-        results = _report(folder, console)
+        with console.working("writing the report"):
+            from pushplan.bench.report import write_latex, write_report
+            from pushplan.bench.results import read_results, write_tables
+
+            results = read_results(folder.path)
+            write_tables(results, folder.path)
+            write_latex(results, folder.path / "tables.tex")
+            write_report(results, folder.report)
     ends = Counter(results.runs.outcome)  # now or before
     broken = sum(ends[end] for end in BROKEN)
     _tell(suite, folder, tally, broken, console)
     return MISMATCH if ends[INVALID] or (broken and not accept_broken) else DONE
-
-
-def _report(folder: ResultsFolder, console: Console) -> Results:
-    with console.working("writing the report"):
-        from pushplan.bench.report import write_latex, write_report
-        from pushplan.bench.results import read_results, write_tables
-
-        results = read_results(folder.path)
-        write_tables(results, folder.path)
-        write_latex(results, folder.path / "tables.tex")
-        write_report(results, folder.report)
-    return results
 
 
 def _tell(suite: Suite, folder: ResultsFolder, tally: Tally, broken: int, console: Console) -> None:
@@ -208,7 +196,6 @@ def _tell(suite: Suite, folder: ResultsFolder, tally: Tally, broken: int, consol
 
 
 def _compare(old: Path, new: Path, threshold: float, console: Console) -> int:
-    """Compare the results of two folders and return the exit code."""
     from pushplan.bench.report import effect_text
     from pushplan.bench.results import read_results
     from pushplan.bench.statistics import compare_versions

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from math import atan, degrees, isfinite
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
@@ -17,9 +19,11 @@ from pushplan.mechanics.chain import GRAVITY, PLATE, PushedObject, Pusher
 from pushplan.mechanics.heights import tipping_room
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import Row, Snapping
+from pushplan.scenario.parts import Row
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import KNOWN_LOAD_SETS
+
+Rows = list[tuple[str, str]]
 
 
 @p.command
@@ -38,22 +42,23 @@ def check(console: Console, scenario: str, maps: tuple[Path, ...], plot: Path | 
         if stated.kind == "rearrangement":
             return _check_rearrangement(stated, plot, console)
         console.say((stated.name, "bold"))
-        console.table(rows(stated))
-        from pushplan.cli.stable_set import describe, set_document, set_rows
+        understood = document(stated)
+        console.table(rows(stated, understood))
+        from pushplan.cli.stable_set import describe, set_rows
 
         with console.working("computing the stable set"):
             require_pushable(stated)
-            described = describe(stated, stated.stability.set)
+            stable, described = describe(stated, stated.stability.set)
     console.say((f"stable set {stated.stability.set}", "bold"))
-    console.table(set_rows(described))
+    console.table(set_rows(described, stated.chain.pusher.drive.kind))
     if plot is not None:
         with console.working(f"drawing {plot}"):
             from pushplan.drawing.plans import plot_scenario
 
-            plot_scenario(stated, plot, described.stable)
+            plot_scenario(stated, plot, stable)
     said = f"no errors, but {counted(questions, 'question')}" if questions else "no errors"
     console.say((said, "yellow" if questions else "green"))
-    console.emit({**document(stated), "stable_set": {"set": stated.stability.set, **set_document(described)}})
+    console.emit({**understood, "stable_set": {"set": stated.stability.set, **described}})
     return 0
 
 
@@ -89,33 +94,13 @@ def require_pushable(scenario: Scenario) -> None:
 # --- what was understood ----------------------------------------------------------------------------------------
 
 
-def rows(scenario: Scenario) -> list[tuple[str, str]]:
-    """Return label and value of everything that a user should recognise."""
-    chain = scenario.chain
-    return [
-        ("file", str(scenario.path)),
-        ("pusher", pusher_text(chain.pusher)),
-        ("robot", robot_text(chain.pusher)),
-        *(row for i in range(len(chain.objects)) for row in object_rows(scenario, i)),
-        *(
-            (
-                f"contact {chain.contact_name(k)}",
-                f"{contact.length:.3f} m long, {friction_text(*_frictions(scenario, k))}"
-                + _height_text(*chain.contact_heights[k]),
-            )
-            for k, contact in enumerate(chain.contacts)
-        ),
-        *_uncounted(scenario),
-        *_snapped_rows(scenario.snapping),
-        ("workspace", workspace_text(scenario)),
-        ("start", _place_text(scenario, scenario.start)),
-        ("goal", _place_text(scenario, scenario.goal.pose_chain)),
-    ]
-
-
-def document(scenario: Scenario) -> dict[str, object]:
-    """Return the same as an object for JSON."""
-    chain, room = scenario.chain, _tipping_room(scenario)
+def document(scenario: Scenario) -> dict[str, Any]:
+    """Return everything that a user should recognise as an object for JSON."""
+    chain, interval = scenario.chain, scenario.interval
+    room = tipping_room(chain, interval, off=scenario.stability.set in KNOWN_LOAD_SETS)  # as the stable set has it
+    frictions = scenario.contact_friction
+    if frictions is None:
+        frictions = np.array([[contact.friction] * 2 for contact in chain.contacts])
     return {
         "scenario": scenario.name,
         "robot": {"footprint": chain.pusher.footprint, "drive": chain.pusher.drive.kind},
@@ -126,7 +111,7 @@ def document(scenario: Scenario) -> dict[str, object]:
                 "weight": _stated(scenario, i, "mass", GRAVITY),
                 "floor_friction": _stated(scenario, i, "floor_friction"),
                 "support": support_text(obj),
-                "pressure_off_by": _pressure_share(scenario, i),
+                "pressure_off_by": 0.0 if interval is None else interval.pressures.get(i, 0.0),
                 "tipping_room": None if room is None else room[i],
                 "pose": obj.pose_chain,
             }
@@ -137,8 +122,8 @@ def document(scenario: Scenario) -> dict[str, object]:
                 "pushed": chain.objects[contact.pushed].name,
                 "pusher": None if contact.pusher == PLATE else chain.objects[contact.pusher].name,
                 "length": contact.length,
-                "friction": _one_or_two(_frictions(scenario, k)),
-                "height": _one_or_two(tuple(chain.contact_heights[k].tolist())),
+                "friction": _one_or_two(*frictions[k].tolist()),
+                "height": _one_or_two(*chain.contact_heights[k].tolist()),
             }
             for k, contact in enumerate(chain.contacts)
         ],
@@ -149,33 +134,35 @@ def document(scenario: Scenario) -> dict[str, object]:
     }
 
 
-def _one_or_two(ends: tuple[float, float]) -> float | list[float]:
+def rows(scenario: Scenario, found: Mapping[str, Any]) -> Rows:
+    """Return the same, label and value, of a scenario's document."""
+    chain, chosen = scenario.chain, scenario.stability.set
+    rows = [("file", str(scenario.path)), *pusher_rows(chain.pusher)]
+    for i in range(len(chain.objects)):
+        rows += object_rows(scenario, i, found)
+    for k, contact in enumerate(found["contacts"]):
+        friction, height = contact["friction"], contact["height"]
+        ends = friction if isinstance(friction, list) else [friction]
+        angles = " to ".join(f"{degrees(atan(end)):.1f}" for end in ends)
+        text = f"{contact['length']:.3f} m long, friction {_range_text(friction, '.3g')} ({angles} deg)"
+        text += f", {_range_text(height, '.3f')} m above the floor" if height else ""
+        rows.append((f"contact {chain.contact_name(k)}", text))
+    if scenario.uncertainty.load > 0.0 and chosen not in KNOWN_LOAD_SETS:
+        what = f"load is not counted: the set {chosen!r} holds for every pressure with the stated centre, "
+        rows.append(("uncertainty", f"{what}and takes that centre as it is"))
+    if (snapping := scenario.snapping) is not None:
+        for moved in snapping.objects:
+            by = f"{1e3 * moved.gap:.3g} mm and {degrees(moved.turn):.3g} deg"
+            rows.append((f"snapped {moved.name}", f"by {by} onto {moved.onto}"))
+        if snapping.sideways:
+            what = f"moved by {1e3 * snapping.sideways:.3g} mm sideways, to the middle of the plate's contact"
+            rows.append(("chain frame", what))
+    return [*rows, ("workspace", workspace_text(scenario)), *((e, _place_text(found[e])) for e in ("start", "goal"))]
+
+
+def _one_or_two(low: float, high: float) -> float | list[float]:
     """Return a number, or the ends of an interval."""
-    return ends[0] if ends[0] == ends[1] else list(ends)
-
-
-def pusher_text(pusher: Pusher) -> str:
-    """Return the pusher in words."""
-    thickness, width = np.ptp(pusher.outline, axis=0)
-    return f"{width:.3f} m wide, {thickness:.3f} m thick, drive {pusher.drive.kind}"
-
-
-def _height_text(low: float, high: float) -> str:
-    """Return how high a contact is, in words; nothing at the floor."""
-    if high == 0.0:
-        return ""
-    return f", {_range_text(low if low == high else [low, high], '.3f')} m above the floor"
-
-
-def robot_text(pusher: Pusher) -> str:
-    """Return the robot's body in words, or that it is not known."""
-    if not pusher.footprint:
-        return "no footprint stated: the robot behind the plate is not looked at"
-    points = np.concatenate(pusher.footprint)
-    length, width = np.ptp(points, axis=0)
-    behind = -float(points[:, 0].min())
-    parts = counted(len(pusher.footprint), "part")
-    return f"{length:.3f} x {width:.3f} m in {parts}, up to {behind:.3f} m behind the plate's front"
+    return low if low == high else [low, high]
 
 
 def _stated(scenario: Scenario, i: int, name: str, factor: float = 1.0) -> float | list[float]:
@@ -187,49 +174,22 @@ def _stated(scenario: Scenario, i: int, name: str, factor: float = 1.0) -> float
     return factor * float(getattr(scenario.chain.objects[i], name))
 
 
-def _frictions(scenario: Scenario, k: int) -> tuple[float, float]:
-    """Return the least and largest friction of contact k."""
-    if scenario.contact_friction is None:
-        return (scenario.chain.contacts[k].friction,) * 2
-    low, high = scenario.contact_friction[k]
-    return float(low), float(high)
-
-
-def _pressure_share(scenario: Scenario, i: int) -> float:
-    """Return the share by which the pressure under object i may be off, 0 where none is stated."""
-    return 0.0 if scenario.interval is None else scenario.interval.pressures.get(i, 0.0)
-
-
-def _uncounted(scenario: Scenario) -> list[tuple[str, str]]:
-    """Return what to know of `uncertainty` where the stable set does not go by the load."""
-    chosen = scenario.stability.set
-    if scenario.uncertainty.load == 0.0 or chosen in KNOWN_LOAD_SETS:
-        return []
-    return [
-        (
-            "uncertainty",
-            f"load is not counted: the set {chosen!r} holds for every pressure with the stated centre, "
-            "and takes that centre as it is",
-        )
-    ]
-
-
-def _snapped_rows(snapping: Snapping | None) -> list[tuple[str, str]]:
-    """Return how each object with a measured pose was moved."""
-    if snapping is None:
-        return []
-    rows = [
-        (f"snapped {moved.name}", f"by {1e3 * moved.gap:.3g} mm and {degrees(moved.turn):.3g} deg onto {moved.onto}")
-        for moved in snapping.objects
-    ]
-    if snapping.sideways:
-        what = f"moved by {1e3 * snapping.sideways:.3g} mm sideways, to the middle of the plate's contact"
-        rows.append(("chain frame", what))
-    return rows
-
-
 def _range_text(value: float | list[float], form: str) -> str:
     return " to ".join(format(end, form) for end in (value if isinstance(value, list) else [value]))
+
+
+def pusher_rows(pusher: Pusher) -> Rows:
+    """Return the rows of the plate and of the robot, or that its body is not known."""
+    thickness, width = np.ptp(pusher.outline, axis=0)
+    plate = f"{width:.3f} m wide, {thickness:.3f} m thick, drive {pusher.drive.kind}"
+    robot = "no footprint stated: the robot behind the plate is not looked at"
+    if pusher.footprint:
+        points = np.concatenate(pusher.footprint)
+        length, width = np.ptp(points, axis=0)
+        parts = counted(len(pusher.footprint), "part")
+        behind = f"up to {-float(points[:, 0].min()):.3f} m behind the plate's front"
+        robot = f"{length:.3f} x {width:.3f} m in {parts}, {behind}"
+    return [("pusher", plate), ("robot", robot)]
 
 
 def workspace_text(scenario: Scenario) -> str:
@@ -239,28 +199,20 @@ def workspace_text(scenario: Scenario) -> str:
     return f"{space}, {counted(len(scenario.obstacles), 'obstacle')}"
 
 
-def object_rows(scenario: Scenario, i: int) -> list[tuple[str, str]]:
+def object_rows(scenario: Scenario, i: int, found: Mapping[str, Any]) -> Rows:
     """Return the rows of an object: shape, mass and friction, and how its load rests on the floor."""
-    obj = scenario.chain.objects[i]
-    length, width = np.ptp(obj.outline, axis=0)
-    shape = f"{length:.3f} x {width:.3f} m, {len(obj.outline)} corners"
-    mass = _range_text(_stated(scenario, i, "mass"), "g")
-    weight = _range_text(_stated(scenario, i, "mass", GRAVITY), ".1f")
-    friction = _range_text(_stated(scenario, i, "floor_friction"), ".3g")
-    load = support_text(obj)
+    outline, stated = scenario.chain.objects[i].outline, found["objects"][i]
+    length, width = np.ptp(outline, axis=0)
+    shape = f"{length:.3f} x {width:.3f} m, {len(outline)} corners"
+    mass, weight = _range_text(stated["mass"], "g"), _range_text(stated["weight"], ".1f")
+    friction, load = _range_text(stated["floor_friction"], ".3g"), stated["support"]
     if scenario.interval is not None and i in scenario.interval.fractions:
         load = load.replace("known loads", "loads in intervals")
-    if share := _pressure_share(scenario, i):
+    if share := stated["pressure_off_by"]:
         load += f", pressure off by up to {100.0 * share:.3g} %"
-    room = _tipping_room(scenario)
-    if room is not None:
-        load += f", {1e3 * room[i]:.3g} mm from tipping"
-    return [(f"object {obj.name}", f"{shape}, {mass} kg ({weight} N), floor friction {friction}"), ("", load)]
-
-
-def _tipping_room(scenario: Scenario) -> FloatArray | None:
-    """Return by how much (n,) loads could move on before an object tips, m, as the stable set has it."""
-    return tipping_room(scenario.chain, scenario.interval, off=scenario.stability.set in KNOWN_LOAD_SETS)
+    if stated["tipping_room"] is not None:
+        load += f", {1e3 * stated['tipping_room']:.3g} mm from tipping"
+    return [(f"object {stated['name']}", f"{shape}, {mass} kg ({weight} N), floor friction {friction}"), ("", load)]
 
 
 def support_text(obj: PushedObject) -> str:
@@ -281,13 +233,6 @@ def support_text(obj: PushedObject) -> str:
     return f"load unknown, {center}"
 
 
-def friction_text(lowest: float, highest: float | None = None) -> str:
-    """Return a friction coefficient, or the ends of its interval, and its angle."""
-    ends = [lowest] if highest is None or highest == lowest else [lowest, highest]
-    angles = " to ".join(f"{degrees(atan(friction)):.1f}" for friction in ends)
-    return f"friction {' to '.join(f'{friction:.3g}' for friction in ends)} ({angles} deg)"
-
-
 def room(scenario: Scenario, pose: FloatArray) -> float:
     """Return the distance of the chain at `pose` to the nearest obstacle or wall, m; infinite without any."""
     corners = [transform_points(pose, body.outline) for body in scenario.chain.bodies]
@@ -301,24 +246,26 @@ def room(scenario: Scenario, pose: FloatArray) -> float:
     return min(distances, default=np.inf)
 
 
-def _place(scenario: Scenario, pose: FloatArray) -> dict[str, object]:
+def _place(scenario: Scenario, pose: FloatArray) -> dict[str, Any]:
     free = room(scenario, pose)
     return {"pose": pose, "room": free if isfinite(free) else None}
 
 
-def _place_text(scenario: Scenario, pose: FloatArray) -> str:
-    free = room(scenario, pose)
+def _pose_text(pose: FloatArray) -> str:
     x, y, theta = plain(pose[0]), plain(pose[1]), plain(degrees(pose[2]))
-    text = f"chain frame at ({x:.4g}, {y:.4g}) m, {theta:.4g} deg"
-    return f"{text}; nothing in the way" if not isfinite(free) else f"{text}; {free:.3f} m from the nearest thing"
+    return f"({x:.4g}, {y:.4g}) m, {theta:.4g} deg"
+
+
+def _place_text(place: Mapping[str, Any]) -> str:
+    free = place["room"]
+    room = "nothing in the way" if free is None else f"{free:.3f} m from the nearest thing"
+    return f"chain frame at {_pose_text(place['pose'])}; {room}"
 
 
 def _row_text(row: Row) -> str:
-    """Return what a row is made of and where it shall be."""
     where = "anywhere" if row.wall is None else f"at {'any wall' if row.wall == 'any' else f'the wall {row.wall}'}"
     if row.pose is not None:
-        x, y, theta = plain(row.pose[0]), plain(row.pose[1]), plain(degrees(row.pose[2]))
-        where = f"its rear at ({x:.4g}, {y:.4g}) m, {theta:.4g} deg"
+        where = f"its rear at {_pose_text(row.pose)}"
     order = "in any order" if row.order == "any" else "in this order from the pusher outward"
     together = {"auto": "together where that costs less", "never": "one by one", "always": "all together"}
     return f"{', '.join(row.of)}, {order}, {where}; pushed {together[row.gather]}"
@@ -342,13 +289,10 @@ def _check_rearrangement(scenario: Scenario, plot: Path | None, console: Console
         aim = aim if goals else "is moved where it is in the way"
         if scenario.row is not None:
             aim = "goes into the row" if name in scenario.row.of else "stays where it is"
-        rows += [*object_rows(one, 0), ("", f"{aim}, can be pushed at {', '.join(faces)}")]
-        found.append({**document(one), "goals": goals, "faces": faces})
-    rows += [
-        ("pusher", pusher_text(first.chain.pusher)),
-        ("robot", robot_text(first.chain.pusher)),
-        ("workspace", workspace_text(first)),
-    ]
+        understood = document(one)
+        rows += [*object_rows(one, 0, understood), ("", f"{aim}, can be pushed at {', '.join(faces)}")]
+        found.append({**understood, "goals": goals, "faces": faces})
+    rows += [*pusher_rows(first.chain.pusher), ("workspace", workspace_text(first))]
     if scenario.row is not None:
         rows.append(("row", _row_text(scenario.row)))
     if plot is not None:

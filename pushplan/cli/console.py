@@ -14,8 +14,7 @@ import textwrap
 import threading
 import time
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
@@ -80,18 +79,14 @@ class Progress:
             with self._lock:
                 try:
                     if self._live:
-                        self._show(line)
+                        sys.stderr.write(ERASE + line[: shutil.get_terminal_size().columns - 1])
+                        sys.stderr.flush()
+                        self._shown = True
                     else:
                         _write(sys.stderr, line)
                 except (OSError, ValueError):  # nobody reads any more; the work itself goes on
                     return
             wait = 0.2 if self._live else PERIOD
-
-    def _show(self, line: str) -> None:
-        """Let the one line on the terminal say something."""
-        sys.stderr.write(ERASE + line[: shutil.get_terminal_size().columns - 1])
-        sys.stderr.flush()
-        self._shown = True
 
     def _erase(self) -> None:
         if self._shown:
@@ -146,11 +141,9 @@ class Console:
         if self.json:
             sys.stdout.write(json.dumps(document, allow_nan=False, default=_plain) + "\n")
 
-    @contextmanager
-    def working(self, what: str) -> Iterator[Progress]:
-        """Show on stderr that `what` goes on, once it has taken more than a second."""
-        with Progress(what) as progress:
-            yield progress
+    def working(self, what: str) -> Progress:
+        """Show on stderr that `what` goes on, once it has taken more than a second, while this is entered."""
+        return Progress(what)
 
     @property
     def _stream(self) -> TextIO:

@@ -53,7 +53,6 @@ def identify(
 
 
 def _rows(found: Identification) -> list[tuple[str, str]]:
-    """Return label and value of what was found, for people."""
     from pushplan.sim.identify.measured_push import ROUGH
 
     told = [
@@ -76,7 +75,6 @@ def _rows(found: Identification) -> list[tuple[str, str]]:
 
 
 def _document(found: Identification, output: Path | None) -> dict[str, object]:
-    """Return the JSON object of what was found."""
     from pushplan.sim.identify.measured_push import piece_of
 
     return {
@@ -110,10 +108,6 @@ def _write(found: Identification, logs: list[str], into: Scenario | None, path: 
         document = with_learned(into.resolved(), document)
         scenario_from_document(document, path, into.attachments)  # what is written can be read
     text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=120)
-    write_whole(path, (_heading(found, logs) + (text if document else "")).encode())
-
-
-def _heading(found: Identification, logs: list[str]) -> str:
     missing = [one.unknown.name for one in found.estimates if not one.determined]
     ratios = "" if found.unknowns.absolute else "; floor frictions are ratios to the stated one of the first object"
     lines = [
@@ -121,4 +115,5 @@ def _heading(found: Identification, logs: list[str]) -> str:
         f"90 % intervals{ratios}",
         *([f"not determined, so left out: {', '.join(missing)}"] if missing else []),
     ]
-    return "".join(f"# {line}\n" for line in lines)
+    heading = "".join(f"# {line}\n" for line in lines)
+    write_whole(path, (heading + (text if document else "")).encode())

@@ -36,20 +36,19 @@ def runs(console: Console, runs: Path | None, last: int | None, filters: tuple[s
     every = runs_of(folder)
     found = chosen(every, list(filters))[:last]
     now = datetime.now(UTC)
+    rows = [_HEAD]
+    for one in found:
+        cost = "" if one.cost is None else f"{one.cost:.3f} m"
+        age = "" if one.started is None else span_text((now - one.started).total_seconds())
+        number = "" if one.number is None else f"@{one.number}"
+        about = (one.scenario, one.planner, one.set, one.seed, cost, age, f"{one.size / 1000:.0f} KB")
+        rows.append((number, one.outcome, *about))
     if found:
-        console.table([_HEAD, *(_row(one, now) for one in found)], style="")
+        console.table(rows, style="")
     some = f"{len(found)} of " if len(found) < len(every) else ""
     console.say(f"{some}{counted(len(every), 'run')} in {folder}")
     console.emit({"folder": folder, "runs": [_document(one, now) for one in found]})
     return 0
-
-
-def _row(one: RunEntry, now: datetime) -> tuple[str, ...]:
-    cost = "" if one.cost is None else f"{one.cost:.3f} m"
-    age = "" if one.started is None else span_text((now - one.started).total_seconds())
-    number = "" if one.number is None else f"@{one.number}"
-    about = (one.scenario, one.planner, one.set, one.seed)
-    return (number, one.outcome, *about, cost, age, f"{one.size / 1000:.0f} KB")
 
 
 def _document(one: RunEntry, now: datetime) -> dict[str, object]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import update_wrapper
 from math import inf, isfinite
@@ -15,6 +14,7 @@ from click.shell_completion import CompletionItem
 
 from pushplan.drawing import PANELS
 from pushplan.errors import OutputError, PushplanError
+from pushplan.util import naming
 from pushplan.util.names import AUTO, LOG_MAGIC
 
 
@@ -22,17 +22,48 @@ class UsageError(PushplanError, ValueError):
     """Words of the command do not go together."""
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
-    """Return `; did you mean '...'?` with the known word most like a word, or nothing."""
-    close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
-    return f"; did you mean '{close[0]}'?" if close else ""
-
-
 # --- kinds of values --------------------------------------------------------------------------------------------
 
 
-class Number(click.ParamType[Any]):
-    """A number within a range, plain or with one of some units.
+class Word(click.ParamType[Any]):
+    """A word, and what is made of it.
+
+    Args:
+        name: What help calls it.
+        read: Returns what the command takes, or raises a ValueError or PushplanError that says what is wrong.
+        known: Returns words that shells complete.
+        files: Whether shells complete files, too.
+    """
+
+    def __init__(
+        self, name: str, read: Callable[[str], Any], known: Callable[[], Iterable[str]] = tuple, files: bool = False
+    ) -> None:
+        self.name, self._read, self._known, self._files = name, read, known, files
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return what is made of a word; a default is taken as it is."""
+        try:
+            return self._read(value) if isinstance(value, str) else value
+        except (PushplanError, ValueError) as error:
+            self.fail(str(error), param, ctx)
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Return the known words that begin so, and have the shell look for files."""
+        names = [CompletionItem(name) for name in self._known() if name.startswith(incomplete)]
+        return [*names, *([CompletionItem(incomplete, type="file")] if self._files else [])]
+
+
+def number(
+    name: str,
+    low: float,
+    high: float = inf,
+    units: Mapping[str, float] | None = None,
+    *,
+    whole: bool = False,
+    above: bool = False,
+    words: tuple[str, ...] = (),
+) -> Word:
+    """Return a number within a range, plain or with one of some units.
 
     Args:
         name: What it is, e.g. `time limit`.
@@ -43,44 +74,26 @@ class Number(click.ParamType[Any]):
         above: Whether the smallest value itself is refused.
         words: Words that may stand in its place.
     """
+    known = units or {}
+    allowed = "".join(f"{word}, or " for word in words) + ("a whole number" if whole else "a number")
+    allowed += f" above {low:.12g}" if above else f" from {low:.12g}"
+    allowed += f" to {high:.12g}" if isfinite(high) else ""
+    allowed += f", also with a unit ({', '.join(known)})" if known else ""
 
-    def __init__(
-        self,
-        name: str,
-        low: float,
-        high: float = inf,
-        units: Mapping[str, float] | None = None,
-        *,
-        whole: bool = False,
-        above: bool = False,
-        words: tuple[str, ...] = (),
-    ) -> None:
-        self.name, self.low, self.high, self.units = name, low, high, units or {}
-        self.whole, self.above, self.words = whole, above, words
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the number."""
-        if not isinstance(value, str) or value in self.words:
-            return value
-        wrong = f"is no {self.name}"
+    def read(text: str) -> Any:
+        if text in words:
+            return text
+        wrong = f"is no {name}"
         with contextlib.suppress(ValueError):
-            number = number_from(value, self.units)
-            within = (self.low < number if self.above else self.low <= number) and number <= self.high
-            whole = not self.whole or number.is_integer()
-            if isfinite(number) and within and whole:
-                return int(number) if self.whole else number
-            if isfinite(number):
-                wrong = "is out of range" if whole else "is no whole number"
-        self.fail(f"{value!r} {wrong}; allowed: {self.allowed}", param, ctx)
+            value = number_from(text, known)
+            within = (low < value if above else low <= value) and value <= high
+            if isfinite(value) and within and (value.is_integer() or not whole):
+                return int(value) if whole else value
+            if isfinite(value):
+                wrong = "is no whole number" if whole and not value.is_integer() else "is out of range"
+        raise ValueError(f"{text!r} {wrong}; allowed: {allowed}")
 
-    @property
-    def allowed(self) -> str:
-        """What may be written, in words."""
-        kind = "a whole number" if self.whole else "a number"
-        low = f"above {self.low:.12g}" if self.above else f"from {self.low:.12g}"
-        high = f" to {self.high:.12g}" if isfinite(self.high) else ""
-        unit = f", also with a unit ({', '.join(self.units)})" if self.units else ""
-        return f"{''.join(f'{word}, or ' for word in self.words)}{kind} {low}{high}{unit}"
+    return Word(name, read)
 
 
 def number_from(text: str, units: Mapping[str, float]) -> float:
@@ -97,8 +110,12 @@ def number_from(text: str, units: Mapping[str, float]) -> float:
     return float(text)
 
 
-class Named(click.ParamType[Any]):
-    """Several named values, such as `rate=20,delay=50 ms`.
+def named(
+    units: Mapping[str, Mapping[str, float] | None],
+    make: Callable[[dict[str, Any]], Any] = dict,
+    needed: tuple[str, ...] = (),
+) -> Word:
+    """Return several named values, such as `rate=20,delay=50 ms`.
 
     Args:
         units: Names, and the units of their numbers; a name with None takes a text.
@@ -106,144 +123,80 @@ class Named(click.ParamType[Any]):
         needed: Names that have to be there.
     """
 
-    name = "WHAT=HOW"
-
-    def __init__(
-        self,
-        units: Mapping[str, Mapping[str, float] | None],
-        make: Callable[[dict[str, Any]], Any] = dict,
-        needed: tuple[str, ...] = (),
-    ) -> None:
-        self.units, self.make, self.needed = units, make, needed
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return what is made of the values."""
-        if not isinstance(value, str):
-            return value
+    def read(value: str) -> Any:
         found: dict[str, Any] = {}
         for pair in value.split(","):
             name, equals, text = (piece.strip() for piece in pair.partition("="))
-            if name not in self.units or not equals:
-                known = ", ".join(self.units)
-                self.fail(f"'{pair}' is not NAME=VALUE with a NAME of {known}{nearest(name, self.units)}", param, ctx)
-            units = self.units[name]
+            if name not in units or not equals:
+                hint = naming.nearest(name, units).rstrip(";")
+                raise ValueError(f"'{pair}' is not NAME=VALUE with a NAME of {', '.join(units)}{hint}")
+            known = units[name]
             try:
-                found[name] = text if units is None else number_from(text, units)
+                found[name] = text if known is None else number_from(text, known)
             except ValueError:
-                allowed = ", ".join(units or ())
-                self.fail(f"{name} is '{text}'; allowed: a number, also with a unit ({allowed})", param, ctx)
-        for name in self.needed:
+                what = f"a number, also with a unit ({', '.join(known or ())})"
+                raise ValueError(f"{name} is '{text}'; allowed: {what}") from None
+        for name in needed:
             if not found.get(name):
-                self.fail(f"'{value}' does not state the {name}", param, ctx)
-        try:
-            return self.make(found)
-        except PushplanError as error:
-            self.fail(str(error), param, ctx)
+                raise ValueError(f"'{value}' does not state the {name}")
+        return make(found)
+
+    return Word("WHAT=HOW", read)
 
 
-class OpenName(click.ParamType[Any]):
-    """A name of what is built in or of an installed package, or `module:attribute`."""
+def open_name(known: naming.OpenNames) -> Word:
+    """Return a name of what is built in or of an installed package, or `module:attribute`."""
 
-    name = "NAME"
+    def read(name: str) -> str:
+        if name not in known:
+            raise ValueError(f"{name!r} is not known{naming.nearest(name, known)} allowed: {known.words}")
+        return name
 
-    def __init__(self, known: Callable[[], Any]) -> None:
-        self._known = known
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the name."""
-        known = self._known()
-        if value not in known:
-            self.fail(f"{value!r} is not known{nearest(value, known)}; allowed: {known.words}", param, ctx)
-        return value
-
-    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Return the names that are built in."""
-        return [CompletionItem(name) for name in self._known() if name.startswith(incomplete)]
+    return Word("NAME", read, lambda: known)
 
 
-class Scenario(click.ParamType[Any]):
-    """A scenario file, or a packaged example's name."""
+def some_of(known: tuple[str, ...]) -> Word:
+    """Return some of a few words, separated by commas."""
 
-    name = "SCENARIO"
+    def read(value: str) -> tuple[str, ...]:
+        for word in value.split(","):
+            if word not in known:
+                hint = naming.nearest(word, known)
+                raise ValueError(f"{word!r} is none of them{hint} allowed: {', '.join(known)}")
+        return tuple(value.split(","))
 
-    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Return the examples, and have the shell look for files."""
-        from pushplan.scenario.file import example_names
-
-        names = [CompletionItem(name) for name in example_names() if name.startswith(incomplete)]
-        return [*names, CompletionItem(incomplete, type="file")]
-
-
-class AnyPath(click.Path):
-    """A path; completed as a file."""
-
-    def __init__(self) -> None:
-        super().__init__(path_type=Path)
+    return Word("words", read)
 
 
-def _planners() -> Any:
-    from pushplan.util.naming import planner_names
-
-    return planner_names()
-
-
-def _sets() -> Any:
-    from pushplan.util.naming import stable_set_names
-
-    return stable_set_names()
+def _export(value: str) -> tuple[str, Path]:
+    """Return what an exporter of others is called, and the file that it writes."""
+    name, _, path = value.rpartition("=")
+    if not name or not path:
+        raise ValueError(f"{value!r} is not NAME=FILE")
+    return EXPORTER.convert(name, None, None), Path(path)
 
 
-def _simulators() -> Any:
-    from pushplan.util.naming import simulator_names
+def _examples() -> tuple[str, ...]:
+    from pushplan.scenario.file import example_names
 
-    return simulator_names()
-
-
-class Export(click.ParamType[Any]):
-    """What an exporter of others is called, and the file that it writes: `NAME=FILE`."""
-
-    name = "NAME=FILE"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return name and path."""
-        if not isinstance(value, str):
-            return value
-        name, equals, path = value.rpartition("=")
-        if not equals or not name or not path:
-            self.fail(f"{value!r} is not NAME=FILE", param, ctx)
-        from pushplan.util.naming import exporter_names
-
-        return OpenName(exporter_names).convert(name, param, ctx), Path(path)
-
-
-class Words(click.ParamType[Any]):
-    """Some of a few words, separated by commas."""
-
-    name = "words"
-
-    def __init__(self, known: tuple[str, ...]) -> None:
-        self.known = known
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the words."""
-        words = tuple(value.split(",")) if isinstance(value, str) else value
-        for word in words:
-            if word not in self.known:
-                hint = nearest(word, self.known) or ";"
-                self.fail(f"{word!r} is none of them{hint} allowed: {', '.join(self.known)}", param, ctx)
-        return words
+    return example_names()
 
 
 _TIME = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
-PLANNER, STABLE_SET, SCENARIO, PATH = OpenName(_planners), OpenName(_sets), Scenario(), AnyPath()
-SIMULATOR, EXPORT = OpenName(_simulators), Export()
-SECONDS = Number("time limit", 0.0, units=_TIME, above=True)
-COUNT = Number("count", 1, whole=True)
-RATE = Number("rate", 0.0, 1000.0, above=True)
-SHARE = Number("share", 0.0, units={"%": 0.01})
-MARGIN = Number("margin", 0.0, 0.99, words=(AUTO,))
-SEED = Number("seed", 0, 2**31 - 1, whole=True)
-PORT = Number("port", 1, 2**16 - 1, whole=True)
+PLANNER, STABLE_SET = open_name(naming.PLANNER_NAMES), open_name(naming.STABLE_SET_NAMES)
+SIMULATOR, EXPORTER = open_name(naming.SIMULATOR_NAMES), open_name(naming.EXPORTER_NAMES)
+SCENARIO, EXPORT, PATH = (
+    Word("SCENARIO", str, _examples, True),
+    Word("NAME=FILE", _export),
+    click.Path(path_type=Path),
+)
+SECONDS = number("time limit", 0.0, units=_TIME, above=True)
+COUNT = number("count", 1, whole=True)
+RATE = number("rate", 0.0, 1000.0, above=True)
+SHARE = number("share", 0.0, units={"%": 0.01})
+MARGIN = number("margin", 0.0, 0.99, words=(AUTO,))
+SEED = number("seed", 0, 2**31 - 1, whole=True)
+PORT = number("port", 1, 2**16 - 1, whole=True)
 
 
 # --- options ----------------------------------------------------------------------------------------------------
@@ -273,7 +226,7 @@ def file_option(*names: str, help: str) -> Callable[[Any], Any]:
 
 plot_option = file_option("--plot", help="Draw a picture (PNG, SVG or PDF by the suffix).")
 panels_option = click.option(
-    "--panels", type=Words(PANELS), metavar="P,...", help=f"With --plot: of {', '.join(PANELS)}."
+    "--panels", type=some_of(PANELS), metavar="P,...", help=f"With --plot: of {', '.join(PANELS)}."
 )
 scenario_argument = click.argument("scenario", type=SCENARIO, metavar="SCENARIO")
 map_option = click.option(
@@ -358,8 +311,6 @@ def code_of(source: object, note: Callable[[str], None], forbidden: bool) -> Ite
     Yields:
         What is called with each such name.
     """
-    from pushplan.util.naming import before_import
-
     told: set[str] = set()
 
     def observer(name: str) -> None:
@@ -372,7 +323,7 @@ def code_of(source: object, note: Callable[[str], None], forbidden: bool) -> Ite
             told.add(module)
             note(f"{source}: imports the module {module}")
 
-    with before_import(observer):
+    with naming.before_import(observer):
         yield observer
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
 from math import degrees, isfinite
 from pathlib import Path
@@ -55,7 +55,7 @@ def plan_rows(document: Mapping[str, Any], remarks: Mapping[str, str]) -> Rows:
         off = f"ends {near['position']:.3g} m and {degrees(near['angle']):.3g} deg from the goal"
         found.append(("nearest path", f"{near['path_cost']:.3f} m long, {off}"))
     if len(document["segments"]) > 1:
-        found += segment_rows(document["segments"])
+        found += [(f"{k}. {one['kind']}", _segment_text(one)) for k, one in enumerate(document["segments"], start=1)]
     if document["cost"] is not None:
         found.append(("cost", _cost_text(document)))
         if document["gap"] is not None:
@@ -71,11 +71,11 @@ def plan_rows(document: Mapping[str, Any], remarks: Mapping[str, str]) -> Rows:
     if error is not None and None not in error.values():
         found.append(("goal error", f"{length_text(error['position'])}, {angle_text(error['angle'])}"))
     if document["min_margin"] is not None:
-        found.append(("margin (min)", _margin_text(document, remarks)))
-    if remarks.get("force"):
-        found.append(("force", remarks["force"]))
-    if remarks.get("warning"):
-        found.append(("warning", remarks["warning"]))
+        text, dynamic = f"{document['min_margin']:.2g}{remarks.get('min_margin', '')}", document["min_dynamic_margin"]
+        if dynamic is not None:
+            text += f"; with inertia {dynamic:.2g}{remarks.get('min_dynamic_margin', '')}"
+        found.append(("margin (min)", text))
+    found += [(name, remarks[name]) for name in ("force", "warning") if remarks.get(name)]
     lost = document["contact_lost"]
     if lost is not None:
         found.append(("stopped", f"at {lost['time']:.2f} s: contact {lost['contact']} does not hold"))
@@ -93,17 +93,6 @@ def _cost_text(document: Mapping[str, Any]) -> str:
     return f"{document['cost']:.3f} m: {pushed}, the rest for transits and changes of the contact"
 
 
-def _margin_text(document: Mapping[str, Any], remarks: Mapping[str, str]) -> str:
-    text = f"{document['min_margin']:.2g}{remarks.get('min_margin', '')}"
-    dynamic = document["min_dynamic_margin"]
-    return text if dynamic is None else f"{text}; with inertia {dynamic:.2g}{remarks.get('min_dynamic_margin', '')}"
-
-
-def segment_rows(segments: Sequence[Mapping[str, Any]]) -> Rows:
-    """Return a line for each segment: when, how far, and from where to where what moves."""
-    return [(f"{k}. {segment['kind']}", _segment_text(segment)) for k, segment in enumerate(segments, start=1)]
-
-
 def _segment_text(segment: Mapping[str, Any]) -> str:
     length = sum(arc["length"] for arc in segment["arcs"])
     text = f"{segment['t0']:7.2f} - {segment['t1']:6.2f} s  {length:6.3f} m"
@@ -119,13 +108,11 @@ def _segment_text(segment: Mapping[str, Any]) -> str:
         text += f"  {segment['max_force']:.3g} N"
     if segment["kind"] != "push":
         return text
-    before, after = (_pose_text(segment[name]) for name in ("object_before", "object_after"))
-    return f"{text}  {before} -> {after}"
-
-
-def _pose_text(pose: Sequence[float]) -> str:
-    x, y, theta = plain(round(pose[0], 3)), plain(round(pose[1], 3)), plain(round(degrees(pose[2]), 1))
-    return f"({x:.3f}, {y:.3f}, {theta:.1f} deg)"
+    places = []
+    for x, y, theta in (segment["object_before"], segment["object_after"]):
+        place = plain(round(x, 3)), plain(round(y, 3)), plain(round(degrees(theta), 1))
+        places.append("({:.3f}, {:.3f}, {:.1f} deg)".format(*place))
+    return f"{text}  {' -> '.join(places)}"
 
 
 def plan_document(plan: Plan, log: Path | None) -> Document:
@@ -174,7 +161,14 @@ def write_page(done: Run | RecordedRun, html: Path | None, log: Path | None, con
     Raises:
         OutputError: When the page that the user asked for cannot be written.
     """
-    page = html or (None if log is None else _beside(log, console))
+    from pushplan.util.files import check_output
+
+    page = html
+    if html is None and log is not None and not check_output(log).streamed and log.suffix != ".html":
+        page = log.with_suffix(".html")
+        if page.is_file() and b'id="run"' not in page.read_bytes():
+            console.note(f"{page} exists and is no page of a run; --html names another one")
+            page = None
     if page is None:
         return None
     from pushplan.logging.page import write_html
@@ -186,19 +180,6 @@ def write_page(done: Run | RecordedRun, html: Path | None, log: Path | None, con
         if html is not None:
             raise
         console.note(f"no page: {error}")
-        return None
-    return page
-
-
-def _beside(log: Path, console: Console) -> Path | None:
-    """Return where the page goes that is written beside a log; None where something else is there."""
-    from pushplan.util.files import check_output
-
-    page = log.with_suffix(".html")
-    if check_output(log).streamed or page == log:
-        return None
-    if page.is_file() and b'id="run"' not in page.read_bytes():
-        console.note(f"{page} exists and is no page of a run; --html names another one")
         return None
     return page
 

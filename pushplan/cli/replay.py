@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
 from importlib import import_module
 from math import isfinite
 from pathlib import Path
@@ -46,16 +45,6 @@ def _writer_options(function: Any) -> Any:
 class ExportsError(PushplanError):
     """Some of the files asked for cannot be had of this run."""
 
-    def __init__(self, failures: Mapping[str, PushplanError], written: list[str]) -> None:
-        done = f"written: {', '.join(written)}; " if written else ""
-        reasons = (f"{option_of(name)}: {error}" for name, error in failures.items())
-        super().__init__(f"{done}not written: " + "; ".join(reasons))
-
-
-def option_of(name: str) -> str:
-    """Return the option by which a file was asked for."""
-    return f"--{name}" if name in (*WRITERS, "plot") else f"--export {name}"
-
 
 @p.command
 @click.argument("log", type=p.PATH, metavar="[RUN]", required=False)
@@ -74,7 +63,7 @@ def option_of(name: str) -> str:
 @click.option("--frames", metavar="MAP,BASE", help="With --ros2: frames above the chain, or MAP,ODOM,BASE.")
 @click.option(
     "--epoch",
-    type=p.Number("time for ROS", 0.0, 2.0**31, above=True),
+    type=p.number("time for ROS", 0.0, 2.0**31, above=True),
     metavar="S",
     help="With --ros2: ROS time at which the run begins.",
 )
@@ -156,7 +145,8 @@ def _tell(run: RecordedRun, recovered: Path | None, console: Console) -> Documen
     about: Document = {"scenario": run.scenario.name, "log": run.path}
     if run.plan is None:
         console.say((run.scenario.name, "bold"), ": the log ends before a plan")
-        rows = [(name, text) for name, text in (("best plan", _best(run)),) if text]
+        best = run.improvements[-1:]  # that a search had found when its log broke off
+        rows = [("best plan", f"{one.cost:.3f} m, not timed yet") for one in best]
     else:
         about = plan_document(run.plan, run.path)
         headline(about, console)
@@ -170,11 +160,6 @@ def _tell(run: RecordedRun, recovered: Path | None, console: Console) -> Documen
     if recovered is not None:
         console.say(f"{recovered}: a clean log of what is whole")
     return {**about, "outcome": run.outcome, "lost": run.losses, "recovered": recovered, "verification": None}
-
-
-def _best(run: RecordedRun) -> str:
-    """Return what the best plan costs that a search had found when its log broke off; empty where there is none."""
-    return f"{run.improvements[-1].cost:.3f} m, not timed yet" if run.improvements else ""
 
 
 def _verified(run: RecordedRun, console: Console) -> VerifyReport:
@@ -234,24 +219,24 @@ def _export(
     Raises:
         PushplanError: When a package is missing, or a file cannot be written or cannot be made of this run.
     """
-    tasks: dict[str, Callable[[], None]] = (
-        {} if plot is None else {"plot": partial(_draw, run, plot, how["plot"]["panels"], console)}
-    )
-    for name, path in wanted.items():
-        tasks[name] = partial(_write, name, run, path, how.get(name, {}), console)
-    failures: dict[str, PushplanError] = {}
-    for name, task in tasks.items():
+    files = {**({} if plot is None else {"plot": plot}), **wanted}
+    written, failures = list[str](), list[str]()
+    for name, path in files.items():
+        option = f"--{name}" if name in (*WRITERS, "plot") else f"--export {name}"
         try:
-            task()
+            (_draw if name == "plot" else _write)(name, run, path, how.get(name, {}), console)
+            written.append(option)
         except PushplanError as error:
-            failures[name] = error
-    if len(tasks) == 1 and failures:
-        raise next(iter(failures.values()))
+            if len(files) == 1:
+                raise
+            failures.append(f"{option}: {error}")
     if failures:
-        raise ExportsError(failures, [option_of(name) for name in tasks if name not in failures])
+        done = f"written: {', '.join(written)}; " if written else ""
+        raise ExportsError(f"{done}not written: " + "; ".join(failures))
 
 
-def _draw(run: RecordedRun, path: Path, panels: tuple[str, ...] | None, console: Console) -> None:
+def _draw(_: str, run: RecordedRun, path: Path, how: Mapping[str, Any], console: Console) -> None:
+    panels = how["panels"]
     if run.plan is None:
         raise RunLogError(str(run.path), "the log ends before a plan, so there is nothing to draw")
     if run.trials and run.execution is None:  # the log of one sample has its execution
@@ -272,7 +257,7 @@ def _write(name: str, run: RecordedRun, path: Path, how: Mapping[str, Any], cons
             module, function, _ = WRITERS[name]
             write = getattr(import_module(f"pushplan.logging.{module}"), function)
         else:
-            from pushplan.util.naming import exporter_names, function_named
+            from pushplan.util.naming import EXPORTER_NAMES, function_named
 
-            write = function_named(name, exporter_names(), "exporter")
+            write = function_named(name, EXPORTER_NAMES, "exporter")
         write(run, path, **how)

@@ -30,8 +30,8 @@ def _sensor(found: dict[str, Any]) -> Sensor:
     return Sensor(**found)
 
 
-SENSOR = p.Named({"rate": {"Hz": 1.0}, "delay": _TIME, "position": units.LENGTH, "angle": units.ANGLE}, _sensor)
-DISTURBANCE = p.Named(
+SENSOR = p.named({"rate": {"Hz": 1.0}, "delay": _TIME, "position": units.LENGTH, "angle": units.ANGLE}, _sensor)
+DISTURBANCE = p.named(
     {"time": _TIME, "object": None, "x": units.LENGTH, "y": units.LENGTH, "turn": units.ANGLE},
     needed=("time", "object"),
 )
@@ -100,14 +100,16 @@ def simulate(
         stated = load_scenario(scenario)
         displaced = _disturbances(stated, disturbances)
         incomplete = None
-        how: dict[str, Any] = {"log": log.where, "runs": log.runs}
+        how: dict[str, Any] = {"log": log.where, "runs": log.runs, "watched": closed_loop, "seed": seed}
+        if sensor is not None:
+            how["sensor"] = sensor
         if physics:
             from pushplan.sim.physics.stepping import PhysicsSimulator
 
             require_executable(stated)
             how["simulator_of"] = PhysicsSimulator
         try:
-            done = _simulated(stated, closed_loop, displaced, uncertainty, sensor, seed, how, console)
+            done = _simulated(stated, displaced, uncertainty, how, console)
         except PlanningError as error:
             console.say((stated.name, "bold"), f": {error}")
             console.emit({"scenario": stated.name, "outcome": "no plan", "reason": str(error)})
@@ -132,44 +134,30 @@ def _disturbances(scenario: Scenario, words: tuple[dict[str, Any], ...]) -> list
         UsageError: When one is too far to be meant.
         ChainError: When there is no such object.
     """
+    from pushplan.errors import ChainError
     from pushplan.sim.control.simulated_push import Disturbance
 
+    names, found = list(scenario.poses), []
     for one in words:
+        shift = {name: one.get(name, 0.0) for name in ("x", "y", "turn")}
         for name in ("x", "y"):
-            if abs(one.get(name, 0.0)) > MOST_DISPLACED:
+            if abs(shift[name]) > MOST_DISPLACED:
                 told = f"{name} is {one[name]:g} m: mm? a plain number is m; allowed: up to {MOST_DISPLACED:g} m"
                 raise p.UsageError(f"--disturb: {told}")
-    return [
-        Disturbance(one["time"], _index(scenario, one["object"]), *(one.get(k, 0.0) for k in ("x", "y", "turn")))
-        for one in words
-    ]
-
-
-def _index(scenario: Scenario, name: str) -> int:
-    from pushplan.errors import ChainError
-
-    names = list(scenario.poses)
-    if name not in names:
-        raise ChainError(f"no object is called {name!r}; there are {', '.join(names)}")
-    return names.index(name)
+        if one["object"] not in names:
+            raise ChainError(f"no object is called {one['object']!r}; there are {', '.join(names)}")
+        found.append(Disturbance(one["time"], names.index(one["object"]), *shift.values()))
+    return found
 
 
 def _simulated(
-    scenario: Scenario,
-    closed_loop: bool,
-    disturbances: list[Disturbance],
-    uncertainty: Any,
-    sensor: Any,
-    seed: int,
-    how: dict[str, Any],
-    console: Console,
+    scenario: Scenario, disturbances: list[Disturbance], uncertainty: Any, how: dict[str, Any], console: Console
 ) -> ClosedLoopRun:
     with console.working("planning and pushing") as progress:
         import numpy as np
 
         from pushplan.closed_loop import run_closed_loop
         from pushplan.plans.settings import Observer
-        from pushplan.sim.control.simulated_push import SENSOR as USUAL
         from pushplan.sim.trials import sampled_world
         from pushplan.sim.world import World
 
@@ -178,18 +166,8 @@ def _simulated(
 
         world, observer = World.from_scenario(scenario), Observer(message=progress.announce)
         if uncertainty is not None:
-            world = sampled_world(scenario, uncertainty, np.random.default_rng([seed, 0]))
-        return run_closed_loop(
-            scenario,
-            world,
-            disturbances,
-            watched=closed_loop,
-            sensor=sensor or USUAL,
-            seed=seed,
-            observer=observer,
-            progress=told,
-            **how,
-        )
+            world = sampled_world(scenario, uncertainty, np.random.default_rng([how["seed"], 0]))
+        return run_closed_loop(scenario, world, disturbances, observer=observer, progress=told, **how)
 
 
 def _tell(done: ClosedLoopRun, page: Path | None, incomplete: IncompleteLogError | None, console: Console) -> None:

@@ -37,7 +37,7 @@ def _uncertainty(found: dict[str, Any]) -> TrialUncertainty:
     return TrialUncertainty(**{**dict.fromkeys(_UNITS, 0.0), **found})
 
 
-UNCERTAINTY = p.Named(_UNITS, _uncertainty)
+UNCERTAINTY = p.named(_UNITS, _uncertainty)
 """What may be uncertain; plain numbers are shares, m and rad."""
 
 
@@ -160,14 +160,18 @@ def _read(source: str, console: Console) -> Scenario | RecordedRun:
 
 
 def _rows(trials: Trials) -> list[tuple[str, str]]:
-    """Return label and value of the numbers of trials, for people."""
+    from pushplan.plans.robustness import TrialUncertainty
+
     position, angle = _percentiles(trials)
     scenario = trials.scenario
     of = None if scenario.bodies else scenario.goal.of
     of = "worst object" if of is None else of
     failed = ", ".join(f"{name} {count}" for name, count in trials.first_failures.items())
+    uncertainty = (trials.uncertainty or TrialUncertainty()).words
+    if trials.uncertainty is None and scenario.has_intervals:
+        uncertainty = f"the scenario's intervals, {TrialUncertainty(0.0, 0.0, 0.0, 0.0).words}"
     found = [
-        ("uncertainty", trials.uncertainty.words if trials.uncertainty else _stated(trials)),
+        ("uncertainty", uncertainty),
         ("contacts held", f"in {100.0 * trials.held:.1f} %"),
         ("first to move", failed or "none"),
         (f"goal error ({of})", f"median {_off(position[0], angle[0])}, 90 % within {_off(position[1], angle[1])}"),
@@ -192,20 +196,11 @@ def _percentiles(trials: Trials) -> list[list[float]]:
     return found
 
 
-def _stated(trials: Trials) -> str:
-    from pushplan.plans.robustness import TrialUncertainty
-
-    if not trials.scenario.has_intervals:
-        return TrialUncertainty().words
-    return f"the scenario's intervals, {TrialUncertainty(0.0, 0.0, 0.0, 0.0).words}"
-
-
 def _off(position: float, angle: float) -> str:
     return f"{length_text(position)} / {angle_text(angle)}"
 
 
 def _document(trials: Trials, worst: Path | None) -> dict[str, object]:
-    """Return the JSON object of trials."""
     position, angle = _percentiles(trials)
     return {
         "scenario": trials.scenario.name,

@@ -14,7 +14,7 @@ from pushplan.scenario.maps import map_files
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.room import Attachments
 from pushplan.scenario.source import MOST_BYTES, DocumentError, Source
-from pushplan.scenario.validation import nearest
+from pushplan.util.naming import nearest
 
 _FOLDER, _SUFFIX = Path(__file__).parents[1] / "scenarios", ".yaml"
 """Of the packaged scenarios. (`importlib.resources` takes 10 ms to load, and the package is never a zip file.)"""
@@ -155,7 +155,6 @@ def _plain(value: object) -> object:
 
 
 def _read(data: bytes, path: Path, attachments: Attachments, by_hand: bool = True) -> Scenario:
-    """Return the scenario that the bytes of a file state."""
     try:
         source = Source(data, path, by_hand)
     except DocumentError as error:

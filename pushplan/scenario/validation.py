@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import types
 from collections.abc import Sequence
 from typing import Any, TypeVar, get_args
@@ -14,6 +13,7 @@ from pushplan.scenario import units
 from pushplan.scenario.schema import ScenarioFile
 from pushplan.scenario.source import Place, Source, shorten
 from pushplan.scenario.units import show
+from pushplan.util.naming import nearest
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -37,12 +37,6 @@ def validate(model: type[Model], source: Source) -> Model | None:
     return None if known else valid
 
 
-def nearest(word: str, known: Sequence[str]) -> str:
-    """Return `; did you mean '...'?` with the known word most like `word`, or `;`."""
-    close = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.65)
-    return f"; did you mean '{close[0]}'?" if close else ";"
-
-
 def unknown_object(name: str, known: Sequence[str]) -> str:
     """Return that no object has a name, and the names that there are."""
     return f"no object is called '{shorten(name)}'{nearest(name, known)} allowed: {', '.join(known)}"
@@ -64,7 +58,6 @@ def _place(source: Source, location: Place) -> Place:
 
 
 def _sentence(model: type[BaseModel], detail: ErrorDetails) -> str:
-    """Return what is wrong and what is allowed."""
     kind, value, location = detail["type"], detail["input"], detail["loc"]
     parents, description = _walk(model, location[:-1])
     inner, own = _walk(model, location)
@@ -107,7 +100,6 @@ def _walk(model: type[BaseModel], location: Place) -> tuple[list[type[BaseModel]
 
 
 def _models_in(annotation: Any) -> list[type[BaseModel]]:
-    """Return the models that an annotation mentions."""
     if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
         return [annotation] if issubclass(annotation, BaseModel) else []
     return [model for part in get_args(annotation) for model in _models_in(part)]
@@ -132,6 +124,8 @@ def salvage(source: Source) -> tuple[ScenarioFile, set[str]] | None:
     So that geometry, start and goal are checked all the same, as far as what is right allows; None where the
     geometry of objects or pusher itself is in doubt.
     """
+    import difflib
+
     data, doubtful = source.root.plain(), set[str]()
     for place in source.wrong:
         depth = {"objects": 3, "pusher": 2}.get(str(place[0]), 1) if place else 1

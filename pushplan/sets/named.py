@@ -15,7 +15,7 @@ from pushplan.sets.stable_set import StableSet
 from pushplan.sets.unknown_load_sets import RobustSet, StableUnknownSet
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import STABLE_SETS
-from pushplan.util.naming import PLACE, attribute_named, stable_set_names
+from pushplan.util.naming import PLACE, STABLE_SET_NAMES, attribute_named
 
 
 class IntervalEcofSet(StableSet):
@@ -134,7 +134,7 @@ def add_set(given: str | type[StableSet]) -> str:
     """
     if isinstance(given, str) and (given in _SETS or given in _OTHERS):
         return given
-    kind = attribute_named(given, stable_set_names().group) if isinstance(given, str) else given
+    kind = attribute_named(given, STABLE_SET_NAMES.group) if isinstance(given, str) else given
     if kind is None:
         raise PushplanError(_unknown(str(given)))
     if not (isinstance(kind, type) and issubclass(kind, StableSet)):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from importlib import import_module
@@ -22,6 +22,14 @@ if TYPE_CHECKING:
 
 PLACE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
 """The form of `module:attribute`."""
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Return `; did you mean '...'?` with the known word most like a word, or `;`."""
+    import difflib  # which takes longer to load than most commands have for words that are right
+
+    close = difflib.get_close_matches(word.lower(), list(known), n=1, cutoff=0.65)
+    return f"; did you mean '{close[0]}'?" if close else ";"
 
 
 _before_import: ContextVar[Callable[[str], None] | None] = ContextVar("before_import", default=None)
@@ -69,24 +77,11 @@ class OpenNames(tuple[str, ...]):
         return ", or ".join([*([", ".join(self)] if self else []), "module:attribute"])
 
 
-def planner_names() -> OpenNames:
-    """Return the names that a planner may have."""
-    return OpenNames(names.PLANNERS, "pushplan.planners")
-
-
-def stable_set_names() -> OpenNames:
-    """Return the names that a stable set may have."""
-    return OpenNames(names.STABLE_SETS, "pushplan.sets")
-
-
-def simulator_names() -> OpenNames:
-    """Return the names that a simulator of trials may have."""
-    return OpenNames(names.SIMULATORS, "pushplan.simulators")
-
-
-def exporter_names() -> OpenNames:
-    """Return the names that an exporter of others may have."""
-    return OpenNames((), "pushplan.exporters")
+PLANNER_NAMES = OpenNames(names.PLANNERS, "pushplan.planners")
+STABLE_SET_NAMES = OpenNames(names.STABLE_SETS, "pushplan.sets")
+SIMULATOR_NAMES = OpenNames(names.SIMULATORS, "pushplan.simulators")
+EXPORTER_NAMES = OpenNames((), "pushplan.exporters")
+"""What planners, stable sets, simulators of trials and exporters of others may be called."""
 
 
 def function_named(name: str, known: OpenNames, what: str) -> Callable[..., Any]:
