@@ -31,7 +31,7 @@ from pushplan.plans.plan import Diagnosis, Nearest
 from pushplan.plans.segment import Segment
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.room import Surroundings, placed, placement_troubles
+from pushplan.scenario.room import placed, placement_troubles
 from pushplan.sets.force_limited_set import ForceLimitedSet
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
@@ -128,10 +128,9 @@ class PushSearch:
             raise PlanningError("the chain is at the goal already: there is nothing to push")
         if not validator.too_near(self.load, both):
             return
-        surroundings = Surroundings(scenario.workspace, scenario.obstacles, scenario.clearance)
         wrong: list[str] = []
         for what, pose in zip(("start", "goal"), both, strict=True):
-            wrong += placement_troubles(what, placed(scenario.chain.bodies, pose), surroundings)
+            wrong += placement_troubles(what, placed(scenario.chain.bodies, pose), scenario)
         if wrong:
             raise PlanningError("; ".join(wrong))
 

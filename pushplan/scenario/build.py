@@ -16,17 +16,9 @@ from pushplan.mechanics.faces import ways_through
 from pushplan.scenario.chain import build_bodies, check_differ, widened
 from pushplan.scenario.layout import millimetres
 from pushplan.scenario.model import NotOneLoad, Scenario
-from pushplan.scenario.one_load import (
-    check_pushes,
-    check_room_for_inertia,
-    one_load,
-    pushes_of,
-    shared,
-    surroundings_of,
-    turned_goals,
-)
+from pushplan.scenario.one_load import check_pushes, check_room_for_inertia, one_load, pushes_of, shared, turned_goals
 from pushplan.scenario.parts import PlacedObject, Row
-from pushplan.scenario.room import Attachments, build_surroundings, placed, placement_troubles
+from pushplan.scenario.room import Attachments, placed, placement_troubles
 from pushplan.scenario.schema import GatheringFile, GoalPose, ObjectGoal, RearrangementFile
 from pushplan.scenario.source import Place, Source, shorten
 from pushplan.scenario.units import highest, lowest
@@ -52,8 +44,7 @@ def _rearrangement(source: Source, attachments: Attachments) -> Scenario | None:
     if file is None or not _names_are_known(file, source):
         return None
     check_room_for_inertia(file, source)
-    room = build_surroundings(file, attachments, source)
-    pushes = pushes_of(file, (), source)
+    common, pushes = shared(file, source, attachments), pushes_of(file, (), source)
     found = {obj.name: _placed_object(file, i, attachments, source) for i, obj in enumerate(file.objects)}
     bodies = {name: body for name, body in found.items() if body is not None}
     if not bodies:
@@ -61,7 +52,7 @@ def _rearrangement(source: Source, attachments: Attachments) -> Scenario | None:
     stated = {**next(iter(bodies.values())).stated, "contacts": file.contacts.model_dump(exclude_none=True)}
     del stated["objects"]
     scenario = Scenario(
-        **shared(file, source, room, attachments),
+        **common,
         **{what: cast(Any, NotOneLoad(what, bodies)) for what in ("chain", "start", "goal")},
         stated=stated,
         pushes=pushes,
@@ -136,7 +127,6 @@ def _row(file: RearrangementFile, source: Source) -> Row | None:
 
 
 def _part_of(source: Source, i: int, name: str) -> Source:
-    """Return the document for one object's own problem."""
 
     def moved(place: Place) -> Place:
         match place:
@@ -154,7 +144,6 @@ def _part_of(source: Source, i: int, name: str) -> Source:
 
 
 def _placed_object(file: RearrangementFile, i: int, attachments: Attachments, source: Source) -> PlacedObject | None:
-    """Return one object of a file, with its chain and goals."""
     obj, part = file.objects[i], _part_of(source, i, file.objects[i].name)
     between = tuple(pair for pair in file.contacts.between if set(pair.objects) == {obj.name, PUSHER})
     alone = {
@@ -167,14 +156,8 @@ def _placed_object(file: RearrangementFile, i: int, attachments: Attachments, so
         return None
     aimed = not isinstance(file, GatheringFile) and obj.name in file.goals
     goals = _goals_of(file.goals[obj.name], obj.name) if aimed else ()
-    return PlacedObject(
-        pose=np.array(obj.pose),
-        goals=tuple(goal for one in goals for goal in turned_goals(one, bodies.chain)),
-        chain=bodies.chain,
-        interval=bodies.interval,
-        contact_friction=bodies.contact_friction,
-        stated=bodies.stated,
-    )
+    turned = tuple(goal for one in goals for goal in turned_goals(one, bodies.chain))
+    return PlacedObject(pose=np.array(obj.pose), goals=turned, **vars(bodies))
 
 
 def _goals_of(stated: Any, name: str) -> tuple[GoalPose, ...]:
@@ -216,7 +199,7 @@ def _check_row(scenario: Scenario, source: Source) -> None:
     narrow = np.array([[0.0, -1e-3], [length, -1e-3], [length, 1e-3], [0.0, 1e-3]])
     robot = placed(chain.carried, se2.compose(row.pose, se2.inverse(chain.pusher.plate_pose)))
     for what in placement_troubles(
-        "end", [(f"row of {length:.3g} m", se2.transform_points(row.pose, narrow)), *robot], surroundings_of(scenario)
+        "end", [(f"row of {length:.3g} m", se2.transform_points(row.pose, narrow)), *robot], scenario
     ):
         source.error(("goals", "row", "pose"), what)
 
@@ -228,18 +211,13 @@ def _check_apart(scenario: Scenario, source: Source) -> None:
     for one, other in combinations(names, 2):
         gap = float(standing[one].distance(standing[other]))
         if gap < kept:
-            depth = _depth(scenario, one, other)
+            there = (_outlines(scenario.bodies[name].chain, scenario.bodies[name].start) for name in (one, other))
+            depth = max(overlap_depth(a, b) for a, b in product(*there))
             where = f"overlaps '{one}' by {millimetres(depth)}" if depth else f"is {millimetres(gap)} from '{one}'"
             what = f"'{other}' {where}; allowed: at least {millimetres(kept)} apart"
             source.error(("objects", names.index(other), "pose"), what)
     for name, what in overlapping_goals({name: scenario.alone(name) for name in scenario.goals}).items():
         source.error(("goals", name), what)
-
-
-def _depth(scenario: Scenario, one: str, other: str) -> float:
-    """Return how far one object reaches into another, m; 0 where they are apart."""
-    there = (_outlines(scenario.bodies[name].chain, scenario.bodies[name].start) for name in (one, other))
-    return max(overlap_depth(a, b) for a, b in product(*there))
 
 
 def overlapping_goals(scenarios: Mapping[str, Scenario]) -> dict[str, str]:
@@ -248,8 +226,12 @@ def overlapping_goals(scenarios: Mapping[str, Scenario]) -> dict[str, str]:
     Args:
         scenarios: The problem of each object that has goals, alone in the room, by its name.
     """
-    ends = {name: _ends(scenario) for name, scenario in scenarios.items()}
-    found = {}
+    ends, found = dict[str, list[shapely.MultiPolygon]](), dict[str, str]()
+    for name, scenario in scenarios.items():  # at each goal, and at the start where that reaches one
+        goals = (scenario.goal,) if scenario.pushes is None else scenario.pushes.goals
+        poses = [goal.pose_chain for goal in goals]
+        poses += [scenario.start for goal in goals if goal.is_reached(scenario.start)]
+        ends[name] = [_area(scenario.chain, pose) for pose in poses]
     for one, other in combinations(ends, 2):
         gap = max(float(a.distance(b)) for a in ends[one] for b in ends[other])
         kept = scenarios[other].clearance
@@ -259,14 +241,6 @@ def overlapping_goals(scenarios: Mapping[str, Scenario]) -> dict[str, str]:
                 f"allowed: at least {millimetres(kept)}; objects that shall touch stand in goals.row"
             )
     return found
-
-
-def _ends(scenario: Scenario) -> list[shapely.MultiPolygon]:
-    """Return what the objects of one problem cover at each goal, and at the start where that reaches one."""
-    goals = (scenario.goal,) if scenario.pushes is None else scenario.pushes.goals
-    poses = [goal.pose_chain for goal in goals]
-    poses += [scenario.start for goal in goals if goal.is_reached(scenario.start)]
-    return [_area(scenario.chain, pose) for pose in poses]
 
 
 def _area(chain: Chain, pose: FloatArray) -> shapely.MultiPolygon:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -23,9 +22,9 @@ from pushplan.mechanics.support import (
     UnknownSupport,
 )
 from pushplan.scenario import bodies, schema
-from pushplan.scenario.contacts import contact_frictions, contact_heights, find_segments, make_contacts
+from pushplan.scenario.contacts import contact_numbers, find_segments, make_contacts
 from pushplan.scenario.layout import Layout, Part, describe_overlap, lay_out, outline_of
-from pushplan.scenario.parts import Snapping
+from pushplan.scenario.parts import Bodies
 from pushplan.scenario.schema import RoomFile
 from pushplan.scenario.source import Source
 from pushplan.scenario.units import Span, highest, lowest, middle
@@ -40,25 +39,6 @@ File = TypeVar("File", bound=RoomFile)
 
 MOST_UNCERTAIN = 16
 """Objects of a chain whose masses, floor frictions or loads are intervals: 10 take 4 s to plan for, 20 take 20 s."""
-
-
-@dataclass(frozen=True, eq=False)
-class Bodies:
-    """What moves.
-
-    Attributes:
-        chain: Objects, contacts and pusher; of intervals, the middle of loads and the lowest contact friction.
-        interval: The chain with the intervals of its loads and floor frictions, None when these are numbers.
-        contact_friction: (n, 2) least and largest coefficient of every contact.
-        stated: The same as plain data in the form of the file, with every pose and default filled in.
-        snapping: How measured poses were moved; None when they are taken as they are.
-    """
-
-    chain: Chain
-    interval: IntervalChain | None
-    contact_friction: FloatArray
-    stated: dict[str, Any]
-    snapping: Snapping | None
 
 
 def build_bodies(stated: RoomFile, read: ReadFile, source: Source) -> Bodies | None:
@@ -79,20 +59,19 @@ def build_bodies(stated: RoomFile, read: ReadFile, source: Source) -> Bodies | N
     if layout is None:
         return None
     segments = find_segments(parts, layout, source)
-    frictions = contact_frictions(file, segments, source)
-    heights = contact_heights(file, segments, source)
+    frictions, heights = contact_numbers(file, segments, source)
     pusher = _pusher(file, parts, layout, source)
     if source.findings:
         return None
     floors = [floor_friction(obj, file) for obj in file.objects]
-    objects = tuple(
-        PushedObject(
-            obj.name, part.outline, middle(obj.mass), middle(floor), support, layout.poses[i], _center_height(obj)
-        )
-        for i, (obj, part, support, floor) in enumerate(zip(file.objects, parts, supports, floors, strict=True))
-        if support is not None
-    )
-    chain = Chain(objects, make_contacts(segments, frictions, heights), pusher)
+    objects = []
+    for obj, part, support, floor, pose in zip(file.objects, parts, supports, floors, layout.poses, strict=True):
+        assert support is not None
+        center = None if obj.height is None else 0.5 * obj.height  # of the mass, where the file does not say it
+        if obj.center_of_mass is not None and len(obj.center_of_mass) == 3:
+            center = obj.center_of_mass[2]
+        objects.append(PushedObject(obj.name, part.outline, middle(obj.mass), middle(floor), support, pose, center))
+    chain = Chain(tuple(objects), make_contacts(segments, frictions, heights), pusher)
     spans = [frictions[contact.pusher, contact.pushed] for contact in chain.contacts]
     ends = np.array([[lowest(span), highest(span)] for span in spans])
     interval = _interval_chain(file, chain)
@@ -103,7 +82,13 @@ def build_bodies(stated: RoomFile, read: ReadFile, source: Source) -> Bodies | N
             "holds for all values takes minutes for more; state numbers",
         )
         return None
-    return Bodies(chain, interval, ends, _resolved(stated, layout), layout.snapping)
+    return Bodies(
+        chain=chain,
+        interval=interval,
+        contact_friction=ends,
+        stated=_resolved(stated, layout),
+        snapping=layout.snapping,
+    )
 
 
 def check_differ(names: Sequence[str], source: Source) -> None:
@@ -206,13 +191,6 @@ def _foot_spans(support: object) -> list[Span] | None:
 
 
 # --- supports ---
-
-
-def _center_height(stated: bodies.Object) -> float | None:
-    """Return the height of the centre of mass; half of the object's where none is stated."""
-    if stated.center_of_mass is not None and len(stated.center_of_mass) == 3:
-        return stated.center_of_mass[2]
-    return None if stated.height is None else 0.5 * stated.height
 
 
 def _support(

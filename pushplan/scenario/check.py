@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 from pushplan.errors import Finding, PushplanError, TippingError
 from pushplan.mechanics.chain import PLATE
@@ -16,9 +16,6 @@ LONGEST = 20.0
 SPEEDS = 1e-3, 5.0
 """Least and largest speed that is taken without a question, m/s."""
 
-_SHAPES = (("objects", "*", "shape"), ("robot", "footprint"), ("robot", "footprint", "*"))
-_AXLES = tuple((part, "drive", kind, "axle") for part in ("robot", "pusher") for kind in ("differential", "car"))
-
 
 def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
     """Return what `load_scenario` leaves out because it takes longer: whether the stable set is empty.
@@ -28,7 +25,10 @@ def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
     """
     unknown = [obj.name for obj in scenario.chain.objects if not obj.support.known]
     if unknown and scenario.stability.set in KNOWN_LOAD_SETS:
-        return (_finding(scenario, ("stability", "set"), _needs_loads(scenario.stability.set, unknown)),)
+        others = ", ".join(other for other in STABLE_SETS if other not in KNOWN_LOAD_SETS)
+        what = f"'{scenario.stability.set}' needs to know how loads rest on the floor, which is not stated for "
+        what += f"{', '.join(map(repr, unknown))}; allowed: {others}, or a support with known loads"
+        return (_finding(scenario, ("stability", "set"), what),)
     if scenario.pushes is not None:
         return ()
     from pushplan.sets.known_load_sets import emptiness
@@ -54,28 +54,20 @@ def _finding(scenario: Scenario, place: Place, what: str) -> Finding:
     )
 
 
-def _needs_loads(name: str, unknown: list[str]) -> str:
-    others = ", ".join(other for other in STABLE_SETS if other not in KNOWN_LOAD_SETS)
-    objects = ", ".join(f"'{other}'" for other in unknown)
-    return (
-        f"'{name}' needs to know how loads rest on the floor, which is not stated for {objects}; "
-        f"allowed: {others}, or a support with known loads"
-    )
-
-
 def length_question(source: Source) -> Finding | None:
     """Return the question whether a length that is a plain number is in mm; one with a unit is never asked about."""
     stated = source.root.plain()
-    for place, shape in (found for pattern in _SHAPES for found in _at(stated, pattern)):
-        for kind in ("box", "polygon"):
-            numbers = _numbers(shape.get(kind)) if isinstance(shape, Mapping) else []
-            side = max(numbers, default=0.0) - (min(numbers, default=0.0) if kind == "polygon" else 0.0)
-            if side > LONGEST:
-                return _mm(source, (*place, kind), side, "long")
-    for place, pose in (found for pattern in _AXLES for found in _at(stated, pattern)):
-        first = _numbers(pose[0]) if isinstance(pose, list) and pose else []
-        if first and abs(first[0]) > LONGEST:
-            return _mm(source, (*place, 0), first[0], "from the plate")
+    known = [key for key in ("objects", "robot", "pusher") if isinstance(stated, Mapping) and key in stated]
+    for place, found in _nodes({key: stated[key] for key in known}):
+        kind, length, what = place[-1] if place else "", 0.0, "long"
+        if kind in ("box", "polygon"):
+            numbers = _numbers(found)
+            length = max(numbers, default=0.0) - (min(numbers, default=0.0) if kind == "polygon" else 0.0)
+        elif kind == "axle" and isinstance(found, list) and found:
+            place, length, what = (*place, 0), next(iter(_numbers(found[0])), 0.0), "from the plate"
+        if abs(length) > LONGEST:
+            question = f'is {length:g} m {what}: mm? plain numbers are m; write "{length:g} mm" if so, everywhere'
+            return source.finding(place, question)
     return None
 
 
@@ -83,29 +75,21 @@ def questions(source: Source) -> tuple[Finding, ...]:
     """Return what is to be asked about numbers that a file states but hardly means."""
     length = length_question(source)
     found = [] if length is None else [length]
-    for place, speed in _at(source.root.plain(), ("pusher", "limits", "speed")):
+    for place, speed in _nodes(source.root.plain().get("pusher"), ("pusher",)):
         most = max(_numbers(speed), default=SPEEDS[0])
-        if most > SPEEDS[1]:
+        if place == ("pusher", "limits", "speed") and most > SPEEDS[1]:
             found.append(source.finding(place, f'is {most:g} m/s: mm/s? write "{most:g} mm/s" if so'))
-        elif most < SPEEDS[0]:
+        elif place == ("pusher", "limits", "speed") and most < SPEEDS[0]:
             found.append(source.finding(place, f"is {1e3 * most:g} mm/s: m/s? a push takes hours"))
     return tuple(found)
 
 
-def _mm(source: Source, place: Place, length: float, what: str) -> Finding:
-    question = f'is {length:g} m {what}: mm? plain numbers are m; write "{length:g} mm" if so, everywhere'
-    return source.finding(place, question)
-
-
-def _at(stated: object, pattern: Sequence[str], place: Place = ()) -> Iterator[tuple[Place, object]]:
-    """Yield all that stands at a place of a document, with the place; `*` is any member of a list."""
-    if not pattern:
-        yield place, stated
-    elif pattern[0] == "*" and isinstance(stated, list):
-        for i, member in enumerate(stated):
-            yield from _at(member, pattern[1:], (*place, i))
-    elif isinstance(stated, Mapping) and pattern[0] in stated:
-        yield from _at(stated[pattern[0]], pattern[1:], (*place, pattern[0]))
+def _nodes(stated: object, place: Place = ()) -> Iterator[tuple[Place, object]]:
+    """Yield all that a part of a document holds, itself included, with its place."""
+    yield place, stated
+    members = stated.items() if isinstance(stated, Mapping) else enumerate(stated) if isinstance(stated, list) else ()
+    for key, member in members:
+        yield from _nodes(member, (*place, key))
 
 
 def _numbers(stated: object) -> list[float]:

@@ -9,6 +9,7 @@ import shapely
 
 from pushplan.geometry.polygon import TOUCH, find_touch
 from pushplan.mechanics.chain import PLATE, Contact
+from pushplan.scenario.bodies import ContactPair
 from pushplan.scenario.layout import Layout, Part, describe_gap, describe_overlap, millimetres
 from pushplan.scenario.schema import RoomFile
 from pushplan.scenario.source import Place, Source
@@ -47,7 +48,6 @@ def find_segments(parts: Sequence[Part], layout: Layout, source: Source) -> dict
 
 
 def _name(index: int, parts: Sequence[Part]) -> str:
-    """Return what messages call a body."""
     return "the plate" if index == PLATE else f"'{parts[index].name}'"
 
 
@@ -106,35 +106,52 @@ def _trouble(i: int, touching: Mapping[int, FloatArray], parts: Sequence[Part], 
     return describe_gap((_name(j, parts), outline), (parts[i].name, layout.outlines[i]))
 
 
-def contact_frictions(file: RoomFile, pairs: Iterable[Pair], source: Source) -> dict[Pair, float | Span]:
-    """Return the friction of each pair of bodies that touch; what is missing is reported."""
+def contact_numbers(
+    file: RoomFile, pairs: Iterable[Pair], source: Source
+) -> tuple[dict[Pair, float | Span], dict[Pair, Span]]:
+    """Return the friction of each pair of bodies that touch, and the height of those that state one.
+
+    What is missing is reported, and what is above an object.
+    """
     names = [obj.name for obj in file.objects]
-    stated = _stated(file, names, source)
+    between, stated = file.contacts.between, _stated(file, names, source)
     frictions: dict[Pair, float | Span] = {}
+    heights: dict[Pair, Span] = {}
     touching = set()
     for pair in pairs:
         key = frozenset(PUSHER if i == PLATE else names[i] for i in pair)
         touching.add(key)
-        value = stated.get(key, file.pusher.friction if PLATE in pair else file.contacts.friction)
-        if value is None:
-            first, second = (names[i] for i in pair)
+        i = stated.get(key, -1)
+        entry = ContactPair.model_construct() if i < 0 else between[i]
+        friction = file.pusher.friction if PLATE in pair else file.contacts.friction
+        friction = friction if entry.friction is None else entry.friction
+        if friction is None:
+            first, second = (names[k] for k in pair)
             what = f"is missing, and '{first}' and '{second}' touch; needed: a friction coefficient"
             source.error(("contacts", "friction"), what)
         else:
-            frictions[pair] = value
-    complete = len(frictions) == len(names)
-    for i, entry in enumerate(file.contacts.between):
-        if complete and frozenset(entry.objects) in set(stated) - touching:
-            first, second = entry.objects
-            source.error(
-                ("contacts", "between", i, "objects"), f"'{first}' and '{second}' do not touch; leave it out"
-            )
-    return frictions
+            frictions[pair] = friction
+        height = file.pusher.contact_height if entry.height is None else entry.height
+        if entry.height is not None:
+            heights[pair] = lowest(height), highest(height)
+        for obj in (file.objects[k] for k in pair if k != PLATE):
+            if obj.height is not None and highest(height) > obj.height:
+                place: Place = ("contacts", "between", i, "height")
+                place = ("pusher", "contact_height") if entry.height is None else place
+                reach, top = millimetres(highest(height)), millimetres(obj.height)
+                source.error(place, f"reaches {reach}, and '{obj.name}' is {top} high; allowed: up to {top}")
+    if len(frictions) == len(names):
+        for key, i in stated.items():
+            if key not in touching and between[i].friction is not None:
+                first, second = between[i].objects
+                what = f"'{first}' and '{second}' do not touch; leave it out"
+                source.error(("contacts", "between", i, "objects"), what)
+    return frictions, heights
 
 
-def _stated(file: RoomFile, names: Sequence[str], source: Source) -> dict[frozenset[str], float | Span]:
-    """Return the frictions that `contacts.between` states, and report entries that name no pair."""
-    stated: dict[frozenset[str], float | Span] = {}
+def _stated(file: RoomFile, names: Sequence[str], source: Source) -> dict[frozenset[str], int]:
+    """Return which entry of `contacts.between` is of each pair, and report entries that name no pair."""
+    stated: dict[frozenset[str], int] = {}
     known = [*names, PUSHER]
     for i, entry in enumerate(file.contacts.between):
         place = ("contacts", "between", i, "objects")
@@ -144,31 +161,11 @@ def _stated(file: RoomFile, names: Sequence[str], source: Source) -> dict[frozen
         pair = frozenset(entry.objects)
         if len(pair) == 1 and not unknown:
             source.error(place, "names one object twice; allowed: two objects that touch")
-        elif pair in stated:
+        elif pair in stated and file.contacts.between[stated[pair]].friction is not None:
             source.error(place, "this pair stands further up already; keep one entry")
-        elif not unknown and entry.friction is not None:
-            stated[pair] = entry.friction
+        elif not unknown:
+            stated[pair] = i
     return stated
-
-
-def contact_heights(file: RoomFile, pairs: Iterable[Pair], source: Source) -> dict[Pair, Span]:
-    """Return the heights that pairs of bodies that touch state; what is above an object is reported."""
-    stated = {frozenset(entry.objects): (i, entry) for i, entry in enumerate(file.contacts.between)}
-    heights: dict[Pair, Span] = {}
-    for pair in pairs:
-        objects = [file.objects[i] for i in pair if i != PLATE]
-        key = frozenset([*(obj.name for obj in objects), *([PUSHER] if PLATE in pair else [])])
-        i, entry = stated.get(key, (0, None))
-        own = None if entry is None else entry.height
-        height = file.pusher.contact_height if own is None else own
-        if own is not None:
-            heights[pair] = lowest(own), highest(own)
-        for obj in objects:
-            if obj.height is not None and highest(height) > obj.height:
-                place: Place = ("pusher", "contact_height") if own is None else ("contacts", "between", i, "height")
-                reach, top = millimetres(highest(height)), millimetres(obj.height)
-                source.error(place, f"reaches {reach}, and '{obj.name}' is {top} high; allowed: up to {top}")
-    return heights
 
 
 def make_contacts(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 import re
 from collections.abc import Iterator
@@ -15,8 +16,8 @@ import shapely
 
 from pushplan.errors import ImportedFileError
 from pushplan.geometry.polygon import simple_polygon
+from pushplan.scenario.maps import bytes_of
 from pushplan.util.arrays import FloatArray
-from pushplan.util.files import read_regular
 from pushplan.util.naming import optional
 
 MOST_BYTES = 16 << 20
@@ -29,6 +30,9 @@ MOST_POINTS = 10_000
 """Points of one path up to which it is read: 20 times the corners that an object may have."""
 
 MOST_DEPTH = 100
+
+_DENSE = 1025
+"""Points of a curve among which the ends of its chords are chosen."""
 
 _NUMBERS = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _POSITIVE = {"width", "height", "r", "rx", "ry"}
@@ -55,10 +59,10 @@ def read_svg_outlines(path: str | Path, *, tolerance: float = 1e-4, centered: bo
     """
     svg = optional("svgelements", "reading an SVG drawing", "svgelements", "import")
     path = Path(path)
-    _check_size(path)
-    _check_elements(path)
+    data = bytes_of(path, MOST_BYTES)
+    _check_elements(data, path)
     try:
-        drawing = svg.SVG.parse(str(path), ppi=96.0, reify=True)
+        drawing = svg.SVG.parse(io.BytesIO(data), ppi=96.0, reify=True)
     except Exception as error:  # the parser and its XML library raise whatever they stumble over
         raise ImportedFileError(f"{path}: cannot read the drawing: {error}") from error
     outlines: dict[str, FloatArray] = {}
@@ -74,22 +78,18 @@ def read_svg_outlines(path: str | Path, *, tolerance: float = 1e-4, centered: bo
     return outlines
 
 
-def _check_elements(path: Path) -> None:
+def _check_elements(data: bytes, path: Path) -> None:
     """Refuse a drawing that is no drawing, whose copies or corners are too many, or whose sizes are no sizes.
 
     Raises:
         ImportedFileError: With the number of what is too much.
     """
+    if b"<!ENTITY" in data:
+        raise ImportedFileError(f"{path}: declares entities, which are not read; leave them out")
     try:
-        data = read_regular(path, MOST_BYTES)
-        if b"<!ENTITY" in data:
-            raise ImportedFileError(f"{path}: declares entities, which are not read; leave them out")
         root = ElementTree.fromstring(data)
-    except (OSError, ElementTree.ParseError, LookupError, ValueError) as error:
-        if isinstance(error, ImportedFileError):
-            raise
-        reason = getattr(error, "strerror", None) or error
-        raise ImportedFileError(f"{path}: cannot read the drawing: {reason}") from error
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
+        raise ImportedFileError(f"{path}: cannot read the drawing: {error}") from error
     named = {element.get("id"): element for element in root.iter() if element.get("id")}
     known: dict[ElementTree.Element, int] = {}
 
@@ -137,7 +137,6 @@ def read_csv_outlines(path: str | Path, *, centered: bool = False) -> dict[str, 
         ImportedFileError: With file and line, when a value is not allowed.
     """
     path = Path(path)
-    _check_size(path)
     corners: dict[str, list[list[float]]] = {}
     for number, row in _rows(path):
         corner = [_number(path, number, column, row[column]) for column in ("x", "y")]
@@ -165,58 +164,31 @@ def _corners(curve: Any, name: str, tolerance: float) -> FloatArray:
     if kinds.count("Move") != 1 or kinds[-1] != "Close":
         found = "is open" if kinds.count("Move") == 1 else f"has {kinds.count('Move')} outlines"
         raise ImportedFileError(f"{name}: {found}; allowed: one closed outline")
-    points = [point for segment in curve if type(segment).__name__ != "Move" for point in _chords(segment, tolerance)]
-    corners = np.array(points)
+    corners = np.concatenate([_chords(segment, tolerance) for segment in curve if type(segment).__name__ != "Move"])
     repeated = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1) < 1e-6
     distinct: FloatArray = corners[~repeated]
     return distinct
 
 
-def _chords(segment: Any, tolerance: float) -> Iterator[tuple[float, float]]:
-    """Yield the ends of chords that stay near a segment, without its first point."""
-    straight = type(segment).__name__ in ("Line", "Close")
-    yield from _refine(segment, 0.0, 1.0, math.inf if straight else tolerance, 0)
-
-
-def _refine(segment: Any, begin: float, end: float, tolerance: float, depth: int) -> Iterator[tuple[float, float]]:
-    """Bisect until the curve's quarter points lie within the tolerance of the chord; at least four chords a curve."""
-    a, b = _point(segment, begin), _point(segment, end)
-    inner = [_point(segment, begin + share * (end - begin)) for share in (0.25, 0.5, 0.75)]
-    chord = shapely.LineString([a, b])
-    flat = all(shapely.distance(chord, shapely.Point(point)) <= tolerance for point in inner)
-    if tolerance == math.inf or depth == 12 or (flat and depth > 1):  # at most 12 bisections of a curve
-        yield b
-        return
-    middle = 0.5 * (begin + end)
-    yield from _refine(segment, begin, middle, tolerance, depth + 1)
-    yield from _refine(segment, middle, end, tolerance, depth + 1)
-
-
-def _point(segment: Any, share: float) -> tuple[float, float]:
-    point = segment.point(share)
-    return float(point.x), float(point.y)
-
-
-def _check_size(path: Path) -> None:
-    try:
-        size = path.stat().st_size
-    except OSError as error:
-        raise ImportedFileError(f"{path}: cannot read the file: {error.strerror or error}") from error
-    if size > MOST_BYTES:
-        raise ImportedFileError(f"{path}: is larger than the {MOST_BYTES} bytes allowed")
+def _chords(segment: Any, tolerance: float) -> FloatArray:
+    """Return the ends (k, 2) of chords that stay near a segment, without its first point."""
+    if type(segment).__name__ in ("Line", "Close"):
+        return np.array([[segment.end.x, segment.end.y]], dtype=np.float64)
+    curve = np.asarray(segment.npoint(np.linspace(0.0, 1.0, _DENSE)), dtype=np.float64)
+    return np.asarray(shapely.get_coordinates(shapely.simplify(shapely.LineString(curve), tolerance))[1:])
 
 
 def _rows(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
     """Yield the number and the cells of each line below the header."""
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.DictReader(file, skipinitialspace=True, restval="")
-            header = [name.strip() for name in reader.fieldnames or []]
-            if not {"x", "y"} <= set(header):
-                raise ImportedFileError(f"{path}:1: the header is {','.join(header)!r}; it must name x and y")
-            reader.fieldnames = header
-            yield from ((reader.line_num, row) for row in reader)
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        file = io.StringIO(bytes_of(path, MOST_BYTES).decode("utf-8-sig"), newline="")
+        reader = csv.DictReader(file, skipinitialspace=True, restval="")
+        header = [name.strip() for name in reader.fieldnames or []]
+        if not {"x", "y"} <= set(header):
+            raise ImportedFileError(f"{path}:1: the header is {','.join(header)!r}; it must name x and y")
+        reader.fieldnames = header
+        yield from ((reader.line_num, row) for row in reader)
+    except (UnicodeDecodeError, csv.Error) as error:
         raise ImportedFileError(f"{path}: cannot read the table: {error}") from error
 
 

@@ -24,17 +24,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from pushplan.geometry.polygon import find_flaw
 from pushplan.scenario import units
-from pushplan.scenario.units import (
-    DESCRIBED_FAULT,
-    OrWord,
-    Quantity,
-    Span,
-    either_way,
-    fault,
-    friction,
-    or_interval,
-    show,
-)
+from pushplan.scenario.units import OrWord, Quantity, Span, either_way, fault, friction, or_interval, show
 from pushplan.util import names
 from pushplan.util.names import FACES
 
@@ -134,7 +124,7 @@ class Several:
     def read(self, value: Any) -> Any:
         """Return `value` when it is such a list."""
         if not isinstance(value, list) or not self.low <= len(value) <= self.high:
-            raise PydanticCustomError(DESCRIBED_FAULT, "{text}", {"text": show(value)})
+            raise PydanticCustomError(units.DESCRIBED_FAULT, "{text}", {"text": show(value)})
         return value
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:

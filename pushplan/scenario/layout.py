@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -95,89 +94,64 @@ def lay_out(
     stated poses are moved onto the contacts that are nearer than that, from the plate outward; where the plate's
     contact then has its midpoint aside of the origin, the frame is moved there.
     """
-    first = _place_first(parts[0], width, thickness, source, within)
-    if first is None:
-        return None
-    plate, poses, moved, sideways = first.plate, [first.pose], list(first.moved), first.sideways
-    for i, part in enumerate(parts[1:], start=1):
-        if part.pose is not None and part.offset is not None:
+    first, middle = parts[0], 0.0
+    if first.pose is not None and first.offset is not None:
+        middle = float(first.pose[1]) - first.offset
+    bodies: list[Named] = [("the plate", box_outline(thickness, width) + np.array([-0.5 * thickness, middle]))]
+    poses: list[FloatArray] = []
+    moved: list[Snapped] = []
+    sideways = 0.0
+    for i, part in enumerate(parts):
+        if i > 0 and part.pose is not None and part.offset is not None:
             source.error(("objects", i, "offset"), "has no meaning beside pose; keep one of them", at_key=True)
-        pose = _placed(parts[i - 1].outline, part, (f"'{parts[i - 1].name}'", i), source)
-        if pose is None:
-            return None
         if part.pose is None:
-            pose = se2.compose(poses[-1], pose)
-        elif within is not None:
-            bodies = [("the plate", plate), *_bodies(parts, poses)]
-            pose, snapped = snap(bodies, part, pose - [0.0, sideways, 0.0], within)
+            before = parts[i - 1].outline if i else bodies[0][1]
+            try:
+                pose = flush_pose(before, part.outline, part.offset or 0.0, (bodies[-1][0], f"'{part.name}'"))
+            except ChainError as error:
+                source.error(("objects", i), str(error))
+                return None
+            pose = se2.compose(poses[-1], pose) if i else pose
+        elif within is None:
+            pose = part.pose
+        else:
+            pose, snapped = snap(bodies, part, part.pose - [0.0, sideways, 0.0], within)
             moved.append(snapped)
             if _is_too_far(i, snapped, within, source):
                 return None
+        if i == 0:
+            origin = _origin(bodies[0], part, pose, source, within)
+            if origin is None:
+                return None
+            bodies, pose = [(bodies[0][0], bodies[0][1] - origin)], pose - [*origin, 0.0]
+            sideways = 0.0 if part.pose is None else float(origin[1])
         poses.append(pose)
-    outlines = tuple(outline for _, outline in _bodies(parts, poses))
+        bodies.append((f"'{part.name}'", se2.transform_points(pose, part.outline)))
     snapping = None if within is None else Snapping(tuple(moved), sideways)
-    return Layout(plate, np.array(poses), outlines, snapping)
+    (_, plate), *others = bodies
+    return Layout(plate, np.array(poses), tuple(outline for _, outline in others), snapping)
 
 
-def _bodies(parts: Sequence[Part], poses: Sequence[FloatArray]) -> list[Named]:
-    return [
-        (f"'{part.name}'", se2.transform_points(pose, part.outline)) for part, pose in zip(parts, poses, strict=False)
-    ]
-
-
-class _First(NamedTuple):
-    """The plate (4, 2), the first part's pose (3,), how that was snapped, and by how much the frame was moved, m."""
-
-    plate: FloatArray
-    pose: FloatArray
-    moved: tuple[Snapped, ...] = ()
-    sideways: float = 0.0
-
-
-def _place_first(part: Part, width: float, thickness: float, source: Source, within: Snap | None) -> _First | None:
-    middle = float(part.pose[1]) - part.offset if part.pose is not None and part.offset is not None else 0.0
-    plate = box_outline(thickness, width)
-    plate += [-0.5 * thickness, middle]
-    pose = _placed(plate, part, ("the plate", 0), source)
-    if pose is None:
-        return None
-    moved: tuple[Snapped, ...] = ()
-    if part.pose is not None and within is not None:
-        pose, snapped = snap([("the plate", plate)], part, pose, within)
-        if _is_too_far(0, snapped, within, source):
-            return None
-        moved = (snapped,)
-    outline = se2.transform_points(pose, part.outline)
-    trouble = describe_overlap(("the plate", plate), (part.name, outline))
-    touch = find_touch(plate, outline)
+def _origin(plate: Named, part: Part, pose: FloatArray, source: Source, within: Snap | None) -> FloatArray | None:
+    """Return where the chain frame's origin has to be moved (2,), or report why the first part cannot be pushed."""
+    body = part.name, se2.transform_points(pose, part.outline)
+    trouble, touch = describe_overlap(plate, body), find_touch(plate[1], body[1])
     if trouble is not None or touch is None or len(touch) == 0:
-        source.error(("objects", 0), trouble or describe_gap(("the plate", plate), (part.name, outline)))
+        source.error(("objects", 0), trouble or describe_gap(plate, body))
         return None
     origin = touch[0].mean(axis=0).round(15)  # so that what is symmetric stays so
     away = float(np.linalg.norm(origin))
-    if part.pose is None:
-        return _First(plate - origin, pose - [*origin, 0.0])
-    if within is not None and TOUCH < away <= within.position:
-        return _First(plate - origin, pose - [*origin, 0.0], moved, float(origin[1]))
-    if away > TOUCH:
-        source.error(
-            ("objects", 0, "pose"),
-            f"the plate touches '{part.name}' with the contact's midpoint at ({origin[0]:.6g}, {origin[1]:.6g}), "
-            f"but that is the chain frame's origin; move the pose, and state an offset of {pose[1] - middle:.6g}",
-        )
-        return None
-    return _First(plate, pose, moved)
-
-
-def _placed(base: FloatArray, part: Part, where: tuple[str, int], source: Source) -> FloatArray | None:
-    """Return the pose of a part, in the chain frame if it states one, else in the frame of `base`."""
-    if part.pose is not None:
-        return part.pose
-    try:
-        return flush_pose(base, part.outline, part.offset or 0.0, (where[0], f"'{part.name}'"))
-    except ChainError as error:
-        source.error(("objects", where[1]), str(error))
-        return None
+    if part.pose is None or (within is not None and TOUCH < away <= within.position):
+        return np.asarray(origin)
+    if away <= TOUCH:
+        return np.zeros(2)
+    offset = round(float(pose[1] - plate[1][:, 1].mean()), 12) + 0.0
+    source.error(
+        ("objects", 0, "pose"),
+        f"the plate touches '{part.name}' with the contact's midpoint at ({origin[0]:.6g}, {origin[1]:.6g}), "
+        f"but that is the chain frame's origin; move the pose, and state an offset of {offset:.6g}",
+    )
+    return None
 
 
 def flush_pose(base: FloatArray, outline: FloatArray, offset: float, names: tuple[str, str]) -> FloatArray:

@@ -119,16 +119,24 @@ def map_files(path: Path, name: str) -> dict[str, bytes]:
     Raises:
         ImportedFileError: When one of them cannot be read.
     """
-    data = _bytes_of(path)
+    data = bytes_of(path, MOST_PICTURE)
     image = _map_file(data, str(path)).image
-    return {name: data, _beside(name, image): _bytes_of(path.parent / image)}
+    return {name: data, _beside(name, image): bytes_of(path.parent / image, MOST_PICTURE)}
 
 
-def _bytes_of(file: Path) -> bytes:
+def bytes_of(path: Path, most: int) -> bytes:
+    """Return what a file that is imported holds.
+
+    Raises:
+        ImportedFileError: When it cannot be read, or holds more than so many bytes.
+    """
     try:
-        return read_regular(file, MOST_PICTURE)
+        data = read_regular(path, most + 1)
     except OSError as error:
-        raise ImportedFileError(f"{file}: cannot read the file: {error.strerror or error}") from error
+        raise ImportedFileError(f"{path}: cannot read the file: {error.strerror or error}") from error
+    if len(data) > most:
+        raise ImportedFileError(f"{path}: is larger than the {most} bytes allowed")
+    return data
 
 
 def _beside(name: str, image: str) -> str:

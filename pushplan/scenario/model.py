@@ -27,7 +27,7 @@ from pushplan.scenario.parts import (
     Task,
     Workspace,
 )
-from pushplan.scenario.schema import PlannerSettings, StabilitySettings, Uncertainty
+from pushplan.scenario.schema import PlannerSettings, PushChoice, StabilitySettings, Uncertainty
 from pushplan.scenario.source import Source
 from pushplan.util import names
 from pushplan.util.arrays import FloatArray, frozen
@@ -311,18 +311,24 @@ class Scenario:
 
         All numbers are SI and finite; every object has its pose. Read again, it gives an equal scenario.
         """
+        # Shares stay shares: what they stand for is made of them again. Of several pushes only some settings bear.
+        shares, planner, area = self.uncertainty.model_dump(), self.planner.model_dump(), self.workspace
+        if self.pushes is not None:
+            planner = {key: planner[key] for key in ("time_limit", "seed", "gap")}
+        room = {} if area is None else {"workspace": {"x": [area.xmin, area.xmax], "y": [area.ymin, area.ymax]}}
         return {
             "format": names.SCENARIO_FORMAT,
             "name": self.name,
             "floor": {"friction": self.floor_friction},
-            **_resolved_uncertainty(self.uncertainty),
+            **({"uncertainty": shares} if any(shares.values()) else {}),
             **_resolved_bodies(self),
             **_resolved_task(self),
-            **_resolved_surroundings(self),
+            **room,
+            "obstacles": [obstacle.document() for obstacle in self.obstacles],
             "clearance": self.clearance,
             "stability": self.stability.model_dump(),
             "trajectory": self.trajectory,
-            "planner": _resolved_planner(self),
+            "planner": planner,
         }
 
     def to_json(self) -> str:
@@ -341,12 +347,6 @@ class Scenario:
 
     def __hash__(self) -> int:
         return hash((self.name, self.floor_friction))
-
-
-def _resolved_uncertainty(uncertainty: Uncertainty) -> dict[str, Any]:
-    """Return the shares as the file has them; what they stand for is made of them again when it is read."""
-    shares = uncertainty.model_dump()
-    return {"uncertainty": shares} if any(shares.values()) else {}
 
 
 def _resolved_bodies(scenario: Scenario) -> dict[str, Any]:
@@ -369,8 +369,7 @@ def _resolved_task(scenario: Scenario) -> dict[str, Any]:
     pushes = scenario.pushes
     if pushes is None:
         return {"goal": _resolved_goal(scenario.goal)}
-    numbers = ("most", "switch_cost", "transit_weight", "approach", "retreat", "settle")
-    choice = {"pushes": {name: getattr(pushes, name) for name in numbers}}
+    choice = {"pushes": {name: getattr(pushes, name) for name in PushChoice.model_fields}}
     if not scenario.bodies:
         return {"goal": [_resolved_goal(goal) for goal in pushes.goals], **choice}
     if scenario.row is not None:
@@ -390,19 +389,7 @@ def _resolved_row(row: Row) -> dict[str, Any]:
     return {**found, "placed": list(row.placed)} if row.placed else found
 
 
-def _resolved_planner(scenario: Scenario) -> dict[str, Any]:
-    """Return what bears on one push, or on several."""
-    planner = scenario.planner.model_dump()
-    return planner if scenario.pushes is None else {key: planner[key] for key in ("time_limit", "seed", "gap")}
-
-
 def _resolved_goal(goal: Goal) -> dict[str, Any]:
     of = {} if goal.of is None else {"of": goal.of}
     tolerance = {"position": goal.position_tolerance, "angle": goal.angle_tolerance}
     return {"pose": goal.pose.tolist(), **of, "tolerance": tolerance}
-
-
-def _resolved_surroundings(scenario: Scenario) -> dict[str, Any]:
-    area = scenario.workspace
-    room = {} if area is None else {"workspace": {"x": [area.xmin, area.xmax], "y": [area.ymin, area.ymax]}}
-    return {**room, "obstacles": [obstacle.document() for obstacle in scenario.obstacles]}

@@ -18,7 +18,7 @@ from pushplan.scenario.chain import build_bodies
 from pushplan.scenario.layout import millimetres
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Goal, Pushes
-from pushplan.scenario.room import Attachments, Surroundings, build_surroundings, placed, placement_troubles
+from pushplan.scenario.room import Attachments, build_surroundings, placed, placement_troubles
 from pushplan.scenario.schema import GoalPose, RearrangementFile, RoomFile, ScenarioFile
 from pushplan.scenario.source import Place, Source
 from pushplan.scenario.validation import salvage, unknown_object, validate
@@ -32,8 +32,9 @@ _OF_SEVERAL = {"name", "cost", "time_limit", "seed", "gap"}
 """Keys of `planner` that bear on several pushes."""
 
 
-def shared(file: RoomFile, source: Source, room: Surroundings, attachments: Attachments) -> dict[str, Any]:
-    """Return what all kinds of scenarios have in common."""
+def shared(file: RoomFile, source: Source, attachments: Attachments) -> dict[str, Any]:
+    """Return what all kinds of scenarios have in common, and report what is wrong with the room."""
+    workspace, obstacles = build_surroundings(file, attachments, source)
     planner = file.planner if file.robot.start is None else file.planner.model_copy(update={"cost": RANKED_BY})
     return {
         "name": file.name or source.path.stem,
@@ -41,8 +42,8 @@ def shared(file: RoomFile, source: Source, room: Surroundings, attachments: Atta
         "source": source.data,
         "origin": source,
         "floor_friction": file.floor.friction,
-        "workspace": room.workspace,
-        "obstacles": room.obstacles,
+        "workspace": workspace,
+        "obstacles": obstacles,
         "clearance": file.clearance,
         "stability": file.stability,
         "planner": planner,
@@ -80,17 +81,12 @@ def one_load(source: Source, attachments: Attachments) -> Scenario | None:
         return None
     check_room_for_inertia(file, source)
     _check_for_several_only(file, source)
-    room = build_surroundings(file, attachments, source)
     goals = tuple(goal for one in stated.values() for goal in turned_goals(one, bodies.chain))
     scenario = Scenario(
-        **shared(file, source, room, attachments),
-        chain=bodies.chain,
+        **shared(file, source, attachments),
+        **vars(bodies),
         start=np.array(file.start),
         goal=goals[0],
-        stated=bodies.stated,
-        interval=bodies.interval,
-        contact_friction=bodies.contact_friction,
-        snapping=bodies.snapping,
         pushes=pushes_of(file, goals, source),
     )
     if doubtful & {"workspace", "obstacles", "clearance"}:
@@ -101,9 +97,7 @@ def one_load(source: Source, attachments: Attachments) -> Scenario | None:
             ("goal", ("goal", "pose"), scenario.goal.pose_chain),
         ):
             if what not in doubtful:
-                for trouble in placement_troubles(
-                    what, placed(scenario.chain.bodies, pose), surroundings_of(scenario)
-                ):
+                for trouble in placement_troubles(what, placed(scenario.chain.bodies, pose), scenario):
                     source.error(place, trouble)
     elif not doubtful & {"start", "goal", "robot"}:
         check_pushes(scenario, (*next(iter(stated)), "pose"), source)
@@ -201,7 +195,7 @@ def troubles_at_first(scenario: Scenario) -> Iterator[tuple[Place, str]]:
     for what in troubles_at(scenario, scenario.start, "start"):
         yield ("start",), what
     robot = placed(chain.carried, scenario.robot_start)
-    for what in placement_troubles("robot's start", robot, surroundings_of(scenario)):
+    for what in placement_troubles("robot's start", robot, scenario):
         yield ("robot", "start"), what
     for name, outline in robot:
         for other, standing in placed(_objects(chain), scenario.start):
@@ -213,12 +207,7 @@ def troubles_at_first(scenario: Scenario) -> Iterator[tuple[Place, str]]:
 
 def troubles_at(scenario: Scenario, load: FloatArray, what: str) -> Iterator[str]:
     """Yield a sentence for each object that is not free with the load at a pose (3,), its `start` or a `goal`."""
-    return placement_troubles(what, placed(_objects(scenario.chain), load), surroundings_of(scenario))
-
-
-def surroundings_of(scenario: Scenario) -> Surroundings:
-    """Return what stands in the room of a scenario."""
-    return Surroundings(scenario.workspace, scenario.obstacles, scenario.clearance)
+    return placement_troubles(what, placed(_objects(scenario.chain), load), scenario)
 
 
 def _objects(chain: Chain) -> list[Body]:

@@ -90,25 +90,36 @@ class Pushes:
         object.__setattr__(self, "robot_start", frozen(self.robot_start, (3,), "start of the robot"))
 
 
-@dataclass(frozen=True, eq=False)
-class PlacedObject:
-    """An object that stands apart from the others, and where it shall go.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Bodies:
+    """What moves as one load.
 
     Attributes:
-        pose: (3,) pose of its own frame in the world.
-        goals: Any of which will do; none where it is moved only when it is in the way of others.
-        chain: It alone, pushed at its rear face with the plate's middle at its frame's y = 0.
-        interval: The chain with the intervals of its numbers; None when all are numbers.
-        contact_friction: (1, 2) least and largest coefficient between it and the plate.
-        stated: What the file states of it, the pusher and the robot, as one load in contact.
+        chain: Objects, contacts and pusher; of intervals, the middle of loads and the lowest contact friction.
+        interval: The chain with the intervals of its loads and floor frictions, None when these are numbers.
+        contact_friction: (n, 2) least and largest coefficient of every contact.
+        stated: The same as plain data in the form of the file, with every pose and default filled in.
+        snapping: How measured poses were moved; None when they are taken as they are.
     """
 
-    pose: FloatArray
-    goals: tuple[Goal, ...]
     chain: Chain
     interval: IntervalChain | None
     contact_friction: FloatArray
     stated: Mapping[str, Any]
+    snapping: Snapping | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlacedObject(Bodies):
+    """An object that stands apart, as a load pushed at its rear face with the plate's middle at its frame's y = 0.
+
+    Attributes:
+        pose: (3,) pose of its own frame in the world.
+        goals: Any of which will do; none where it is moved only when it is in the way of others.
+    """
+
+    pose: FloatArray
+    goals: tuple[Goal, ...]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "pose", frozen(self.pose, (3,), "pose of an object"))

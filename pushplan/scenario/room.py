@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path, PurePosixPath
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -21,6 +21,9 @@ from pushplan.scenario.parts import CircleObstacle, Obstacle, PolygonObstacle, W
 from pushplan.scenario.source import Source, shorten
 from pushplan.util.arrays import FloatArray
 from pushplan.util.files import read_regular
+
+if TYPE_CHECKING:
+    from pushplan.scenario.model import Scenario
 
 MOST_ATTACHED = 16 << 20
 """Bytes up to which a file that a scenario names is read."""
@@ -73,15 +76,9 @@ class Attachments:
         return data
 
 
-class Surroundings(NamedTuple):
-    """What to keep away from, and how far (m)."""
-
-    workspace: Workspace | None
-    obstacles: Sequence[Obstacle]
-    clearance: float
-
-
-def build_surroundings(file: schema.RoomFile, attachments: Attachments, source: Source) -> Surroundings:
+def build_surroundings(
+    file: schema.RoomFile, attachments: Attachments, source: Source
+) -> tuple[Workspace | None, tuple[Obstacle, ...]]:
     """Return the room that a file states, without the maps that cannot be read; why is reported.
 
     The workspace is the rectangle around all maps where none is stated: beyond a map nothing is known.
@@ -105,17 +102,13 @@ def build_surroundings(file: schema.RoomFile, attachments: Attachments, source: 
                 outline = se2.transform_points(stated.pose or (0.0, 0.0, 0.0), outline_of(stated))
                 unknown = isinstance(stated, schema.PolygonInRoom) and stated.unknown is not None
                 obstacles.append(PolygonObstacle(outline, unknown))
-    area = file.workspace
-    workspace = _around(areas) if area is None else Workspace(*area.x, *area.y)
-    return Surroundings(workspace, tuple(obstacles), file.clearance)
-
-
-def _around(areas: list[Workspace]) -> Workspace | None:
+    if file.workspace is not None:
+        areas = [Workspace(*file.workspace.x, *file.workspace.y)]
     if not areas:
-        return None
+        return None, tuple(obstacles)
     low = min(area.xmin for area in areas), min(area.ymin for area in areas)
     high = max(area.xmax for area in areas), max(area.ymax for area in areas)
-    return Workspace(low[0], high[0], low[1], high[1])
+    return Workspace(low[0], high[0], low[1], high[1]), tuple(obstacles)
 
 
 def placed(bodies: Iterable[Body], pose: FloatArray) -> list[tuple[str, FloatArray]]:
@@ -123,13 +116,13 @@ def placed(bodies: Iterable[Body], pose: FloatArray) -> list[tuple[str, FloatArr
     return [(body.name, se2.transform_points(pose, body.outline)) for body in bodies]
 
 
-def placement_troubles(what: str, bodies: Sequence[tuple[str, FloatArray]], room: Surroundings) -> Iterator[str]:
+def placement_troubles(what: str, bodies: Sequence[tuple[str, FloatArray]], room: Scenario) -> Iterator[str]:
     """Yield a sentence on every body that leaves the workspace or comes too near an obstacle.
 
     Args:
         what: `start` or `goal`, for the sentences.
         bodies: Names and outlines (v, 2) in the world.
-        room: What to keep away from.
+        room: The scenario, with what to keep away from, and how far.
     """
     obstacles, clearance = room.obstacles, room.clearance
     boxes = np.array([obstacle.box for obstacle in obstacles]).reshape(-1, 2, 2)

@@ -10,21 +10,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 from pydantic.json_schema import models_json_schema
 
+from pushplan.scenario import bodies as b
 from pushplan.scenario import fields as t
-from pushplan.scenario.bodies import (
-    FRICTION,
-    LENGTH,
-    NAME,
-    BoxShape,
-    Contacts,
-    Object,
-    PlacedObject,
-    PlacedRobot,
-    Plate,
-    PolygonShape,
-    Robot,
-    one_of,
-)
 from pushplan.scenario.parts import DEFAULT_TOLERANCE, TOLERANCE_OF_SEVERAL
 from pushplan.scenario.units import fault
 from pushplan.util import names
@@ -54,7 +41,7 @@ class Uncertainty(t.Strict):
 class Snap(t.Strict):
     """How far objects with a stated pose may be from the contact that they are moved onto."""
 
-    position: t.SnapDistance = Field(description=LENGTH)
+    position: t.SnapDistance = Field(description=b.LENGTH)
     angle: t.SnapAngle = Field(default=math.radians(2.0), description="an angle in rad")
 
 
@@ -67,20 +54,20 @@ SnapChoice = Annotated[
 class Floor(t.Strict):
     """The floor under every object that does not state its own friction."""
 
-    friction: t.FloorFriction = Field(description=FRICTION)
+    friction: t.FloorFriction = Field(description=b.FRICTION)
 
 
 class Tolerance(t.Strict):
     """How far from the goal is still at the goal."""
 
-    position: t.PositionTolerance = Field(default=DEFAULT_TOLERANCE[0], description=LENGTH)
+    position: t.PositionTolerance = Field(default=DEFAULT_TOLERANCE[0], description=b.LENGTH)
     angle: t.AngleTolerance = Field(default=DEFAULT_TOLERANCE[1], description="an angle in rad")
 
 
 class ToleranceOfSeveral(Tolerance):
     """How far from its goal one of several objects is still there."""
 
-    position: t.PositionTolerance = Field(default=TOLERANCE_OF_SEVERAL[0], description=LENGTH)
+    position: t.PositionTolerance = Field(default=TOLERANCE_OF_SEVERAL[0], description=b.LENGTH)
     angle: t.AngleTolerance = Field(default=TOLERANCE_OF_SEVERAL[1], description="an angle in rad")
 
 
@@ -112,11 +99,11 @@ class PushChoice(t.Strict):
     """What several pushes may come to, and what counts when they are ranked."""
 
     most: t.Most = Field(default=6, description="a whole number")
-    switch_cost: t.ArcPrice = Field(default=0.1, description=LENGTH)
+    switch_cost: t.ArcPrice = Field(default=0.1, description=b.LENGTH)
     transit_weight: t.Weight = Field(default=0.1, description="a weight from 0 to 1000")
-    approach: t.Travel = Field(default=0.05, description=LENGTH)
-    retreat: t.Travel = Field(default=0.05, description=LENGTH)
-    settle: t.Travel = Field(default=0.02, description=LENGTH)
+    approach: t.Travel = Field(default=0.05, description=b.LENGTH)
+    retreat: t.Travel = Field(default=0.05, description=b.LENGTH)
+    settle: t.Travel = Field(default=0.02, description=b.LENGTH)
 
 
 class Area(t.Strict):
@@ -130,13 +117,13 @@ _WORLD = "[x, y, theta] in the world"
 _UNKNOWN = "obstacle, the default, or free: what a map does not know"
 
 
-class BoxInRoom(BoxShape):
+class BoxInRoom(b.BoxShape):
     """A rectangular obstacle."""
 
     pose: t.Pose = Field(description=_WORLD)
 
 
-class PolygonInRoom(PolygonShape):
+class PolygonInRoom(b.PolygonShape):
     """A polygonal obstacle; it may stand for a part of a map of which nothing is known."""
 
     pose: t.Pose | None = Field(default=None, description=_WORLD)
@@ -170,7 +157,7 @@ class StabilitySettings(t.Strict):
     """Which stable set limits the pusher's twists, and how far inside it they stay."""
 
     set: Literal[names.STABLE_SETS] = Field(  # type: ignore[valid-type]
-        default=names.DEFAULT_STABLE_SET, description=one_of(names.STABLE_SETS)
+        default=names.DEFAULT_STABLE_SET, description=b.one_of(names.STABLE_SETS)
     )
     margin: t.Margin = Field(default=names.AUTO, description="auto, or a margin from 0 to 0.99")
     """The twists' margins exceed this number; `auto` stands for min(0.05, half of the largest margin there is),
@@ -181,13 +168,13 @@ class PlannerSettings(t.Strict):
     """Which planner runs, for how long, with which random numbers."""
 
     name: Annotated[Literal[names.PLANNERS], BeforeValidator(t.still_here)] = Field(  # type: ignore[valid-type]
-        default=names.DEFAULT_PLANNER, description=one_of(names.PLANNERS)
+        default=names.DEFAULT_PLANNER, description=b.one_of(names.PLANNERS)
     )
     time_limit: t.Duration = Field(default=2.0, description="a time in s")
     """Wall-clock limit, s."""
     seed: t.Seed = Field(default=1, description="a whole number")
     cost: Literal[names.COSTS] = Field(  # type: ignore[valid-type]
-        default=names.DEFAULT_COST, description=one_of(names.COSTS)
+        default=names.DEFAULT_COST, description=b.one_of(names.COSTS)
     )
     """What ranks paths."""
     weight: t.Weight = Field(default=1.0, description="a weight from 0 to 1000")
@@ -195,7 +182,7 @@ class PlannerSettings(t.Strict):
     a share."""
     gap: t.Gap = Field(default=0.0, description="a share from 0 to 100")
     """Share above the lower bound at which a path is good enough to stop."""
-    arc_price: t.ArcPrice = Field(default=0.03, description=LENGTH)
+    arc_price: t.ArcPrice = Field(default=0.03, description=b.LENGTH)
     """What an arc counts beside its length when paths are ranked, m."""
 
 
@@ -203,25 +190,25 @@ class RoomFile(t.Strict):
     """What every scenario file states: objects, robot, room and settings, but for where objects are and shall go."""
 
     format: Literal["pushplan/1"] = Field(description=names.SCENARIO_FORMAT)
-    name: t.Name | None = Field(default=None, description=NAME)
+    name: t.Name | None = Field(default=None, description=b.NAME)
     floor: Floor = Field(description="{friction: ...}")
     uncertainty: Uncertainty = t.with_defaults(Uncertainty, "{contact_friction: ..., floor_friction: ..., load: ...}")
     snap: SnapChoice | None = Field(default=None, description=SNAP)
-    objects: Annotated[tuple[Object, ...], t.Several(1, 200)] = Field(
+    objects: Annotated[tuple[b.Object, ...], t.Several(1, 200)] = Field(
         description="a list of 1 to 200 objects, from the pusher outward"
     )
-    contacts: Contacts = t.with_defaults(Contacts, "{friction: ..., between: [...]}")
-    pusher: Plate = Field(description="{width: ..., friction: ..., ...}")
-    robot: Robot = t.with_defaults(Robot, "{footprint: ..., drive: ..., start: ...}")
+    contacts: b.Contacts = t.with_defaults(b.Contacts, "{friction: ..., between: [...]}")
+    pusher: b.Plate = Field(description="{width: ..., friction: ..., ...}")
+    robot: b.Robot = t.with_defaults(b.Robot, "{footprint: ..., drive: ..., start: ...}")
     pushes: PushChoice | None = Field(
         default=None, description="{most: ..., switch_cost: ..., transit_weight: ..., approach: ..., ...}"
     )
     workspace: Area | None = Field(default=None, description="{x: [min, max], y: [min, max]}")
     obstacles: Annotated[tuple[Obstacle, ...], t.Several(0, 10_000)] = Field(default=(), description=OBSTACLES)
-    clearance: t.Clearance = Field(default=names.COLLISION_CLEARANCE, description=LENGTH)
+    clearance: t.Clearance = Field(default=names.COLLISION_CLEARANCE, description=b.LENGTH)
     stability: StabilitySettings = t.with_defaults(StabilitySettings, "{set: ..., margin: ...}")
     trajectory: Literal[names.TRAJECTORIES] = Field(  # type: ignore[valid-type]
-        default=names.DEFAULT_TRAJECTORY, description=one_of(names.TRAJECTORIES)
+        default=names.DEFAULT_TRAJECTORY, description=b.one_of(names.TRAJECTORIES)
     )
     planner: PlannerSettings = t.with_defaults(PlannerSettings, "{name: ..., time_limit: ..., seed: ...}")
 
@@ -260,10 +247,10 @@ class ScenarioFile(RoomFile):
 class RearrangementFile(RoomFile):
     """Several objects that stand apart, each with goals of its own or without any."""
 
-    objects: Annotated[tuple[PlacedObject, ...], t.Several(1, 200)] = Field(
+    objects: Annotated[tuple[b.PlacedObject, ...], t.Several(1, 200)] = Field(
         description="a list of 1 to 200 objects, each with its pose in the world"
     )
-    robot: PlacedRobot = Field(description="{footprint: ..., drive: ..., start: ...}")
+    robot: b.PlacedRobot = Field(description="{footprint: ..., drive: ..., start: ...}")
     goals: Annotated[dict[str, _Goals], Field(min_length=1)] = Field(description=GOALS)
 
 
@@ -277,7 +264,7 @@ class RowGoal(t.Strict):
         default=None, description="[x, y, theta] in the world of the middle of the row's rear face, +x along the push"
     )
     wall: Literal[names.WALLS] | None = Field(  # type: ignore[valid-type]
-        default=None, description=f"the wall that the row's front shall be at: {one_of(names.WALLS)}"
+        default=None, description=f"the wall that the row's front shall be at: {b.one_of(names.WALLS)}"
     )
     anywhere: bool | None = Field(default=None, description="true: wherever the row comes about")
     order: Literal["any", "given"] = Field(default="any", description="any, or given: that of the list")
@@ -288,7 +275,6 @@ class RowGoal(t.Strict):
 
     @model_validator(mode="after")
     def _one_place(self) -> RowGoal:
-        """Refuse a row without a place, or with more than one."""
         given = [self.pose is not None, self.wall is not None, bool(self.anywhere)]
         if sum(given) != 1:
             raise fault("a row with " + ("no place" if not any(given) else "several places"), ROW)
@@ -306,7 +292,7 @@ class GatheringFile(RearrangementFile):
 
     goals: RowGoals = Field(description=f"{{row: {ROW}}}")  # type: ignore[assignment]
     gather: Literal[names.GATHER] = Field(  # type: ignore[valid-type]
-        default="auto", description=f"whether objects are pushed together: {one_of(names.GATHER)}"
+        default="auto", description=f"whether objects are pushed together: {b.one_of(names.GATHER)}"
     )
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
+from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -120,8 +121,7 @@ class Source:
         Args:
             moved: Returns where the file states what stands at a place of that part.
         """
-        part: Source = object.__new__(Source)
-        part.data, part.path, part.root = self.data, self.path, self.root
+        part = copy(self)
         part._found, part._moved = [], moved
         return part
 

@@ -64,17 +64,6 @@ DESCRIBED_FAULT = "pushplan-described"
 """Type of those whose message says what was found; the field's description says what is allowed."""
 
 
-def split_unit(text: str) -> tuple[float, str] | None:
-    """Return number and unit of a text such as `90 deg`, or None when it is no such text."""
-    match = _WITH_UNIT.fullmatch(text)
-    return None if match is None else (float(match[1]), match[2])
-
-
-def dimension_of(unit: str) -> str | None:
-    """Return what `unit` measures, e.g. `an angle`, or None when the unit is not known."""
-    return next((name for name, units in DIMENSIONS.items() if unit in units), None)
-
-
 def fault(found: str, allowed: str) -> PydanticCustomError:
     """Return the error that says what was found and what is allowed."""
     return PydanticCustomError(FAULT, "{text}", {"text": f"{found}; allowed: {allowed}"})
@@ -165,12 +154,12 @@ class Quantity(Stated):
         return int(number) if self.whole else number
 
     def _from_text(self, text: str) -> float:
-        parts = split_unit(text)
-        if parts is None:
+        match = _WITH_UNIT.fullmatch(text)
+        if match is None:
             raise fault(show(text), self.allowed)
-        number, unit = parts
+        number, unit = float(match[1]), match[2]
         if unit not in self.units:
-            kind = dimension_of(unit)
+            kind = next((name for name, units in DIMENSIONS.items() if unit in units), None)
             unknown = f"has the unknown unit '{shorten(unit)}'"
             raise fault(unknown if kind is None else f"'{shorten(text)}' is {kind}", self.allowed)
         value = number * self.units[unit]
