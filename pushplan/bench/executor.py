@@ -215,7 +215,6 @@ def isolated(spec: RunSpec, scratch: Path | None = None, work: Work = perform) -
 
 
 def _isolated_on_worker(spec: RunSpec, work: Work) -> Outcome:
-    """Do a run on a worker of a cluster."""
     here = package_version()
     if spec.version != here:
         raise ExecutorError(
@@ -251,7 +250,6 @@ def _with_output(text: str, folder: Path) -> str:
 
 
 def _death(code: int | None) -> str:
-    """Return what an exit code says about the end of a process."""
     if code == UNKNOWN_END:
         return "the process ended, and the fork server cannot say how"
     if code is None or code >= 0:

@@ -21,6 +21,7 @@ from pushplan.errors import PushplanError, ScenarioError
 from pushplan.geometry.se2 import compose, rotate, transform_points
 from pushplan.mechanics.chain import Chain
 from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.layout import box_outline
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import SCENARIO_FORMAT
@@ -84,7 +85,9 @@ def generate(parameters: ProblemParameters, seed: int) -> str:
     """
     rng = np.random.Generator(np.random.PCG64(seed))
     sections, chain, radius = random_chain(rng, parameters)
-    world = random_world(rng, chain, enlarged(parameters, radius))
+    factor = max(1.0, radius / parameters.turning_radius)  # by which its turns are wider than asked for
+    room = {name: tuple(factor * end for end in getattr(parameters, name)) for name in ("workspace", "obstacle_size")}
+    world = random_world(rng, chain, parameters.model_copy(update=room))
     stated = {"name": f"random {seed}", **sections, **world}
     if parameters.robot is not None:
         stated["robot"] = _robot_beside(rng, stated, chain, parameters.robot)
@@ -96,15 +99,6 @@ def scenario_yaml(sections: Mapping[str, object]) -> str:
     """Return the text of a scenario file with the given sections, in their order."""
     document = {"format": SCENARIO_FORMAT, **sections}
     return yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=110)
-
-
-def enlarged(parameters: ProblemParameters, radius: float) -> ProblemParameters:
-    """Return parameters with workspace and obstacles as much larger as a chain's turns are wider than asked for."""
-    factor = max(1.0, radius / parameters.turning_radius)
-    scaled = {
-        name: tuple(factor * end for end in getattr(parameters, name)) for name in ("workspace", "obstacle_size")
-    }
-    return parameters.model_copy(update=scaled)
 
 
 def _round(value: float) -> float:
@@ -128,7 +122,11 @@ def random_chain(rng: np.random.Generator, parameters: ProblemParameters) -> tup
         GeneratorError: When none of the chains can be pushed straight ahead and around to both sides.
     """
     count = int(rng.integers(parameters.objects[0], parameters.objects[1] + 1))
-    drive = _drive(rng, parameters)
+    kind = str(rng.choice(parameters.drives))
+    axle = {"axle": [_round(-rng.uniform(0.1, 0.3)), 0.0, 0.0]}
+    least = _round(parameters.turning_radius * rng.uniform(0.2, 0.8))
+    drives = {"differential": {"differential": axle}, "car": {"car": {**axle, "min_radius": least}}}
+    drive: Sections = {"drive": drives[kind]} if kind in drives else {}
     drawn: list[tuple[float, Sections, Chain]] = []
     for _ in range(CHAIN_DRAWS):
         sections = _chain_sections(rng, parameters, count, drive)
@@ -199,20 +197,20 @@ class ObjectShape:
 
 def _object_shape(rng: np.random.Generator, parameters: ProblemParameters) -> ObjectShape:
     """Draw a box, or a polygon with up to two corners on either side."""
-    if rng.choice(parameters.shapes) == "box":
-        length, width = (_round(rng.uniform(*parameters.size)) for _ in range(2))
-        y = 0.5 * width
-        return ObjectShape(_box(length, width), (-y, y), (-y, y), {"box": [length, width]})
-    x, y = (0.5 * _round(rng.uniform(*parameters.size)) for _ in range(2))
-    corners = [(end, sign * rng.uniform(0.5, 0.9) * y) for end in (-x, x) for sign in (-1.0, 1.0)]
-    for sign in (-1.0, 1.0):
-        bulge = rng.uniform([-0.7, 0.9], [0.7, 1.0], (int(rng.integers(0, 3)), 2))
-        corners += [(at * x, sign * out * y) for at, out in bulge]
-    outline = _hull(np.array(corners))
+    box = rng.choice(parameters.shapes) == "box"
+    length, width = (_round(rng.uniform(*parameters.size)) for _ in range(2))
+    outline = box_outline(length, width)
+    if not box:
+        x, y = 0.5 * length, 0.5 * width
+        corners = [(end, sign * rng.uniform(0.5, 0.9) * y) for end in (-x, x) for sign in (-1.0, 1.0)]
+        for sign in (-1.0, 1.0):
+            bulge = rng.uniform([-0.7, 0.9], [0.7, 1.0], (int(rng.integers(0, 3)), 2))
+            corners += [(at * x, sign * out * y) for at, out in bulge]
+        outline = _hull(np.array(corners))
     ends = outline[:, 0].min(), outline[:, 0].max()
-    rear, front = (outline[outline[:, 0] == end, 1] for end in ends)
-    spans = [(float(edge.min()), float(edge.max())) for edge in (rear, front)]
-    return ObjectShape(outline, spans[0], spans[1], {"polygon": outline.tolist()})
+    edges = (outline[outline[:, 0] == end, 1] for end in ends)
+    rear, front = ((float(edge.min()), float(edge.max())) for edge in edges)
+    return ObjectShape(outline, rear, front, {"box": [length, width]} if box else {"polygon": outline.tolist()})
 
 
 def _object(
@@ -231,14 +229,6 @@ def _object(
         spots = np.round(0.85 * shape.outline + 0.15 * shape.outline.mean(axis=0), 4)
         stated["support"] = {"feet": np.column_stack([spots, loads]).tolist()}
     return stated
-
-
-def _drive(rng: np.random.Generator, parameters: ProblemParameters) -> Sections:
-    kind = str(rng.choice(parameters.drives))
-    axle = {"axle": [_round(-rng.uniform(0.1, 0.3)), 0.0, 0.0]}
-    radius = {"min_radius": _round(parameters.turning_radius * rng.uniform(0.2, 0.8))}
-    drive = {"differential": {"differential": axle}, "car": {"car": {**axle, **radius}}}
-    return {"drive": drive[kind]} if kind in drive else {}
 
 
 # --- what surrounds it ------------------------------------------------------------------------------------------
@@ -359,7 +349,7 @@ def _obstacle(rng: np.random.Generator, side: float, parameters: ProblemParamete
         radius = _round(0.5 * length)
         return {"circle": radius, "center": center.tolist()}, shapely.Point(center).buffer(radius)
     if kind == "box":
-        area = shapely.Polygon(rotate(turn, _box(length, width)) + center)
+        area = shapely.Polygon(rotate(turn, box_outline(length, width)) + center)
         return {"box": [length, width], "pose": [*center.tolist(), turn]}, area
     corners = np.round(rotate(turn, random_polygon(rng, length, width)) + center, 4)
     return {"polygon": corners.tolist()}, shapely.Polygon(corners)
@@ -370,10 +360,6 @@ def random_polygon(rng: np.random.Generator, length: float, width: float) -> Flo
     count = int(rng.integers(3, 8))
     angle = 2.0 * np.pi * (np.arange(count) + rng.uniform(0.1, 0.9, count)) / count
     return _hull(0.5 * np.stack([length * np.cos(angle), width * np.sin(angle)], axis=1))
-
-
-def _box(length: float, width: float) -> FloatArray:
-    return 0.5 * np.array([[-length, -width], [length, -width], [length, width], [-length, width]])
 
 
 def _hull(corners: FloatArray) -> FloatArray:

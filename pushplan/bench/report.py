@@ -298,10 +298,11 @@ def comparisons(results: Results) -> Table | None:
         "for the number of tests in this table (Holm); where p < 0.05 the better one is named."
     )
     head = ("in", "first", "second", "pairs", "second against first", "p", "better")
+    chances = ["< 0.001" if one.p < 0.001 else f"{one.p:.3f}" for one in found]
     better = [(one.second if one.second_is_better else one.first) if one.significant else NOTHING for one in found]
     rows = [
-        [one.respect, one.first, one.second, str(one.pairs), effect_text(one), _p_text(one.p), name]
-        for one, name in zip(found, better, strict=True)
+        [one.respect, one.first, one.second, str(one.pairs), effect_text(one), p, name]
+        for one, p, name in zip(found, chances, better, strict=True)
     ]
     return Table(head, rows, note=note)
 
@@ -309,10 +310,6 @@ def comparisons(results: Results) -> Table | None:
 def effect_text(one: Comparison) -> str:
     """Return what has changed, for people."""
     return f"{100.0 * one.effect:+.1f} points" if one.respect == SOLVED else f"× {fixed(one.effect, 3)}"
-
-
-def _p_text(p: float) -> str:
-    return "< 0.001" if p < 0.001 else f"{p:.3f}"
 
 
 def _setup(results: Results) -> Table:

@@ -23,17 +23,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Self
 
 from pushplan.bench.outcome import ATTRIBUTES, OK, STATUSES, Outcome
 from pushplan.bench.suite import Problem, RunSpec, Suite, planner_settings
 from pushplan.errors import PushplanError
-from pushplan.logging.metadata import git_commit
+from pushplan.logging.metadata import git_commit, version_of, versions
 from pushplan.util.files import check_output, write_whole
-
-_SOFTWARE = ("pushplan", "numpy", "scipy", "shapely", "ompl", "ruckig", "mcap")
 
 
 @dataclass(frozen=True)
@@ -58,26 +55,18 @@ class Machine:
     @classmethod
     def this(cls) -> Machine:
         """Return this machine."""
-        versions = {"python": platform.python_version(), **{name: version(name) for name in _SOFTWARE}}
-        return cls(socket.gethostname(), _description(), versions)
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
+        parts = f"{len(os.sched_getaffinity(0))} processors, {memory:.0f} GB"
+        text = f"{next(names, platform.machine())}, {parts}, {platform.system()} {platform.release()}"
+        return cls(socket.gethostname(), text, versions())
 
 
 def package_version() -> str:
     """Return the package's version and, in a checkout, its commit: results of different code are different."""
     commit = git_commit()
-    return version("pushplan") + (f"+g{commit[:10]}" if commit else "")
-
-
-def _description() -> str:
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
-    processors = len(os.sched_getaffinity(0))
-    return f"{_processor()}, {processors} processors, {memory:.0f} GB, {platform.system()} {platform.release()}"
-
-
-def _processor() -> str:
-    lines = Path("/proc/cpuinfo").read_text().splitlines()
-    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
-    return next(names, platform.machine())
+    return version_of("pushplan") + (f"+g{commit[:10]}" if commit else "")
 
 
 FORMAT = 3
@@ -289,8 +278,12 @@ class Store:
             self._database.execute(
                 "DELETE FROM runs WHERE id = (SELECT runid FROM pushplan_runs WHERE key = ?)", (run.key,)
             )
-            row = (None, experiment, self._planner(run), *(values.get(name) for name in ATTRIBUTES))
-            number = self._insert("runs", row)
+            settings = {**planner_settings(run.planner), "set": run.stable_set}
+            text = "".join(f"{name} = {value}\n" for name, value in settings.items())
+            planner = (f"{run.label} ({run.stable_set})", text)
+            known = self._single("SELECT id FROM plannerConfigs WHERE name = ? AND settings = ?", planner)
+            by = self._insert("plannerConfigs", (None, *planner)) if known is None else known
+            number = self._insert("runs", (None, experiment, by, *(values.get(name) for name in ATTRIBUTES)))
             self._database.execute(
                 "UPDATE pushplan_runs SET (runid, outcome, message, arcs, log, host, ended) = (?, ?, ?, ?, ?, ?, ?) "
                 "WHERE key = ?",
@@ -303,13 +296,6 @@ class Store:
                 "totaltime = (SELECT SUM(total_time) FROM runs WHERE experimentid = ?1) WHERE id = ?1",
                 (experiment,),
             )
-
-    def _planner(self, run: RunSpec) -> int:
-        """Return the id of a planner with its settings and stable set."""
-        settings = {**planner_settings(run.planner), "set": run.stable_set}
-        row = (f"{run.label} ({run.stable_set})", "".join(f"{name} = {value}\n" for name, value in settings.items()))
-        known = self._single("SELECT id FROM plannerConfigs WHERE name = ? AND settings = ?", row)
-        return self._insert("plannerConfigs", (None, *row)) if known is None else known
 
     def spent(self, seconds: float) -> None:
         """Add to the wall-clock time that the benchmark has taken."""

@@ -291,7 +291,6 @@ def _planners(file: SuiteFile, report: Source) -> tuple[Planner, ...]:
 
 
 def _problems(file: SuiteFile, folder: Path, report: Source) -> tuple[Problem, ...]:
-    """Return the problems, or report what is wrong with them."""
     made: list[Problem] = []
     known: dict[str, Problem] = {}
     for i, stated in enumerate(file.problems):
