@@ -92,8 +92,8 @@ def test_every_stage_of_an_answer_leads_from_the_dragged_start_to_the_dragged_go
     key = next(key for key in draft.poses if key.startswith("goal"))
     draft, asked = draft.moved(key, draft.poses[key] + [-0.1, -0.1, 0.0]), Answers(scenarios[kind])
     with first_plans():
-        timed = asked.timed(draft)
-        stages = asked.path(draft), timed, asked.polished(timed, lambda: False)
+        timed = asked.ask(draft, "timed")
+        stages = asked.ask(draft, "path"), timed, asked.ask(draft, "polished", lambda: False)
     for answer in stages:
         assert answer.solved, answer.findings
         for task in there(answer.scenario).tasks:
@@ -191,10 +191,10 @@ class Seen:
 def test_a_bad_pose_is_told_in_words(
     scenario: Scenario, answers: Answers, change: Callable[[Draft], Draft], words: str
 ) -> None:
-    answer = answers.path(change(Draft.of(scenario)))
+    answer = answers.ask(change(Draft.of(scenario)), "path")
     assert not answer.solved
     assert any(words in finding for finding in answer.findings), answer.findings
-    assert answers.path(Draft.of(scenario)).solved
+    assert answers.ask(Draft.of(scenario), "path").solved
 
 
 def test_a_worker_drops_what_was_asked_before_the_newest_question() -> None:

@@ -70,19 +70,15 @@ class Answers:
         self._planner = Planner(scenario, observer=self._observer)
         self._slides = Draft.of(scenario).slides
 
-    def path(self, draft: Draft) -> Answer:
-        """Return the first plan, checked but not timed; it takes a tenth of the time of a timed one."""
-        return self._ask(draft, "path")
+    def ask(self, draft: Draft, stage: str, stop: Callable[[], bool] | None = None) -> Answer:
+        """Return the answer of a stage, as far as there is one; else why not.
 
-    def timed(self, draft: Draft) -> Answer:
-        """Return the first plan, timed and executed, with what it tolerates; or why there is none."""
-        return self._ask(draft, "timed")
-
-    def polished(self, answer: Answer, stop: Callable[[], bool]) -> Answer:
-        """Return a better plan for an answer; it ends when `stop` says so."""
-        return self._ask(answer.draft, "polished", stop)
-
-    def _ask(self, draft: Draft, stage: str, stop: Callable[[], bool] | None = None) -> Answer:
+        Args:
+            draft: Which.
+            stage: `path` for the first plan, checked but not timed, in a tenth of the time of a timed one; `timed`
+                for the first plan, timed and executed, with what it tolerates; `polished` for a better one.
+            stop: Ends the search when it says so.
+        """
         try:
             scenario = draft.scenario()
         except ScenarioError as error:

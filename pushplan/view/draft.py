@@ -123,7 +123,10 @@ class Draft:
             if f"{GOAL}/row" in self.poses:
                 row["row"]["pose"] = self.poses[f"{GOAL}/row"].tolist()
             for name, goals in document["goals"].items() if not row else ():
-                self._move_goals(goals, f"{GOAL}/{name}", self.original.goals[name][0].pose)
+                first = self.original.goals[name][0].pose
+                for goal in goals:
+                    pose = se2.compose(self.poses[f"{GOAL}/{name}"], se2.relative(first, goal["pose"]))
+                    goal["pose"] = pose.tolist()
         else:
             self._move_load(document)
         if ROBOT in self.poses:
@@ -145,10 +148,6 @@ class Draft:
             if goal.of is not None:
                 pose = se2.compose(pose, document["objects"][chain.index_of(goal.of)]["pose"])
             stated["pose"] = pose.tolist()
-
-    def _move_goals(self, goals: list[dict[str, Any]], key: str, first: FloatArray) -> None:
-        for goal in goals:
-            goal["pose"] = se2.compose(self.poses[key], se2.relative(first, goal["pose"])).tolist()
 
     def scenario(self) -> Scenario:
         """Return the draft as a scenario.

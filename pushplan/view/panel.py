@@ -10,13 +10,13 @@ import shapely
 
 from pushplan.drawing.palette import ALONE as GREY
 from pushplan.drawing.palette import MARGIN_WORDS, PLATE, SLIPS, TURNS, object_colours
-from pushplan.plans.segment import Segment
 from pushplan.sets.cor import Window
 from pushplan.sets.stable_set import StableSet, default_window
 from pushplan.util.arrays import FloatArray
 from pushplan.view.answers import Answer
 from pushplan.view.draft import MOST_DRAGGED, ROBOT, START, Draft
 
+_FINE = 'vector-effect="non-scaling-stroke"'
 _STYLE = "padding:0 12px;font-size:13px;line-height:1.45"
 _RULES = """<style>
 #pushplan-answer { height: calc(9 * 1.45em); overflow-y: auto; overflow-wrap: anywhere; }
@@ -48,8 +48,13 @@ def answer_html(answer: Answer, number: int, milliseconds: float, dropped: bool)
         dropped: What was dragged has been let go.
     """
     data = f'data-number="{number}" data-stage="{answer.stage}" data-dropped="{str(dropped).lower()}"'
-    head = f'<div id="pushplan-answer" {data} style="{_STYLE}">'
-    return f"{head}{_plan(answer, milliseconds) if answer.solved else _troubles(answer)}</div>"
+    if answer.solved:
+        said = _plan(answer, milliseconds)
+    else:
+        items = "".join(f"<li>{escape(text)}</li>" for text in answer.findings)
+        said = f'<b id="pushplan-trouble" style="color:{SLIPS}">no plan</b>'
+        said += f'<ul style="margin:0;padding-left:18px">{items}</ul>'
+    return f'<div id="pushplan-answer" {data} style="{_STYLE}">{said}</div>'
 
 
 def _plan(answer: Answer, milliseconds: float) -> str:
@@ -61,7 +66,10 @@ def _plan(answer: Answer, milliseconds: float) -> str:
     else:
         count = len(plan.pushes)
         rows.append(("pushed", f"{plan.pushed_distance:.3f} m in {count} push{'' if count == 1 else 'es'}"))
-        rows += [(f"push {k}", _push(push)) for k, push in enumerate(plan.pushes, start=1)]
+        for k, push in enumerate(plan.pushes, start=1):
+            assert push.load is not None
+            at = f"{', '.join(push.load.names)} at its {push.load.face} face"
+            rows.append((f"push {k}", f"{at}, {push.cost:.2f} m"))
     if plan.min_margin is not None:
         rows.append(("least margin", f"{plan.min_margin:.3f} ({MARGIN_WORDS})"))
     if plan.force_words:
@@ -75,18 +83,7 @@ def _plan(answer: Answer, milliseconds: float) -> str:
     return "".join(f"<div><b>{name}</b>: {escape(text)}</div>" for name, text in rows)
 
 
-def _push(push: Segment) -> str:
-    assert push.load is not None
-    return f"{', '.join(push.load.names)} at its {push.load.face} face, {push.cost:.2f} m"
-
-
 _STAGES = {"path": "first plan", "timed": "first plan, timed", "polished": "polished"}
-
-
-def _troubles(answer: Answer) -> str:
-    items = "".join(f"<li>{escape(text)}</li>" for text in answer.findings)
-    head = f'<b id="pushplan-trouble" style="color:{SLIPS}">no plan</b>'
-    return f'{head}<ul style="margin:0;padding-left:18px">{items}</ul>'
 
 
 def stable_set_html(stable: StableSet | None) -> str:
@@ -95,33 +92,29 @@ def stable_set_html(stable: StableSet | None) -> str:
         return ""
     window = default_window(stable.chain, [stable])
     regions = "".join(_region(stable, sense, window) for sense in (+1, -1))
-    chain = stable.chain
+    chain, cone = stable.chain, stable.translation_cone()
+    straight = "; no straight push is stable"
+    if cone is not None:
+        low, high = sorted(degrees(float(np.arctan2(dy, dx))) for dx, dy in cone)
+        straight = f"; straight pushes from {low:+.1f} to {high:+.1f} deg"
     fills = [PLATE] * len(chain.carried) + object_colours([obj.name for obj in chain.objects])
-    bodies = "".join(_body(body.outline, fill) for body, fill in zip(chain.bodies, fills, strict=True))
-    drive = chain.pusher.drive
-    lines = "".join(_line(ends) for ends in drive.turning_centres(10.0 * (window[3] - window[1])))
+    shapes = [
+        f'<polygon points="{_points(body.outline)}" fill="{fill}" stroke="#333" stroke-width="1" {_FINE}/>'
+        for body, fill in zip(chain.bodies, fills, strict=True)
+    ]
+    drive, dashes = chain.pusher.drive, 'stroke="currentColor" stroke-width="1" stroke-dasharray="4 2"'
+    ends = drive.turning_centres(10.0 * (window[3] - window[1]))
+    lines = [f'<polyline points="{_points(each)}" fill="none" {dashes} {_FINE}/>' for each in ends]
     words = f"; {drive.turning_words} (dashed)" if drive.turning_words else ""
+    xmin, ymin, xmax, ymax = window  # the picture has the chain's y to the left and its x upward
+    view = f"{-ymax:.4g} {-xmax:.4g} {ymax - ymin:.4g} {xmax - xmin:.4g}"
     return (
         f'<div class="pushplan-set" style="{_STYLE}"><b>stable centres of rotation</b> '
         f'(<span style="color:{TURNS[+1]}">left turns</span>, '
-        f'<span style="color:{TURNS[-1]}">right turns</span>){_cone(stable)}{words}'
-        f'<svg id="pushplan-set" viewBox="{_view(window)}" style="width:100%;max-height:230px">'
-        f"{regions}{lines}{bodies}</svg></div>"
+        f'<span style="color:{TURNS[-1]}">right turns</span>){straight}{words}'
+        f'<svg id="pushplan-set" viewBox="{view}" style="width:100%;max-height:230px">'
+        f"{regions}{''.join(lines)}{''.join(shapes)}</svg></div>"
     )
-
-
-def _cone(stable: StableSet) -> str:
-    cone = stable.translation_cone()
-    if cone is None:
-        return "; no straight push is stable"
-    low, high = sorted(degrees(float(np.arctan2(dy, dx))) for dx, dy in cone)
-    return f"; straight pushes from {low:+.1f} to {high:+.1f} deg"
-
-
-def _view(window: Window) -> str:
-    """Return the SVG's window; the picture has the chain's y to the left and its x upward."""
-    xmin, ymin, xmax, ymax = window
-    return f"{-ymax:.4g} {-xmax:.4g} {ymax - ymin:.4g} {xmax - xmin:.4g}"
 
 
 def _region(stable: StableSet, sense: int, window: Window) -> str:
@@ -129,16 +122,6 @@ def _region(stable: StableSet, sense: int, window: Window) -> str:
     rings = [ring for part in parts if isinstance(part, shapely.Polygon) for ring in (part.exterior, *part.interiors)]
     data = " ".join(f"M {_points(np.asarray(ring.coords)[:, :2])} Z" for ring in rings)
     return f'<path d="{data}" fill="{TURNS[sense]}" fill-opacity="0.35" fill-rule="evenodd"/>'
-
-
-def _line(ends: FloatArray) -> str:
-    line = 'stroke="currentColor" stroke-width="1" stroke-dasharray="4 2" vector-effect="non-scaling-stroke"'
-    return f'<polyline points="{_points(ends)}" fill="none" {line}/>'
-
-
-def _body(outline: FloatArray, fill: str) -> str:
-    line = 'stroke="#333" stroke-width="1" vector-effect="non-scaling-stroke"'
-    return f'<polygon points="{_points(outline)}" fill="{fill}" {line}/>'
 
 
 def _points(points: FloatArray) -> str:

@@ -213,7 +213,6 @@ class Stage:
 
 
 def _key_of(draft: Draft, name: str, kind: BodyKind) -> str:
-    """Return what a body is dragged by."""
     if kind is not BodyKind.OBJECT:
         return ROBOT if ROBOT in draft.poses else START
     return START if START in draft.poses else f"{START}/{name}"

@@ -169,15 +169,15 @@ class Window:
         draft, dropped = question
         began = time.perf_counter()
         shown = self.answer if self.answer is not None and self.answer.draft is draft else None
-        answer = shown or self._answers.path(draft)  # where the mouse rested before the drop it is known
+        answer = shown or self._answers.ask(draft, "path")  # where the mouse rested before the drop it is known
         if answer.stage == "path":
             self._show(answer, began, dropped)
             if not dropped or not self._worker.idle(_DRAWING):
                 return
-            answer = self._answers.timed(draft)
+            answer = self._answers.ask(draft, "timed")
             self._show(answer, began, dropped)
         if answer.stage == "timed" and answer.solved and self._worker.idle(_REST):
-            better = self._answers.polished(answer, outdated)
+            better = self._answers.ask(draft, "polished", outdated)
             if better.solved and not outdated() and not self._playing.is_set():
                 self._show(better, began, dropped)
 
@@ -202,7 +202,6 @@ class Window:
         self.server.flush()  # else it waits for a sixtieth of a second
 
     def _handles(self) -> None:
-        """Add what things are dragged by."""
         draft, stage = self.draft, self.stage
         for key, pose in draft.poses.items():
             standing = key.startswith("obstacle/")
