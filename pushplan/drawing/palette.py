@@ -86,7 +86,8 @@ _TURN, _DEPTHS, _STRENGTH = 0.381966, (0.36, 0.5), 0.7
 def contact_colours(count: int) -> list[str]:
     """Return a colour for each of `count` contacts, all different."""
     more = range(len(_CONTACTS), count)
-    return [*_CONTACTS[:count], *(_hue(_TURN * k, _DEPTHS[k % len(_DEPTHS)]) for k in more)]
+    hues = [hls_to_rgb(_TURN * k % 1.0, _DEPTHS[k % len(_DEPTHS)], _STRENGTH) for k in more]
+    return [*_CONTACTS[:count], *("#" + "".join(f"{round(255 * part):02x}" for part in hue) for hue in hues)]
 
 
 def object_colours(names: Sequence[str]) -> list[str]:
@@ -139,7 +140,3 @@ def mixed(first: str, second: str, share: float) -> str:
 def red_green_blue(colour: str) -> tuple[int, int, int]:
     """Return the parts, 0 to 255, of a colour written `#rrggbb`."""
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
-
-
-def _hue(hue: float, depth: float) -> str:
-    return "#" + "".join(f"{round(255 * part):02x}" for part in hls_to_rgb(hue % 1.0, depth, _STRENGTH))

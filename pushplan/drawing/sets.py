@@ -140,7 +140,12 @@ def _draw_with_chain(axes: Axes, chain: Chain, sets: Sequence[StableSet], window
     draw_sets(axes, sets, window)
     draw_drive(axes, chain, sets[0], window)
     style_cor_axes(axes, window)  # before the chain, whose outlines are as wide as the scale allows
-    draw_chain(axes, chain)
+    width = outline_width(axes, [obj.outline for obj in chain.objects])
+    objects = iter(palette.object_colours([obj.name for obj in chain.objects]))
+    carried = {BodyKind.ROBOT: palette.ROBOT, BodyKind.PLATE: palette.PLATE}
+    for body in chain.bodies:
+        colour = carried.get(body.kind) or next(objects)
+        axes.add_artist(Polygon(body.outline, facecolor=colour, edgecolor=INK, linewidth=width, zorder=3.0))
     draw_contacts(axes, chain)
 
 
@@ -187,16 +192,6 @@ def style_cor_axes(axes: Axes, window: Window) -> None:
     axes.set_ylabel("y [m]")
 
 
-def draw_chain(axes: Axes, chain: Chain) -> None:
-    """Draw robot, plate and objects in the chain frame, in axes whose place and limits are set."""
-    width = outline_width(axes, [obj.outline for obj in chain.objects])
-    objects = iter(palette.object_colours([obj.name for obj in chain.objects]))
-    carried = {BodyKind.ROBOT: palette.ROBOT, BodyKind.PLATE: palette.PLATE}
-    for body in chain.bodies:
-        colour = carried.get(body.kind) or next(objects)
-        axes.add_artist(Polygon(body.outline, facecolor=colour, edgecolor=INK, linewidth=width, zorder=3.0))
-
-
 def draw_contacts(axes: Axes, chain: Chain) -> None:
     """Draw each contact segment, and the friction cone of the pushing force at both its ends, in the chain frame."""
     width = outline_width(axes, [obj.outline for obj in chain.objects])
@@ -220,7 +215,6 @@ def name_objects(axes: Axes, chain: Chain) -> None:
 
 
 def _set_keys(chain: Chain, sets: Sequence[StableSet]) -> list[Artist]:
-    """Return the entries, column by column."""
     colours = palette.object_colours([obj.name for obj in chain.objects])
     bodies = [
         Patch(facecolor=palette.PLATE, edgecolor=INK, label="pusher"),

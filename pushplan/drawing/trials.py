@@ -64,7 +64,10 @@ def plot_trials(plan: Plan, ends: Sequence[TrialEnd], path: str | Path) -> None:
         draw_goals(floor, scene)
         draw_bodies(floor, scene, scene.start)
         _draw_ends(floor, scenario, ends)
-        _draw_failures(floor, scenario, ends)
+        colours = dict(zip(scenario.poses, palette.contact_colours(len(scenario.poses)), strict=True))
+        for end in ends:
+            if end.contact:  # the first to move, and where
+                floor.plot(*end.point, marker="x", color=colours[end.object], markersize=5.0, zorder=10.0)
         arrived = sum(end.arrived for end in ends)
         low, high = wilson(arrived, len(ends))
         count = f"{arrived} of {len(ends)} arrive"
@@ -83,16 +86,6 @@ def _draw_ends(axes: Axes, scenario: Scenario, ends: Sequence[TrialEnd]) -> None
         outlines = [transform_points(pose, obj.outline) for obj, pose in ended]
         look: Any = {"facecolors": "none", "edgecolors": colour, "linewidths": 0.5, "zorder": 9.5}
         axes.add_collection(PolyCollection(outlines, alpha=0.5 if len(shown) < 20 else 0.15, **look))
-
-
-def _draw_failures(axes: Axes, scenario: Scenario, ends: Sequence[TrialEnd]) -> None:
-    """Mark where contacts were the first to move."""
-    names = list(scenario.poses)
-    colours = palette.contact_colours(len(names))
-    for end in ends:
-        if end.contact:
-            colour = colours[names.index(end.object)]
-            axes.plot(*end.point, marker="x", color=colour, markersize=5.0, zorder=10.0)
 
 
 def _shown(scenario: Scenario) -> tuple[int, Goal, FloatArray]:
@@ -140,13 +133,11 @@ def _keys(scenario: Scenario, ends: Sequence[TrialEnd], scene: Scene) -> list[Ar
         if any(end.arrived == one for end in ends)
     ]
     keys.append(Line2D([], [], color=INK, linewidth=0.9, label="tolerance"))
-    names = list(scenario.poses)
     failing = {end.object: end.contact for end in ends if end.contact}
-    colours = palette.contact_colours(len(names))
     mark: Any = {"marker": "x", "linestyle": "none"}
     failed = [
         Line2D([], [], color=colour, label=f"{failing[name]} moved first", **mark)
-        for name, colour in zip(names, colours, strict=False)
+        for name, colour in zip(scenario.poses, palette.contact_colours(len(scenario.poses)), strict=True)
         if name in failing
     ]
     drawn = [key for key in scene_keys(scene) if not isinstance(key, MarginScale)]  # its path is not
