@@ -23,7 +23,7 @@ from pushplan.planners.problem import Posing, body_reach, make_objective, rejoin
 from pushplan.planners.search.common import Common
 from pushplan.planners.search.planners import planner_named
 from pushplan.planners.search.search import Factory, Search
-from pushplan.planners.search.session import Budget, Session, Turn
+from pushplan.planners.search.session import Budget, Session
 from pushplan.planners.validator import EXACT, Validator
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
@@ -306,7 +306,7 @@ class _Searches:
             # Half of what is left of the budget may go by without a path before a lower margin is tried at all.
             lower_untried = len(attempts) == number + 1 < len(self._of.margins)
             used = self._budget.used(time.perf_counter() - self._began, attempt.session.iterations)
-            attempt.session.take_turn(Turn(iterations, 0.5 * (1.0 + used) if lower_untried else 1.0))
+            attempt.session.take_turn(iterations, 0.5 * (1.0 + used) if lower_untried else 1.0)
             path = attempt.search.run()
             if path is not None:
                 return self._ranked(replace(attempt, path=path))

@@ -58,19 +58,6 @@ class Budget:
         return iterations >= share * self.iterations or seconds >= self.time_limit
 
 
-@dataclass(frozen=True)
-class Turn:
-    """How long a search without a path goes on before it gives way to another one.
-
-    Attributes:
-        iterations: So many, which takes a search to the same place on every machine.
-        share: Of the whole budget, for planners whose iterations take long.
-    """
-
-    iterations: float = math.inf
-    share: float = 1.0
-
-
 SHORTEST_ARC = 1e-10
 """Arcs below this (m of cost) are rounding and are left out of paths."""
 
@@ -186,7 +173,7 @@ class Session:
         self.random = np.array([seed], dtype=np.uint64)
         self.best = Incumbent(problem.objective)
         self.common = common or Common(self.start, problem.goal)
-        self._turn, self._turn_began = Turn(), self.iterations
+        self._turn_ends, self._turn_share = math.inf, 1.0
         self._on_progress, self._hopeless = on_progress, hopeless
         self._worth_beating, self._improved_at = float("inf"), self.iterations
         self._lower_bound, self._refining = 0.0, REFINE_CHUNK
@@ -232,19 +219,23 @@ class Session:
         """Whether the search is over."""
         return self.stop()
 
-    def take_turn(self, turn: Turn) -> None:
-        """Go on, after the search that had the turn before, until a turn is over or there is a path."""
-        self._turn, self._turn_began = turn, self.iterations
+    def take_turn(self, iterations: float, share: float) -> None:
+        """Go on, after the search that had the turn before, until a turn is over or there is a path.
+
+        Args:
+            iterations: So many, which takes a search to the same place on every machine.
+            share: Of the whole budget, for planners whose iterations take long.
+        """
+        self._turn_ends, self._turn_share = self.iterations + iterations, share
 
     @property
     def turn_over(self) -> bool:
         """Whether another search is to go on, as long as there is no path."""
         if self.solved:
             return False
-        turn = self._turn
-        if self.iterations - self._turn_began >= turn.iterations:
+        if self.iterations >= self._turn_ends:
             return True
-        return self.budget.is_used_up(self.common.seconds, self.iterations, turn.share)
+        return self.budget.is_used_up(self.common.seconds, self.iterations, self._turn_share)
 
     def over(self) -> bool:
         """Return whether the search or its turn is over."""

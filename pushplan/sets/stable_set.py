@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -47,19 +47,8 @@ class StableSet(ABC):
 
     def __init__(self, chain: Chain) -> None:
         self.chain = chain
-        self._remember()
-
-    def _remember(self) -> None:
-        self._meridians = lru_cache(maxsize=8)(self._equally_spaced)
-        self._refined = lru_cache(maxsize=8)(self._refine_meridians)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave out what is remembered: it cannot be pickled, and is made again when it is asked for."""
-        return {name: value for name, value in vars(self).items() if name not in ("_meridians", "_refined")}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(state)
-        self._remember()
+        self._meridians: dict[tuple[float, int], Meridians] = {}
+        self._refined: dict[float, RefinedMeridians] = {}
 
     @property
     def loads_known(self) -> bool:
@@ -103,11 +92,17 @@ class StableSet(ABC):
         """
         if count < 1:
             raise PushplanError(f"count is {count}; it must be at least 1")
-        return self._meridians(float(minimum_margin), int(count))
+        asked = float(minimum_margin), int(count)
+        if asked not in self._meridians:
+            longitude = -np.pi + 2.0 * np.pi * np.arange(count) / count
+            self._meridians[asked] = self._find_meridians(longitude, asked[0])
+        return self._meridians[asked]
 
     def refined_meridians(self, minimum_margin: float = 0.0) -> RefinedMeridians:
         """Return the stable intervals on meridians as close together as the boundary needs."""
-        return self._refined(float(minimum_margin))
+        if minimum_margin not in self._refined:
+            self._refined[minimum_margin] = self._refine_meridians(float(minimum_margin))
+        return self._refined[minimum_margin]
 
     @cached_property
     def peaks(self) -> tuple[FloatArray, FloatArray]:
@@ -136,9 +131,6 @@ class StableSet(ABC):
     def area(self) -> float:
         """Return the size of the set on the twist sphere, sr."""
         return sphere_area(self.refined_meridians())
-
-    def _equally_spaced(self, minimum_margin: float, count: int) -> Meridians:
-        return self._find_meridians(-np.pi + 2.0 * np.pi * np.arange(count) / count, minimum_margin)
 
     def _find_meridians(self, longitude: FloatArray, minimum: float) -> Meridians:
         return find_meridians(self._asked(minimum), longitude)
