@@ -62,7 +62,6 @@ def _rougher() -> Iterator[None]:
     """Half of the samples, members and starts: intervals of these few unknowns are as long."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("pushplan.sim.identify.posterior.ENOUGH", 50.0)
-        patch.setattr("pushplan.sim.identify.posterior.PASSES", 2)
         patch.setattr("pushplan.sim.identify.posterior.MEMBERS", 20)
         patch.setattr("pushplan.sim.identify.posterior._LOOK", 30)
         patch.setattr("pushplan.sim.identify.identify.LOOKED_AT", 32)
