@@ -42,11 +42,7 @@ _WRONG_PATH = (FileNotFoundError, FileExistsError, IsADirectoryError, NotADirect
 
 
 class Commands(click.Group):
-    """The commands, each imported when it is asked for."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return all names."""
-        return [*COMMANDS, *MORE]
+    """The commands, each imported when it is asked for; `commands` has their names."""
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         """Return a command by its name, None where there is none."""
@@ -56,18 +52,6 @@ class Commands(click.Group):
         module = "more" if name in MORE else attribute
         command: click.Command = getattr(import_module(f"pushplan.cli.{module}"), attribute)
         return command
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the command that the first word names, and the other words."""
-        if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
-            import difflib
-
-            close = difflib.get_close_matches(args[0], [*COMMANDS, *MORE], n=1)
-            hint = f" Did you mean '{close[0]}'?" if close else ""
-            raise click.UsageError(f"No such command '{args[0]}'.{hint}", ctx)
-        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the names of the commands, and what most people ask for about them."""
@@ -100,6 +84,7 @@ def _version(context: click.Context, _: click.Parameter, asked: bool) -> None:
 
 @click.group(
     cls=Commands,
+    commands={name: click.Command(name) for name in COMMANDS | MORE},
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     subcommand_metavar="COMMAND ...",
     options_metavar="",
