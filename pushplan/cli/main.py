@@ -74,14 +74,6 @@ def _added_command(name: str) -> click.Command | None:
     return found if isinstance(found, click.Command) else None
 
 
-def _version(context: click.Context, _: click.Parameter, asked: bool) -> None:
-    if asked:
-        import pushplan
-
-        click.echo(f"pushplan {pushplan.__version__}")
-        context.exit()
-
-
 @click.group(
     cls=Commands,
     commands={name: click.Command(name) for name in COMMANDS | MORE},
@@ -90,9 +82,7 @@ def _version(context: click.Context, _: click.Parameter, asked: bool) -> None:
     options_metavar="",
     help="Plan how a robot pushes a chain of objects to a goal pose without anything slipping.",
 )
-@click.option(
-    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Show the version."
-)
+@click.version_option(package_name="pushplan", message="pushplan %(version)s", help="Show the version.")
 def pushplan() -> None:
     """Do nothing: each command does its own."""
 
@@ -118,9 +108,6 @@ def main(argv: Sequence[str]) -> int:
     try:
         if "" in argv:  # of a variable of the shell that is not set: as a path it would be the present folder
             raise click.UsageError("there is an empty word, which names nothing; is a variable of the shell not set?")
-        if not argv and "_PUSHPLAN_COMPLETE" not in os.environ:
-            click.echo(pushplan.get_help(click.Context(pushplan, info_name="pushplan")), err=True)
-            return WRONG_INPUT
         if "_PUSHPLAN_COMPLETE" in os.environ:
             pushplan.main(list(argv), prog_name="pushplan")
         with interruption.raising(), pushplan.make_context("pushplan", list(argv)) as context:
