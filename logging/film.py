@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,7 @@ from pushplan.drawing.palette import FAINT, INK
 from pushplan.drawing.scene import Scene
 from pushplan.geometry import se2
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.shown import LoadContacts, contact_names, part_at, pushed_at_samples, worst_contacts
+from pushplan.logging.shown import LoadContacts, contact_names, parts_of, pushed_at_samples, worst_contacts
 from pushplan.plans.execution import Execution
 from pushplan.plans.run import Run
 from pushplan.util.arrays import FloatArray
@@ -68,7 +68,15 @@ def write_mp4(run: Run | RecordedRun, path: Path | str, rate: float = 1.0) -> No
     av = optional("av", "a film", "av", "mp4")
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "run.mp4"
-        _encode(av, pictures(run, rate), target)
+        # Players can start before they have read its end.
+        with av.open(str(target), "w", options={"movflags": "+faststart"}) as container:
+            how = {"crf": "20", "preset": "veryfast"}  # of flat colours, slower presets make no smaller film
+            stream = container.add_stream("libx264", rate=Fraction(PICTURES_PER_SECOND), options=how)
+            stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+            stream.codec_context.thread_count = 1  # others may want the processors
+            for picture in pictures(run, rate):
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+            container.mux(stream.encode())
         write_whole(path, target.read_bytes())
 
 
@@ -82,18 +90,6 @@ def pictures(run: Run | RecordedRun, rate: float = 1.0) -> Iterator[Picture]:
     film, end = Film(run, execution, rate), float(execution.t[-1])
     for time in np.append(np.arange(0.0, end, rate / PICTURES_PER_SECOND), end):
         yield film.picture(float(time))
-
-
-def _encode(av: Any, pictures: Iterable[Picture], target: Path) -> None:
-    """Encode pictures to a file that players can start before they have read its end."""
-    with av.open(str(target), "w", options={"movflags": "+faststart"}) as container:
-        how = {"crf": "20", "preset": "veryfast"}  # of flat colours, slower presets make no smaller film
-        stream = container.add_stream("libx264", rate=Fraction(PICTURES_PER_SECOND), options=how)
-        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
-        stream.codec_context.thread_count = 1  # others may want the processors
-        for picture in pictures:
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
-        container.mux(stream.encode())
 
 
 class Still:
@@ -150,7 +146,7 @@ class Film(Still):
         super().__init__(run)
         self._execution = execution
         self._contacts = LoadContacts(run.scenario, execution)
-        self._names = contact_names(run.scenario)
+        self._names, self._parts = contact_names(run.scenario), parts_of(run)
         marks = palette.contact_colours(len(self._names))
         self._draw_margins(marks)
         bodies = [
@@ -186,7 +182,7 @@ class Film(Still):
         margin = self.scene.margins[sample]
         told = "nothing is pushed" if np.isnan(margin) else f"smallest margin {margin:.3f}"
         self._words.set_text(f"{time:6.2f} s    {told}")
-        self._part.set_text(part_at(self.run, time))
+        self._part.set_text(next((name for low, _, name in reversed(self._parts) if low <= time), ""))
         self.canvas.restore_region(self._background)
         for artist in self._moving:
             self.canvas.figure.draw_artist(artist)

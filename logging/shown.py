@@ -69,12 +69,6 @@ def parts_of(run: Run | RecordedRun) -> list[tuple[float, float, str]]:
     return parts
 
 
-def part_at(run: Run | RecordedRun, time: float) -> str:
-    """Return the name of the segment that is executed at a time, s."""
-    begun = [name for low, _, name in parts_of(run) if low <= time]
-    return begun[-1] if begun else ""
-
-
 def pushed_at_samples(run: Run | RecordedRun, samples: IntArray) -> Iterator[tuple[Load | None, IntArray]]:
     """Yield what is pushed, None for nothing, and the indices of the samples (n,) at which it is, in their order."""
     execution, segments = run.execution, segments_of(run.plan, run.feedback)

@@ -17,11 +17,9 @@ from pushplan.scenario import units
 from pushplan.util.names import SIMULATORS
 
 if TYPE_CHECKING:
-    from pushplan.logging.recorded import RecordedRun
     from pushplan.plans.execution import TrialEnd
     from pushplan.plans.plan import Plan
     from pushplan.plans.robustness import TrialUncertainty
-    from pushplan.scenario.model import Scenario
     from pushplan.sim.trials import Trials
 
 _UNITS = {
@@ -85,7 +83,15 @@ def trial(
     p.check_outputs([source], plot, worst, log=log.output)
     incomplete = None
     with p.code_of(source, console.note, no_code):
-        what = _read(source, console)
+        if Path(source).suffix == ".mcap":
+            from pushplan.logging.reader import load_run
+
+            with console.working(f"reading {source}"):
+                what: Any = load_run(source)
+        else:
+            from pushplan.scenario.file import load_scenario
+
+            what = load_scenario(source)
         scenario: Any = getattr(what, "scenario", what)
         name: str = scenario.name
         with console.working(f"executing {samples} trials") as progress:
@@ -146,17 +152,6 @@ def draw_trials(plan: Plan, ends: Sequence[TrialEnd], path: Path, console: Conso
 
         rigid = execute(plan.scenario, plan.segments, plan.stable_set)
         plot_trials(replace(plan, execution=rigid), ends, path)
-
-
-def _read(source: str, console: Console) -> Scenario | RecordedRun:
-    if Path(source).suffix == ".mcap":
-        with console.working(f"reading {source}"):
-            from pushplan.logging.reader import load_run
-
-            return load_run(source)
-    from pushplan.scenario.file import load_scenario
-
-    return load_scenario(source)
 
 
 def _rows(trials: Trials) -> list[tuple[str, str]]:

@@ -22,12 +22,12 @@ from pushplan.mechanics.support import (
     UnknownSupport,
 )
 from pushplan.scenario import bodies, schema
-from pushplan.scenario.contacts import contact_numbers, find_segments, make_contacts
+from pushplan.scenario.contacts import find_segments, make_contacts
 from pushplan.scenario.layout import Layout, Part, describe_overlap, lay_out, outline_of
 from pushplan.scenario.parts import Bodies
 from pushplan.scenario.schema import RoomFile
 from pushplan.scenario.source import Source
-from pushplan.scenario.units import Span, highest, lowest, middle
+from pushplan.scenario.units import Span, lowest, middle
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import RESERVED_NAMES, ROBOT
 
@@ -59,7 +59,7 @@ def build_bodies(stated: RoomFile, read: ReadFile, source: Source) -> Bodies | N
     if layout is None:
         return None
     segments = find_segments(parts, layout, source)
-    frictions, heights = contact_numbers(file, segments, source)
+    contacts, ends = make_contacts(file, segments, source)
     pusher = _pusher(file, parts, layout, source)
     if source.findings:
         return None
@@ -71,9 +71,7 @@ def build_bodies(stated: RoomFile, read: ReadFile, source: Source) -> Bodies | N
         if obj.center_of_mass is not None and len(obj.center_of_mass) == 3:
             center = obj.center_of_mass[2]
         objects.append(PushedObject(obj.name, part.outline, middle(obj.mass), middle(floor), support, pose, center))
-    chain = Chain(tuple(objects), make_contacts(segments, frictions, heights), pusher)
-    spans = [frictions[contact.pusher, contact.pushed] for contact in chain.contacts]
-    ends = np.array([[lowest(span), highest(span)] for span in spans])
+    chain = Chain(tuple(objects), contacts, pusher)
     interval = _interval_chain(file, chain)
     if interval is not None and len(objects) > MOST_UNCERTAIN:
         source.error(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import shapely
@@ -106,19 +106,19 @@ def _trouble(i: int, touching: Mapping[int, FloatArray], parts: Sequence[Part], 
     return describe_gap((_name(j, parts), outline), (parts[i].name, layout.outlines[i]))
 
 
-def contact_numbers(
-    file: RoomFile, pairs: Iterable[Pair], source: Source
-) -> tuple[dict[Pair, float | Span], dict[Pair, Span]]:
-    """Return the friction of each pair of bodies that touch, and the height of those that state one.
+def make_contacts(
+    file: RoomFile, segments: Mapping[Pair, FloatArray], source: Source
+) -> tuple[tuple[Contact, ...], FloatArray]:
+    """Return the contacts through segments (2, 2), and the ends (n, 2) of their frictions, the lowest of which count.
 
     What is missing is reported, and what is above an object.
     """
     names = [obj.name for obj in file.objects]
     between, stated = file.contacts.between, _stated(file, names, source)
-    frictions: dict[Pair, float | Span] = {}
-    heights: dict[Pair, Span] = {}
+    contacts: list[Contact] = []
+    ends: list[Span] = []
     touching = set()
-    for pair in pairs:
+    for pair, (right, left) in segments.items():
         key = frozenset(PUSHER if i == PLATE else names[i] for i in pair)
         touching.add(key)
         i = stated.get(key, -1)
@@ -130,23 +130,23 @@ def contact_numbers(
             what = f"is missing, and '{first}' and '{second}' touch; needed: a friction coefficient"
             source.error(("contacts", "friction"), what)
         else:
-            frictions[pair] = friction
+            span = None if entry.height is None else (lowest(entry.height), highest(entry.height))
+            ends.append((lowest(friction), highest(friction)))
+            contacts.append(Contact(right, left, ends[-1][0], pushed=pair[1], pusher=pair[0], height=span))
         height = file.pusher.contact_height if entry.height is None else entry.height
-        if entry.height is not None:
-            heights[pair] = lowest(height), highest(height)
         for obj in (file.objects[k] for k in pair if k != PLATE):
             if obj.height is not None and highest(height) > obj.height:
                 place: Place = ("contacts", "between", i, "height")
                 place = ("pusher", "contact_height") if entry.height is None else place
                 reach, top = millimetres(highest(height)), millimetres(obj.height)
                 source.error(place, f"reaches {reach}, and '{obj.name}' is {top} high; allowed: up to {top}")
-    if len(frictions) == len(names):
+    if len(contacts) == len(names):
         for key, i in stated.items():
             if key not in touching and between[i].friction is not None:
                 first, second = between[i].objects
                 what = f"'{first}' and '{second}' do not touch; leave it out"
                 source.error(("contacts", "between", i, "objects"), what)
-    return frictions, heights
+    return tuple(contacts), np.array(ends).reshape(-1, 2)
 
 
 def _stated(file: RoomFile, names: Sequence[str], source: Source) -> dict[frozenset[str], int]:
@@ -166,21 +166,3 @@ def _stated(file: RoomFile, names: Sequence[str], source: Source) -> dict[frozen
         elif not unknown:
             stated[pair] = i
     return stated
-
-
-def make_contacts(
-    segments: Mapping[Pair, FloatArray], frictions: Mapping[Pair, float | Span], heights: Mapping[Pair, Span]
-) -> tuple[Contact, ...]:
-    """Return the contacts in the order of the objects that they push, with their lowest frictions."""
-    pairs = sorted(segments, key=lambda pair: pair[1])
-    return tuple(
-        Contact(
-            segments[pair][0],
-            segments[pair][1],
-            lowest(frictions[pair]),
-            pushed=pair[1],
-            pusher=pair[0],
-            height=heights.get(pair),
-        )
-        for pair in pairs
-    )

@@ -332,12 +332,8 @@ def _without_titles(node: Any) -> Any:
         return [_without_titles(child) for child in node]
     if not isinstance(node, dict):
         return node
-    return {
-        key: _properties(child) if key in ("properties", "$defs") else _without_titles(child)
-        for key, child in node.items()
-        if key != "title"
-    }
-
-
-def _properties(node: dict[str, Any]) -> dict[str, Any]:
-    return {name: _without_titles(child) for name, child in node.items()}
+    kept = {key: child for key, child in node.items() if key != "title"}
+    for key, child in kept.items():
+        named = key in ("properties", "$defs")  # whose keys are names, `title` too
+        kept[key] = {name: _without_titles(one) for name, one in child.items()} if named else _without_titles(child)
+    return kept

@@ -165,12 +165,12 @@ class Worker(Generic[Question]):
 
     def _work(self) -> None:
         try:
-            while (question := self._next()) is not None:
+            while True:
+                with self._changed:
+                    self._changed.wait_for(self.outdated)
+                    if self._ended:
+                        return
+                    question = self._waiting.pop()
                 self._answer(question, self.outdated)
         except BaseException as error:  # told to the user by whoever waits
             self.failure = error
-
-    def _next(self) -> Question | None:
-        with self._changed:
-            self._changed.wait_for(lambda: self._waiting or self._ended)
-            return None if self._ended else self._waiting.pop()
