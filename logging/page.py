@@ -33,7 +33,7 @@ from pushplan.plans.execution import Execution
 from pushplan.plans.load import Load
 from pushplan.plans.run import Run, segments_of
 from pushplan.scenario.model import Scenario
-from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.arrays import FloatArray
 from pushplan.util.files import write_whole
 
 _COLOURS = ("GOAL", "NEAREST", "ALONE", "BLOCKING", "OBSTACLE_EDGE", "WALL")
@@ -164,7 +164,9 @@ def _execution(scenario: Scenario, execution: Execution | None) -> dict[str, Any
     if execution is None or len(execution.t) == 0:
         nothing: dict[str, Any] = {"t": [], "margins": [[] for _ in scenario.poses], "forces": None}
         return {"samples": nothing, "margin_range": [-0.05, 1.0], "largest_force": 1.0, "named": []}
-    kept = _kept(execution)
+    shown = viewed(execution)[:: math.ceil(len(viewed(execution)) / MOST_SAMPLES)]  # of very long ones less
+    worst = np.argmin(np.where(np.isnan(execution.margins), np.inf, execution.margins), axis=0)
+    kept = np.union1d(shown, [0, len(execution.t) - 1, *worst])
     margins = execution.margins[kept]
     forces, lambdas = execution.forces, execution.lambdas
     samples = {
@@ -179,16 +181,8 @@ def _execution(scenario: Scenario, execution: Execution | None) -> dict[str, Any
     known = margins[~np.isnan(margins)]
     low, high = min(0.0, float(known.min(initial=0.0))), float(known.max(initial=0.0))
     room = 0.05 * max(high - low, 0.1)
-    shown = {"margin_range": [low - room, high + room], "largest_force": largest_force(execution)}
-    return {"samples": samples, **shown, "named": worst_contacts(execution)}
-
-
-def _kept(execution: Execution) -> IntArray:
-    """Indices of the samples on the page: what viewers see, and of very long executions less."""
-    shown = viewed(execution)
-    stride = math.ceil(len(shown) / MOST_SAMPLES)
-    margins = np.where(np.isnan(execution.margins), np.inf, execution.margins)
-    return np.union1d(shown[::stride], [0, len(execution.t) - 1, *np.argmin(margins, axis=0)])
+    scales = {"margin_range": [low - room, high + room], "largest_force": largest_force(execution)}
+    return {"samples": samples, **scales, "named": worst_contacts(execution)}
 
 
 def _plain(values: FloatArray) -> list[Any]:

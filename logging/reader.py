@@ -125,7 +125,9 @@ class _Reading:
         file.require(metadata.RESULT in self._words, f"the metadata {metadata.RESULT!r}")
         self._check_digest()
         try:
-            plan, execution, feedback = self._plan(), self._execution(), self._feedback()
+            plan, execution, feedback = self._decoded(writer.PLAN), self._execution(), self._feedback()
+            if not isinstance(plan, Plan | None):
+                raise CodecError(f"the attachment {writer.PLAN!r} holds no plan")
             if plan is not None:
                 plan = metadata.with_clock(plan, self._words[metadata.PLANNING])
             others = [LogLine(*line) for line in self._numbered(writer.LINE, _is_line)]
@@ -218,13 +220,6 @@ class _Reading:
         count = sum(key.startswith(name) for key in self._files)
         self._file.require(count == len(found), f"the attachment {name}{len(found):06d}.bin")
         return found
-
-    def _plan(self) -> Plan | None:
-        """Return the plan without its execution."""
-        plan = self._decoded(writer.PLAN)
-        if not isinstance(plan, Plan | None):
-            raise CodecError(f"the attachment {writer.PLAN!r} holds no plan")
-        return plan
 
     def _execution(self) -> Execution | None:
         """Return the execution as far as it has come, None when none has begun."""

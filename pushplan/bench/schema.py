@@ -157,7 +157,10 @@ class StatedProblem(t.Strict):
 
     @model_validator(mode="after")
     def _one(self) -> StatedProblem:
-        t.require_one(self, "scenario", "generate")
+        given = [key for key in ("scenario", "generate") if getattr(self, key) is not None]
+        if len(given) != 1:
+            found = f"has {' and '.join(given)}" if given else "has none of scenario, generate"
+            raise fault(found, "exactly one of scenario, generate")
         if self.generate is None and (self.count is not None or self.seed is not None):
             raise fault("has count or seed but generates nothing", "{scenario: ..., name: ...}")
         if self.generate is not None and self.name is None:

@@ -203,11 +203,18 @@ PORT = number("port", 1, 2**16 - 1, whole=True)
 
 
 def command(function: Callable[..., int]) -> click.Command:
-    """Return the command that calls a function with the console and its words; its docstring is the help."""
+    """Return the command that calls a function with the console and its words; its docstring is the help.
+
+    What `log_options` take is one word, `log`.
+    """
 
     def called(json: bool, verbose: bool, **words: Any) -> int:
         from pushplan.cli.console import Console
 
+        if "no_log" in words:
+            words["log"] = log = LogChoice(*(words.pop(name) for name in LogChoice._fields))
+            if log.no_log and (log.output or log.runs):
+                raise UsageError("--no-log does not go together with -o and --runs; leave one of them out")
         return function(Console(json, verbose), **words)
 
     update_wrapper(called, function)
@@ -275,28 +282,21 @@ class LogChoice(NamedTuple):
 
 
 def log_options(help: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
-    """Return the options of a command that writes a log, which takes them as one `LogChoice` called `log`.
+    """Return the options of a command that writes a log, which takes them as a `LogChoice` called `log`.
 
     Args:
         help: What `-o` writes.
     """
 
     def decorated(function: Callable[..., int]) -> Callable[..., int]:
-        def called(*args: Any, **words: Any) -> int:
-            log = LogChoice(*(words.pop(name) for name in LogChoice._fields))
-            if log.no_log and (log.output or log.runs):
-                raise UsageError("--no-log does not go together with -o and --runs; leave one of them out")
-            return function(*args, log=log, **words)
-
-        update_wrapper(called, function)
         for option in (
             runs_option,
             click.option("--no-log", is_flag=True, help="Write no log; else one is recorded without -o, too."),
             click.option("--no-page", is_flag=True, help="Write no page beside the log."),
             file_option("-o", "--output", help=help),
         ):
-            called = option(called)
-        return called
+            function = option(function)
+        return function
 
     return decorated
 

@@ -183,14 +183,6 @@ def still_here(name: Any) -> Any:
     return name
 
 
-def require_one(model: Strict, *keys: str) -> None:
-    """Let the validation of `model` fail unless exactly one of `keys` is given."""
-    given = [key for key in keys if getattr(model, key) is not None]
-    if len(given) != 1:
-        found = f"has {' and '.join(given)}" if given else f"has none of {', '.join(keys)}"
-        raise fault(found, f"exactly one of {', '.join(keys)}")
-
-
 def one_or_list(value: object) -> str:
     """Tell a list from a single value, for a union of `<one>` and `<list>`."""
     return "<list>" if isinstance(value, list | tuple) else "<one>"
