@@ -69,11 +69,14 @@ MOST_PLACES = 24
 ROOM = 0.05
 """What such a place keeps from other bodies and from goals, beside the clearance, m."""
 
-BEAMS = ((2, 1), (4, 1), (8, 1), (16, 2), (32, 2), (64, 3), (128, 4))
+BEAMS = ((2, 1), (4, 1), (8, 1), (16, 2), (32, 2), (64, 3), (128, 4), (2, 16))
 """Situations that are kept after each transfer then, and batches of poses for better ones, in turn."""
 
+EFFORT = 2
+"""Batches of poses for better transfers where other places are tried for what is in the way."""
+
 SPARE = 1.0
-"""What a transfer may cost beyond its bound so that no better one is looked for in beams, m."""
+"""What a transfer may cost beyond its bound so that no better one is looked for in beams, m over the batches."""
 
 GAIN = 1e-6
 """Smallest saving that counts, m."""
@@ -153,21 +156,40 @@ class Order:
             self._tours = Tours.of(self._pieces, now)
         return self._tours
 
-    def cheaper(self, now: Situation, best: tuple[Transfer, ...], until: float) -> tuple[Transfer, ...]:
+    def cheaper(self, now: Situation, best: tuple[Transfer, ...]) -> tuple[Transfer, ...]:
         """Return transfers in another order, or to other goals, that cost less; the same ones where there are none.
 
-        A beam search: of all that were brought to a goal as often, the best situations go on. Where something is put
-        out of the way, other places for that are tried.
+        A beam search: of all that were brought to a goal as often, the best situations go on. Once nothing was left
+        out, better transfers in few orders are all that is looked for. Where something is put out of the way, other
+        places for that are tried.
         """
-        self._until, whole = until, self._until
         if not all(step.delivers for step in best):
-            best = self._elsewhere(now, best)
-        for width, effort in BEAMS if all(step.delivers for step in best) else ():
-            found, cut = self._beam(now, width, effort, sum(step.cost for step in best) - GAIN)
-            best = best if found.here.left else found.steps
-            if self._over() or not cut:
-                break
-        self._until = whole
+            return self._elsewhere(now, best)
+        cut = True
+        for width, effort in BEAMS:
+            if not self._over() and (cut or (width, effort) == BEAMS[-1]):
+                found, cut = self._beam(now, width, effort, sum(step.cost for step in best) - GAIN)
+                best = best if found.here.left else found.steps
+        return best
+
+    def _elsewhere(self, now: Situation, best: tuple[Transfer, ...]) -> tuple[Transfer, ...]:
+        """Return the same transfers with the cheapest places for what is in the way that were drawn in time."""
+        cost = sum(step.cost for step in best)
+        while not self._over():
+            steps, here = [], now
+            for one in best:
+                places = () if one.delivers else self._parking(here, one.piece)
+                step = self._delivery(here, one.piece, EFFORT) if one.delivers else None
+                if places:
+                    few = self._random.choice(len(places), min(PLACES, len(places)), replace=False)
+                    step = self._search(here, one.piece, tuple(places[k] for k in few), delivers=False)
+                if step is None:
+                    break
+                steps.append(step)
+                here = situation_after(self._pieces, step, here)
+            spent = sum(step.cost for step in steps)
+            if len(steps) == len(best) and spent < cost - GAIN:
+                best, cost = tuple(steps), spent
         return best
 
     def _beam(self, now: Situation, width: int, effort: int, below: float) -> tuple[PartialPlan, bool]:
@@ -213,29 +235,6 @@ class Order:
                 plans.sort(key=lambda one: one.whole)
         return plans
 
-    def _elsewhere(self, now: Situation, best: tuple[Transfer, ...]) -> tuple[Transfer, ...]:
-        """Return the same transfers with the cheapest places for what is in the way that were drawn in time."""
-        cost = sum(step.cost for step in best)
-        while not self._over():
-            steps, here = [], now
-            for one in best:
-                step = self._delivery(here, one.piece) if one.delivers else self._put_somewhere(here, one.piece)
-                if step is None:
-                    break
-                steps.append(step)
-                here = situation_after(self._pieces, step, here)
-            spent = sum(step.cost for step in steps)
-            if len(steps) == len(best) and spent < cost - GAIN:
-                best, cost = tuple(steps), spent
-        return best
-
-    def _put_somewhere(self, now: Situation, piece: int) -> Transfer | None:
-        places = self._parking(now, piece)
-        if not places:
-            return None
-        chosen = self._random.choice(len(places), min(PLACES, len(places)), replace=False)
-        return self._search(now, piece, tuple(places[k] for k in chosen), delivers=False)
-
     def _over(self) -> bool:
         spent = self.looked_at >= self._most
         return spent or time.perf_counter() >= self._until or self._cancelled()
@@ -274,13 +273,14 @@ class Order:
         Args:
             now: Where everything is.
             piece: Its index.
-            effort: Batches of poses for a better plan, where the first one costs `SPARE` more than is proven to be
-                needed; what comes after it counts, too. None: for the first plan alone, whatever comes after it.
+            effort: Batches of poses for a better plan, where the first one costs `SPARE` over these more than is
+                proven to be needed; what comes after it counts, too. None: for the first plan alone, whatever comes
+                after it.
         """
         key = (effort, piece, now.left, now.plate.tobytes(), now.poses.tobytes())
         if key not in self._known:
             first = self._delivery(now, piece, 0) if effort else None
-            if first is not None and first.beyond_bound < SPARE:
+            if first is not None and first.beyond_bound < SPARE / (effort or 1):
                 return first
             goals, cost_to_go = (self._pieces[piece].goals, None if effort is None else self.cost_to_go(now, piece))
             self._known[key] = self._search(now, piece, goals, cost_to_go=cost_to_go, effort=effort or 0)

@@ -1,33 +1,25 @@
 """Several objects, each to a goal of its own.
 
-An order is searched for first (`order`). With the time that is left cheaper ones are, and then every transfer is
-searched for again from where the one before ends.
+An order is searched for first (`order`); with the time that is left cheaper ones are.
 """
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import numpy as np
 
 from pushplan.errors import PlanningError
-from pushplan.geometry import se2
 from pushplan.planners.infeasible.diagnosis import beyond_reach
 from pushplan.planners.multi.multi_push import MultiPushSearch, plan_cost
-from pushplan.planners.multi.order import GAIN, Order
-from pushplan.planners.multi.search import Limits
-from pushplan.planners.multi.transfers import Piece, Situation, Transfer, find_transfer, situation_after
+from pushplan.planners.multi.order import Order
+from pushplan.planners.multi.transfers import Piece, Situation, Transfer
 from pushplan.planners.outcome import Improvements, Outcome, Segments
 from pushplan.plans.plan import Diagnosis, Nearest
 from pushplan.plans.segment import Poses
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.build import overlapping_goals
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import Goal
-
-OTHER_ORDERS = 0.8
-"""Share of the time that is left after the first order in which others are tried."""
 
 
 class RearrangementSearch:
@@ -105,16 +97,11 @@ class RearrangementSearch:
         if transfers is not None:
             candidates = (self._take(transfers, order.looked_at, improvements),)
             if not settings.first:
-                half = time.perf_counter() + OTHER_ORDERS * max(0.0, until - time.perf_counter())
-                cheaper = order.cheaper(now, transfers, half)
+                cheaper = order.cheaper(now, transfers)
                 if cheaper is not transfers:
-                    transfers = cheaper
-                    candidates = (self._take(transfers, order.looked_at, improvements), *candidates)
-                better = self._better(now, transfers, order, until, settings)
-                if better is not None:
-                    candidates = (self._take(better, order.looked_at, improvements), *candidates)
+                    candidates = (self._take(cheaper, order.looked_at, improvements),)
         return Outcome(
-            candidates[:1],
+            candidates,
             margin,
             margin,
             order.looked_at,
@@ -141,38 +128,6 @@ class RearrangementSearch:
             before = found[-1].after
         improvements.add(plan_cost(self.scenario, found), looked_at, found)
         return found
-
-    def _better(
-        self, now: Situation, transfers: tuple[Transfer, ...], order: Order, until: float, settings: PlanSettings
-    ) -> tuple[Transfer, ...] | None:
-        """Return the same transfers with better plans, each searched from where the last ends, or None.
-
-        Most of the time is for those that cost most beyond what is proven to be needed.
-        """
-        found: list[Transfer] = []
-        assert settings.seed is not None
-        for k, one in enumerate(transfers):
-            spare = [step.beyond_bound for step in transfers[k:]]
-            left = max(until - time.perf_counter(), 0.0)
-            limits = Limits(
-                time.perf_counter() + left * spare[0] / max(sum(spare), GAIN), stop=settings.observer.cancelled
-            )
-            goals, cost_to_go = (self._aim(one),), order.cost_to_go(now, one.piece) if one.delivers else None
-            again = find_transfer(self.pieces, now, one.piece, limits, settings.seed, goals, one.delivers, cost_to_go)
-            if again is None:
-                return None
-            found.append(again)
-            now = situation_after(self.pieces, again, now)
-        saved = sum(one.cost for one in transfers) - sum(one.cost for one in found)
-        return tuple(found) if saved > GAIN else None
-
-    def _aim(self, one: Transfer) -> Goal:
-        """Return the goal that a transfer brings a piece to, or where it puts one that is in the way, as a goal."""
-        piece = self.pieces[one.piece]
-        if one.delivers:
-            return min(piece.goals, key=lambda goal: max(se2.pose_error(one.end, goal.pose_chain)))
-        stated = piece.search.scenario.goal
-        return replace(stated, pose=one.end, of=None, pose_chain=one.end)
 
     def _explanation(self, now: Situation, limit: float) -> tuple[str, tuple[Diagnosis, ...], Nearest | None]:
         names = ", ".join(f"'{self.pieces[k].name}'" for k in sorted(now.left))
