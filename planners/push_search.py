@@ -255,10 +255,11 @@ def _bound_of_objective(posed: Scenario, segments: FloatArray, found: Segments) 
     return lower_bound(posed, segments, _cost(found) if found else math.inf)
 
 
+@dataclass(eq=False)
 class _Searches:
     """The searches of one plan, with one margin each: how they are made, and how they take turns.
 
-    Args:
+    Attributes:
         of: What they rest on.
         scenario: The problem.
         make: What makes the planner.
@@ -270,30 +271,24 @@ class _Searches:
         known: See `PushSearch.search`.
     """
 
-    def __init__(
-        self,
-        of: PushSearch,
-        scenario: Scenario,
-        make: Factory,
-        budget: Budget,
-        seed: int,
-        began: float,
-        good_enough: float,
-        improvements: Improvements,
-        known: FloatArray | None,
-    ) -> None:
-        self._of, self._scenario, self._make, self._budget = of, scenario, make, budget
-        self._seed, self._began, self._good_enough = seed, began, good_enough
-        self._improvements, self._known = improvements, known
-        self._monitor: InfeasibilityMonitor | None = None
-        self._common: Common | None = None
+    of: PushSearch
+    scenario: Scenario
+    make: Factory
+    budget: Budget
+    seed: int
+    began: float
+    good_enough: float
+    improvements: Improvements
+    known: FloatArray | None
+    _monitor: InfeasibilityMonitor | None = None
+    _common: Common | None = None
 
     def monitor(self) -> InfeasibilityMonitor:
         """Return what may keep the searches from a path; it is of the lowest margin, with which most is possible."""
         if self._monitor is None:
-            lowest = by_travel(self._scenario.with_margin(self._of.margins[-1]))
-            problem = self._of.posing(lowest, self._of.stable)
-            self._monitor = InfeasibilityMonitor(lowest, self._of.stable, problem, self._budget.time_limit)
+            lowest = by_travel(self.scenario.with_margin(self.of.margins[-1]))
+            problem = self.of.posing(lowest, self.of.stable)
+            self._monitor = InfeasibilityMonitor(lowest, self.of.stable, problem, self.budget.time_limit)
         return self._monitor
 
     def with_margins(self) -> Attempt:
@@ -301,11 +296,11 @@ class _Searches:
         attempts: list[Attempt] = []
         for number, iterations in self._turns():
             if number == len(attempts):
-                attempts.append(self._attempt(self._of.margins[number]))
+                attempts.append(self._attempt(self.of.margins[number]))
             attempt = attempts[number]
             # Half of what is left of the budget may go by without a path before a lower margin is tried at all.
-            lower_untried = len(attempts) == number + 1 < len(self._of.margins)
-            used = self._budget.used(time.perf_counter() - self._began, attempt.session.iterations)
+            lower_untried = len(attempts) == number + 1 < len(self.of.margins)
+            used = self.budget.used(time.perf_counter() - self.began, attempt.session.iterations)
             attempt.session.take_turn(iterations, 0.5 * (1.0 + used) if lower_untried else 1.0)
             path = attempt.search.run()
             if path is not None:
@@ -319,10 +314,10 @@ class _Searches:
 
         Each margin gets half as many, in all, as the next larger one, which has its turn after it.
         """
-        count = len(self._of.margins)
+        count = len(self.of.margins)
         if count == 1:
             yield 0, math.inf
-        first = FIRST_TURN if self._budget.first else round(LONGER_TURN * self._budget.stall)
+        first = FIRST_TURN if self.budget.first else round(LONGER_TURN * self.budget.stall)
         for level in itertools.count():
             for number in reversed(range(min(level + 1, count))):
                 yield number, first << max(0, level - number - 1)
@@ -334,46 +329,46 @@ class _Searches:
         always the faster one.
         """
         margin = attempt.scenario.required_margin
-        posed = self._scenario.with_margin(margin)
-        if self._budget.first or posed.planner.cost != "time":
+        posed = self.scenario.with_margin(margin)
+        if self.budget.first or posed.planner.cost != "time":
             return replace(attempt, scenario=posed)
         path, problem = attempt.path, attempt.session.problem
         assert path is not None
-        objective = make_objective(posed, self._of.stable, problem.segments)
-        session = self._session(posed, problem.with_objective(objective), self._budget)
+        objective = make_objective(posed, self.of.stable, problem.segments)
+        session = self._session(posed, problem.with_objective(objective), self.budget)
         session.offer(np.column_stack([path.twists, path.lengths]))
         search = self._search(posed, session)
         return Attempt(posed, search, search.run(), (path,))
 
     def _attempt(self, margin: float) -> Attempt:
         """Begin to search with a margin; by travel where paths are ranked by time."""
-        posed, budget, posing = self._scenario.with_margin(margin), self._budget, self._of.posing
+        posed, budget, posing = self.scenario.with_margin(margin), self.budget, self.of.posing
         if budget.first or posed.planner.cost == "time":
             # No first path is compared with another: an objective that takes long to make is not needed.
             posed, budget = by_travel(posed), replace(budget, enough=0.5)
-        problem = posing(posed, self._of.stable, self._began + budget.time_limit)
-        if self._known is not None:  # its twists need not lie on a segment
-            problem = problem.with_segments(np.vstack([problem.segments, np.tile(self._known[:, :3], 2)]))
+        problem = posing(posed, self.of.stable, self.began + budget.time_limit)
+        if self.known is not None:  # its twists need not lie on a segment
+            problem = problem.with_segments(np.vstack([problem.segments, np.tile(self.known[:, :3], 2)]))
         session = self._session(posed, problem, budget)
-        if self._known is not None:
-            session.offer(self._known)
+        if self.known is not None:
+            session.offer(self.known)
         return Attempt(posed, self._search(posed, session))
 
     def _session(self, posed: Scenario, problem: Problem, budget: Budget) -> Session:
-        bound = cache(lambda: lower_bound(posed, self._of.posing.controls(posed, self._of.stable).segments))
+        bound = cache(lambda: lower_bound(posed, self.of.posing.controls(posed, self.of.stable).segments))
 
         def improved(path: PushPath, cost: float, iterations: int, seconds: float) -> None:
-            self._improvements.add(cost, iterations, self._of.segments(posed, path), seconds)
-            if self._good_enough > 0.0:  # it takes longer than most first paths, which need not wait for it
+            self.improvements.add(cost, iterations, self.of.segments(posed, path), seconds)
+            if self.good_enough > 0.0:  # it takes longer than most first paths, which need not wait for it
                 session.raise_lower_bound(bound())
 
         if self._common is None:
-            self._common = Common(posed.start, problem.goal, time.perf_counter() - self._began)
+            self._common = Common(posed.start, problem.goal, time.perf_counter() - self.began)
         session = Session(
             problem,
             posed.start,
             budget,
-            self._seed,
+            self.seed,
             improved,
             lambda seconds: self.monitor().settled(seconds),
             self._common,
@@ -381,7 +376,7 @@ class _Searches:
         return session
 
     def _search(self, posed: Scenario, session: Session) -> Search:
-        return Search(session, self._make, sampling_box(posed), body_reach(posed))
+        return Search(session, self.make, sampling_box(posed), body_reach(posed))
 
 
 def by_travel(scenario: Scenario) -> Scenario:

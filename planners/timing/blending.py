@@ -186,10 +186,11 @@ class Nudging(NamedTuple):
         return Nudging(self.rows.joined(rows), suspects, self.tries + 1)
 
 
+@dataclass(eq=False)
 class BlendSearch:
     """The search for the stops and lengths of one blend.
 
-    Args:
+    Attributes:
         scenario: Limits of the pusher, margin to keep, and what is in the way.
         scene: What moves and what stands still in it.
         path: Constant-twist arcs.
@@ -199,23 +200,19 @@ class BlendSearch:
         bounds: What limits the motion.
     """
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        scene: Scene,
-        path: PushPath,
-        goal: FloatArray,
-        stable: StableSet,
-        rate: float,
-        bounds: Bounds,
-    ) -> None:
-        self.scenario, self.path, self.goal, self.stable = scenario, path, goal, stable
-        self.rate, self.bounds = rate, bounds
-        self.scene, self.reach = scene, body_reach(scenario)
-        self.corners = corners_of(path)
+    scenario: Scenario
+    scene: Scene
+    path: PushPath
+    goal: FloatArray
+    stable: StableSet
+    rate: float
+    bounds: Bounds
+
+    def __post_init__(self) -> None:
+        self.reach, self.corners = body_reach(self.scenario), corners_of(self.path)
         self.stops: frozenset[int] = frozenset()
-        self.parts = [make_part(path, moving_arcs(path), bounds)]
-        self.nudging = Nudging(no_rows(len(path.lengths)))
+        self.parts = [make_part(self.path, moving_arcs(self.path), self.bounds)]
+        self.nudging = Nudging(no_rows(len(self.path.lengths)))
 
     def blended(self, within: float) -> Blend | None:
         """Return the blend; None when it takes `within` (s) or longer, or needs a stop at every corner."""
