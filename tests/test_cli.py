@@ -56,6 +56,7 @@ def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captur
 @pytest.mark.parametrize(("words", "message"), [
     ([], "Usage: pushplan COMMAND"), (["plan"], "Missing argument 'SCENARIO'"),
     (["plan", "two-crates", "--set", "none"], "'none' is not known"),
+    (["plan", "two-crates", "--time-limit", "nan"], "'nan' is no time limit"),
     (["plan", "two-crates", "--time-limit", "0"], "'0' is out of range; allowed: a number above 0"),
     (["plan", "two-crates", "--time-limit", "soon"], "also with a unit (s, ms, min, h)"),
     (["plan", "two-crates", "--seed", "-1"], "'-1' is out of range; allowed: a whole number from 0"),

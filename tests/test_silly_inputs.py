@@ -168,6 +168,7 @@ CALLS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "margin asked": (lambda p: api.plan(p.scenario, margin=1.0), "allowed: 'auto' or a number from 0"),
     "no margin": (lambda p: api.plan(p.scenario, margin=0.9), "no push has a margin above 0.9"),
     "no room": (lambda p: api.plan(p.scenario, margin=0.0), "leaves the contacts nothing to spare"),
+    "no room stated": (lambda p: api.plan(p.scenario.with_margin(0.0)), "leaves the contacts nothing to spare"),
     "no trials": (lambda p: api.trial(p, 0), "must be a whole number from 1"),
     "period": (lambda p: api.Follower(p, period=0.0), "period is 0"),
     "no logs": (lambda p: api.identify([]), "there is no log"),

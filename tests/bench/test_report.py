@@ -125,6 +125,7 @@ def test_latex_has_three_tables_with_equal_digits_in_a_column(tmp_path: Path) ->
     text = (tmp_path / "tables.tex").read_text()
     assert re.findall(r"\\label\{(.*?)\}", text) == ["tab:planners", "tab:problems", "tab:comparisons"]
     assert text.count(f"(planning at most 4 s; {Machine.this().text})".replace("_", r"\_")) == 3
+    assert text.count(r"\resizebox{\ifdim\width>\linewidth") == 3  # no wider than a column
     assert text.isascii()
     problems = text.split(r"\midrule")[2].split(r"\bottomrule")[0]
     cells = [line.removesuffix(r" \\").split(" & ")[3:] for line in problems.strip().splitlines()]

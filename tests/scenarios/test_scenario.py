@@ -58,6 +58,8 @@ def test_packaged_scenarios_load_and_resolve_to_themselves(name: str) -> None:
 
 def test_an_empty_stable_set_is_found_at_the_contact_that_makes_it_empty(valid: Changed) -> None:
     assert check_scenario(valid.scenario()) == ()
+    (unknown,) = check_scenario(valid.scenario(("support: uniform", "support: unknown")))
+    assert (unknown.where, unknown.line) == ("stability.set", 31)
     slippery = check_scenario(valid.scenario(("friction: 0.20", "friction: 0")))
     assert [finding.where for finding in slippery] == ["contacts"]
     assert slippery[0].what.startswith("the stable set is empty: no push keeps 'far' on 'near' together")

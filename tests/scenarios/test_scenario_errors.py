@@ -4,13 +4,14 @@ import math
 from pathlib import Path
 
 import pytest
+from conftest import there
 from hypothesis import given
 from hypothesis import strategies as st
 from scenarios.conftest import Changed
 
 from pushplan.errors import Finding, ScenarioError
 from pushplan.scenario.check import questions
-from pushplan.scenario.file import load_scenario
+from pushplan.scenario.file import load_scenario, scenario_from_text
 from pushplan.scenario.source import MOST_BYTES, MOST_DEPTH, MOST_NODES, DocumentError, Source, resolve
 
 
@@ -78,7 +79,7 @@ SMALL = "[-0.05, -0.04], [0.05, -0.04], [0.05, 0.04], [-0.05, 0.04]"
 
 
 def asked(text: str) -> list[str]:
-    return [question.text("f.yaml") for question in questions(Source(text.encode()))]
+    return [question.text("f.yaml") for question in questions(there(scenario_from_text(text).origin))]
 
 
 def test_what_follows_from_millimetres_is_one_finding(tmp_path: Path) -> None:
@@ -101,6 +102,7 @@ def test_what_follows_from_millimetres_is_one_finding(tmp_path: Path) -> None:
 def test_speeds_and_axles_are_asked_about(pusher: str, question: str) -> None:
     text = IN_MILLIMETRES.replace("[3000, 1000, 5]", "[3, 1, 0]").replace("[120, 80]", "[0.12, 0.08]")
     text = text.replace("[-50, -40], [50, -40], [50, 40], [-50, 40]", SMALL)
+    text = text.replace("width: 200, thickness: 30,", "width: 0.2, thickness: 0.03,")
     found = asked(text.replace("limits: {speed: 200}", pusher))
     assert len(found) == bool(question)
     assert question in "".join(found)
