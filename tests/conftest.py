@@ -6,6 +6,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from types import FrameType
 from typing import TypeVar
 
 # Its threads spin while they wait; on these small matrices that took up to six times the work.
@@ -78,13 +79,13 @@ def heed_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-def calls_of(work: Callable[[], object]) -> int:
-    """Return how many functions are called until the work is done, or refused."""
+def calls_of(work: Callable[[], object], name: str = "") -> int:
+    """Return how many functions, or how often that of a name, are called until the work is done, or refused."""
     count = 0
 
-    def note(frame: object, event: str, argument: object) -> None:
+    def note(frame: FrameType, event: str, argument: object) -> None:
         nonlocal count
-        count += event in ("call", "c_call")
+        count += event == "call" and frame.f_code.co_qualname == name if name else event in ("call", "c_call")
 
     before = sys.getprofile()
     sys.setprofile(note)

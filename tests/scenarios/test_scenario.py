@@ -10,14 +10,14 @@ from typing import Any
 import mutators
 import numpy as np
 import pytest
-from conftest import calls_of
+from conftest import calls_of, there
 from kinds import MULTI
 from scenarios.conftest import Changed
 
 from pushplan.errors import ScenarioError
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
 from pushplan.scenario.builders import box, build_scenario, plate, polygon
-from pushplan.scenario.check import check_scenario
+from pushplan.scenario.check import check_scenario, questions
 from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import CircleObstacle, PolygonObstacle
@@ -54,6 +54,17 @@ def test_packaged_scenarios_load_and_resolve_to_themselves(name: str) -> None:
     again = scenario_from_text(scenario.to_json())
     assert again == scenario
     assert again.resolved() == resolved == scenario.resolved()
+
+
+def test_reading_checking_and_asking_parse_a_file_once(tmp_path: Path) -> None:
+    (tmp_path / "crates.yaml").write_text(example_text("two-crates"))
+
+    def work() -> None:
+        scenario = load_scenario(tmp_path / "crates.yaml")
+        assert (check_scenario(scenario), questions(there(scenario.origin))) == ((), ())
+        assert scenario.resolved()["name"] == "two-crates"
+
+    assert calls_of(work, "_Parser.document") == 1
 
 
 def test_an_empty_stable_set_is_found_at_the_contact_that_makes_it_empty(valid: Changed) -> None:
