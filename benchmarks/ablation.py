@@ -27,7 +27,7 @@ import series
 from pushplan.bench.store import Machine
 from pushplan.core.problem import Problem
 from pushplan.planners.controls import margins_to_try
-from pushplan.planners.problem import body_reach, build_problem, sampling_box
+from pushplan.planners.problem import build_problem, sampling_box
 from pushplan.planners.search import planners
 from pushplan.planners.search.planners import planner_named
 from pushplan.planners.search.search import Search
@@ -60,7 +60,7 @@ def run(scenario: Scenario, problem: Problem, seed: int, seconds: float) -> Run:
         found.append((spent, cost))
 
     session = Session(problem, scenario.start, Budget(seconds, stall=NEVER), seed, improved)
-    Search(session, planner_named("auto")[1], sampling_box(scenario), body_reach(scenario)).run()
+    Search(session, planner_named("auto")[1], sampling_box(scenario), scenario.chain.reach).run()
     return Run(
         tuple(min((cost for spent, cost in found if spent <= m * seconds), default=math.inf) for m in MARKS),
         session.best.cost,

@@ -27,7 +27,7 @@ from pushplan.bench.store import Machine
 from pushplan.core.problem import Problem
 from pushplan.core.search import SparseTree, Tree
 from pushplan.planners.controls import margins_to_try
-from pushplan.planners.problem import body_reach, build_problem, sampling_box
+from pushplan.planners.problem import build_problem, sampling_box
 from pushplan.planners.search.form import pose_problem
 from pushplan.planners.search.session import Budget, Session
 from pushplan.scenario.file import load_scenario
@@ -81,7 +81,7 @@ def build(folder: Path, name: str = "extensions") -> Path:
 
 def write(problem: Problem, scenario: Scenario, path: Path) -> None:
     scene = problem.scene
-    numbers = [scene.clearance, scene.kept, problem.longest, body_reach(scenario)]
+    numbers = [scene.clearance, scene.kept, problem.longest, scenario.chain.reach]
     arrays = {
         "body_corners": scene.body.corners,
         "body_starts": scene.body.starts[:, None],
@@ -135,7 +135,7 @@ def core_sst(problem: Problem, scenario: Scenario, extensions: int, seed: int) -
     """CPU seconds per extension of the core's sparse tree, and the share of arcs that are nodes in the end."""
     box, state = sampling_box(scenario), np.array([seed], dtype=np.uint64)
     radii = [share * math.hypot(box[2] - box[0], box[3] - box[1]) for share in (0.08, 0.04)]
-    tree = SparseTree(scenario.start, problem.goal, np.array(box), body_reach(scenario), *radii)
+    tree = SparseTree(scenario.start, problem.goal, np.array(box), scenario.chain.reach, *radii)
     began, done = time.process_time(), 0
     while done < extensions:
         done += tree.grow(problem, state, math.inf, extensions - done)[0]
@@ -147,7 +147,7 @@ def python_rrt(problem: Problem, scenario: Scenario, extensions: int, seed: int)
     ou.setLogLevel(ou.LOG_NONE)
     ou.RNG.setSeed(seed)
     session = Session(problem, scenario.start, Budget(math.inf, stall=10**12), seed)
-    information, definition = pose_problem(session, sampling_box(scenario), body_reach(scenario))
+    information, definition = pose_problem(session, sampling_box(scenario), scenario.chain.reach)
     definition.setGoal(Unreached(information))
     planner = oc.RRT(information)
     planner.setProblemDefinition(definition)

@@ -218,14 +218,9 @@ def sampling_box(scenario: Scenario) -> Box:
         return walls_of(scenario)
     ends = np.array([scenario.start[:2], scenario.goal.pose_chain[:2]])
     corners = np.concatenate([ends, *(obstacle.box for obstacle in scenario.obstacles)])
-    room = 4.0 * body_reach(scenario) + 0.25 * float(np.ptp(corners, axis=0).max())
+    room = 4.0 * scenario.chain.reach + 0.25 * float(np.ptp(corners, axis=0).max())
     low, high = corners.min(axis=0) - room, corners.max(axis=0) + room
     return (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
-
-
-def body_reach(scenario: Scenario) -> float:
-    """Return the distance from the chain frame's origin to the farthest point of all that moves, m."""
-    return scenario.chain.reach
 
 
 def rejoin(

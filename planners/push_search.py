@@ -19,7 +19,7 @@ from pushplan.planners.controls import margins_to_try
 from pushplan.planners.infeasible.bounds import lower_bound, time_bound
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
 from pushplan.planners.outcome import Improvements, Outcome, Segments
-from pushplan.planners.problem import Posing, body_reach, make_objective, rejoin, sampling_box
+from pushplan.planners.problem import Posing, make_objective, rejoin, sampling_box
 from pushplan.planners.search.common import Common
 from pushplan.planners.search.planners import planner_named
 from pushplan.planners.search.search import Factory, Search
@@ -376,7 +376,7 @@ class _Searches:
         return session
 
     def _search(self, posed: Scenario, session: Session) -> Search:
-        return Search(session, self.make, sampling_box(posed), body_reach(posed))
+        return Search(session, self.make, sampling_box(posed), posed.chain.reach)
 
 
 def by_travel(scenario: Scenario) -> Scenario:

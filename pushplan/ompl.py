@@ -13,7 +13,7 @@ from typing import Any
 
 from pushplan.errors import PlanningError
 from pushplan.planners.controls import margins_to_try
-from pushplan.planners.problem import body_reach, build_problem, sampling_box
+from pushplan.planners.problem import build_problem, sampling_box
 from pushplan.planners.search.form import information_of, pose_problem
 from pushplan.planners.search.form import push_path as path_of
 from pushplan.planners.search.session import Budget, Session
@@ -47,7 +47,7 @@ def pose(scenario: Scenario, stable: str | type[StableSet] | StableSet | None = 
     session = Session(
         build_problem(scenario, stable), scenario.start, Budget(math.inf, stall=NEVER), scenario.planner.seed
     )
-    return pose_problem(session, sampling_box(scenario), body_reach(scenario))
+    return pose_problem(session, sampling_box(scenario), scenario.chain.reach)
 
 
 def push_path(definition: Any, scenario: Scenario | None = None) -> PushPath:

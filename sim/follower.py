@@ -213,7 +213,7 @@ class Follower:
         if state is FollowerState.FOLLOWING:
             twist = self._steering.planned(drive.at, ahead, self._period)
             twist = twist if error is None else self._steering.corrected(twist, error, drive.at)
-            twist = self._steering.of_base(twist)
+            twist = self._steering.of(self.trajectory.base, twist)
         else:
             self._ahead = 0.0
         progress = drive.at / duration if duration else 1.0
@@ -271,10 +271,6 @@ class Steering:
         if self._wheels:
             twist[1] = 0.0  # of the third order of the period: the planned twist changes meanwhile
         return twist
-
-    def of_base(self, twist: FloatArray) -> FloatArray:
-        """Return a twist (3,) of this frame as one of the robot's base."""
-        return self.of(self._trajectory.base, twist)
 
     def of(self, frame: FloatArray, twist: FloatArray) -> FloatArray:
         """Return a twist (3,) of this frame as one of another, which is at a pose (3,) in the plate frame."""

@@ -19,7 +19,7 @@ from pushplan.core.problem import Objective, Problem, arc_value, rest_to_rest_ti
 from pushplan.geometry import se2
 from pushplan.planners.clearance import find_collision
 from pushplan.planners.planner import plan
-from pushplan.planners.problem import body_reach, build_problem, sampling_box, travel_objective
+from pushplan.planners.problem import build_problem, sampling_box, travel_objective
 from pushplan.planners.search.planners import Auto
 from pushplan.planners.search.search import Search
 from pushplan.planners.search.session import Budget, Session
@@ -43,7 +43,7 @@ def _posed(name: str) -> tuple[Scenario, Problem]:
 def _first_path(scenario: Scenario, problem: Problem, seed: int) -> FloatArray:
     session = Session(problem, scenario.start, Budget(60.0, first=True), seed)
     if not session.finished:
-        Search(session, Auto, sampling_box(scenario), body_reach(scenario)).run()
+        Search(session, Auto, sampling_box(scenario), scenario.chain.reach).run()
     return there(session.best.arcs)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from pushplan.core.collision import Scene
 from pushplan.planners.controls import most_stable_twist
-from pushplan.planners.problem import body_reach, scenario_scene
+from pushplan.planners.problem import scenario_scene
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.timing.parts import (
@@ -209,7 +209,7 @@ class BlendSearch:
     bounds: Bounds
 
     def __post_init__(self) -> None:
-        self.reach, self.corners = body_reach(self.scenario), corners_of(self.path)
+        self.reach, self.corners = self.scenario.chain.reach, corners_of(self.path)
         self.stops: frozenset[int] = frozenset()
         self.parts = [make_part(self.path, moving_arcs(self.path), self.bounds)]
         self.nudging = Nudging(no_rows(len(self.path.lengths)))

@@ -23,10 +23,8 @@ WEIGHTS = ((0, 0), (0, 1), (1, 0), (0, 2), (1, 1))
 """Powers (of z, of conj z) of the factors that the integrals of v / |v| are taken with."""
 
 
-@cache
-def _gauss_rule(count: int) -> tuple[FloatArray, FloatArray]:
-    """Return the Gauss-Legendre nodes and weights (count,) on [-1, 1]."""
-    return np.polynomial.legendre.leggauss(count)
+_gauss_rule = cache(np.polynomial.legendre.leggauss)
+"""Nodes and weights (count,) on [-1, 1]."""
 
 
 def complex_moments(outline: FloatArray, order: int) -> ComplexArray:

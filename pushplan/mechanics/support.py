@@ -98,13 +98,10 @@ class Support(ABC):
         Raises:
             SupportError: When the load is not known.
         """
-        self._require_known()
-        positions = self.point_loads.positions
-        return _scaled((positions - self.center) @ direction), np.ones(len(positions))
-
-    def _require_known(self) -> None:
         if not self.known:
             raise SupportError("a load that is not known cannot be shifted to one side")
+        positions = self.point_loads.positions
+        return _scaled((positions - self.center) @ direction), np.ones(len(positions))
 
     def most_lean(self, direction: FloatArray) -> float:
         """Return the largest share of `leaning` at which no load is negative."""

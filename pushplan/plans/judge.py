@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 
-from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.dynamics import ContactDynamics, PushForce
-from pushplan.mechanics.intervals import IntervalChain
 from pushplan.scenario.model import Scenario
 from pushplan.sets.force_limited_set import within_force
 from pushplan.sets.known_load_sets import IntersectionSet
@@ -62,7 +60,5 @@ def contact_dynamics(scenario: Scenario, set_name: str) -> ContactDynamics:
     return _dynamics(scenario.chain, all_pressures, scenario.interval)
 
 
-@lru_cache(maxsize=8)
-def _dynamics(chain: Chain, worst_case: bool, interval: IntervalChain | None) -> ContactDynamics:
-    """What timing and execution of the plans of a chain all ask for."""
-    return ContactDynamics(chain, worst_case, interval)
+_dynamics = lru_cache(maxsize=8)(ContactDynamics)
+"""What timing and execution of the plans of a chain all ask for."""

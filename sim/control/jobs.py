@@ -92,7 +92,8 @@ def push_job(
     problem, last = segment.problem(scenario), is_last(plan, segment)
     position, turn = tolerance if last else (PASSING * value for value in tolerance)
     will_do = position, turn
-    if not last and any(is_last(plan, close) for close in closes_after(plan, segment)):
+    after = plan.segments[plan.segments.index(segment) + 1 :][:1]
+    if not last and any(one.onto and is_last(plan, one) for one in after):  # it leads up to a close
         position, turn = tolerance[0], SQUARE * tolerance[1]
     of = scenario.goal.of if last and not scenario.bodies else None
     goal = replace(problem.goal, of=of, position_tolerance=position, angle_tolerance=turn)
@@ -125,12 +126,6 @@ def straight_onto(segment: Segment, plate: FloatArray, poses: Poses, tolerance: 
         return None
     face = max(contact.length for contact in segment.load.chain.contacts) if segment.load else 0.0
     return max(ahead, 0.0) + 0.5 * face * abs(math.sin(turn)) + PRESSED
-
-
-def closes_after(plan: Plan, segment: Segment) -> tuple[Segment, ...]:
-    """Return the close that a push leads up to; nothing where it leads to another end."""
-    after = plan.segments[plan.segments.index(segment) + 1 :][:1]
-    return tuple(one for one in after if one.onto)
 
 
 def is_last(plan: Plan, segment: Segment) -> bool:
