@@ -328,26 +328,6 @@ class Graph:
             left = m
         return found
 
-    def forget(self, most: int, below: float) -> None:
-        """Forget poses but for start, goals and at most so many: those through which plans can be least good."""
-        bound = self._to + self._on
-        bound[: 1 + self.goals] = -np.inf
-        keep = np.sort(np.argsort(bound, kind="stable")[:most])
-        keep = keep[bound[keep] < below]
-        place = {int(old): new for new, old in enumerate(keep)}
-        self.poses, self._to, self._on = self.poses[keep], self._to[keep], self._on[keep]
-        self._push = np.ascontiguousarray(self._push[:, keep][:, :, keep])
-        self._change = np.ascontiguousarray(self._change[keep])
-        self._can_begin, self._can_end = self._can_begin[:, keep], self._can_end[:, keep]
-        self._known_pushes = {
-            (m, place[u], place[v]): arcs
-            for (m, u, v), arcs in self._known_pushes.items()
-            if u in place and v in place
-        }
-        self._known_transits = {
-            (place[v], left, taken): arcs for (v, left, taken), arcs in self._known_transits.items() if v in place
-        }
-
 
 BESIDE = np.array(
     [(x, y, turn) for x, y in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)) for turn in (0, 1, -1)], dtype=float

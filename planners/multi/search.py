@@ -142,7 +142,7 @@ class Sampler:
 
 
 MOST_POSES = 160
-"""More are let go of, those first through which a plan can be least good."""
+"""Where there are more, a graph begins anew, with the poses of the best plan."""
 
 
 CROSSINGS = 40
@@ -248,7 +248,9 @@ def search(
             sampler = sampler or Sampler(room, question, graph.changes, firsts, graph.ends, seed)
             poses = sampler.draw(12, best)
         if batches and len(graph.poses) + len(poses) > MOST_POSES:
-            graph.forget(MOST_POSES // 2, below)
+            looked_at, graph = graph.looked_at, Graph(room, question, seed + batches)
+            graph.looked_at += looked_at
+            poses = np.array([*poses, *(step.after for step in best.steps[:-1])]) if best is not None else poses
         graph.add(poses, below)
         batches += 1
     return Found(best, graph.bound, first, graph.looked_at, graph.arrives, graph.begins, graph.leaves, graph.ends)
