@@ -25,8 +25,6 @@ class CellTable {
         last_ = slots - 1;
     }
 
-    std::size_t slots() const { return last_ + 1; }
-
     // The slot that holds a key, or is free for it.
     std::size_t slot_of(std::int64_t key) const {
         // Columns do not change the bits below 40.

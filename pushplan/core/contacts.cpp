@@ -261,16 +261,6 @@ void bind_contacts(nb::module_ &core) {
     m.def("moved_wrenches_of", &moved_wrenches_of, nb::arg("packed"), nb::arg("twists"), nb::arg("moves"));
     m.def("inertia_per_object", &inertia_per_object, nb::arg("table"), nb::arg("twists"), nb::arg("rates"));
     m.def("sum_over_carried", &sum_over_carried, nb::arg("per_object").noconvert(), nb::arg("pushers"));
-    m.def(
-        "series_pair",
-        [](const Series &series, std::ptrdiff_t row, double vx, double vy, double spin) {
-            const auto rows = table(series);
-            if (row < 0 || row + 1 >= rows.rows || rows.columns != TERMS)
-                throw std::invalid_argument("the series has no rows " + std::to_string(row) + " and the next");
-            const auto [first, second] = series_pair(rows, row, vx, vy, spin);
-            return std::make_tuple(first, second);
-        },
-        nb::arg("series"), nb::arg("row"), nb::arg("vx"), nb::arg("vy"), nb::arg("spin"));
 }
 
 } // namespace pushplan

@@ -110,14 +110,3 @@ def sum_over_carried(per_object: FloatArray, pushers: IntArray) -> None:
         per_object: Changed in place.
         pushers: (n,) the object that pushes each one, -1 for the plate.
     """
-
-def series_pair(series: ComplexArray, row: int, vx: float, vy: float, spin: float) -> tuple[complex, complex]:
-    """Return the integrals of rows `row` and `row` + 1 of `series`.
-
-    Args:
-        series: Coefficients of all objects.
-        row: Index of the first of the two.
-        vx: Velocity v0 of the anchor, like `vy` and `spin` in any common unit, not both zero.
-        vy: See `vx`.
-        spin: omega times the radius.
-    """

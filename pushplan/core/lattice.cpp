@@ -221,12 +221,4 @@ std::vector<double> Lattice::open() const {
     return promises;
 }
 
-std::vector<double> Lattice::cell_costs() const {
-    std::vector<double> costs;
-    for (std::size_t slot = 0; slot < cells_.slots(); ++slot)
-        if (cells_[slot] != 0)
-            costs.push_back(costs_[slot]);
-    return costs;
-}
-
 } // namespace pushplan

@@ -61,8 +61,6 @@ class Lattice {
     const std::vector<Node> &nodes() const { return nodes_; }
     // What the nodes promise that are still to be expanded, m: a heap.
     std::vector<double> open() const;
-    // Costs of the cheapest node in each cell that has one.
-    std::vector<double> cell_costs() const;
 
   private:
     // A node to expand, and the cost of the paths through it that it promises.

@@ -131,10 +131,6 @@ class SparseTree:
         """Lower bounds (n,) on the cost from each node to the goal, m."""
 
     @property
-    def children(self) -> IntArray:
-        """Number of children (n,) of each node."""
-
-    @property
     def active(self) -> BoolArray:
         """Which nodes (n,) stand for a witness."""
 
@@ -223,10 +219,6 @@ class Lattice:
     @property
     def open(self) -> FloatArray:
         """What the nodes promise that are still to be expanded, m: a heap."""
-
-    @property
-    def cell_costs(self) -> FloatArray:
-        """Cost of the cheapest node in each cell that has one, m."""
 
 def floor_distances(
     point: Scene, grid: FloatArray, columns: int, rows: int, least: float, start: FloatArray, goal: FloatArray

@@ -139,13 +139,6 @@ void bind_sparse_tree(nb::module_ &m) {
                              values.push_back(role.to_go);
                          return copied(values);
                      })
-        .def_prop_ro("children",
-                     [](const SparseTree &self) {
-                         std::vector<std::int64_t> values;
-                         for (const Role &role : self.roles())
-                             values.push_back(role.children);
-                         return copied(values);
-                     })
         .def_prop_ro("active",
                      [](const SparseTree &self) {
                          auto made = new_array<bool>({static_cast<std::ptrdiff_t>(self.roles().size())});
@@ -221,11 +214,7 @@ void bind_lattice(nb::module_ &m) {
                      [](const Lattice &self) {
                          auto open = self.open();
                          return to_numpy(std::move(open));
-                     })
-        .def_prop_ro("cell_costs", [](const Lattice &self) {
-            auto costs = self.cell_costs();
-            return to_numpy(std::move(costs));
-        });
+                     });
     m.def(
         "floor_distances",
         [](const Scene &point, const Numbers &grid, std::ptrdiff_t columns, std::ptrdiff_t rows, double least,
