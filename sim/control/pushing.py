@@ -225,8 +225,10 @@ class PushLoop:
 
     def decide(self) -> None:
         """Stop where something is not as it should be, and decide what to do once it has been looked at."""
-        # While it comes up to the load the plate, millimetres off where it believes to be, may not have met it.
-        heavy = self._stall.stalled(self.places) if self._touch.over else ()
+        # While it comes up to the load or closes contacts, the plate, millimetres off where it believes to be, may
+        # not have met it.
+        meeting = not self._touch.over or (self.phase is Phase.CLOSING and not self._job.straight)
+        heavy = () if meeting else self._stall.stalled(self.places)
         if heavy:
             self._end_stall(heavy)
             return
@@ -436,6 +438,7 @@ class PushLoop:
         limits, rate = self.scenario.chain.pusher.limits, self.settings.rate
         self._following = Following(trajectory, limits, rate, self.load.frame_plate, steering)
         self.phase, self._since = phase, self._now
+        self._stall.restart()
 
     def _give_up(self, reason: str) -> None:
         self._end(Phase.GAVE_UP, reason)

@@ -7,19 +7,21 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from conftest import there
+from conftest import Patch, there
 from several.conftest import problem_document
 
 import pushplan
 from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_text, scenario_from_document
 from pushplan.sim.control.controller import Controller
-from pushplan.sim.control.simulated_push import simulate_push
+from pushplan.sim.control.jobs import Phase
+from pushplan.sim.control.simulated_push import Disturbance, simulate_push
 from pushplan.sim.control.stall import StallWatch
 from pushplan.sim.physics.simulate import simulate_in_physics
 from pushplan.sim.physics.stepping import PhysicsSimulator
 from pushplan.sim.slip.simulator import SlipSimulator, simulate
 from pushplan.sim.world import World
+from pushplan.util.arrays import FloatArray
 
 PLACES = np.array([[0.05, 0.0, 0.0], [0.15, 0.01, 0.0]])
 RATE, SPEED = 50.0, 0.2
@@ -119,6 +121,21 @@ def test_a_stalled_plate_stands_until_it_backs_off(plan: Plan, simulator_of: Any
     simulator.move([-0.1, 0.0, 0.0], 0.5)
     assert not simulator.stalled
     assert simulator.plate_pose[0] - world.start[0] < -0.04
+
+
+def test_a_plate_that_closes_contacts_may_not_have_met_its_load_yet(plan: Plan, monkeypatch: Patch) -> None:
+    controller, asked = Controller(plan), set[Phase]()
+
+    def stalled(watch: StallWatch, places: FloatArray) -> tuple[str, ...]:
+        asked.add(controller.phase)
+        return ()
+
+    monkeypatch.setattr(StallWatch, "stalled", stalled)
+    apart = Disturbance(0.2, 0, 8e-3, 0.0, 0.09)
+    simulate_push(World.from_scenario(plan.scenario), controller, controller.settings.rate, [apart])
+    assert "close" in [event.kind for event in controller.events]
+    assert Phase.PUSHING in asked
+    assert Phase.CLOSING not in asked
 
 
 def test_of_several_pushes_a_stall_ends_all() -> None:
