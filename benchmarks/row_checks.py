@@ -97,17 +97,20 @@ def violations(document: Mapping[str, Any], plan: Mapping[str, Any], spacing: fl
         names = [link["object"] for link in segment["load"]]
         pushes = segment["kind"] in ("push", "close")
         held = {name: inside(at, now[name]) for name in names} if pushes else {}
+        # Arcs of a push are of its contact's frame, which lies beside the plate's where the object stands aside.
+        aside = -segment["load"][0]["offset"] if pushes else 0.0
         near = set(names) if segment["kind"] in ("approach", "retreat") else set()
         near |= {segment["onto"]} - {None}
         rest = [put(shapes[name], now[name]) for name in now if name not in held and name not in near]
         closed = [put(shapes[name], now[name]) for name in near]
         standing = shapely.union_all([*rest, *obstacles])
         for arc in segment["arcs"]:
-            if not _drives(drive, arc["twist"]):
+            vx, vy, omega = arc["twist"]
+            if not _drives(drive, (vx + omega * aside, vy, omega)):
                 yield f"{where}: the drive cannot make {arc['twist']}"
             count = max(1, math.ceil(arc["length"] / spacing))
             for i in range(count + 1):
-                pose = after(at, arc["twist"], arc["length"] * i / count)
+                pose = _moved(at, arc["twist"], arc["length"] * i / count, aside)
                 moving = [put(one, pose) for one in robot]
                 moving += [put(put(shapes[name], own), pose) for name, own in held.items()]
                 bodies = shapely.union_all(moving)
@@ -118,7 +121,7 @@ def violations(document: Mapping[str, Any], plan: Mapping[str, Any], spacing: fl
                 if any(bodies.intersection(one).area > 1e-6 for one in closed):
                     yield f"{where}: overlaps what it comes up to"
                     break
-            at = after(at, arc["twist"], arc["length"])
+            at = _moved(at, arc["twist"], arc["length"], aside)
         if apart(at, segment["robot_after"]) > SAME:
             yield f"{where}: the plate ends elsewhere"
         for name, own in held.items():
@@ -139,6 +142,11 @@ def _put_pose(frame: Pose, own: Pose) -> Pose:
     x, y, theta = frame
     c, s = math.cos(theta), math.sin(theta)
     return x + c * own[0] - s * own[1], y + s * own[0] + c * own[1], theta + own[2]
+
+
+def _moved(at: Pose, twist: Sequence[float], length: float, aside: float) -> Pose:
+    """Return a plate's pose after an arc of the frame that lies beside its own, m to the left."""
+    return _put_pose(after(_put_pose(at, (0.0, aside, 0.0)), twist, length), (0.0, -aside, 0.0))
 
 
 def _drives(drive: Any, twist: Sequence[float]) -> bool:
