@@ -24,7 +24,7 @@ from pushplan.geometry.polygon import SHORTEST_CONTACT
 from pushplan.geometry.se2 import rotate
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.dynamics import dynamic_margins
-from pushplan.mechanics.perturb import aside, turned
+from pushplan.mechanics.perturb import Motion, aside_slides, displace
 from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
 from pushplan.planners.planner import plan
 from pushplan.scenario.file import example_names, load_scenario, scenario_from_text
@@ -47,6 +47,13 @@ def leaning(obj: PushedObject, shares: FloatArray) -> Support:
     return FeetSupport(positions, fractions * (1.0 + about / np.abs(about).max(axis=0) @ shares))
 
 
+def one_off(chain: Chain, index: int, aside: float = 0.0, angle: float = 0.0) -> Motion:
+    """Return one object aside (m) or turned about its contact's middle (rad), with all others as believed."""
+    distances, turns = np.zeros((2, 1, len(chain.objects)))
+    distances[0, index], turns[0, index] = aside, angle
+    return displace(chain, aside_slides(chain, distances), turns)
+
+
 def off_by(box: ErrorBox, scale: float, point: FloatArray) -> Chain:
     """Return the chain at a point (n, 6) of the scaled box, contact frictions at their lowest.
 
@@ -55,12 +62,12 @@ def off_by(box: ErrorBox, scale: float, point: FloatArray) -> Chain:
     """
     chain, off = box.chain, scale * point * box.widths
     for k in range(len(chain.objects)):
-        moved = aside(chain, k, [off[k, 4]])
+        moved = one_off(chain, k, aside=float(off[k, 4]))
         if (moved.lengths < SHORTEST_CONTACT).any():
             raise PushplanError("no contact is left")
         chain = moved.applied(chain)
     for k in reversed(range(len(chain.objects))):
-        chain = turned(chain, k, float(off[k, 5]))
+        chain = one_off(chain, k, angle=float(off[k, 5])).applied(chain)
     objects = tuple(
         replace(
             there,

@@ -30,6 +30,7 @@ from typing import Any
 import numpy as np
 import yaml
 from corner_places import shifted_places, turned_places
+from joint_errors import one_off
 from on_feet import on_feet
 
 from pushplan.bench.random_problems import DRIVES, generate
@@ -38,7 +39,7 @@ from pushplan.bench.store import Machine
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.perturb import turned, with_contact_friction, with_floor_friction, with_leaning_load
+from pushplan.mechanics.perturb import with_contact_friction, with_floor_friction, with_leaning_load
 from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names, example_text, scenario_from_document
@@ -109,7 +110,7 @@ def within(robustness: Any, chain: Chain) -> dict[str, World]:
             floor = with_floor_friction(chain, 1.0 + sign * share * robustness.floor_friction, i)
             worlds[f"floor friction {told}"] = World(floor)
             worlds[f"position {told}"] = World(chain, shifted_places(chain, i, sign * share * robustness.position))
-            worlds[f"angle {told}"] = World(turned(chain, i, sign * share * robustness.angle))
+            worlds[f"angle {told}"] = World(one_off(chain, i, angle=sign * share * robustness.angle).applied(chain))
         for direction in (LEFT, RIGHT, FRONT, BACK):
             leaned = with_leaning_load(chain, direction, share * robustness.load, i)
             worlds[f"load {i} {direction}"] = World(leaned)

@@ -194,7 +194,8 @@ class Course:
         objects, parts = packed.objects[None], packed.parts[None]
         still, every = np.zeros((1, n, 3)), np.ones(n, dtype=np.bool_)
         centers = np.ascontiguousarray(self.inertia.center[None])
-        facets = self._facets(self.ends[None])
+        friction = np.array([contact.friction for contact in self.chain.contacts])
+        facets = contact_facets(self.ends[None, :, 0], self.ends[None, :, 1], friction, 1.0)
         return Variants(objects, parts, packed.links, every, still, centers, facets, np.ones(1, np.bool_))
 
     @cached_property
@@ -212,10 +213,6 @@ class Course:
         """(m,) the moments, those with the least to spare per friction load that the contact carries first."""
         loads = carried_objects(self.chain) @ self.packed.objects[:, 0] + 1e-300
         return np.argsort((self.nominal / loads[:, None]).min(axis=(1, 2)), kind="stable")
-
-    def _facets(self, ends: FloatArray) -> FloatArray:
-        friction = np.array([contact.friction for contact in self.chain.contacts])
-        return contact_facets(ends[:, :, 0], ends[:, :, 1], friction, 1.0)
 
     def values_of(self, variants: Variants, which: IntArray | None, masses: FloatArray | None = None) -> FloatArray:
         """Return the facets' values (q, k, n, 4) at moments `which` (k,), None for all, N and N m.

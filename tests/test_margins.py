@@ -17,7 +17,6 @@ from pushplan.cli.main import main
 from pushplan.geometry import se2
 from pushplan.geometry.polygon import find_touch
 from pushplan.mechanics.chain import Chain, Drive
-from pushplan.mechanics.perturb import aside, turned
 from pushplan.mechanics.support import FeetSupport, UnknownSupport
 from pushplan.planners.controls import HALVINGS, MOST_MARGIN, automatic_margin
 from pushplan.planners.planner import plan
@@ -194,7 +193,7 @@ def test_what_stands_aside_touches_where_its_outline_does_and_what_is_turned_tak
 ) -> None:
     chain = load_scenario(name).chain
     for k, size in product(range(len(chain.objects)), (0.004, -0.004)):
-        moved = aside(chain, k, [size]).applied(chain)
+        moved = joint_errors["one_off"](chain, k, aside=size).applied(chain)
         bodies = [*(obj.outline_chain for obj in moved.objects), chain.pusher.outline]  # the plate is -1
         for contact in moved.contacts:
             touches = there(find_touch(bodies[contact.pusher], bodies[contact.pushed]))
@@ -203,7 +202,7 @@ def test_what_stands_aside_touches_where_its_outline_does_and_what_is_turned_tak
         shift = moved.places - chain.places
         np.testing.assert_allclose(shift[k, :2], size * chain.contacts[k].tangent, atol=1e-12)
         assert not np.delete(shift, k, axis=0).any()
-        off, own = turned(chain, k, size), chain.contacts[k]
+        off, own = joint_errors["one_off"](chain, k, angle=size).applied(chain), chain.contacts[k]
         middle = 0.5 * (own.right + own.left)
         np.testing.assert_allclose([off.contacts[k].right, off.contacts[k].left], [own.right, own.left])
         motion = np.append(middle - se2.rotate(size, middle), size)

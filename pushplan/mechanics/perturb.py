@@ -116,18 +116,11 @@ class Motion:
         return replace(chain, objects=objects, contacts=contacts)
 
 
-def turn(chain: Chain, index: int, angles: ArrayLike) -> Motion:
-    """Return one object, with all that it carries, turned by angles (q,) about its contact's middle, rad.
-
-    The contact itself stays flush: the face of the object is not as square to it as the plan believes.
-    """
-    turns = np.zeros((np.size(angles), len(chain.contacts)))
-    turns[:, index] = angles
-    return replace(displace(chain, np.zeros_like(turns), turns), moved=carried_objects(chain)[index])
-
-
 def displace(chain: Chain, slides: FloatArray, turns: FloatArray) -> Motion:
-    """Return every object slid by (q, n), m (see `slide`), and then turned by (q, n), rad (see `turn`).
+    """Return every object slid by (q, n), m (see `slide`), and then turned by (q, n), rad.
+
+    It turns about its contact's middle, with all that it carries. The contact itself stays flush: the face of the
+    object is not as square to it as the plan believes.
 
     Raises:
         ChainError: When a contact does not lie on edges of both bodies.
@@ -174,18 +167,12 @@ def slide(chain: Chain, slides: FloatArray) -> Motion:
     return Motion(moved, poses, ends, lengths)
 
 
-def aside(chain: Chain, index: int, distances: ArrayLike) -> Motion:
-    """Return one object slid to the left by distances (q,), m, and nothing of what it carries.
-
-    A carried object that leans on a contact of another direction follows along its normal until it touches.
-    """
-    size = np.zeros((np.size(distances), len(chain.contacts)))
-    size[:, index] = distances
-    return slide(chain, aside_slides(chain, size))
-
-
 def aside_slides(chain: Chain, distances: FloatArray) -> FloatArray:
-    """Return the slides (q, n), m, for which every object stands aside by its distance (q, n), m; see `aside`."""
+    """Return the slides (q, n), m, for which every object stands aside by its distance (q, n), m, to the left.
+
+    Nothing of what it carries does. A carried object that leans on a contact of another direction follows along its
+    normal until it touches.
+    """
     slides = distances.copy()
     for k, contact in enumerate(chain.contacts):
         if contact.pusher != PLATE:
@@ -201,11 +188,6 @@ def slid(chain: Chain, slides: Sequence[float] | FloatArray) -> Chain:
         ChainError: When a contact is left without a segment.
     """
     return slide(chain, np.atleast_2d(np.asarray(slides, dtype=np.float64))).applied(chain)
-
-
-def turned(chain: Chain, index: int, angle: float) -> Chain:
-    """Return the chain of `turn` by one angle, rad."""
-    return turn(chain, index, angle).applied(chain)
 
 
 def contact_ends(chain: Chain) -> FloatArray:

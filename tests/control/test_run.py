@@ -83,9 +83,9 @@ def test_a_loop_writes_what_has_happened_as_it_goes(run: ClosedLoopRun, back: Re
             raise InterruptedError
 
     world = pushplan.World.from_scenario(run.scenario).with_contact_friction(0.8)
-    again = {"plan": run.plan, "seed": run.seed, "log": tmp_path / "cut.mcap", "progress": told}
+    log = tmp_path / "cut.mcap"
     with pytest.raises(InterruptedError):
-        run_closed_loop(run.scenario, world, run.disturbances, **again)  # type: ignore[arg-type]
+        run_closed_loop(run.scenario, world, run.disturbances, plan=run.plan, seed=run.seed, log=log, progress=told)
     (cut,) = halves
     execution, measured, stopped = there(cut.execution), there(cut.feedback).measured, there(cut.feedback).events
     count, whole = len(execution.t), there(back.execution)
