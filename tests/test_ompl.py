@@ -12,7 +12,6 @@ from ompl import control as oc
 from ompl import util as ou
 
 import pushplan
-from pushplan.core.improve import random_family
 from pushplan.core.problem import Problem, arcs_at, controls_of
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
@@ -20,7 +19,7 @@ from pushplan.ompl import pose, push_path
 from pushplan.planners.clearance import find_collision
 from pushplan.planners.search.form import leave_path, pose_of, state_at
 from pushplan.planners.search.planners import planner_named
-from pushplan.plans.path import PushPath
+from pushplan.plans.path import PushPath, cost_rate
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import PLANNERS
@@ -47,13 +46,13 @@ def _solved(scenario: Scenario, planner: str) -> tuple[Any, Any]:
 
 
 def _drawn_arcs(problem: Problem, count: int) -> FloatArray:
-    """Return arcs of the families that polishing draws, and of random controls; some are longer than the longest."""
-    rng, state = np.random.default_rng(0), np.array([7], dtype=np.uint64)
-    twists = []
-    for _ in range(count):
-        twists += [twist for twist in random_family(problem.segments, state) if twist.any()]
+    """Return arcs from the ends of segments and within, and of random controls; some are longer than the longest."""
+    rng = np.random.default_rng(0)
+    share = rng.choice([0.0, 1.0, 0.3, 0.8], (count, 1))
+    segments = problem.segments[rng.integers(len(problem.segments), size=count)]
+    between = (1.0 - share) * segments[:, :3] + share * segments[:, 3:]
     controls = np.column_stack([rng.uniform(0.0, 1.0, (count, 3)), np.ones(count)])
-    twists += list(arcs_at(problem, controls)[:, :3])
+    twists = np.concatenate([between / cost_rate(between)[:, None], arcs_at(problem, controls)[:, :3]])
     return np.column_stack([twists, rng.uniform(1e-6, 4.0 * problem.longest, len(twists))])
 
 

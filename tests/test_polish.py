@@ -15,7 +15,7 @@ from plans_of import load_plain
 
 import pushplan
 from pushplan.core.improve import objective_value, shorten, vary
-from pushplan.core.problem import Objective, Problem, arc_value, rest_to_rest_time
+from pushplan.core.problem import REST_TO_REST, Objective, Problem
 from pushplan.geometry import se2
 from pushplan.planners.clearance import find_collision
 from pushplan.planners.planner import plan
@@ -152,7 +152,7 @@ def planned(cost: str, weight: float = 1.0, trajectory: str = "exact") -> Plan:
 
 
 def rate(objective: Objective, twist: FloatArray, length: float = 1.0) -> float:
-    return float(arc_value(objective, twist[0], twist[1], twist[2], length))
+    return objective_value(objective, np.append(twist, length)[None])
 
 
 def test_the_rest_to_rest_time_is_ruckigs() -> None:
@@ -161,7 +161,9 @@ def test_the_rest_to_rest_time_is_ruckigs() -> None:
     for _ in range(300):
         length, speed, acceleration, jerk = 10.0 ** rng.uniform([-6, -1.5, -1.5, -1], [1, 0.5, 0.5, 2])
         profile = rest_to_rest(length, ArcLimits(speed, acceleration, acceleration, jerk))
-        found = rest_to_rest_time(length, speed, acceleration, jerk)
+        table = np.tile([speed, acceleration, jerk], (2, 2, 1))
+        objective = Objective(REST_TO_REST, 0.0, 1.0 / speed, 1.0, np.array([-1.0, 1.0, -1.0, 1.0]), table)
+        found = rate(objective, np.array([1.0, 0.0, 0.0]), length)
         assert found == pytest.approx(profile.duration, rel=1e-9)
 
 

@@ -74,19 +74,11 @@ class CentredLoad {
     // A lower bound of it: the plane that touches q at the centre, moved down below all q.
     double quick(const Facet &g) const;
 
+  private:
     struct Basic {
         UnitLoad load;
         bool there; // false at first: a place far outside without a load
     };
-    using Basis = std::array<Basic, 3>;
-
-    const Basis &basis() const { return basis_; }
-    const Centre &centre() const { return centre_; }
-
-    // The shares of a load about the centre that the three basic ones carry.
-    Shares shares(double x, double y) const;
-
-  private:
     struct Sample : UnitLoad {
         bool refined; // whether there are more between this one and the next
         // How much lower than with the least shift it lies with the largest one.
@@ -99,6 +91,8 @@ class CentredLoad {
         double gap; // by how much it lies above the plane
     };
 
+    // The shares of a load about the centre that the three basic ones carry.
+    Shares shares(double x, double y) const;
     void add(double x, double y, double ux, double uy);
     void sample_edge(const Point &corner, const Point &next, double still);
     void sample_line(const Point &corner, double tx, double ty, double edge, double rho);
@@ -124,7 +118,7 @@ class CentredLoad {
     std::vector<Sample> samples_;  // the first ones of the outline, in their order, then those between
     std::size_t first_count_ = 0;  // of the first ones; 0 for feet
     bool inside_ = false;          // whether a load may rest on the COR
-    Basis basis_{};
+    std::array<Basic, 3> basis_{};
     double slope_ = 0.0;
 };
 

@@ -230,7 +230,6 @@ void bind_collision(nb::module_ &core) {
     auto m = core.def_submodule("collision");
     bind_shapes(m);
     bind_scene(m);
-    m.attr("LEAF") = LEAF;
     m.attr("SLACK") = SLACK;
     m.attr("ROUNDING") = ROUNDING;
     m.attr("CLEARANCE_ROOM") = CLEARANCE_ROOM;

@@ -6,8 +6,6 @@ every obstacle is d, no point of the body can touch anything before it has trave
 
 from pushplan.util.arrays import FloatArray, IntArray
 
-LEAF: int
-"""Obstacles in a leaf, at most."""
 SLACK: float
 """Distance beyond the clearance, m, that the poses looked at have, so that those between can be proven to keep it."""
 ROUNDING: float

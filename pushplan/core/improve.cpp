@@ -45,13 +45,6 @@ Made<double> bind_cut_short(const Problem &problem, const Numbers &start, const 
     return to_table(path);
 }
 
-Made<double> bind_random_family(const Numbers &segments, RandomState state) {
-    const auto rows = to_rows<Segment>(segments, "segments");
-    if (rows.empty())
-        throw std::invalid_argument("a family is drawn from a segment at least");
-    return to_table(random_family(rows, random_of(state)));
-}
-
 } // namespace
 
 void bind_improve(nb::module_ &core) {
@@ -61,7 +54,6 @@ void bind_improve(nb::module_ &core) {
         [](const Objective &objective, const Numbers &path) { return objective_value(objective, to_arcs(path)); },
         nb::arg("objective"), nb::arg("path"));
     m.def("merged", [](const Numbers &arcs) { return to_table(merged(to_arcs(arcs))); }, nb::arg("arcs"));
-    m.def("random_family", &bind_random_family, nb::arg("segments"), nb::arg("state"));
     m.def("vary", &bind_vary, nb::arg("problem"), nb::arg("start"), nb::arg("arcs"), nb::arg("state"),
           nb::arg("attempts") = 1);
     m.def("shorten", &bind_shorten, nb::arg("problem"), nb::arg("start"), nb::arg("arcs"), nb::arg("state"),

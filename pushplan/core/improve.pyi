@@ -9,13 +9,6 @@ def objective_value(objective: Objective, path: FloatArray) -> float:
 def merged(arcs: FloatArray) -> FloatArray:
     """Return a path (k, 4) without empty arcs and with neighbours of the same motion made one."""
 
-def random_family(segments: FloatArray, state: RandomState) -> FloatArray:
-    """Return (3, 3): a left turn, a straight push and a right turn drawn from the stable set.
-
-    Turns are drawn from the ends of the segments (k, 6), where they are tightest, as often as from within. A motion
-    of which the drawn segment has none is left at zero.
-    """
-
 def vary(problem: Problem, start: FloatArray, arcs: FloatArray, state: RandomState, attempts: int = 1) -> FloatArray:
     """Return a path (k, 4) after local changes: one arc changed and three closing it, each kept if it is cheaper.
 

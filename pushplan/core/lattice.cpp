@@ -214,11 +214,4 @@ std::vector<Arc> Lattice::path() const {
     return path;
 }
 
-std::vector<double> Lattice::open() const {
-    std::vector<double> promises;
-    for (const Entry &entry : queue_)
-        promises.push_back(entry.promise);
-    return promises;
-}
-
 } // namespace pushplan

@@ -55,12 +55,8 @@ class Lattice {
     // The best path; empty while there is none.
     std::vector<Arc> path() const;
 
-    const Area &area() const { return area_; }
-    const LatticeSizes &sizes() const { return sizes_; }
     std::int64_t tried() const { return tried_; }
     const std::vector<Node> &nodes() const { return nodes_; }
-    // What the nodes promise that are still to be expanded, m: a heap.
-    std::vector<double> open() const;
 
   private:
     // A node to expand, and the cost of the paths through it that it promises.

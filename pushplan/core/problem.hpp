@@ -49,7 +49,7 @@ inline Twist between(const Segment &segment, double b) {
 Twist choose_twist(const Problem &problem, double u0, double u1);
 
 // A node of a tree: a pose, the cost from the root, the row of the parent (-1 of a root), and the arc that led here. As
-// numbers, a row of a table (n, NODE).
+// numbers, a row of a table (n, 9).
 struct Node {
     Pose pose;
     double cost;
@@ -57,8 +57,7 @@ struct Node {
     Arc arc;
 };
 
-constexpr int NODE = 9;
-static_assert(sizeof(Node) == NODE * sizeof(double), "a row of NumPy's table");
+static_assert(sizeof(Node) == 9 * sizeof(double), "a row of NumPy's table");
 
 // Append the arcs from the root of a tree to a node to a path.
 void trace(const std::vector<Node> &nodes, std::int64_t node, std::vector<Arc> &path);

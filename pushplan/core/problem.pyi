@@ -10,22 +10,12 @@ PASSING: int
 """Kinds of objectives."""
 GAIN: float
 """What is better by less, in the unit of the objective (m or s), is taken for rounding; not tuned."""
-NODE: int
-"""Columns of a node: x, y, theta, cost from the start, parent, arc that led here (vx, vy, omega, length)."""
-LETTER_SHARE: float
-"""Share of the sampled controls that are the twists of a steering family: turns and straight pushes."""
-END_SHARE: float
-"""Share of the other controls that lie on either end of their segment, the boundary of the stable set."""
 TURN_WEIGHT: float
 """What a radian of turning costs beside a metre of travel, m."""
 LEFT: int
 STRAIGHT: int
 RIGHT: int
 """Rows of a family: (3, 3) body twists scaled to a cost rate of 1; a row of zeros is a motion that is not used."""
-MAX_WORDS: int
-"""Words per family: four turn-straight-turn with up to two roots each, two turn-turn-turn with two apexes."""
-MOST_FAMILIES: int
-"""Families that a connection is looked for in, at most."""
 TRIES: int
 """Words that are swept, at most, in the attempt to connect a new node."""
 
@@ -99,12 +89,6 @@ class Problem:
     def with_objective(self, objective: Objective) -> Problem:
         """Return it with another objective."""
 
-def rest_to_rest_time(length: float, speed: float, acceleration: float, jerk: float) -> float:
-    """Return the shortest time (s) over a length from rest to rest with bounds on three derivatives."""
-
-def arc_value(objective: Objective, vx: float, vy: float, omega: float, length: float) -> float:
-    """Return the value of an arc of a twist scaled to a cost rate of 1."""
-
 def remaining(x: float, y: float, theta: float, goal: FloatArray) -> float:
     """Return a lower bound on the cost from a pose to the goal: straight travel plus the smallest turn."""
 
@@ -121,7 +105,7 @@ def connect(
 
     Args:
         scene: The body and what it must not touch.
-        families: (f, 3, 3) left, straight and right twists; f is at most MOST_FAMILIES.
+        families: (f, 3, 3) left, straight and right twists; f is at most 3.
         start: (3,) pose.
         goal: (3,) pose.
         bound: Only words cheaper than this are looked at; infinite if nothing is given.

@@ -56,14 +56,6 @@ void bind_objective(nb::module_ &m) {
                                     nb::cast<double>(state[3]), nb::cast<Numbers>(state[4]),
                                     nb::cast<Numbers>(state[5]));
             }));
-    m.def("rest_to_rest_time", &rest_to_rest_time, nb::arg("length"), nb::arg("speed"), nb::arg("acceleration"),
-          nb::arg("jerk"));
-    m.def(
-        "arc_value",
-        [](const Objective &objective, double vx, double vy, double omega, double length) {
-            return arc_value(objective, Twist{vx, vy, omega}, length);
-        },
-        nb::arg("objective"), nb::arg("vx"), nb::arg("vy"), nb::arg("omega"), nb::arg("length"));
 }
 
 Problem to_problem(const Scene &scene, const Numbers &segments, const Numbers &families, const Numbers &goal,
@@ -76,9 +68,6 @@ Problem to_problem(const Scene &scene, const Numbers &segments, const Numbers &f
 }
 
 void bind_problem_class(nb::module_ &m) {
-    m.attr("NODE") = NODE;
-    m.attr("LETTER_SHARE") = LETTER_SHARE;
-    m.attr("END_SHARE") = END_SHARE;
     m.attr("TURN_WEIGHT") = TURN_WEIGHT;
     nb::class_<Problem>(m, "Problem")
         .def(MadeBy(&to_problem), nb::arg("scene"), nb::arg("segments"), nb::arg("families"), nb::arg("goal"),
@@ -155,8 +144,6 @@ void bind_steering(nb::module_ &m) {
     m.attr("LEFT") = LEFT;
     m.attr("STRAIGHT") = STRAIGHT;
     m.attr("RIGHT") = RIGHT;
-    m.attr("MAX_WORDS") = MAX_WORDS;
-    m.attr("MOST_FAMILIES") = MOST_FAMILIES;
     m.attr("TRIES") = TRIES;
     m.def(
         "find_words",

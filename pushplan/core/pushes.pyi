@@ -10,8 +10,7 @@ class PackedMode:
     """A contact and the pushes that it can make.
 
     Attributes:
-        families: (f, 3, 3) left, straight and right twists in the contact's chain frame; f is at most
-            `problem.MOST_FAMILIES`.
+        families: (f, 3, 3) left, straight and right twists in the contact's chain frame; f is at most 3.
         contact: (3,) pose of that frame in the load's.
         robot: (3,) pose of the robot's frame in that frame.
         settling: (3,) twist of the straight push that a push begins with.

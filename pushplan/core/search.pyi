@@ -2,7 +2,7 @@
 
 from pushplan.core.collision import Scene
 from pushplan.core.problem import Problem
-from pushplan.util.arrays import BoolArray, FloatArray, IntArray, RandomState
+from pushplan.util.arrays import FloatArray, IntArray, RandomState
 
 class Tree:
     """A tree that another program drives, OMPL's planners, which say from where and along what it grows.
@@ -26,7 +26,7 @@ class Tree:
     def __len__(self) -> int: ...
     @property
     def nodes(self) -> FloatArray:
-        """The tree (n, NODE), a copy; see `problem.NODE`."""
+        """The tree, a copy (n, 9): pose, cost from the start, parent, arc that led here (vx, vy, omega, length)."""
 
     def extend(
         self, row: int, u0: float, u1: float, u2: float, bound: float
@@ -59,7 +59,7 @@ class Tree:
         """
 
 def branch(nodes: FloatArray, node: int) -> FloatArray:
-    """Return the arcs (k, 4) from the root of a tree (n, NODE) to a node."""
+    """Return the arcs (k, 4) from the root of a tree (n, 9) to a node."""
 
 class Forest:
     """Trees grown from start and goal until they join.
@@ -124,19 +124,7 @@ class SparseTree:
     ) -> None: ...
     @property
     def nodes(self) -> FloatArray:
-        """The tree (n, NODE), a copy; see `problem.NODE`. Rows that are unused are part of it."""
-
-    @property
-    def to_go(self) -> FloatArray:
-        """Lower bounds (n,) on the cost from each node to the goal, m."""
-
-    @property
-    def active(self) -> BoolArray:
-        """Which nodes (n,) stand for a witness."""
-
-    @property
-    def witnesses(self) -> FloatArray:
-        """Pose, and the row of the node that stands for it, of each witness (w, 4)."""
+        """The tree (n, 9), a copy; see `Tree.nodes`. Rows that are unused are part of it."""
 
     @property
     def unused(self) -> IntArray:
@@ -197,28 +185,12 @@ class Lattice:
         """The best path (k, 4), None while there is none."""
 
     @property
-    def box(self) -> FloatArray:
-        """What the cells cover (4,), m."""
-
-    @property
-    def side(self) -> float:
-        """Side of a cell, m."""
-
-    @property
-    def angle(self) -> float:
-        """Angle of a cell, rad."""
-
-    @property
     def tried(self) -> int:
         """Arcs tried."""
 
     @property
     def nodes(self) -> FloatArray:
-        """The nodes (n, NODE), a copy; see `problem.NODE`."""
-
-    @property
-    def open(self) -> FloatArray:
-        """What the nodes promise that are still to be expanded, m: a heap."""
+        """The nodes (n, 9), a copy; see `Tree.nodes`."""
 
 def floor_distances(
     point: Scene, grid: FloatArray, columns: int, rows: int, least: float, start: FloatArray, goal: FloatArray

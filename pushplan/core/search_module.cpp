@@ -132,28 +132,6 @@ void bind_sparse_tree(nb::module_ &m) {
              nb::arg("start"), nb::arg("goal"), nb::arg("box"), nb::arg("heading_length"), nb::arg("selection"),
              nb::arg("witness"))
         .def_prop_ro("nodes", [](const SparseTree &self) { return to_table(self.nodes()); })
-        .def_prop_ro("to_go",
-                     [](const SparseTree &self) {
-                         std::vector<double> values;
-                         for (const Role &role : self.roles())
-                             values.push_back(role.to_go);
-                         return copied(values);
-                     })
-        .def_prop_ro("active",
-                     [](const SparseTree &self) {
-                         auto made = new_array<bool>({static_cast<std::ptrdiff_t>(self.roles().size())});
-                         bool *to = made.data();
-                         for (const Role &role : self.roles())
-                             *to++ = role.active;
-                         return made;
-                     })
-        .def_prop_ro("witnesses",
-                     [](const SparseTree &self) {
-                         std::vector<Arc> rows; // four numbers each
-                         for (const auto &[pose, row] : self.witnesses())
-                             rows.push_back({{pose.x, pose.y, pose.theta}, static_cast<double>(row)});
-                         return to_table(rows);
-                     })
         .def_prop_ro("unused", [](const SparseTree &self) { return copied(self.unused()); })
         .def(
             "grow",
@@ -205,16 +183,8 @@ void bind_lattice(nb::module_ &m) {
             },
             nb::arg("state"), nb::arg("bound"), nb::arg("arcs"))
         .def_prop_ro("path", [](const Lattice &self) { return path_or_none(self.path()); })
-        .def_prop_ro("box", [](const Lattice &self) { return copied(&self.area().xmin, {4}); })
-        .def_prop_ro("side", [](const Lattice &self) { return self.sizes().side; })
-        .def_prop_ro("angle", [](const Lattice &self) { return self.sizes().angle; })
         .def_prop_ro("tried", &Lattice::tried)
-        .def_prop_ro("nodes", [](const Lattice &self) { return to_table(self.nodes()); })
-        .def_prop_ro("open",
-                     [](const Lattice &self) {
-                         auto open = self.open();
-                         return to_numpy(std::move(open));
-                     });
+        .def_prop_ro("nodes", [](const Lattice &self) { return to_table(self.nodes()); });
     m.def(
         "floor_distances",
         [](const Scene &point, const Numbers &grid, std::ptrdiff_t columns, std::ptrdiff_t rows, double least,

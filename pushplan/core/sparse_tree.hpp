@@ -37,8 +37,6 @@ class SparseTree {
                       std::vector<Arc> &path);
 
     const std::vector<Node> &nodes() const { return nodes_; }
-    const std::vector<Role> &roles() const { return roles_; }
-    const std::vector<Witness> &witnesses() const { return witnesses_; }
     // Rows that were pruned.
     const std::vector<std::int64_t> &unused() const { return unused_; }
 

@@ -115,8 +115,6 @@ nb::tuple bind_contact_use(const Wrenches &floor, const Wrenches &inertia, const
 
 void bind_timing(nb::module_ &core) {
     nb::module_ m = core.def_submodule("timing");
-    m.attr("FINEST") = FINEST;
-    m.attr("MOST_OF_PHASE") = MOST_OF_PHASE;
     m.def("step_sum", bind_step_sum, nb::arg("levels"), nb::arg("centers"), nb::arg("widths"));
     m.def(
         "ordered_widths",

@@ -2,12 +2,6 @@
 
 from pushplan.util.arrays import FloatArray, IntArray
 
-FINEST: float
-"""Longest piece (s) on which the twist changes direction: a Magnus step over it is good to about 1e-11 m."""
-
-MOST_OF_PHASE: int
-"""Pieces of one phase of a step, at most."""
-
 def step_sum(levels: FloatArray, centers: FloatArray, widths: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
     """Return the twist that passes through `levels`, one smooth step after the other.
 

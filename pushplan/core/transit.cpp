@@ -170,18 +170,6 @@ Way shortened(const Surroundings &around, const Wheels &wheels, const Pose &star
     return way;
 }
 
-bool transit_is_free(const Surroundings &around, const Pose &start, const Way &way) {
-    Pose pose = start;
-    if (!around.is_clear(start))
-        return false;
-    for (const Arc &arc : way) {
-        if (!around.is_free(pose, arc))
-            return false;
-        pose = step(pose, arc.twist, arc.length);
-    }
-    return true;
-}
-
 namespace {
 
 nb::object transit_between(const Surroundings &around, const Wheels &wheels, const Numbers &start, const Numbers &goal,
@@ -211,13 +199,6 @@ Made<double> shortened_arcs(const Surroundings &around, const Wheels &wheels, co
     return to_table(way);
 }
 
-bool arcs_are_free(const Surroundings &around, const Numbers &start, const Numbers &arcs) {
-    const Pose first = to_pose(start);
-    const Way way = to_arcs(arcs);
-    nb::gil_scoped_release free;
-    return transit_is_free(around, first, way);
-}
-
 } // namespace
 
 void bind_transit(nb::module_ &core) {
@@ -226,7 +207,6 @@ void bind_transit(nb::module_ &core) {
           nb::arg("box"), nb::arg("spread"), nb::arg("state").noconvert(), nb::arg("iterations"));
     m.def("shortened", &shortened_arcs, nb::arg("around"), nb::arg("wheels"), nb::arg("start"), nb::arg("arcs"),
           nb::arg("state").noconvert(), nb::arg("attempts"));
-    m.def("transit_is_free", &arcs_are_free, nb::arg("around"), nb::arg("start"), nb::arg("arcs"));
 }
 
 } // namespace pushplan

@@ -26,7 +26,4 @@ std::optional<Way> find_transit(const Surroundings &around, const Wheels &wheels
 Way shortened(const Surroundings &around, const Wheels &wheels, const Pose &start, Way way, Random &random,
               int attempts);
 
-// Return whether a way that was found elsewhere is free here, both ends included.
-bool transit_is_free(const Surroundings &around, const Pose &start, const Way &way);
-
 } // namespace pushplan

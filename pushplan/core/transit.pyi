@@ -42,6 +42,3 @@ def shortened(
         state: Of the random numbers.
         attempts: Pairs, at most.
     """
-
-def transit_is_free(around: Surroundings, start: FloatArray, arcs: FloatArray) -> bool:
-    """Return whether a way (k, 4) that was found elsewhere is free here, both ends included."""

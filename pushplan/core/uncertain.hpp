@@ -94,10 +94,6 @@ class LeastRows {
     // The smallest margin, or any number up to `floor` for a smaller one.
     double margin(double floor);
 
-    // The least of row `g` of a unit load on an object of which the centre is known, which leaves its worst spread.
-    double least_centred(std::ptrdiff_t i, const Facet &g) { return centred_[i]->least(g); }
-    const CentredLoad &centred(std::ptrdiff_t i) const { return *centred_[i]; }
-
     const std::vector<std::array<double, 4>> &rows() const { return rows_; }
     const std::vector<double> &sizes() const { return sizes_; } // bounds of the wrenches
 

@@ -55,8 +55,6 @@ class PackedLoads:
     @property
     def total(self) -> FloatArray: ...
     @property
-    def miss(self) -> FloatArray: ...
-    @property
     def free(self) -> IntArray: ...
     @property
     def carried(self) -> BoolArray: ...
@@ -102,6 +100,3 @@ def inertia_rows_of(
         known: (m, n, 3) that 1 kg of each object with a known load asks for, N, moments about the origin, N m.
         pulls: (m, p, 3) that 1 kg on each of the points asks for.
     """
-
-def worst_spreads(packed: PackedLoads, twist: FloatArray, k: int, j: int) -> tuple[FloatArray, FloatArray]:
-    """Return row j of contact k from each object's worst spread (n,), N, and these spreads (n, 3, 3): x, y, part."""

@@ -162,33 +162,6 @@ nb::tuple inertia_rows_of(const PackedLoads &packed, const Numbers &masses, cons
     return rows_at(packed, known.shape(0), table(masses), wrenches_at(packed, known, pulls));
 }
 
-nb::tuple worst_spreads(const PackedLoads &packed, const Numbers &twist, std::ptrdiff_t k, int j) {
-    const std::ptrdiff_t n = packed.count();
-    require_shape(twist, {3}, "twist");
-    if (k < 0 || k >= n || j < 0 || j >= 4)
-        throw std::invalid_argument("there is no such contact or row");
-    auto values = to_numpy(std::vector<double>(n)), spreads = to_numpy(std::vector<double>(9 * n), {n, 3, 3});
-    LeastRows rows(packed);
-    rows.set_twist(twist_at(twist.data()));
-    for (std::ptrdiff_t i = 0; i < n; ++i) {
-        if (!packed.carries(k, i) || !packed.by_centre(i))
-            continue;
-        const double least = rows.least_centred(i, packed.facet(k, j));
-        values.data()[i] = read<Range>(packed.loads.table()[i]).least(least);
-        const CentredLoad &load = rows.centred(i);
-        const Shares parts = load.shares(0.0, 0.0);
-        const Centre centre = load.centre();
-        double *spread = spreads.data() + 9 * i;
-        for (int b = 0; b < 3; ++b) {
-            const UnitLoad &basic = load.basis()[b].load;
-            *spread++ = basic.x + centre.x + basic.shift * basic.pull.x;
-            *spread++ = basic.y + centre.y + basic.shift * basic.pull.y;
-            *spread++ = parts[b];
-        }
-    }
-    return nb::make_tuple(values, spreads);
-}
-
 nb::tuple state_of(const nb::object &self) {
     const auto &packed = nb::cast<const PackedLoads &>(self);
     return nb::make_tuple(packed.units, packed.unit.shown(self), packed.points.shown(self), packed.first.shown(self),
@@ -215,7 +188,6 @@ void bind_packed_loads(nb::module_ &m) {
     def_shown(bound, "points", &PackedLoads::points);
     def_shown(bound, "first", &PackedLoads::first);
     def_shown(bound, "total", &PackedLoads::total);
-    def_shown(bound, "miss", &PackedLoads::miss);
     def_shown(bound, "free", &PackedLoads::free);
     def_shown(bound, "carried", &PackedLoads::carried);
     def_shown(bound, "facets", &PackedLoads::facets);
@@ -243,7 +215,6 @@ void bind_uncertain(nb::module_ &core) {
           nb::arg("pulls"));
     m.def("inertia_rows_of", &inertia_rows_of, nb::arg("packed"), nb::arg("masses"), nb::arg("known"),
           nb::arg("pulls"));
-    m.def("worst_spreads", &worst_spreads, nb::arg("packed"), nb::arg("twist"), nb::arg("k"), nb::arg("j"));
 }
 
 } // namespace pushplan

@@ -9,11 +9,12 @@ from ompl import base
 from several.conftest import Problem
 
 from pushplan.core.driving import Surroundings, WheelKind, Wheels, find_drives, find_reeds_shepp
-from pushplan.core.transit import find_transit, shortened, transit_is_free
+from pushplan.core.transit import find_transit, shortened
 from pushplan.geometry import se2
 from pushplan.planners.clearance import Motion, Moving, Room, Standing, find_collisions
 from pushplan.planners.multi.room import _scenes, wheels_of
 from pushplan.plans.path import PushPath, cost_rate
+from pushplan.scenario.parts import PolygonObstacle
 from pushplan.util.arrays import FloatArray
 
 AXLE = np.array([-0.3, 0.02, 0.1])
@@ -67,19 +68,19 @@ def test_ways_around_things_are_free_by_the_independent_check(problem: Problem, 
     scenario = problem(drive, obstacles=standing, start=[3.0, 3.0, 0.0], robot={"start": [0.0, 0.0, 0.0]})
     robot, load = _scenes(scenario)
     wheels = wheels_of(scenario.chain.pusher.drive, np.array([-0.2, 0.0]))
-    around = Surroundings(robot, load, scenario.start)
+    place = np.array([0.5, 1.1, 0.0])
+    around = Surroundings(robot, load, place)
     start, goal = np.zeros(3), np.array([1.4, 0.1, 2.0])
     state = np.array([1], dtype=np.uint64)
     arcs = there(find_transit(around, wheels, start, goal, (-2.0, -2.0, 4.0, 4.0), 1.0, state, 2000))
     assert len(arcs) > 1
-    path = PushPath(start, arcs[:, :3], arcs[:, 3])
-    assert max(se2.pose_error(path.end, goal)) < 1e-9
-    motion = Motion.along(path, scenario.chain.reach)
-    room = Room((Moving.of(scenario.chain.carried),), scenario.workspace, Standing.of(scenario.obstacles))
-    assert find_collisions(room, (motion,), scenario.clearance) == [None]
-    assert transit_is_free(around, start, arcs)
-    assert not transit_is_free(Surroundings(robot, load, path.end), start, arcs)
     shorter = shortened(around, wheels, start, arcs, state, 100)
     assert shorter[:, 3].sum() <= arcs[:, 3].sum()
-    assert max(se2.pose_error(driven(start, shorter), goal)) < 1e-9
-    assert transit_is_free(around, start, shorter)
+    outlines = [se2.transform_points(place, obj.outline_chain) for obj in scenario.chain.objects]
+    resting = [PolygonObstacle(outline) for outline in outlines]
+    everything = Standing.of((*scenario.obstacles, *resting))
+    room = Room((Moving.of(scenario.chain.carried),), scenario.workspace, everything)
+    for way in (arcs, shorter):
+        path = PushPath(start, way[:, :3], way[:, 3])
+        assert max(se2.pose_error(path.end, goal)) < 1e-9
+        assert find_collisions(room, (Motion.along(path, scenario.chain.reach),), scenario.clearance) == [None]
