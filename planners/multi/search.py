@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from pushplan.core.pushes import PackedMode
-from pushplan.core.samples import descend, pushed_at_random, random_descent, straight_crossings
+from pushplan.core.samples import descend, pushed_at_random, random_descent
 from pushplan.geometry import se2
 from pushplan.planners.multi.graph import Graph, PushSequence
 from pushplan.planners.multi.room import PushRoom, Question
@@ -22,14 +22,32 @@ from pushplan.util.arrays import BoolArray, FloatArray
 def crossings(start: FloatArray, goals: FloatArray, modes: list[PackedMode]) -> FloatArray:
     """Return poses (k, 3) where a straight push from the start, or from a tight turn there, meets one into a goal."""
     directions = np.array([se2.rotate(mode.contact[2], mode.settling[:2]) for mode in modes])  # in the load's frame
-    found = [straight_crossings(start, goals, directions)]
+    pairs, turned = [(start, goal) for goal in goals], []
     for mode in modes:
         for goal in goals:
-            for pose in _turned_to(start, float(goal[2]), mode, 1.0):
-                found += [pose[None], straight_crossings(pose, goal[None], directions)]
-            for pose in _turned_to(goal, float(start[2]), mode, -1.0):
-                found += [pose[None], straight_crossings(start, pose[None], directions)]
-    return np.concatenate(found)
+            after = [*_turned_to(start, float(goal[2]), mode, 1.0)]
+            before = [*_turned_to(goal, float(start[2]), mode, -1.0)]
+            pairs += [*((pose, goal) for pose in after), *((start, pose) for pose in before)]
+            turned += [*after, *before]
+    starts, ends = np.moveaxis(np.array(pairs), 1, 0)
+    return np.concatenate([np.array(turned).reshape(-1, 3), _straight_crossings(starts, ends, directions)])
+
+
+def _straight_crossings(starts: FloatArray, ends: FloatArray, directions: FloatArray) -> FloatArray:
+    """Return where straight pushes in directions (m, 2) from poses (n, 3) meet others into poses (n, 3): (k, 3)."""
+    same = np.abs(se2.wrap_angle(ends[:, 2] - starts[:, 2])) <= 1e-9  # the heading stays
+    starts, away = starts[same], se2.relative(starts[same], ends[same])[:, None, None]
+    first, last = directions[:, None], directions
+    across = _cross(first, last)
+    across = np.where(np.abs(across) < 1e-6, np.inf, across)  # parallel ones meet nowhere
+    ahead, rest = _cross(away, last) / across, _cross(first, away) / across
+    n, i, j = np.nonzero((ahead > 0.0) & (rest > 0.0))
+    steps = ahead[n, i, j, None] * directions[i]
+    return se2.compose(starts[n], np.column_stack([steps, np.zeros(len(n))]))
+
+
+def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])
 
 
 def _turned_to(pose: FloatArray, heading: float, mode: PackedMode, sense: float) -> Iterator[FloatArray]:

@@ -128,32 +128,6 @@ std::vector<Pose> random_descent(const Modes &modes, const Draws &draws, Random 
     return cost + extra < draws.below ? poses : std::vector<Pose>{};
 }
 
-std::vector<Pose> straight_crossings(const Pose &start, const std::vector<Pose> &goals,
-                                     Table<const double> directions) {
-    std::vector<Pose> out;
-    const double c = std::cos(start.theta), s = std::sin(start.theta);
-    for (const Pose &goal : goals) {
-        if (std::abs(floored_mod(goal.theta - start.theta + PI, 2.0 * PI) - PI) > 1e-9)
-            continue;
-        const double dx = c * (goal.x - start.x) + s * (goal.y - start.y);
-        const double dy = c * (goal.y - start.y) - s * (goal.x - start.x);
-        for (std::ptrdiff_t i = 0; i < directions.rows; ++i) {
-            for (std::ptrdiff_t j = 0; j < directions.rows; ++j) {
-                const double *a = directions[i], *b = directions[j];
-                const double det = a[0] * b[1] - a[1] * b[0];
-                if (std::abs(det) < 1e-6) // parallel rays do not cross
-                    continue;
-                const double ahead = (dx * b[1] - dy * b[0]) / det;
-                if (ahead > 0.0 && (a[0] * dy - a[1] * dx) / det > 0.0) {
-                    const double x = ahead * a[0], y = ahead * a[1];
-                    out.push_back({start.x + c * x - s * y, start.y + s * x + c * y, start.theta});
-                }
-            }
-        }
-    }
-    return out;
-}
-
 namespace {
 
 std::vector<std::int64_t> indices_of(const Integers &numbers, std::size_t count) {
@@ -220,15 +194,6 @@ void bind_samples(nb::module_ &core) {
           nb::arg("poses").noconvert(), nb::arg("scale"), nb::arg("moves"), nb::arg("state").noconvert());
     m.def("random_descent", &descent_at_random, nb::arg("modes"), nb::arg("start"), nb::arg("goals"), nb::arg("firsts"),
           nb::arg("lasts"), nb::arg("most"), nb::arg("changes"), nb::arg("below"), nb::arg("state").noconvert());
-    m.def(
-        "straight_crossings",
-        [](const Numbers &start, const Numbers &goals, const Numbers &directions) {
-            const auto rays = table(directions);
-            if (rays.columns != 2)
-                throw std::invalid_argument("directions have two columns, not " + std::to_string(rays.columns));
-            return to_table(straight_crossings(to_pose(start), to_rows<Pose>(goals, "goals"), rays));
-        },
-        nb::arg("start"), nb::arg("goals"), nb::arg("directions"));
 }
 
 } // namespace pushplan

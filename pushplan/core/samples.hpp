@@ -1,5 +1,5 @@
-// Poses of the load between which pushes may lead: where random pushes lead, where descents that shorten whole
-// sequences end, and where straight pushes meet.
+// Poses of the load between which pushes may lead: where random pushes lead, and where descents that shorten whole
+// sequences end.
 #pragma once
 
 #include "pushes.hpp"
@@ -32,9 +32,5 @@ struct Draws {
 // Draw a sequence of modes and the poses between its pushes, and descend; return these poses, none where the sequence
 // costs too much.
 std::vector<Pose> random_descent(const Modes &modes, const Draws &draws, Random &random);
-
-// Return the poses where straight pushes from a start in given directions (m, 2) meet others into goals.
-std::vector<Pose> straight_crossings(const Pose &start, const std::vector<Pose> &goals,
-                                     Table<const double> directions);
 
 } // namespace pushplan

@@ -56,12 +56,3 @@ def random_descent(
     Returns:
         The poses (k, 3) between the pushes; none where the sequence costs too much.
     """
-
-def straight_crossings(start: FloatArray, goals: FloatArray, directions: FloatArray) -> FloatArray:
-    """Return poses (k, 3) where straight pushes from a start (3,) in directions (m, 2) meet others into goals (g, 3).
-
-    Args:
-        start: Of the load.
-        goals: Likewise; only those with the start's heading are met.
-        directions: Of the pushes, in the load's frame.
-    """

@@ -68,9 +68,6 @@ class PackedLoads:
 def margins_of(packed: PackedLoads, twists: FloatArray, floor: float) -> FloatArray:
     """Return the smallest margins (m,) at many twists (m, 3), none 0; any number up to `floor` for smaller ones."""
 
-def contact_margins_of(packed: PackedLoads, twists: FloatArray) -> FloatArray:
-    """Return the margin (m, n) of each contact at many twists (m, 3), none of them 0."""
-
 def rows_of(packed: PackedLoads, twists: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the least rows (m, n, 4) and bounds of the wrenches (m, n), N, at many twists (m, 3), none of them 0."""
 

@@ -51,25 +51,6 @@ Made<double> least_margins_of(const PackedLoads &packed, const Numbers &twists, 
     return out;
 }
 
-Made<double> least_contact_margins_of(const PackedLoads &packed, const Numbers &twists) {
-    const auto rows = twist_table(twists);
-    const std::ptrdiff_t n = packed.count();
-    auto out = new_array<double>({rows.rows, n});
-    double *margins = out.data();
-    nb::gil_scoped_release free;
-    LeastRows least(packed);
-    for (std::ptrdiff_t t = 0; t < rows.rows; ++t) {
-        least.set_twist(twist_at(rows[t]));
-        least.work_out(packed.loads.table());
-        for (std::ptrdiff_t k = 0; k < n; ++k) {
-            const auto &row = least.rows()[k];
-            const double size = least.sizes()[k];
-            *margins++ = size > 0.0 ? *std::min_element(row.begin(), row.end()) / size : 0.0;
-        }
-    }
-    return out;
-}
-
 // The forces that `set` and `ranges` lead to at each of many moments.
 template <class Set>
 Made<double> forces_at(const PackedLoads &packed, std::ptrdiff_t count, Table<const double> ranges, const Set &set) {
@@ -112,16 +93,18 @@ nb::tuple rows_at(const PackedLoads &packed, std::ptrdiff_t count, Table<const d
     return nb::make_tuple(rows, sizes);
 }
 
+auto moving_with(Table<const double> twists) {
+    return [=](LeastRows &least, std::ptrdiff_t t) { least.set_twist(twist_at(twists[t])); };
+}
+
 nb::tuple rows_of(const PackedLoads &packed, const Numbers &twists) {
-    const auto twist = twist_table(twists);
-    const auto set = [&](LeastRows &least, std::ptrdiff_t t) { least.set_twist(twist_at(twist[t])); };
-    return rows_at(packed, twist.rows, packed.loads.table(), set);
+    const auto rows = twist_table(twists);
+    return rows_at(packed, rows.rows, packed.loads.table(), moving_with(rows));
 }
 
 nb::tuple sloped_rows_of(const PackedLoads &packed, const Numbers &twists) {
-    const auto twist = twist_table(twists);
-    const auto set = [&](LeastRows &least, std::ptrdiff_t t) { least.set_twist(twist_at(twist[t])); };
-    return rows_at(packed, twist.rows, packed.loads.table(), set, true);
+    const auto rows = twist_table(twists);
+    return rows_at(packed, rows.rows, packed.loads.table(), moving_with(rows), true);
 }
 
 void require_places(const PackedLoads &packed) {
@@ -131,9 +114,8 @@ void require_places(const PackedLoads &packed) {
 
 Made<double> forces_of(const PackedLoads &packed, const Numbers &twists) {
     require_places(packed);
-    const auto twist = twist_table(twists);
-    const auto set = [&](LeastRows &least, std::ptrdiff_t t) { least.set_twist(twist_at(twist[t])); };
-    return forces_at(packed, twist.rows, packed.loads.table(), set);
+    const auto rows = twist_table(twists);
+    return forces_at(packed, rows.rows, packed.loads.table(), moving_with(rows));
 }
 
 void require_wrenches(const PackedLoads &packed, const Numbers &masses, const Numbers &known, const Numbers &pulls) {
@@ -207,7 +189,6 @@ void bind_uncertain(nb::module_ &core) {
     nb::module_ m = core.def_submodule("uncertain", "The least of the contact conditions over uncertain loads.");
     bind_packed_loads(m);
     m.def("margins_of", &least_margins_of, nb::arg("packed"), nb::arg("twists"), nb::arg("floor"));
-    m.def("contact_margins_of", &least_contact_margins_of, nb::arg("packed"), nb::arg("twists"));
     m.def("rows_of", &rows_of, nb::arg("packed"), nb::arg("twists"));
     m.def("sloped_rows_of", &sloped_rows_of, nb::arg("packed"), nb::arg("twists"));
     m.def("forces_of", &forces_of, nb::arg("packed"), nb::arg("twists"));

@@ -32,7 +32,7 @@ from pushplan.mechanics.heights import counts_by_centre, inertia_shifts
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.packed import pack_chain
 from pushplan.mechanics.sphere import WORTHWHILE, by_direction, checked_twists
-from pushplan.mechanics.uncertain import IntervalInertia, contact_facets, pack_centred, pack_intervals
+from pushplan.mechanics.uncertain import IntervalInertia, contact_facets, pack_centred, pack_loads
 from pushplan.util.arrays import FloatArray, IntArray, frozen
 
 
@@ -74,6 +74,16 @@ class Wrenches(NamedTuple):
 
     rows: FloatArray
     size: FloatArray
+
+    @property
+    def margins(self) -> FloatArray:
+        """(m, n) least sine of the angle between a wrench and a facet; 0 where there is no wrench."""
+        some = self.size > 0.0
+        return np.where(some, self.rows.min(axis=2) / np.where(some, self.size, 1.0), 0.0)
+
+    def plus(self, other: Wrenches) -> Wrenches:
+        """Return what is known of the sums with others."""
+        return Wrenches(self.rows + other.rows, self.size + other.size)
 
     def less(self, lost: FloatArray) -> Wrenches:
         """Return those with rows that are less by up to (m, n, 4), N."""
@@ -158,9 +168,7 @@ class ContactDynamics(MotionConditions):
         """The chain as arrays of what its loads may be."""
         if self.worst_case:
             return pack_centred(self.chain, self.interval)
-        if self.interval is None or counts_by_centre(self.chain, self.interval):
-            return pack_centred(self.chain, self.interval, off=True)
-        return pack_intervals(self.interval)
+        return pack_loads(self.chain, self.interval)
 
     @cached_property
     def interval_inertia(self) -> IntervalInertia:
@@ -286,10 +294,7 @@ class ContactDynamics(MotionConditions):
         if self.exact:
             wrenches = self.floor_wrenches(v) if floor is None else floor
             return contacts.contact_margins_of(self.packed, wrenches + self.inertia_wrenches(v, dv))
-        static, inertia = self.quasi_static(v), self.rows_of_inertia(v, v, dv)
-        size = static.size + inertia.size
-        least = (static.rows + inertia.rows).min(axis=2)
-        return np.where(size > 0.0, least / np.where(size > 0.0, size, 1.0), 0.0)
+        return self.quasi_static(v).plus(self.rows_of_inertia(v, v, dv)).margins
 
 
 def dynamic_rows(chain: Chain, twist: ArrayLike) -> DynamicRows:

@@ -17,7 +17,7 @@ import pushplan.core.uncertain as uncertain
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY, Chain, InertiaTable, PushedObject, inertia_table
 from pushplan.mechanics.contacts import carried_objects
-from pushplan.mechanics.heights import CELLS_MISS, LoadArea, load_areas, loads_move
+from pushplan.mechanics.heights import CELLS_MISS, LoadArea, counts_by_centre, load_areas, loads_move
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.packed import contact_rows, pack_objects
 from pushplan.mechanics.perturb import with_objects
@@ -28,6 +28,17 @@ _AT_ONCE = 1 << 20
 """Numbers in the table of what inertia asks for on points, at most."""
 
 _GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
+
+
+def pack_loads(chain: Chain, interval: IntervalChain | None) -> uncertain.PackedLoads:
+    """Return a chain as arrays, loads by their centres alone where pushes or inertia move them, else as stated.
+
+    Raises:
+        SupportError: See `pack_intervals` and `pack_centred`.
+    """
+    if interval is None or counts_by_centre(chain, interval):
+        return pack_centred(chain, interval, off=True)
+    return pack_intervals(interval)
 
 
 @lru_cache(maxsize=16)  # sets, judges and limits of one plan all ask for the same

@@ -7,9 +7,10 @@ from dataclasses import replace
 import pushplan.core.uncertain as uncertain
 from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.dynamics import Wrenches
 from pushplan.mechanics.heights import counts_by_centre, load_areas
 from pushplan.mechanics.intervals import IntervalChain
-from pushplan.mechanics.uncertain import pack_centred, pack_intervals
+from pushplan.mechanics.uncertain import pack_loads
 from pushplan.sets.known_load_sets import CofSet, EcofSet, TranslationSet
 from pushplan.sets.stable_set import StableSet
 from pushplan.sets.unknown_load_sets import RobustSet, StableUnknownSet
@@ -38,8 +39,7 @@ class IntervalEcofSet(StableSet):
 
     def __init__(self, interval: IntervalChain) -> None:
         super().__init__(interval.chain)
-        by_centre = counts_by_centre(interval.chain, interval)
-        self._packed = pack_centred(interval.chain, interval, off=True) if by_centre else pack_intervals(interval)
+        self._packed = pack_loads(interval.chain, interval)
 
     @property
     def loads_known(self) -> bool:
@@ -48,7 +48,7 @@ class IntervalEcofSet(StableSet):
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""
-        return uncertain.contact_margins_of(self._packed, twists)
+        return Wrenches(*uncertain.rows_of(self._packed, twists)).margins
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
         """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""

@@ -27,6 +27,7 @@ import pushplan.core.uncertain as uncertain
 from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import Chain, Contact
 from pushplan.mechanics.contacts import carried_objects, center_range
+from pushplan.mechanics.dynamics import Wrenches
 from pushplan.mechanics.heights import load_areas
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.packed import contact_rows
@@ -171,7 +172,7 @@ class RobustSet(_UnknownLoadSet):
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""
-        return uncertain.contact_margins_of(self._packed, twists)
+        return Wrenches(*uncertain.rows_of(self._packed, twists)).margins
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
         """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
