@@ -31,6 +31,9 @@ from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 SAME = 1e-11
 """Difference up to which two directions, or a rate and its part along the twist, count as the same."""
 
+STANDSTILL = 1e-30
+"""Squared speed at which inertia does not count, although there is a direction, m^2/s^2."""
+
 
 def robustness_of(
     chain: Chain, trajectory: Trajectory, box: ErrorBox | None = None, least: Robustness | None = None
@@ -38,7 +41,7 @@ def robustness_of(
     """Return how far numbers of `chain` may be off when it is pushed along `trajectory`.
 
     Looked at are the trajectory's samples, those that an execution checks, with the twist and the twist rate as
-    commanded; where the pusher rests, the direction that comes next.
+    commanded, and however much slower; where the pusher rests, the direction that comes next.
 
     Args:
         chain: The objects, their contacts on edges of both bodies.
@@ -118,7 +121,8 @@ def thinned(twists: FloatArray, rates: FloatArray, length: float) -> Moments:
     """Return the moments of a motion that can be the worst ones, whatever the chain.
 
     Along an arc of constant twist V = s' xi every contact condition is linear in (s'', s'^2): among all samples of
-    the arc it is least at a corner of their convex hull in that plane.
+    the arc it is least at a corner of their convex hull in that plane. Its origin, where inertia does not count, is
+    one of the points: a motion is driven slower, too.
 
     Args:
         twists: (m, 3) body twists, none zero.
@@ -133,13 +137,12 @@ def thinned(twists: FloatArray, rates: FloatArray, length: float) -> Moments:
     alike = (np.abs(np.diff(directions, axis=0)).max(axis=1) <= SAME) & along[1:] & along[:-1]
     group = np.concatenate([[0], np.cumsum(~alike)]).astype(np.int64)
     first = np.flatnonzero(np.concatenate([[True], ~alike]))
-    twice = 1 + (np.diff(group, prepend=-1) > 0)  # a line has two points, also where a group has but one
-    points = np.stack([acceleration, size**2], axis=1)
-    lines = shapely.linestrings(np.repeat(points, twice, axis=0), indices=np.repeat(group, twice))
+    points = np.insert(np.stack([acceleration, size**2], axis=1), first, [0.0, STANDSTILL], axis=0)
+    lines = shapely.linestrings(points, indices=np.insert(group, first, group[first]))
     corners, which = shapely.get_coordinates(shapely.convex_hull(lines), return_index=True)
     unit = directions[first][which]
     found = corners[:, :1] * unit
-    alone = ~along[first][which]  # a moment that is no arc's is a group of its own
+    alone = ~along[first][which] & (corners[:, 1] > STANDSTILL)  # a moment that is no arc's is a group of its own
     found[alone] = rates[first[which[alone]]]
     return Moments(unit, np.sqrt(corners[:, 1:]) * unit, np.ascontiguousarray(found), which.astype(np.int64))
 

@@ -275,6 +275,17 @@ def test_a_box_pushed_straight_ahead_bears_no_friction_but_half_its_width(make_c
     assert robustness.position == pytest.approx(0.1, rel=1e-6)
 
 
+@pytest.mark.parametrize("turn", [0.6, -0.6])
+def test_what_is_tolerated_holds_at_any_lower_speed_too(make_chain: ChainMaker, turn: float) -> None:
+    """Fast in a curve, inertia takes load off one side of a contact: a robot that drives slower has to do without."""
+    chain, fast = make_chain.boxes(2), np.array([[0.3, -0.2 * turn, turn]])
+    found = [astuple(robustness_along(chain, speed * fast, STILL)) for speed in (1.0, 0.5, 1e-3)]
+    friction, *others = (np.array(values) for values in zip(*found, strict=True))
+    assert 0.0 < friction.min() < 1.0
+    assert friction[0] >= friction.max() * (1.0 - 1e-9)
+    assert all(values[0] <= values.min() * (1.0 + 1e-3) for values in others)
+
+
 def test_a_motion_that_loses_a_contact_as_stated_bears_nothing(make_chain: ChainMaker) -> None:
     chain = make_chain.boxes(2, contact_friction=0.1)
     robustness = robustness_along(chain, np.array([[0.1, 0.02, 0.0]]), STILL)

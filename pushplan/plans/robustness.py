@@ -72,7 +72,9 @@ BOX_WORDS = (
 
 @dataclass(frozen=True)
 class Robustness:
-    """How far numbers of the chain may be off before a contact's margin with inertia is used up on the way.
+    """How far numbers of the chain may be off before a contact's margin is used up on the way.
+
+    With inertia, at the planned speeds and whatever lower ones.
 
     But for `joint` each alone, all others nominal; None where the loads on the floor are not known, or where a push
     may lift a part: any pressure with the load's centre may be the real one then, and no nominal one is off. A plan
