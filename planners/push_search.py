@@ -287,8 +287,8 @@ class _Searches:
         """Return what may keep the searches from a path; it is of the lowest margin, with which most is possible."""
         if self._monitor is None:
             lowest = by_travel(self.scenario.with_margin(self.of.margins[-1]))
-            problem = self.of.posing(lowest, self.of.stable)
-            self._monitor = InfeasibilityMonitor(lowest, self.of.stable, problem, self.budget.time_limit)
+            pose = cache(lambda: self.of.posing(lowest, self.of.stable))
+            self._monitor = InfeasibilityMonitor(lowest, self.of.stable, pose, self.budget.time_limit)
         return self._monitor
 
     def with_margins(self) -> Attempt:

@@ -47,7 +47,7 @@ def diagnosed(scenario: Scenario, segments: FloatArray) -> tuple[Diagnosis, ...]
     """What is said of a scenario whose pushes are `segments` (k, 6)."""
     stable = stable_set(scenario.chain)
     problem = build_problem(scenario, stable).with_segments(segments)
-    return diagnose(InfeasibilityMonitor(scenario, stable, problem), 1234, (0.25, 0.5))
+    return diagnose(InfeasibilityMonitor(scenario, stable, lambda: problem), 1234, (0.25, 0.5))
 
 
 def test_walls_all_around_are_proven_to_leave_no_way() -> None:

@@ -51,18 +51,20 @@ class InfeasibilityMonitor:
     Args:
         scenario: The problem.
         stable: The set that it was posed in.
-        problem: What is searched.
+        pose: Returns what is searched. It is asked for with the first step: most searches need none.
         limit: Seconds that a search may take: no step is taken that is likely to go on beyond.
 
     Attributes:
         reasons: What was found, proven or not.
     """
 
-    def __init__(self, scenario: Scenario, stable: StableSet, problem: Problem, limit: float = math.inf) -> None:
+    def __init__(
+        self, scenario: Scenario, stable: StableSet, pose: Callable[[], Problem], limit: float = math.inf
+    ) -> None:
         self.reasons: list[Diagnosis] = []
         self._stages = {
-            "passage": _passages(scenario, problem),
-            "pockets": _turns_and_pockets(scenario, stable, problem),
+            "passage": _passages(scenario, pose),
+            "pockets": _turns_and_pockets(scenario, stable, pose),
         }
         self._limit, self._due, self._spent = limit, FIRST_STEP, 0.0
         self._expected = A_CORNER * sum(  # a round obstacle counts as 16 corners
@@ -111,11 +113,14 @@ class InfeasibilityMonitor:
         self.reasons = [item for item in self.reasons if (item.cause, item.proven) not in known] + found
 
 
-def _passages(scenario: Scenario, problem: Problem) -> Iterator[list[Diagnosis]]:
-    yield from passage_faults(scenario, straight_pushes(problem.segments))
+def _passages(scenario: Scenario, pose: Callable[[], Problem]) -> Iterator[list[Diagnosis]]:
+    yield from passage_faults(scenario, straight_pushes(pose().segments))
 
 
-def _turns_and_pockets(scenario: Scenario, stable: StableSet, problem: Problem) -> Iterator[list[Diagnosis]]:
+def _turns_and_pockets(
+    scenario: Scenario, stable: StableSet, pose: Callable[[], Problem]
+) -> Iterator[list[Diagnosis]]:
+    problem = pose()
     yield turning_faults(scenario, stable, problem.segments)
     yield from boxed_in_faults(scenario, stable, problem)
 
