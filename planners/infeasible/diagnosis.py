@@ -62,10 +62,7 @@ class InfeasibilityMonitor:
         self, scenario: Scenario, stable: StableSet, pose: Callable[[], Problem], limit: float = math.inf
     ) -> None:
         self.reasons: list[Diagnosis] = []
-        self._stages = {
-            "passage": _passages(scenario, pose),
-            "pockets": _turns_and_pockets(scenario, stable, pose),
-        }
+        self._stages = {"passage": _passages(scenario, pose), "pockets": _turns_and_pockets(scenario, stable, pose)}
         self._limit, self._due, self._spent = limit, FIRST_STEP, 0.0
         self._expected = A_CORNER * sum(  # a round obstacle counts as 16 corners
             16 if isinstance(obstacle, CircleObstacle) else len(obstacle.outline) for obstacle in scenario.obstacles

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,6 @@ from pushplan.planners.timing.parts import (
     passing_speeds,
     sharpest_corner,
     slowed,
-    split_part,
     step_windows,
 )
 from pushplan.planners.timing.sweep import (
@@ -42,7 +42,7 @@ from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import SAMPLE_RATE, Trajectory
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
-from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 SHARES = 2.0 ** np.arange(-12.0, -1.0)
 """How far twists are moved inward: shares of the way to the path's most stable twist, or the set's."""
@@ -75,34 +75,32 @@ def inset_path(path: PushPath, stable: StableSet, minimum: float, bounds: Bounds
         minimum: The margin has to exceed it.
         bounds: What limits the motion, for the time that a step takes.
     """
-    arcs = np.flatnonzero(path.lengths > 0.0).tolist()
-    inside = _most_stable(path, stable)
-    deepest: FloatArray | None = None
-    rest = path.lengths.copy()
+    arcs = np.flatnonzero(path.lengths > 0.0)
+    twists, rest = path.twists[arcs], path.lengths[arcs]
+    speeds = cache(lambda: passing_speeds(twists, path.lengths[arcs], bounds))
+    towards = (
+        cache(lambda: _most_stable(path, stable)),
+        # a thousand margins, for the few paths that lie on a concave side of the set
+        cache(lambda: most_stable_twist(stable, stable.chain.pusher.drive)),
+    )
     heads: dict[int, FloatArray] = {}
     tails: dict[int, FloatArray] = {}
-    for i, j in pairwise(arcs):
-        pair = path.twists[[i, j]]
-        if _holds(pair[0], pair[1], stable, minimum):
-            continue
-        towards, share = inside, _share(pair, inside, stable, minimum)
-        if share == 0.0:
-            if deepest is None:  # a thousand margins, for the few paths that lie on a concave side of the set
-                deepest = most_stable_twist(stable, stable.chain.pusher.drive)
-            towards, share = deepest, _share(pair, deepest, stable, minimum)
-        if share > 0.0:
-            spent = _spent(path, [i, j], bounds)
-            moved = _moved(pair, towards, share)
-            tails[i], heads[j] = np.append(moved[0], spent[0]), np.append(moved[1], spent[1])
-            rest[[i, j]] -= spent
+    for i in np.flatnonzero(~_hold(twists[:-1], twists[1:], stable, minimum)).tolist():
+        pair = slice(i, i + 2)
+        moved = _moved_inward(twists[pair], towards, stable, minimum)
+        if moved is not None:
+            spent = _spent(twists[pair], path.lengths[arcs[pair]], speeds()[pair], bounds)
+            tails[i], heads[i + 1] = np.append(moved[0], spent[0]), np.append(moved[1], spent[1])
+            rest[pair] -= spent
     made = [
-        (row, i)
-        for i in arcs
-        for row in (heads.get(i), np.append(path.twists[i], rest[i]), tails.get(i))
+        (row, owner)
+        for i, owner in enumerate(arcs.tolist())
+        for row in (heads.get(i), np.append(twists[i], rest[i]), tails.get(i))
         if row is not None
     ]
     rows = np.array([row for row, _ in made]).reshape(-1, 4)
-    return Inset(PushPath(path.start, rows[:, :3], rows[:, 3]), np.array([i for _, i in made], dtype=np.int64))
+    owners = np.array([owner for _, owner in made], dtype=np.int64)
+    return Inset(PushPath(path.start, rows[:, :3], rows[:, 3]), owners)
 
 
 def _most_stable(path: PushPath, stable: StableSet) -> FloatArray:
@@ -117,29 +115,29 @@ def _moved(twists: FloatArray, inside: FloatArray, share: float) -> FloatArray:
     return np.asarray(mixed / cost_rate(mixed)[:, None])
 
 
-def _holds(a: FloatArray, b: FloatArray, stable: StableSet, minimum: float) -> bool:
-    """Whether the margin stays above the minimum on the straight way from one twist (3,) to another."""
-    mix = np.linspace(0.0, 1.0, SAMPLES)[:, None]
-    return bool((stable.margin((1.0 - mix) * a + mix * b) > minimum).all())
+def _moved_inward(
+    pair: FloatArray, towards: Iterable[Callable[[], FloatArray]], stable: StableSet, minimum: float
+) -> FloatArray | None:
+    """Two twists (2, 3) moved inward as far as they have to be, and safely so; None if nothing helps."""
+    for inside in towards:
+        for share in SHARES:
+            near, far = _moved(pair, inside(), share), _moved(pair, inside(), SAFETY * share)
+            begin, end = np.stack([near[0], far[0], pair[0], far[1]]), np.stack([near[1], far[1], far[0], pair[1]])
+            if _hold(begin, end, stable, minimum).all():
+                return far
+    return None
 
 
-def _share(pair: FloatArray, inside: FloatArray, stable: StableSet, minimum: float) -> float:
-    """How far two twists (2, 3) have to be moved inward; 0 if nothing helps."""
-
-    def holds(a: FloatArray, b: FloatArray) -> bool:
-        return _holds(a, b, stable, minimum)
-
-    for share in SHARES:
-        a, b = _moved(pair, inside, SAFETY * share)
-        if holds(*_moved(pair, inside, share)) and holds(a, b) and holds(pair[0], a) and holds(b, pair[1]):
-            return float(SAFETY * share)
-    return 0.0
+def _hold(begin: FloatArray, end: FloatArray, stable: StableSet, minimum: float) -> BoolArray:
+    """Whether (k,) the margin stays above the minimum on the straight way from twists (k, 3) to others."""
+    mix = np.linspace(0.0, 1.0, SAMPLES)[:, None, None]
+    twists = (1.0 - mix) * begin + mix * end
+    margins = stable.margin(twists.reshape(-1, 3)).reshape(SAMPLES, -1)
+    return np.asarray((margins > minimum).all(axis=0))
 
 
-def _spent(path: PushPath, pair: list[int], bounds: Bounds) -> FloatArray:
+def _spent(twists: FloatArray, lengths: FloatArray, speeds: FloatArray, bounds: Bounds) -> FloatArray:
     """Lengths (2,) of two neighbouring arcs that are driven within half a step's time of the corner."""
-    twists, lengths = path.twists[pair], path.lengths[pair]
-    speeds = passing_speeds(twists, lengths, bounds)
     time = step_windows(twists * speeds[:, None], bounds.limits).sum()
     return np.asarray(np.minimum(speeds * time / 2.0, MOST * lengths))
 
@@ -211,7 +209,9 @@ class BlendSearch:
     def __post_init__(self) -> None:
         self.reach, self.corners = self.scenario.chain.reach, corners_of(self.path)
         self.stops: frozenset[int] = frozenset()
-        self.parts = [make_part(self.path, moving_arcs(self.path), self.bounds)]
+        arcs = moving_arcs(self.path)
+        speeds = passing_speeds(self.path.twists[arcs], self.path.lengths[arcs], self.bounds)
+        self.parts = [make_part(self.path, arcs, self.bounds, speeds)]
         self.nudging = Nudging(no_rows(len(self.path.lengths)))
 
     def blended(self, within: float) -> Blend | None:
@@ -266,7 +266,7 @@ class BlendSearch:
     def _stop(self, corners: frozenset[int]) -> None:
         """Stop at more corners, and see anew what is touched then."""
         self.stops |= corners
-        self.parts = [piece for part in self.parts for piece in split_part(self.path, part, self.stops, self.bounds)]
+        self.parts = [piece for part in self.parts for piece in part.split(self.path, self.stops)]
         self.nudging = Nudging(no_rows(len(self.path.lengths)))
 
 

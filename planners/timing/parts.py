@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import daqp
 import numpy as np
@@ -14,7 +14,7 @@ import pushplan.core.timing as timing
 from pushplan.errors import TimingError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Limits
-from pushplan.planners.timing.arc_limits import Bounds, contact_limits, contact_limits_of
+from pushplan.planners.timing.arc_limits import ArcLimits, Bounds, contact_limits, contact_limits_of
 from pushplan.planners.timing.exact_timing import ORDERS, SAME, Pieces, bounds_use, step_widths, time_run
 from pushplan.planners.timing.sweep import LengthRows, effects_on
 from pushplan.plans.path import PushPath
@@ -61,6 +61,11 @@ class Part(ABC):
         del lengths
         return self, 0.0
 
+    def split(self, path: PushPath, stops: frozenset[int]) -> list[Part]:
+        """Return the parts between those arcs of its path after which the pusher stops; itself if there is none."""
+        del path, stops
+        return [self]
+
 
 @dataclass(frozen=True, eq=False)
 class Push(Part):
@@ -75,9 +80,17 @@ class Push(Part):
     def pieces(self, lengths: FloatArray) -> Pieces:
         """Return the twist over time."""
         own = lengths[self.arcs]
-        limits = contact_limits(self.twist, float(own.sum()), self.bounds)
-        durations, coefficients, owner = time_run(self.twist, own, limits)
+        durations, coefficients, owner = time_run(self.twist, own, self._limits(float(own.sum())))
         return Pieces(durations, coefficients, self.arcs[owner])
+
+    def _limits(self, length: float) -> ArcLimits:
+        if length not in self._known:
+            self._known[length] = contact_limits(self.twist, length, self.bounds)
+        return self._known[length]
+
+    @cached_property
+    def _known(self) -> dict[float, ArcLimits]:
+        return {}
 
     def motion(self, lengths: FloatArray) -> FloatArray:
         """Return the pose (3,) at the end."""
@@ -157,6 +170,14 @@ class Section(Part):
         at = float(pieces.durations[: int(np.argmax(use))].sum()) * factor
         return (self if factor <= USED_UP else replace(self, slower=self.slower * factor)), at
 
+    def split(self, path: PushPath, stops: frozenset[int]) -> list[Part]:
+        """Return the parts between stops."""
+        ends = np.flatnonzero(np.isin(self.arcs[:-1], list(stops))) + 1
+        if not len(ends):
+            return [self]
+        split = zip(np.split(self.arcs, ends), np.split(self.speeds, ends), strict=True)
+        return [make_part(path, arcs, self.bounds, speeds) for arcs, speeds in split]
+
     def _widened(self, lengths: FloatArray, durations: FloatArray, excess: FloatArray) -> Section:
         """The section with steps wider by up to the `excess` (q,) of the pieces that they overlap."""
         centers, widths = self._steps(lengths)
@@ -173,16 +194,11 @@ class Section(Part):
         return (centers + widths[0].sum() / 2.0) * self.slower, widths * self.slower
 
 
-def make_part(path: PushPath, arcs: IntArray, bounds: Bounds) -> Part:
-    """Return some arcs (a,) of a path as one part.
-
-    Raises:
-        TimingError: When an arc cannot be timed.
-    """
-    twists, lengths = path.twists[arcs], path.lengths[arcs]
+def make_part(path: PushPath, arcs: IntArray, bounds: Bounds, speeds: FloatArray) -> Part:
+    """Return some arcs (a,) of a path, with their `passing_speeds` (a,), as one part."""
+    twists = path.twists[arcs]
     if np.abs(twists - twists[0]).max() <= SAME:
         return Push(arcs, bounds, twists[0])
-    speeds = passing_speeds(twists, lengths, bounds)
     rest = np.zeros((1, 3))
     levels = np.concatenate([rest, twists * speeds[:, None], rest])
     return Section(arcs, bounds, levels, speeds, step_windows(levels, bounds.limits))
@@ -326,14 +342,6 @@ def corners_of(path: PushPath) -> frozenset[int]:
     arcs = moving_arcs(path)
     change = np.abs(np.diff(path.twists[arcs], axis=0)).max(axis=1, initial=0.0)
     return frozenset(arcs[:-1][change > SAME].tolist())
-
-
-def split_part(path: PushPath, part: Part, stops: frozenset[int], bounds: Bounds) -> list[Part]:
-    """Return the parts of a part between the arcs after which the pusher stops; itself where there is no stop."""
-    ends = np.flatnonzero(np.isin(part.arcs[:-1], list(stops))) + 1
-    if not len(ends):
-        return [part]
-    return [make_part(path, arcs, bounds) for arcs in np.split(part.arcs, ends)]
 
 
 def fitted(
