@@ -10,11 +10,11 @@ import numpy as np
 import shapely
 
 from pushplan.geometry import se2
-from pushplan.geometry.polygon import overlap_depth
+from pushplan.geometry.polygon import TOUCH, overlap_depth
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.faces import ways_through
 from pushplan.scenario.chain import build_bodies, check_differ, widened
-from pushplan.scenario.layout import millimetres
+from pushplan.scenario.layout import millimetres, outline_of
 from pushplan.scenario.model import NotOneLoad, Scenario
 from pushplan.scenario.one_load import check_pushes, check_room_for_inertia, one_load, pushes_of, shared, turned_goals
 from pushplan.scenario.parts import PlacedObject, Row
@@ -146,8 +146,12 @@ def _part_of(source: Source, i: int, name: str) -> Source:
 def _placed_object(file: RearrangementFile, i: int, attachments: Attachments, source: Source) -> PlacedObject | None:
     obj, part = file.objects[i], _part_of(source, i, file.objects[i].name)
     between = tuple(pair for pair in file.contacts.between if set(pair.objects) == {obj.name, PUSHER})
+    pose = _on_the_plate(outline_of(obj.shape))
+    if pose is None:
+        source.error(("objects", i, "shape"), f"'{obj.name}' has no edge that a plate could lie flat on")
+        return None
     alone = {
-        "objects": (obj.model_copy(update={"pose": None, "offset": None}),),
+        "objects": (obj.model_copy(update={"pose": pose if pose[2] else None, "offset": None}),),
         "contacts": file.contacts.model_copy(update={"friction": None, "between": between}),
     }
     bodies = build_bodies(file.model_copy(update=alone), attachments.read, part)
@@ -158,6 +162,16 @@ def _placed_object(file: RearrangementFile, i: int, attachments: Attachments, so
     goals = _goals_of(file.goals[obj.name], obj.name) if aimed else ()
     turned = tuple(goal for one in goals for goal in turned_goals(one, bodies.chain))
     return PlacedObject(pose=np.array(obj.pose), goals=turned, **vars(bodies))
+
+
+def _on_the_plate(outline: FloatArray) -> tuple[float, ...] | None:
+    """Return the pose of an object with its rear edge on the plate, with its longest flat one where it has none."""
+    flat = []
+    for way in ways_through(outline):
+        pose = se2.inverse(way.entry).round(15)
+        if se2.transform_points(pose, outline)[:, 0].min() >= -TOUCH:
+            flat.append((pose[2] == 0.0, way.length, tuple(map(float, pose))))
+    return max(flat)[2] if flat else None
 
 
 def _goals_of(stated: Any, name: str) -> tuple[GoalPose, ...]:

@@ -11,6 +11,7 @@ from conftest import Patch, there
 from several.conftest import problem_document
 
 from pushplan.core.driving import shortest_drives
+from pushplan.errors import ScenarioError
 from pushplan.geometry import se2
 from pushplan.planners.multi.rearrangement import RearrangementSearch
 from pushplan.planners.multi.room import TOLERANCE_USED
@@ -39,6 +40,12 @@ def boxes(ways: Mapping[str, tuple[tuple[float, float], tuple[float, float] | No
         name: {"pose": [*goal, 0.0], "symmetry": 4} for name, (_, goal) in ways.items() if goal is not None
     }
     return scenario_from_document({**document, **more})
+
+
+def corners(*radii: float) -> dict[str, Any]:
+    """Return a polygon whose corners lie around the middle at angles of their own, the first one at -x."""
+    angles = np.pi + 2.0 * np.pi * np.arange(len(radii)) / len(radii)
+    return {"polygon": np.column_stack([radii * np.cos(angles), radii * np.sin(angles)]).tolist()}
 
 
 def moves(found: Plan) -> list[str]:
@@ -126,3 +133,16 @@ def test_a_box_in_anothers_way_is_brought_away_first() -> None:
     require(scenario, found)
     assert moves(found) == ["in its way", "near"]
     assert there(found.pushed_distance) < 1.6 + 2.0 + 0.2
+
+
+@pytest.mark.parametrize("shape", [corners(*[0.1] * 3), corners(*[0.1] * 4), corners(*[0.1] * 5)])
+def test_an_object_with_a_corner_at_its_rear_is_pushed_at_its_other_faces(shape: dict[str, Any]) -> None:
+    objects = [{"name": "a", "shape": shape, "mass": 1.0, "pose": [1.0, 1.0, 0.0]}]
+    scenario = boxes({"a": (HERE, THERE)}, objects=objects, goals={"a": [1.5, 1.8, 0.5]})
+    require(scenario, plan(scenario, first=True, seed=1, time_limit=LIMIT))
+
+
+def test_an_object_without_a_face_for_a_plate_is_refused() -> None:
+    objects = [{"name": "a", "shape": corners(*[0.1, 0.04] * 5), "mass": 1.0, "pose": [1.0, 1.0, 0.0]}]
+    with pytest.raises(ScenarioError, match=r"objects\[0\]\.shape: 'a' has no edge that a plate could lie flat on"):
+        boxes({"a": (HERE, THERE)}, objects=objects)
