@@ -168,6 +168,8 @@ def test_a_new_scenario_loads_passes_its_check_and_plans(capsys: Captured) -> No
     assert load_scenario("mine.yaml").name == "mine"
     assert main(["check", "mine.yaml"]) == 0
     assert main(["plan", "mine.yaml", "--first", "--time-limit", "60"]) == 0
+    assert main(["new", "my push"]) == 0
+    assert "pushplan check 'my push.yaml' --plot 'my push.png'" in capsys.readouterr().out
 
 
 def test_a_file_is_never_overwritten(capsys: Captured) -> None:

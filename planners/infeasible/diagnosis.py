@@ -139,10 +139,11 @@ def diagnose(
 
 def _just_time(extensions: int, error: tuple[float, float], guessed: bool) -> Diagnosis:
     first = "nothing proves that there is no way" if guessed else "nothing shows that there is no way"
-    text = (
-        f"{first}: {extensions} extensions came within {error[0]:.3g} m and {math.degrees(error[1]):.3g} deg of the "
-        "goal, and more time or another seed may help"
-    )
+    if extensions:
+        near = f"{error[0]:.3g} m and {math.degrees(error[1]):.3g} deg of the goal"
+        text = f"{first}: {extensions} extensions came within {near}, and more time or another seed may help"
+    else:
+        text = f"{first}: all of the time went by in preparing the search, and more of it may help"
     numbers = {"extensions": float(extensions), "position": error[0], "angle": error[1]}
     return Diagnosis("time", text, False, numbers)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from pushplan.cli import parameters as p
-from pushplan.cli.console import Console
+from pushplan.cli.console import Console, counted
 
 if TYPE_CHECKING:
     from pushplan.scenario.model import Scenario
@@ -39,11 +39,11 @@ def identify(
 
         target = load_scenario(into)  # before the work, which is lost if it cannot be read
     p.check_outputs([*names, *([into] if into else [])], None, output)
-    with console.working(f"learning from {len(logs)} logs") as progress:
+    with console.working(f"learning from {counted(len(logs), 'log')}") as progress:
         from pushplan.identify import identify as learn
 
         found = learn(names, seed=seed, jobs=jobs, progress=progress.tell_share)
-    console.say((f"learned from {len(logs)} logs, 90 % intervals", "bold"))
+    console.say((f"learned from {counted(len(logs), 'log')}, 90 % intervals", "bold"))
     console.table(_rows(found))
     if output is not None:
         _write(found, names, target, output)

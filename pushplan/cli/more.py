@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -89,7 +90,8 @@ def new(console: Console, name: str, drive: str, map_file: Path | None) -> int:
 
     path = write_new_scenario(name, drive=drive, map_file=map_file)
     console.say(f"wrote {path}; next:")
-    console.table([("see it", f"pushplan check {path} --plot {path.stem}.png"), ("plan it", f"pushplan plan {path}")])
+    typed, picture = shlex.quote(str(path)), shlex.quote(f"{path.stem}.png")
+    console.table([("see it", f"pushplan check {typed} --plot {picture}"), ("plan it", f"pushplan plan {typed}")])
     console.emit({"name": path.stem, "file": path})
     return 0
 

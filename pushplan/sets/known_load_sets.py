@@ -49,7 +49,7 @@ def emptiness(stable: StableSet, minimum: float) -> tuple[str, int | None]:
         return "", None
     if best > 0.0:
         return (f"no push has a margin above {minimum:.3g}; the largest is {best:.3g}; allowed: less than that", None)
-    at_best = f" (the best misses by a margin of {-best:.3g})" if len(margins) else ""
+    at_best = f" (the best misses by a margin of {abs(best):.3g})" if len(margins) else ""
     weakest = weakest_contact(stable, twists[margins.argmax()]) if len(margins) else 0
     names = contact_words(stable.chain, weakest)
     what = f"the stable set is empty: no push keeps {names} together with the rest{at_best}"
