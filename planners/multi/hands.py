@@ -123,8 +123,7 @@ class Move:
     @property
     def path(self) -> PushPath:
         """Of the plate."""
-        kept = self.arcs[self.arcs[:, 3] > 1e-12]
-        return PushPath(self.start, kept[:, :3], kept[:, 3])
+        return PushPath.of_arcs(self.start, self.arcs)
 
 
 class Hands:

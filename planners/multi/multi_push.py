@@ -33,9 +33,6 @@ from pushplan.util.names import APPROACH, PUSH, RETREAT, TRANSIT, TRANSIT_CLEARA
 PATIENCE = 0.5
 """Share of what is left of the time that a margin may take without a plan, before a lower one is tried."""
 
-SHORTEST_ARC = 1e-12
-"""Arcs below this (m) are left out."""
-
 AHEAD = np.array([[1.0, 0.0, 0.0]])
 
 BOXED_IN = "boxed in"
@@ -206,10 +203,10 @@ class MultiPushSearch:
         for step in sequence.steps:
             contact = room.contacts[step.contact]
             mode, load = contact.mode, contact.mode.load
-            push = _path(se2.compose(step.before, mode.place.contact), step.arcs)
+            push = PushPath.of_arcs(se2.compose(step.before, mode.place.contact), step.arcs)
             far = se2.compose(se2.compose(push.start, mode.robot), [-pushes.approach, 0.0, 0.0])
             if len(step.transit):
-                transit = _path(at, step.transit).of_frame(plate)
+                transit = PushPath.of_arcs(at, step.transit).of_frame(plate)
                 found.append(Segment(TRANSIT, transit, before, before))
             ahead = _straight(far, pushes.approach).of_frame(plate)
             found.append(Segment(APPROACH, ahead, before, before, load))
@@ -219,11 +216,6 @@ class MultiPushSearch:
             found.append(Segment(RETREAT, back.of_frame(plate), before, before, load))
             at = back.end
         return tuple(found)
-
-
-def _path(start: FloatArray, arcs: FloatArray) -> PushPath:
-    kept = arcs[arcs[:, 3] > SHORTEST_ARC]
-    return PushPath(start, kept[:, :3], kept[:, 3])
 
 
 def _straight(start: FloatArray, length: float) -> PushPath:

@@ -16,7 +16,7 @@ from pushplan.core.search import Tree, branch
 from pushplan.errors import PlanningError
 from pushplan.geometry.se2 import pose_error
 from pushplan.planners.problem import Box
-from pushplan.planners.search.session import Session, path_from
+from pushplan.planners.search.session import Session
 from pushplan.plans.path import PushPath
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import CLEARANCE_ROOM
@@ -167,7 +167,7 @@ def _proven(scene: Scene) -> Scene:
 def push_path(definition: Any) -> PushPath:
     """Return the path that solves a problem; see `arcs_to_goal`."""
     arcs = arcs_to_goal(definition)
-    return path_from(information_of(definition).session.start, arcs)
+    return PushPath.of_arcs(information_of(definition).session.start, arcs)
 
 
 def controlled_arcs(session: Session, path: Any) -> FloatArray:

@@ -58,16 +58,6 @@ class Budget:
         return iterations >= share * self.iterations or seconds >= self.time_limit
 
 
-SHORTEST_ARC = 1e-10
-"""Arcs below this (m of cost) are rounding and are left out of paths."""
-
-
-def path_from(start: FloatArray, arcs: FloatArray) -> PushPath:
-    """Return the path of arcs (k, 4) from a pose (3,)."""
-    arcs = arcs[arcs[:, 3] > SHORTEST_ARC]
-    return PushPath(start, arcs[:, :3], arcs[:, 3])
-
-
 class Incumbent:
     """The best path so far.
 
@@ -207,12 +197,12 @@ class Session:
     @property
     def best_path(self) -> PushPath | None:
         """The best path, if there is one."""
-        return None if self.best.arcs is None else path_from(self.start, self.best.arcs)
+        return None if self.best.arcs is None else PushPath.of_arcs(self.start, self.best.arcs)
 
     @property
     def nearest_path(self) -> PushPath:
         """The path that ends nearest to the goal, as long as there is none to it."""
-        return path_from(self.start, self.common.nearest.arcs)
+        return PushPath.of_arcs(self.start, self.common.nearest.arcs)
 
     @property
     def finished(self) -> bool:
@@ -322,5 +312,5 @@ class Session:
         if self.best.horizon < self._worth_beating * (1.0 - WORTHWHILE):
             self._worth_beating, self._improved_at = self.best.horizon, self.iterations
         if self._on_progress is not None:
-            path = path_from(self.start, arcs)
+            path = PushPath.of_arcs(self.start, arcs)
             self._on_progress(path, self.best.cost, self.iterations, self.common.elapsed)

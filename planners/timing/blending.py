@@ -20,7 +20,6 @@ from pushplan.planners.timing.parts import (
     fitted,
     joined,
     make_part,
-    moving_arcs,
     nearest_corners,
     passing_speeds,
     sharpest_corner,
@@ -38,7 +37,7 @@ from pushplan.planners.timing.sweep import (
     sampled,
     unstable_times,
 )
-from pushplan.plans.path import PushPath, cost_rate
+from pushplan.plans.path import SHORTEST_ARC, PushPath, cost_rate
 from pushplan.plans.trajectory import SAMPLE_RATE, Trajectory
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
@@ -75,9 +74,8 @@ def inset_path(path: PushPath, stable: StableSet, minimum: float, bounds: Bounds
         minimum: The margin has to exceed it.
         bounds: What limits the motion, for the time that a step takes.
     """
-    arcs = np.flatnonzero(path.lengths > 0.0)
-    twists, rest = path.twists[arcs], path.lengths[arcs]
-    speeds = cache(lambda: passing_speeds(twists, path.lengths[arcs], bounds))
+    twists, rest = path.twists, path.lengths.copy()
+    speeds = cache(lambda: passing_speeds(twists, path.lengths, bounds))
     towards = (
         cache(lambda: _most_stable(path, stable)),
         # a thousand margins, for the few paths that lie on a concave side of the set
@@ -89,14 +87,14 @@ def inset_path(path: PushPath, stable: StableSet, minimum: float, bounds: Bounds
         pair = slice(i, i + 2)
         moved = _moved_inward(twists[pair], towards, stable, minimum)
         if moved is not None:
-            spent = _spent(twists[pair], path.lengths[arcs[pair]], speeds()[pair], bounds)
+            spent = _spent(twists[pair], path.lengths[pair], speeds()[pair], bounds)
             tails[i], heads[i + 1] = np.append(moved[0], spent[0]), np.append(moved[1], spent[1])
             rest[pair] -= spent
     made = [
-        (row, owner)
-        for i, owner in enumerate(arcs.tolist())
+        (row, i)
+        for i in range(len(twists))
         for row in (heads.get(i), np.append(twists[i], rest[i]), tails.get(i))
-        if row is not None
+        if row is not None and row[3] > SHORTEST_ARC
     ]
     rows = np.array([row for row, _ in made]).reshape(-1, 4)
     owners = np.array([owner for _, owner in made], dtype=np.int64)
@@ -209,9 +207,8 @@ class BlendSearch:
     def __post_init__(self) -> None:
         self.reach, self.corners = self.scenario.chain.reach, corners_of(self.path)
         self.stops: frozenset[int] = frozenset()
-        arcs = moving_arcs(self.path)
-        speeds = passing_speeds(self.path.twists[arcs], self.path.lengths[arcs], self.bounds)
-        self.parts = [make_part(self.path, arcs, self.bounds, speeds)]
+        speeds = passing_speeds(self.path.twists, self.path.lengths, self.bounds)
+        self.parts = [make_part(self.path, np.arange(len(speeds)), self.bounds, speeds)]
         self.nudging = Nudging(no_rows(len(self.path.lengths)))
 
     def blended(self, within: float) -> Blend | None:

@@ -104,6 +104,10 @@ class Profile(NamedTuple):
         """Length in time, s."""
         return float(self.durations.sum())
 
+    def along(self, twist: FloatArray) -> FloatArray:
+        """Return the coefficients (q, 3, 3) of the twist that this is the rate of, (3,) per unit."""
+        return np.asarray(self.rates[:, :, None] * twist)
+
 
 def rest_to_rest(length: float, limits: ArcLimits) -> Profile:
     """Return the time-optimal profile over `length`, starting and ending at rest.
@@ -139,34 +143,6 @@ def step_widths(rise: FloatArray, bend: FloatArray) -> FloatArray:
     return np.stack([long, bend / np.where(long > 0.0, long, 1.0)], axis=1)
 
 
-def split(profile: Profile, at: FloatArray) -> tuple[Profile, IntArray]:
-    """Cut a profile where s reaches the increasing values `at`.
-
-    Returns:
-        The profile with phases that begin there, and (q,) how many of the values come before each phase.
-    """
-    if not len(at):
-        return profile, np.zeros(len(profile.durations), dtype=np.int64)
-    durations: list[float] = []
-    rates: list[FloatArray] = []
-    passed: list[int] = []
-    s, count = 0.0, 0
-    for duration, rate in zip(*profile, strict=True):
-        begin, end = 0.0, s + _travel(rate, duration)
-        while count < len(at) and at[count] < end:
-            cut = _time_to(rate, at[count] - s, begin, duration)
-            durations.append(cut - begin)
-            rates.append(_shifted(rate, begin))
-            passed.append(count)
-            begin, count = cut, count + 1
-        durations.append(duration - begin)
-        rates.append(_shifted(rate, begin))
-        passed.append(count)
-        s = end
-    kept = np.array(durations) > SHORTEST_PHASE
-    return Profile(np.array(durations)[kept], np.array(rates)[kept]), np.array(passed, dtype=np.int64)[kept]
-
-
 def _phases(request: InputParameter, what: str) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Durations (7,) of the phases, and value, rate and second derivative (7,) of the velocity where they begin."""
     found = RuckigTrajectory(1)
@@ -178,28 +154,6 @@ def _phases(request: InputParameter, what: str) -> tuple[FloatArray, FloatArray,
         raise TimingError(f"Ruckig found no way to make {what}: {status}")
     profile = found.profiles[0][0]
     return np.array(profile.t), np.array(profile.v[:7]), np.array(profile.a[:7]), np.array(profile.j)
-
-
-def _travel(rate: FloatArray, time: float) -> float:
-    return float(time * (rate[0] + time * (rate[1] / 2.0 + time * rate[2] / 3.0)))
-
-
-def _time_to(rate: FloatArray, travel: float, low: float, high: float) -> float:
-    """Time at which a phase has travelled so far: bisection, as s never runs backward."""
-    for _ in range(80):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if _travel(rate, middle) < travel else (low, middle)
-    return high
-
-
-def _shifted(rate: FloatArray, time: float) -> FloatArray:
-    """Coefficients of the same quadratic with its origin moved to `time`."""
-    c0, c1, c2 = rate
-    return np.array([c0 + time * (c1 + time * c2), c1 + 2.0 * time * c2, c2])
-
-
-SAME = 1e-12
-"""Twists that differ by less (m/s, rad/s) are the same motion."""
 
 
 def time_path(path: PushPath, bounds: Bounds, rate: float = SAMPLE_RATE) -> Trajectory:
@@ -216,32 +170,10 @@ def time_path(path: PushPath, bounds: Bounds, rate: float = SAMPLE_RATE) -> Traj
     durations: list[FloatArray] = [np.zeros(0)]
     coefficients: list[FloatArray] = [np.zeros((0, 3, 3))]
     arcs: list[FloatArray] = [np.zeros(0)]
-    driven = runs(path)
-    twists = np.array([path.twists[run[0]] for run in driven]).reshape(-1, 3)
-    totals = np.array([path.lengths[run].sum() for run in driven])
-    for run, limits in zip(driven, limits_of_arcs(twists, totals, bounds), strict=True):
-        spent, pieces, owner = time_run(path.twists[run[0]], path.lengths[run], limits)
-        durations.append(spent)
-        coefficients.append(pieces)
-        arcs.append(run[owner].astype(np.float64))
+    for k, limits in enumerate(limits_of_arcs(path.twists, path.lengths, bounds)):
+        profile = rest_to_rest(float(path.lengths[k]), limits)
+        durations.append(profile.durations)
+        coefficients.append(profile.along(path.twists[k]))
+        arcs.append(np.full(len(profile.durations), float(k)))
     breaks = np.concatenate([[0.0], np.cumsum(np.concatenate(durations))])
     return Trajectory(path.start, breaks, np.concatenate(coefficients), np.concatenate(arcs), rate)
-
-
-def runs(path: PushPath) -> list[IntArray]:
-    """Return the indices of the arcs that have a length, neighbours of the same twist together."""
-    kept = np.flatnonzero(path.lengths > 0.0)
-    change = np.abs(np.diff(path.twists[kept], axis=0)).max(axis=1, initial=0.0) > SAME
-    return np.split(kept, np.flatnonzero(change) + 1) if len(kept) else []
-
-
-def time_run(twist: FloatArray, lengths: FloatArray, limits: ArcLimits) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Drive arcs (a,) of the same twist (3,) from rest to rest within the limits of their parameter.
-
-    Returns:
-        durations (q,) in s, coefficients (q, 3, 3) of the twist, and (q,) which of the arcs each piece is on.
-    """
-    total = float(lengths.sum())
-    profile = rest_to_rest(total, limits)
-    pieces, passed = split(profile, np.cumsum(lengths)[:-1])
-    return pieces.durations, pieces.rates[:, :, None] * twist, passed

@@ -15,7 +15,7 @@ from pushplan.errors import TimingError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Limits
 from pushplan.planners.timing.arc_limits import ArcLimits, Bounds, contact_limits, contact_limits_of
-from pushplan.planners.timing.exact_timing import ORDERS, SAME, Pieces, bounds_use, step_widths, time_run
+from pushplan.planners.timing.exact_timing import ORDERS, Pieces, bounds_use, rest_to_rest, step_widths
 from pushplan.planners.timing.sweep import LengthRows, effects_on
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory
@@ -69,19 +69,20 @@ class Part(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Push(Part):
-    """Arcs of one twist, driven by the exact profile of `timing`, which keeps the limits.
+    """One arc, driven by the exact profile, which keeps the limits.
 
     Attributes:
-        twist: (3,) body twist per unit of the arcs' parameters.
+        twist: (3,) body twist per unit of the arc's parameter.
     """
 
     twist: FloatArray
 
     def pieces(self, lengths: FloatArray) -> Pieces:
         """Return the twist over time."""
-        own = lengths[self.arcs]
-        durations, coefficients, owner = time_run(self.twist, own, self._limits(float(own.sum())))
-        return Pieces(durations, coefficients, self.arcs[owner])
+        length = float(lengths[self.arcs[0]])
+        profile = rest_to_rest(length, self._limits(length))
+        level = np.repeat(self.arcs, len(profile.durations))
+        return Pieces(profile.durations, profile.along(self.twist), level)
 
     def _limits(self, length: float) -> ArcLimits:
         if length not in self._known:
@@ -94,7 +95,7 @@ class Push(Part):
 
     def motion(self, lengths: FloatArray) -> FloatArray:
         """Return the pose (3,) at the end."""
-        return se2.exp(self.twist * lengths[self.arcs].sum())
+        return se2.exp(self.twist * lengths[self.arcs[0]])
 
 
 WIDENINGS = 25
@@ -144,8 +145,7 @@ class Section(Part):
 
     def corners(self, lengths: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the arcs (c,) after which the twist changes, and when (c,)."""
-        turns = np.abs(np.diff(self.levels[1:-1], axis=0)).max(axis=1) > 0.0
-        return self.arcs[:-1][turns], self._steps(lengths)[0][1:-1][turns]
+        return self.arcs[:-1], self._steps(lengths)[0][1:-1]
 
     def eased(self, lengths: FloatArray) -> Section:
         """Return the section with wider steps wherever a limit is exceeded, as far as that helps."""
@@ -197,7 +197,7 @@ class Section(Part):
 def make_part(path: PushPath, arcs: IntArray, bounds: Bounds, speeds: FloatArray) -> Part:
     """Return some arcs (a,) of a path, with their `passing_speeds` (a,), as one part."""
     twists = path.twists[arcs]
-    if np.abs(twists - twists[0]).max() <= SAME:
+    if len(arcs) == 1:
         return Push(arcs, bounds, twists[0])
     rest = np.zeros((1, 3))
     levels = np.concatenate([rest, twists * speeds[:, None], rest])
@@ -332,16 +332,9 @@ FITS = 2
 """How often steps are widened and lengths fitted in turn."""
 
 
-def moving_arcs(path: PushPath) -> IntArray:
-    """Return the indices (a,) of the arcs that have a length."""
-    return np.flatnonzero(path.lengths > 0.0)
-
-
 def corners_of(path: PushPath) -> frozenset[int]:
-    """Return the arcs at whose end the twist changes."""
-    arcs = moving_arcs(path)
-    change = np.abs(np.diff(path.twists[arcs], axis=0)).max(axis=1, initial=0.0)
-    return frozenset(arcs[:-1][change > SAME].tolist())
+    """Return the arcs at whose end the twist changes: all but the last."""
+    return frozenset(range(len(path.lengths) - 1))
 
 
 def fitted(
@@ -393,8 +386,7 @@ def nearest_corners(parts: Sequence[Part], lengths: FloatArray, times: FloatArra
 def sharpest_corner(path: PushPath, parts: Sequence[Part]) -> frozenset[int]:
     """Return the corner without a stop whose twists commute least: its blend moves the end most."""
     arcs, _ = _blended_corners(parts, path.lengths)
-    moving = moving_arcs(path)
-    a, b = path.twists[arcs], path.twists[moving[np.searchsorted(moving, arcs) + 1]]
+    a, b = path.twists[arcs], path.twists[arcs + 1]
     bracket = a[:, 2:] * b[:, :2] - b[:, 2:] * a[:, :2]
     return frozenset({int(arcs[np.argmax(np.hypot(*bracket.T))])})
 

@@ -17,6 +17,13 @@ TURN_WEIGHT = 0.1
 """Metres of travel that one radian of turning counts as in the path cost."""
 
 
+SHORTEST_ARC = 1e-10
+"""Arcs below this (m) are rounding."""
+
+SAME_TWIST = 1e-12
+"""Twists that differ by less (m/s, rad/s) are one motion."""
+
+
 def cost_rate(twists: ArrayLike) -> FloatArray:
     """Return the path cost per unit of time (k,) of body twists (k, 3): |v| + 0.1 |omega|, m/s."""
     v = np.asarray(twists, dtype=np.float64)
@@ -26,6 +33,8 @@ def cost_rate(twists: ArrayLike) -> FloatArray:
 @dataclass(frozen=True, eq=False)
 class PushPath:
     """Arcs of constant body twist, parametrised by path cost.
+
+    Those that are no longer than `SHORTEST_ARC` are left out, neighbours of the same twist are one arc.
 
     Attributes:
         start: (3,) pose of the chain frame in the world at the beginning.
@@ -43,8 +52,21 @@ class PushPath:
         object.__setattr__(self, "lengths", frozen(self.lengths, (len(self.twists),), "lengths of the path"))
         if (self.lengths < 0.0).any():
             raise PushplanError("an arc of the path has a negative length")
-        if not np.abs(cost_rate(self.twists) - 1.0).max(initial=0.0) <= 1e-9:
+        moving = self.lengths > SHORTEST_ARC
+        twists, lengths = self.twists[moving], self.lengths[moving]
+        if not np.abs(cost_rate(twists) - 1.0).max(initial=0.0) <= 1e-9:
             raise PushplanError("twists of the path must be scaled to a cost rate of 1 m/s")
+        changes = np.abs(np.diff(twists, axis=0)).max(axis=1, initial=0.0) > SAME_TWIST
+        if len(twists) < len(self.twists) or not changes.all():
+            first = np.flatnonzero(np.append(len(twists) > 0, changes))
+            object.__setattr__(self, "twists", frozen(twists[first], (None, 3), "twists of the path"))
+            merged = np.add.reduceat(lengths, first)
+            object.__setattr__(self, "lengths", frozen(merged, (len(first),), "lengths of the path"))
+
+    @classmethod
+    def of_arcs(cls, start: FloatArray, arcs: FloatArray) -> PushPath:
+        """Return the path of arcs (k, 4), twists and lengths, from a pose (3,)."""
+        return cls(start, arcs[:, :3], arcs[:, 3])
 
     @property
     def cost(self) -> float:

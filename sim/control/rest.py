@@ -105,7 +105,7 @@ def legs_to(
     if arcs is None:
         return []
     ways = {
-        TRANSIT: PushPath(robot, arcs[:, :3], arcs[:, 3]),
+        TRANSIT: PushPath.of_arcs(robot, arcs),
         APPROACH: PushPath(compose(contact, [-pushes.approach, 0.0, 0.0]), AHEAD, np.array([pushes.approach])),
     }
     kinds = {TRANSIT: None, APPROACH: load}

@@ -13,7 +13,7 @@ from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.planners.clearance import excess
 from pushplan.planners.timing.arc_limits import ArcLimits, Bounds, contact_limits
-from pushplan.planners.timing.exact_timing import Profile, rest_to_rest, split, time_path
+from pushplan.planners.timing.exact_timing import rest_to_rest, time_path
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.util.arrays import FloatArray
 
@@ -46,17 +46,6 @@ def test_a_timed_path_ends_where_the_path_ends_and_stops_at_every_corner(seed: i
 LIMITS = ArcLimits(0.2, 0.5, 0.3, 5.0)
 
 
-def _speed_and_travel(profile: Profile, time: float) -> tuple[float, float]:
-    travel = 0.0
-    for duration, rate in zip(*profile, strict=True):
-        tau = min(time, duration)
-        travel += float(rate @ (tau ** np.arange(1, 4) / np.arange(1, 4)))
-        time -= tau
-        if time <= 0.0:
-            return float(rate @ tau ** np.arange(3)), travel
-    raise AssertionError("the time lies after the end")
-
-
 def test_braking_may_be_weaker_than_accelerating() -> None:
     """Length/v + (v/a + a/j) / 2 for the way up and likewise down."""
     profile = rest_to_rest(2.0, LIMITS)
@@ -64,21 +53,6 @@ def test_braking_may_be_weaker_than_accelerating() -> None:
     assert profile.duration == pytest.approx(usual, abs=1e-9)
     assert profile.rates[:, 1].max() == pytest.approx(0.5)
     assert profile.rates[:, 1].min() == pytest.approx(-0.3)
-
-
-@pytest.mark.parametrize("length", [1e-5, 1e-3, 0.05, 1.0])
-def test_a_cut_profile_is_the_same_motion_and_begins_phases_where_it_is_told(length: float) -> None:
-    whole = rest_to_rest(length, LIMITS)
-    at = length * np.array([0.1, 0.100001, 0.5, 0.99])
-    cut, passed = split(whole, at)
-    assert cut.duration == pytest.approx(whole.duration, rel=1e-12)
-    for time in np.linspace(0.0, whole.duration * (1.0 - 1e-9), 50):
-        assert _speed_and_travel(cut, time) == pytest.approx(_speed_and_travel(whole, time), rel=1e-9, abs=1e-15)
-    begins = np.concatenate([[0.0], np.cumsum(cut.durations)])
-    for i, place in enumerate(at):
-        first = int(np.flatnonzero(passed == i + 1)[0])
-        assert _speed_and_travel(whole, begins[first])[1] == pytest.approx(place, rel=1e-9)
-    assert (np.diff(passed) >= 0).all()
 
 
 FAST = Limits(speed=2.0, acceleration=20.0, jerk=1e3, angular_speed=20.0, angular_acceleration=90.0)
