@@ -102,31 +102,12 @@ void bind_shapes(nb::module_ &m) {
                          const auto &of = nb::cast<const Shapes &>(self).bounds;
                          return read_only(&of.data()->x, {static_cast<std::ptrdiff_t>(of.size()), 3}, self);
                      })
-        .def(Pickled(
-            +[](const nb::object &self) {
-                return nb::make_tuple(self.attr("corners"), self.attr("starts"), self.attr("bounds"));
-            },
-            +[](const nb::tuple &state) {
-                return to_shapes(nb::cast<Numbers>(state[0]), nb::cast<Integers>(state[1]),
-                                 nb::cast<Numbers>(state[2]));
-            }));
+        .def(PickledBy{"corners", "starts", "bounds"});
 }
 
 Scene to_scene(const std::shared_ptr<Shapes> &body, const Numbers &body_bound, const std::shared_ptr<Shapes> &obstacles,
                const Numbers &circles, const Numbers &tree, const Numbers &walls, double clearance, double kept) {
     return {to_body(body, body_bound), to_obstacles(obstacles, circles, tree, walls), clearance, kept};
-}
-
-nb::tuple scene_state(const nb::object &self) {
-    return nb::make_tuple(self.attr("body"), self.attr("body_bound"), self.attr("obstacles"), self.attr("circles"),
-                          self.attr("tree"), self.attr("walls"), self.attr("clearance"), self.attr("kept"));
-}
-
-Scene scene_from(const nb::tuple &state) {
-    return to_scene(nb::cast<std::shared_ptr<Shapes>>(state[0]), nb::cast<Numbers>(state[1]),
-                    nb::cast<std::shared_ptr<Shapes>>(state[2]), nb::cast<Numbers>(state[3]),
-                    nb::cast<Numbers>(state[4]), nb::cast<Numbers>(state[5]), nb::cast<double>(state[6]),
-                    nb::cast<double>(state[7]));
 }
 
 void bind_scene(nb::module_ &m) {
@@ -156,7 +137,7 @@ void bind_scene(nb::module_ &m) {
                 return Scene{self.body, to_obstacles(obstacles, circles, tree, walls), self.clearance, self.kept};
             },
             nb::arg("obstacles"), nb::arg("circles"), nb::arg("tree"), nb::arg("walls"))
-        .def(Pickled(&scene_state, &scene_from));
+        .def(PickledBy{"body", "body_bound", "obstacles", "circles", "tree", "walls", "clearance", "kept"});
 }
 
 Outlines to_outlines(const Numbers &corners, const Integers &starts) {

@@ -225,16 +225,7 @@ void bind_packed_chain(nb::module_ &m) {
     def_shown(bound, "links", &PackedChain::links);
     def_shown(bound, "rows", &PackedChain::rows);
     bound.def_ro("length", &PackedChain::length);
-    const auto state_of = +[](const nb::object &self) {
-        const auto &packed = nb::cast<const PackedChain &>(self);
-        return nb::make_tuple(packed.objects.shown(self), packed.parts.shown(self), packed.series.shown(self),
-                              packed.links.shown(self), packed.rows.shown(self), packed.length);
-    };
-    bound.def(Pickled(
-        state_of, +[](const nb::tuple &state) {
-            return packed_chain(nb::cast<Numbers>(state[0]), nb::cast<Numbers>(state[1]), nb::cast<Series>(state[2]),
-                                nb::cast<Integers>(state[3]), nb::cast<Numbers>(state[4]), nb::cast<double>(state[5]));
-        }));
+    bound.def(PickledBy{"objects", "parts", "series", "links", "rows", "length"});
 }
 
 } // namespace

@@ -211,12 +211,7 @@ void bind_driving(nb::module_ &core) {
         .def_ro("kind", &Wheels::kind)
         .def_prop_ro("axle", [](const Wheels &wheels) { return to_array(wheels.axle); })
         .def_ro("radius", &Wheels::radius)
-        .def(Pickled(
-            +[](const Wheels &wheels) { return nb::make_tuple(wheels.kind, to_array(wheels.axle), wheels.radius); },
-            +[](const nb::tuple &state) {
-                return to_wheels(nb::cast<WheelKind>(state[0]), nb::cast<Numbers>(state[1]),
-                                 nb::cast<double>(state[2]));
-            }));
+        .def(PickledBy{"kind", "axle", "radius"});
     nb::class_<Surroundings>(m, "Surroundings")
         .def(MadeBy(+[](const Scene &room, const Scene &load, const Numbers &place) {
                  return Surroundings{room, load, to_pose(place)};

@@ -139,7 +139,24 @@ template <class Class, class... Args> struct MadeBy : nb::def_visitor<MadeBy<Cla
     }
 };
 
-// How an object is pickled: by a tuple, and made of it again.
+// How an object is pickled: by the arguments of its constructor, all of which it shows by their names.
+struct PickledBy : nb::def_visitor<PickledBy> {
+    std::vector<const char *> names;
+
+    PickledBy(std::initializer_list<const char *> names) : names(names) {}
+
+    template <class Bound> void execute(Bound &bound) {
+        bound.def("__reduce__", [names = names](const nb::object &self) {
+            nb::dict arguments;
+            for (const char *name : names)
+                arguments[name] = self.attr(name);
+            const nb::object partial = nb::module_::import_("functools").attr("partial");
+            return nb::make_tuple(partial(self.type(), **arguments), nb::tuple());
+        });
+    }
+};
+
+// How one is pickled that has changed since: by a tuple, and made of it again.
 template <class Class, class Self> struct Pickled : nb::def_visitor<Pickled<Class, Self>> {
     nb::tuple (*state)(Self);
     Class (*make)(const nb::tuple &);

@@ -46,16 +46,7 @@ void bind_objective(nb::module_ &m) {
                          const auto &of = nb::cast<const Objective &>(self);
                          return read_only(of.table->front().data(), {of.side, of.side, 3}, self);
                      })
-        .def(Pickled(
-            +[](const nb::object &self) {
-                return nb::make_tuple(self.attr("kind"), self.attr("per_arc"), self.attr("lowest"), self.attr("length"),
-                                      self.attr("box"), self.attr("table"));
-            },
-            +[](const nb::tuple &state) {
-                return to_objective(nb::cast<int>(state[0]), nb::cast<double>(state[1]), nb::cast<double>(state[2]),
-                                    nb::cast<double>(state[3]), nb::cast<Numbers>(state[4]),
-                                    nb::cast<Numbers>(state[5]));
-            }));
+        .def(PickledBy{"kind", "per_arc", "lowest", "length", "box", "table"});
 }
 
 Problem to_problem(const Scene &scene, const Numbers &segments, const Numbers &families, const Numbers &goal,
@@ -109,16 +100,7 @@ void bind_problem_class(nb::module_ &m) {
                 return self;
             },
             nb::arg("objective"))
-        .def(Pickled(
-            +[](const nb::object &self) {
-                return nb::make_tuple(self.attr("scene"), self.attr("segments"), self.attr("families"),
-                                      self.attr("goal"), self.attr("longest"), self.attr("objective"));
-            },
-            +[](const nb::tuple &state) {
-                return to_problem(nb::cast<const Scene &>(state[0]), nb::cast<Numbers>(state[1]),
-                                  nb::cast<Numbers>(state[2]), nb::cast<Numbers>(state[3]), nb::cast<double>(state[4]),
-                                  nb::cast<const Objective &>(state[5]));
-            }));
+        .def(PickledBy{"scene", "segments", "families", "goal", "longest", "objective"});
     m.def(
         "remaining",
         [](double x, double y, double theta, const Numbers &goal) { return remaining({x, y, theta}, to_pose(goal)); },

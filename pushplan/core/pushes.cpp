@@ -138,17 +138,6 @@ Made<double> families_array(const PackedMode &mode) {
 
 Made<double> settling_array(const PackedMode &mode) { return copied(&mode.settling.vx, {3}); }
 
-nb::tuple mode_state(const PackedMode &mode) {
-    return nb::make_tuple(families_array(mode), to_array(mode.contact), to_array(mode.robot), settling_array(mode),
-                          mode.settle, mode.approach, mode.retreat, mode.clearance, mode.faster);
-}
-
-PackedMode mode_from(const nb::tuple &state) {
-    const auto array = [&](std::size_t i) { return nb::cast<Numbers>(state[i]); };
-    const auto number = [&](std::size_t i) { return nb::cast<double>(state[i]); };
-    return to_mode(array(0), array(1), array(2), array(3), number(4), number(5), number(6), number(7), number(8));
-}
-
 void bind_mode(nb::module_ &m) {
     nb::class_<PackedMode>(m, "PackedMode")
         .def(MadeBy(&to_mode), nb::arg("families"), nb::arg("contact"), nb::arg("robot"), nb::arg("settling"),
@@ -168,7 +157,8 @@ void bind_mode(nb::module_ &m) {
                 return to_array(mode.robot_at(to_pose(load), behind));
             },
             nb::arg("load"), nb::arg("behind"))
-        .def(Pickled(&mode_state, &mode_from));
+        .def(PickledBy{"families", "contact", "robot", "settling", "settle", "approach", "retreat", "clearance",
+                       "faster"});
 }
 
 Made<double> costs_between(const PackedMode &mode, const Numbers &starts, const Numbers &goals, const Numbers &sofar,

@@ -171,19 +171,6 @@ Made<Index> order_of(const World &world) {
     return to_numpy(std::vector<Index>(world.order.begin(), world.order.end()));
 }
 
-nb::tuple world_to_tuple(const World &world) {
-    return nb::make_tuple(to_table(world.feet), first_foot_of(world), loads_of(world), center_of(world),
-                          to_table(world.corners), parts_of(world), circles_of(world), pairs_of(world),
-                          friction_of(world), world.length, order_of(world));
-}
-
-World world_from_tuple(const nb::tuple &t) {
-    return make_world(nb::cast<Numbers>(t[0]), nb::cast<Integers>(t[1]), nb::cast<Numbers>(t[2]),
-                      nb::cast<Numbers>(t[3]), nb::cast<Numbers>(t[4]), nb::cast<Integers>(t[5]),
-                      nb::cast<Numbers>(t[6]), nb::cast<Integers>(t[7]), nb::cast<Numbers>(t[8]),
-                      nb::cast<double>(t[9]), nb::cast<Integers>(t[10]));
-}
-
 Simulation make_simulation(std::shared_ptr<World> world, const Numbers &object_poses, const Numbers &plate_pose) {
     const auto objects = to_rows<Pose>(object_poses, "poses of the objects");
     require(static_cast<int>(objects.size()) == world->plate(), "there is a pose for every object");
@@ -287,7 +274,8 @@ void bind_slip(nb::module_ &parent) {
         .def_ro("length", &World::length)
         .def_prop_ro("order", &order_of)
         .def_prop_ro("room", &World::room)
-        .def(Pickled(&world_to_tuple, &world_from_tuple));
+        .def(PickledBy{"feet", "first_foot", "loads", "center", "corners", "parts", "circles", "pairs", "friction",
+                       "length", "order"});
     nb::class_<TraceArrays>(m, "Trace")
         .def_ro("poses", &TraceArrays::poses)
         .def_ro("modes", &TraceArrays::modes)
