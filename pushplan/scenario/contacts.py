@@ -161,7 +161,7 @@ def _stated(file: RoomFile, names: Sequence[str], source: Source) -> dict[frozen
         pair = frozenset(entry.objects)
         if len(pair) == 1 and not unknown:
             source.error(place, "names one object twice; allowed: two objects that touch")
-        elif pair in stated and file.contacts.between[stated[pair]].friction is not None:
+        elif pair in stated:
             source.error(place, "this pair stands further up already; keep one entry")
         elif not unknown:
             stated[pair] = i
