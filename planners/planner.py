@@ -32,7 +32,7 @@ from pushplan.sets.stable_set import StableSet
 from pushplan.sim.kinematic import execute
 from pushplan.sim.robustness import least_robustness
 from pushplan.util.arrays import FloatArray, numbers
-from pushplan.util.names import DEFAULT_PLANNER, RANKED_BY
+from pushplan.util.names import DEFAULT_PLANNER, FARTHEST, RANKED_BY
 from pushplan.util.stopwatch import Stopwatch, no_collection
 
 # Loaded where they are needed: a single push does without them, and their modules take a while.
@@ -415,6 +415,9 @@ def _poses(poses: ArrayLike, what: str) -> FloatArray:
         PlanningError: When they are none.
     """
     array = np.atleast_2d(numbers(poses, what))
-    if array.ndim != 2 or array.shape[1] != 3 or not len(array) or not np.isfinite(array).all():
-        raise PlanningError(f"{what} have the shape {array.shape}; allowed: finite poses (k, 3)")
+    if array.ndim != 2 or array.shape[1] != 3 or not len(array):
+        raise PlanningError(f"{what}: an array of shape {array.shape}; allowed: poses (k, 3)")
+    wrong = array[~(np.abs(array) <= FARTHEST)]
+    if len(wrong):
+        raise PlanningError(f"{what}: a pose with {wrong[0]:g}; allowed: numbers (m, rad) up to {FARTHEST:g}")
     return array

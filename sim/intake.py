@@ -10,9 +10,8 @@ from numpy.typing import ArrayLike
 
 from pushplan.errors import PushplanError
 from pushplan.util.arrays import FloatArray, numbers
+from pushplan.util.names import FARTHEST
 
-FARTHEST = 1e4
-"""Coordinates (m) and angles (rad) beyond this are none of a robot on a floor."""
 AHEAD = 0.1
 """How far ahead of now a measurement may be stamped, s: clocks of cameras and robots are apart by less."""
 LEAP = 5.0

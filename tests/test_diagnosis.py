@@ -54,7 +54,7 @@ def test_a_limit_that_preparing_uses_up_is_told_as_such() -> None:
     """A search that has not looked at anything says nothing of how near it came."""
     scenario = plain(load_scenario("two-crates"))
     stable = stable_set(scenario.chain)
-    monitor = InfeasibilityMonitor(scenario, stable, build_problem(scenario, stable))
+    monitor = InfeasibilityMonitor(scenario, stable, lambda: build_problem(scenario, stable))
     (told,) = diagnose(monitor, 0, (2.0, 0.5), 0.0)
     assert told.text == (
         "nothing shows that there is no way: all of the time went by in preparing the search, and more of it may help"

@@ -163,6 +163,8 @@ CALLS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "margin": (lambda p: p.scenario.stable_set().margin("ab"), "twists cannot be read as numbers"),
     "window": (lambda p: p.scenario.stable_set().cor_region(1, (1.0, 2.0)), "window is"),
     "start": (lambda p: api.Planner(p.scenario).plan(start="ab"), "start cannot be read"),
+    "far": (lambda p: api.Planner(p.scenario).plan(goal=[1e300, 0, 0]), r"goal: a pose with 1e\+300; allowed:"),
+    "lean": (lambda p: world(p).with_load_shifted([0, 0], 0.5), "direction of a leaning load is zero"),
     "obstacle": (lambda p: api.Planner(p.scenario).with_obstacles([1.0]), r"obstacle 0 is 1\.0; allowed: Polygon"),
     "cost": (lambda p: api.plan(p.scenario, cost="fuel"), "no cost is called 'fuel'; there are travel,"),
     "margin asked": (lambda p: api.plan(p.scenario, margin=1.0), "allowed: 'auto' or a number from 0"),

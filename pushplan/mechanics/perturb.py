@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.errors import ChainError
+from pushplan.errors import ChainError, PushplanError
 from pushplan.geometry.polygon import SHORTEST_CONTACT, TOUCH
 from pushplan.geometry.se2 import compose, rotate
 from pushplan.mechanics.chain import PLATE, Chain, Contact
 from pushplan.mechanics.contacts import carried_objects
-from pushplan.util.arrays import BoolArray, FloatArray
+from pushplan.util.arrays import BoolArray, FloatArray, frozen
 
 PARALLEL = 1e-3
 """Largest angle between a contact and the edges that it lies on, rad."""
@@ -72,9 +72,12 @@ def with_leaning_load(chain: Chain, direction: ArrayLike, share: float, index: i
         index: Of the object; None for all.
 
     Raises:
+        PushplanError: When there is no direction.
         SupportError: When a load is not known, or would be negative somewhere.
     """
-    e = np.asarray(direction, dtype=np.float64)
+    e = frozen(direction, (2,), "direction of a leaning load")
+    if not e.any():
+        raise PushplanError("the direction of a leaning load is zero; allowed: (x, y) of some length")
     return with_objects(chain, index, support=lambda obj: obj.support.leaning(rotate(-obj.pose_chain[2], e), share))
 
 

@@ -30,7 +30,7 @@ from pushplan.util.names import FACES
 
 MOST_CORNERS = 500
 
-Coordinate = Annotated[float, Quantity("a coordinate", units.LENGTH, -1e4, 1e4, "5 mm")]
+Coordinate = Annotated[float, Quantity("a coordinate", units.LENGTH, -names.FARTHEST, names.FARTHEST, "5 mm")]
 Size = Annotated[float, Quantity("a length", units.LENGTH, 1e-3, 1e3, "5 mm")]
 Clearance = Annotated[float, Quantity("a length", units.LENGTH, 1e-4, 10.0, "5 mm")]
 Height = Annotated[float | Span, or_interval(Quantity("a height", units.LENGTH, 0.0, 100.0, "5 mm"))]

@@ -35,6 +35,9 @@ DEFAULT_COST = "time"
 BESIDE_A_BAG = ".rviz"
 """Suffixes of the files that are written beside a ROS 2 bag, in place of its own."""
 
+FARTHEST = 1e4
+"""Coordinates (m) and angles (rad) beyond this are none of a robot on a floor."""
+
 AUTO: Final = "auto"
 """Stands for a margin that planning chooses."""
 

@@ -21,11 +21,11 @@ from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Event, Measured
 from pushplan.sim.control.sensing import Measurements, Sensor
-from pushplan.sim.intake import FARTHEST
 from pushplan.sim.report import columns_of
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.names import FARTHEST
 
 if TYPE_CHECKING:
     from pushplan.sim.physics.stepping import PhysicsSimulator

@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
-from pushplan.sim.intake import FARTHEST
 from pushplan.sim.physics.engine import ForceMeter, PhysicsError, PhysicsSettings
 from pushplan.sim.physics.model import build_model, joint_coordinates
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, IntArray, frozen, numbers
+from pushplan.util.names import FARTHEST
 
 STEPPED = PhysicsSettings(time_step=1e-3, indentation=5e-6, degree=5)
 """Hard contacts, as pushes of plans have."""

@@ -17,12 +17,11 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.plans.plan import Plan
 from pushplan.plans.trajectory import Trajectory
-from pushplan.sim.intake import FARTHEST
 from pushplan.sim.report import ContactReport, Mode, Part, first_closed, report_of, wanted_at_end, with_margins
 from pushplan.sim.slip.packing import pack_world
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, frozen, numbers
-from pushplan.util.names import APPROACH, CLOSE
+from pushplan.util.names import APPROACH, CLOSE, FARTHEST
 
 SETTLED = 0.9
 """Share of the first arc of a push after an approach, after which contacts are expected to be closed."""
