@@ -152,7 +152,7 @@ class Variants(NamedTuple):
 
     Attributes:
         packed: The arrays of a `PackedChain`, `objects` (q, n, 11) and `parts` (q, e, 5).
-        changed: (n,) whether the floor's friction on the object differs from the nominal one.
+        changed: (q, n) whether the floor's friction on the object differs from that of a chain it is known of.
         poses: (q, n, 3) motions that take the objects from where they are packed to where they are.
         centers: (q, n, 2) centres of mass before that motion, m.
         facets: (q, n, 4, 3) the contact holds where all facets . (f_x, f_y, m) are > 0.
@@ -195,7 +195,7 @@ class Course:
         """The chain with its nominal numbers."""
         n, packed = len(self.chain.objects), self.packed
         objects, parts = packed.objects[None], packed.parts[None]
-        still, every = np.zeros((1, n, 3)), np.ones(n, dtype=np.bool_)
+        still, every = np.zeros((1, n, 3)), np.ones((1, n), dtype=np.bool_)
         centers = np.ascontiguousarray(self.inertia.center[None])
         friction = np.array([contact.friction for contact in self.chain.contacts])
         facets = contact_facets(self.ends[None, :, 0], self.ends[None, :, 1], friction, 1.0)
@@ -217,16 +217,22 @@ class Course:
         loads = carried_objects(self.chain) @ self.packed.objects[:, 0] + 1e-300
         return np.argsort((self.nominal / loads[:, None]).min(axis=(1, 2)), kind="stable")
 
-    def values_of(self, variants: Variants, which: IntArray | None, masses: FloatArray | None = None) -> FloatArray:
+    def values_of(
+        self, variants: Variants, which: IntArray | None, masses: FloatArray | None = None, about_last: bool = False
+    ) -> FloatArray:
         """Return the facets' values (q, k, n, 4) at moments `which` (k,), None for all, N and N m.
 
         Args:
             variants: Chains.
             which: Indices of moments.
             masses: (q, n) factors of the masses that inertia acts on; None for 1.
+            about_last: `changed` is meant against the last variant, not the chain's nominal numbers.
         """
         moments = self.moments if which is None else self.moments.at(which)
-        floor = self._floor if which is None else self._floor[which]
+        if about_last:
+            floor = core.floor_wrenches(variants, self.packed.series, moments.directions)
+        else:
+            floor = self._floor if which is None else self._floor[which]
         mass, _, moment = self.inertia
         factor = np.ones((1, len(mass))) if masses is None else masses
         return core.facet_values(variants, self.packed.series, factor * mass, factor * moment, moments, floor)

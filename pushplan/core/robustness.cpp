@@ -46,18 +46,18 @@ struct Variants {
     PerVariant objects, parts;
     Table<const std::complex<double>> series;
     Table<const std::int64_t> links;
-    const bool *changed;
+    Table<const bool> changed;
     PerVariant poses, centers, facets;
 
     Variants(const VariantArrays &arrays, const Series &coefficients)
         : count(std::get<7>(arrays).size()), n(std::get<2>(arrays).ndim() > 0 ? std::get<2>(arrays).shape(0) : 0),
           objects(std::get<0>(arrays), count, {n, OBJECT_COLUMNS}, "objects"),
           parts(std::get<1>(arrays), count, {-1, PART_COLUMNS}, "parts"), series(table(coefficients)),
-          links(table(std::get<2>(arrays))), changed(std::get<3>(arrays).data()),
+          links(table(std::get<2>(arrays))), changed(table(std::get<3>(arrays))),
           poses(std::get<4>(arrays), count, {n, 3}, "poses"), centers(std::get<5>(arrays), count, {n, 2}, "centers"),
           facets(std::get<6>(arrays), count, {n, 4, 3}, "facets") {
         if (series.rows != WEIGHTS * n || series.columns != TERMS || links.columns != LINK_COLUMNS ||
-            std::get<3>(arrays).size() != n)
+            changed.rows != count || changed.columns != n)
             throw std::invalid_argument("the arrays of perturbed chains do not fit together");
         for (std::ptrdiff_t k = 0; k < n; ++k)
             if (links[k][FIRST_PART] < 0 || links[k][FIRST_PART] >= links[k][PAST_LAST_PART] ||
@@ -98,8 +98,8 @@ Made<double> floor_wrenches(const VariantArrays &arrays, const Series &series, c
     auto out = new_array<double>({twists.rows, n, 3});
     auto *wrench = reinterpret_cast<Wrench *>(out.data());
     nb::gil_scoped_release free;
-    const Supports supports = variants.supports(0);
-    const Table<const double> poses = variants.poses[0];
+    const Supports supports = variants.supports(variants.count - 1);
+    const Table<const double> poses = variants.poses[variants.count - 1];
     for (std::ptrdiff_t s = 0; s < twists.rows; ++s)
         for (std::ptrdiff_t k = 0; k < n; ++k)
             *wrench++ = moved_wrench(supports, k, pose_at(poses[k]), twist_at(twists[s]));
@@ -113,8 +113,9 @@ struct Bodies {
 
 // Work out the facets' values (m, n, 4) of variant a.
 void fill_values(const Variants &variants, std::ptrdiff_t a, const Bodies &bodies, const Moments &moments,
-                 const Wrench *nominal, double *out) {
+                 const Wrench *known, double *out) {
     const std::ptrdiff_t n = variants.n;
+    const bool *changed = variants.changed[a];
     const Supports supports = variants.supports(a);
     const Table<const double> poses = variants.poses[a], centers = variants.centers[a], facets = variants.facets[a];
     const Table<const double> mass = bodies.mass[a], moment = bodies.moment[a];
@@ -130,9 +131,9 @@ void fill_values(const Variants &variants, std::ptrdiff_t a, const Bodies &bodie
         const Twist v = twist_at(moments.twists[s]), dv = twist_at(moments.rates[s]);
         const bool fresh = s == 0 || moments.group[s] != moments.group[s - 1];
         for (std::ptrdiff_t k = 0; k < n; ++k) {
-            if (variants.changed[k] && fresh)
+            if (changed[k] && fresh)
                 floor[k] = moved_wrench(supports, k, pose_at(poses[k]), twist_at(moments.directions[s]));
-            const Wrench &w = variants.changed[k] ? floor[k] : nominal[s * n + k];
+            const Wrench &w = changed[k] ? floor[k] : known[s * n + k];
             const auto [x, y] = center[k];
             const auto [fx, fy] = inertia_force(mass[k][0], x, y, v, dv);
             carried[k] = {w.x + fx, w.y + fy, w.m + moment[k][0] * dv.omega + x * fy - y * fx};
@@ -150,13 +151,13 @@ void fill_values(const Variants &variants, std::ptrdiff_t a, const Bodies &bodie
 }
 
 Made<double> facet_values(const VariantArrays &arrays, const Series &series, const Numbers &mass, const Numbers &moment,
-                          const MomentArrays &when, const Numbers &nominal) {
+                          const MomentArrays &when, const Numbers &known) {
     const Variants variants(arrays, series);
     const Moments moments(when);
     const std::ptrdiff_t n = variants.n, m = moments.count();
     const Bodies bodies{{mass, variants.count, {n}, "masses"}, {moment, variants.count, {n}, "moments of inertia"}};
-    require_shape(nominal, {m, n, 3}, "nominal");
-    const auto *wrenches = reinterpret_cast<const Wrench *>(nominal.data());
+    require_shape(known, {m, n, 3}, "known");
+    const auto *wrenches = reinterpret_cast<const Wrench *>(known.data());
     auto out = new_array<double>({variants.count, m, n, 4});
     double *values = out.data();
     nb::gil_scoped_release free;
@@ -176,7 +177,7 @@ void bind_robustness(nb::module_ &core) {
     nb::module_ m = core.def_submodule("robustness", "Contact conditions of perturbed chains.");
     m.def("floor_wrenches", &floor_wrenches, nb::arg("variants"), nb::arg("series"), nb::arg("directions"));
     m.def("facet_values", &facet_values, nb::arg("variants"), nb::arg("series"), nb::arg("mass"), nb::arg("moment"),
-          nb::arg("moments"), nb::arg("nominal"));
+          nb::arg("moments"), nb::arg("known"));
 }
 
 } // namespace pushplan

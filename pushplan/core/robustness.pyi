@@ -8,7 +8,7 @@ _Variants = tuple[  # a `robustness.Variants`
 _Moments = tuple[FloatArray, FloatArray, FloatArray, IntArray]  # a `robustness.Moments`
 
 def floor_wrenches(variants: _Variants, series: ComplexArray, directions: FloatArray) -> FloatArray:
-    """Return the wrenches (m, n, 3) that move each object of the first variant against the floor at twists (m, 3)."""
+    """Return the wrenches (m, n, 3) that move each object of the last variant against the floor at twists (m, 3)."""
 
 def facet_values(
     variants: _Variants,
@@ -16,7 +16,7 @@ def facet_values(
     mass: FloatArray,
     moment: FloatArray,
     moments: _Moments,
-    nominal: FloatArray,
+    known: FloatArray,
 ) -> FloatArray:
     """Return the facets' values (q, m, n, 4) of the contacts of q variants at m moments, N and N m.
 
@@ -26,5 +26,5 @@ def facet_values(
         mass: (q, n) or (1, n), kg.
         moment: (q, n) or (1, n) moments of inertia, kg m^2.
         moments: When.
-        nominal: (m, n, 3) wrenches that move the objects against the floor where that is not `changed`.
+        known: (m, n, 3) wrenches that move the objects against the floor where that is not `changed`.
     """

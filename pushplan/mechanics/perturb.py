@@ -86,16 +86,19 @@ class Motion:
     """Objects that stand elsewhere, and the contacts that they have there, for q sizes of one change.
 
     Attributes:
-        moved: (n,) which objects move.
         poses: (q, n, 3) motions of the chain frame that take each object from where it belongs to where it is.
         ends: (q, n, 2, 2) right and left end of every contact, m.
         lengths: (q, n) of the contacts along their line, m; not positive where nothing is left of one.
     """
 
-    moved: BoolArray
     poses: FloatArray
     ends: FloatArray
     lengths: FloatArray
+
+    @property
+    def moved(self) -> BoolArray:
+        """Which objects move (q, n)."""
+        return np.asarray((self.poses != 0.0).any(axis=2))
 
     def applied(self, chain: Chain) -> Chain:
         """Return the chain of the first size.
@@ -107,8 +110,8 @@ class Motion:
             k = int(self.lengths[0].argmin())
             raise ChainError(f"object {chain.objects[k].name!r} has slid off what pushes it")
         objects = tuple(
-            replace(obj, pose_chain=compose(self.poses[0, i], obj.pose_chain)) if self.moved[i] else obj
-            for i, obj in enumerate(chain.objects)
+            replace(obj, pose_chain=compose(pose, obj.pose_chain)) if moved else obj
+            for obj, pose, moved in zip(chain.objects, self.poses[0], self.moved[0], strict=True)
         )
         contacts = tuple(
             replace(contact, right=ends[0], left=ends[1])
@@ -140,7 +143,7 @@ def displace(chain: Chain, slides: FloatArray, turns: FloatArray) -> Motion:
             poses[:, i, 2] += size
             if i != k:
                 ends[:, i] = middle[:, None] + rotate(size[:, None], ends[:, i] - middle[:, None])
-    return replace(slid, moved=np.asarray((poses != 0.0).any(axis=(0, 2))))
+    return slid
 
 
 def slide(chain: Chain, slides: FloatArray) -> Motion:
@@ -166,8 +169,7 @@ def slide(chain: Chain, slides: FloatArray) -> Motion:
             ends[:, k] += change[..., None] * contact.tangent
             lengths[:, k] += change[:, 1] - change[:, 0]
     poses = np.concatenate([shifts[:, :-1], np.zeros((*many.shape, 1))], axis=2)
-    moved = np.asarray((poses != 0.0).any(axis=(0, 2)))
-    return Motion(moved, poses, ends, lengths)
+    return Motion(poses, ends, lengths)
 
 
 def aside_slides(chain: Chain, distances: FloatArray) -> FloatArray:
