@@ -25,9 +25,9 @@ from pushplan.mechanics.chain import Limits, outline_of_all
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Event, Run
 from pushplan.plans.trajectory import Trajectory
-from pushplan.sim.intake import FARTHEST, Intake
+from pushplan.sim.intake import Intake
 from pushplan.util.arrays import BoolArray, FloatArray
-from pushplan.util.names import RETREAT
+from pushplan.util.names import FARTHEST, RETREAT
 
 if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
