@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 import pushplan.core.contacts as contacts
-import pushplan.core.timing as timing
 from pushplan.core.collision import Scene, separations
 from pushplan.geometry import se2
 from pushplan.planners.timing.arc_limits import Bounds
@@ -54,7 +53,7 @@ def find_touches(scene: Scene, trajectory: Trajectory, reach: float) -> Touches:
         trajectory: The motion.
         reach: Distance from the chain frame's origin to the body's farthest point, m.
     """
-    rates = timing.top_rates(np.diff(trajectory.breaks), trajectory.coefficients, reach)
+    rates = _top_rates(trajectory, reach)
     travel = np.concatenate([[0.0], np.cumsum(rates * np.diff(trajectory.breaks))])
     s = np.linspace(0.0, travel[-1], max(2, int(np.ceil(travel[-1] / COARSE)) + 1))
     gaps = _gaps(scene, trajectory, travel, s)
@@ -74,6 +73,16 @@ def find_touches(scene: Scene, trajectory: Trajectory, reach: float) -> Touches:
     close = np.flatnonzero(gaps < least_gap(scene))
     close = close[np.argsort(s[close])]
     return Touches(np.interp(s[close], travel, trajectory.breaks), gaps[close])
+
+
+def _top_rates(trajectory: Trajectory, reach: float) -> FloatArray:
+    """Return bounds (q,) on the speed of any point within `reach` (m) of the origin on each piece, m/s.
+
+    A quadratic lies in the hull of its Bernstein coefficients.
+    """
+    duration, (c0, c1, c2) = np.diff(trajectory.breaks)[:, None], np.moveaxis(trajectory.coefficients, 1, 0)
+    hull = np.stack([c0, c0 + 0.5 * duration * c1, c0 + duration * (c1 + duration * c2)])
+    return np.asarray(np.hypot(hull[..., 0], hull[..., 1]).max(axis=0) + reach * np.abs(hull[..., 2]).max(axis=0))
 
 
 def sampled(trajectory: Trajectory) -> Trajectory:

@@ -25,10 +25,6 @@ constexpr double UNKNOWN = 0.5, DOUBTFUL = 0.4, LEAST_REACH = 1e-10;
 constexpr int GRID = 17, FAN = 13;
 constexpr double OPENING = 1.5;
 
-// Into how many parts a gap between samples is divided, and where it is too narrow for that.
-constexpr int PARTS = 5;
-constexpr double CLOSE = 0.01;
-
 // The k-th of `count` equal steps from -end to end.
 double spaced(double end, int count, int k) {
     return k + 1 < count ? k * (2.0 * end / (count - 1)) + -end : end;
@@ -168,54 +164,6 @@ Bends bends(const MeridianTable &table, const Gaps &gaps, const MeridianTable &f
         known.more[g] = !(worst <= FLATNESS || smooth);
     }
     return known;
-}
-
-// ---- intervals among samples
-
-Questions between(const Samples &samples) {
-    Questions found;
-    for (std::ptrdiff_t i = 0; i + 1 < samples.size; ++i) {
-        const auto [member, x, value] = samples[i];
-        const Sample after = samples[i + 1];
-        const bool wide = member == after.member && after.x - x > CLOSE;
-        if (wide && (value > 0.0) != (after.value > 0.0))
-            for (int j = 1; j < PARTS; ++j)
-                found.add(static_cast<std::int64_t>(member), x + (after.x - x) * j / PARTS);
-    }
-    return found;
-}
-
-std::vector<std::int64_t> extremes(const Samples &samples) {
-    std::vector<std::int64_t> at;
-    for (std::ptrdiff_t i = 1; i + 1 < samples.size; ++i) {
-        const Sample &before = samples[i - 1], &here = samples[i], &after = samples[i + 1];
-        const double sign = here.value > 0.0 ? -1.0 : 1.0;
-        const double beside = std::max(std::max(-PROMISING, sign * before.value), sign * after.value);
-        if (sign * here.value >= beside && before.member == here.member && here.member == after.member)
-            at.push_back(i);
-    }
-    return at;
-}
-
-Intervals runs(const Samples &samples) {
-    Intervals found;
-    Ends ends{};
-    for (std::ptrdiff_t i = 0; i < samples.size; ++i) {
-        const Sample &here = samples[i];
-        if (!(here.value > 0.0))
-            continue;
-        for (int j = 0; j < 2; ++j) {
-            std::ptrdiff_t other = std::min(std::max(i + 2 * j - 1, std::ptrdiff_t{0}), samples.size - 1);
-            if (samples[other].member != here.member)
-                other = i;
-            if (other != i && samples[other].value > 0.0)
-                continue;
-            ends[j] = {here.x, samples[other].x, here.value, samples[other].value};
-            if (j == 1)
-                found.member.push_back(static_cast<std::int64_t>(here.member)), found.ends.push_back(ends);
-        }
-    }
-    return found;
 }
 
 } // namespace pushplan::boundary

@@ -14,9 +14,6 @@ namespace pushplan::boundary {
 // Latitude of a counter-clockwise turn about the chain frame's origin.
 constexpr double POLE = PI / 2.0;
 
-// Where margins fall short of the one asked for by more than this, no interval is hoped for between samples.
-constexpr double PROMISING = 0.35;
-
 // Largest angle by which the boundary may leave the great circle between neighbouring meridians, rad.
 constexpr double FLATNESS = 1e-6;
 
@@ -48,12 +45,6 @@ struct Gaps {
     Gap operator[](std::ptrdiff_t g) const { return {left[g], right[g], middle[g]}; }
 };
 
-// Member, place and value; a row of a table, sorted by member, then by place.
-struct Sample {
-    double member, x, value;
-};
-using Samples = Row<const Sample>;
-
 // Brackets of the lower and the upper end of an interval.
 using Ends = std::array<Bracket, 2>;
 
@@ -80,14 +71,5 @@ struct Bends {
 
 // The bends of meridians that were found in gaps.
 Bends bends(const MeridianTable &table, const Gaps &gaps, const MeridianTable &found);
-
-// Where to look closer: in every wide gap with a change of sign, as there may be several.
-Questions between(const Samples &samples);
-
-// Which samples are peaks below 0 or dips above, with samples of the same member to both sides.
-std::vector<std::int64_t> extremes(const Samples &samples);
-
-// The runs of positive samples, with brackets of their ends; at the domain's end, a sample twice.
-Intervals runs(const Samples &samples);
 
 } // namespace pushplan::boundary

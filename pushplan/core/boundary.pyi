@@ -4,8 +4,6 @@ from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 TOLERANCE: float
 """Width of the bracket in which a root is enclosed."""
-PROMISING: float
-"""Where margins fall short of the one asked for by more than this, no interval is hoped for between samples."""
 FLATNESS: float
 """Largest angle by which the boundary may leave the great circle between neighbouring meridians, rad."""
 
@@ -87,19 +85,3 @@ def followed(x: FloatArray, value: FloatArray, member: IntArray) -> tuple[IntArr
 
 def bends(table: _Table, gaps: _Gaps, found: _Table) -> tuple[FloatArray, BoolArray]:
     """Return the bends (g, c, 2) of meridians found in gaps, and in which gaps (g,) the boundary is not flat yet."""
-
-def between(samples: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Return where to look closer: members (k,) and places (k,) in every wide gap with a change of sign.
-
-    Args:
-        samples: (n, 3) member, place and value, sorted by member, then by place.
-    """
-
-def extremes(samples: FloatArray) -> IntArray:
-    """Return which samples are peaks below 0 or dips above, with samples of the same member to both sides."""
-
-def runs(samples: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Return the runs of positive samples: members (k,), and brackets (k, 2, 4) of both ends.
-
-    At the domain's end, a bracket is a sample twice.
-    """

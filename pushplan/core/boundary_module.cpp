@@ -47,12 +47,6 @@ Row<const std::int64_t> chosen_of(const Gaps &gaps, const Integers &chosen) {
     return found;
 }
 
-Samples samples_of(const Numbers &samples) {
-    require_shape(samples, {-1, 3}, "samples");
-    static_assert(sizeof(Sample) == 3 * sizeof(double), "a row of a table");
-    return {reinterpret_cast<const Sample *>(samples.data()), samples.shape(0)};
-}
-
 nb::tuple arrays_of(Questions &&questions) {
     return nb::make_tuple(to_numpy(std::move(questions.member)), to_numpy(std::move(questions.x)));
 }
@@ -162,16 +156,6 @@ void bind_functions(nb::module_ &m) {
         },
         nb::arg("x"), nb::arg("value"), nb::arg("member"));
     m.def("bends", &bends_of, nb::arg("table"), nb::arg("gaps"), nb::arg("found"));
-    m.def(
-        "between", [](const Numbers &samples) { return arrays_of(between(samples_of(samples))); }, nb::arg("samples"));
-    m.def(
-        "extremes",
-        [](const Numbers &samples) {
-            auto at = extremes(samples_of(samples));
-            return to_numpy(std::move(at));
-        },
-        nb::arg("samples"));
-    m.def("runs", [](const Numbers &samples) { return arrays_of(runs(samples_of(samples))); }, nb::arg("samples"));
 }
 
 } // namespace
@@ -184,7 +168,6 @@ void bind_boundary(nb::module_ &core) {
     using namespace boundary;
     nb::module_ m = core.def_submodule("boundary", "The boundary of stable sets on and between meridians.");
     m.attr("TOLERANCE") = TOLERANCE;
-    m.attr("PROMISING") = PROMISING;
     m.attr("FLATNESS") = FLATNESS;
     bind_root_search(m);
     bind_peak_search(m);

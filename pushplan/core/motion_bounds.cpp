@@ -153,21 +153,6 @@ std::vector<double> limit_use(Row<const double> durations, Row<const Quadratic> 
     return shares;
 }
 
-std::vector<double> top_rates(Row<const double> durations, Row<const Quadratic> coefficients, double reach) {
-    require_pieces(durations, coefficients);
-    std::vector<double> rates;
-    rates.reserve(static_cast<std::size_t>(durations.size));
-    for (std::ptrdiff_t i = 0; i < durations.size; ++i) {
-        const double powers[] = {1.0, durations[i], durations[i] * durations[i]};
-        double twist[3][3];
-        for (int j = 0; j < 3; ++j)
-            for (int c = 0; c < 3; ++c)
-                twist[j][c] = coefficients[i].c[j][c] * powers[j];
-        rates.push_back(longest(twist, 0, 2) + reach * longest(twist, 2, 3));
-    }
-    return rates;
-}
-
 Instants instants_of(Row<const double> durations, Row<const Quadratic> coefficients) {
     require_pieces(durations, coefficients);
     Instants instants;

@@ -30,9 +30,6 @@ struct PusherLimits {
 std::vector<double> limit_use(Row<const double> durations, Row<const Quadratic> coefficients,
                               const PusherLimits &limits);
 
-// Bounds (q,) on the speed of any point within `reach` (m) of the origin on each piece, m/s.
-std::vector<double> top_rates(Row<const double> durations, Row<const Quadratic> coefficients, double reach);
-
 // Twists and their rates where pieces begin and half-way, unless at rest, row after row, and which pieces these are.
 struct Instants {
     std::vector<double> twists;

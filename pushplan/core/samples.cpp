@@ -1,12 +1,16 @@
-#include "samples.hpp"
-
+// Poses of the load between which pushes may lead: where random pushes lead, and where descents that shorten whole
+// sequences end.
 #include "numpy_poses.hpp"
+#include "pushes.hpp"
 #include "transit.hpp"
 
 #include <algorithm>
+#include <vector>
 
 namespace pushplan {
 namespace {
+
+using Modes = std::vector<const PackedMode *>;
 
 // Scale of the first moves, m; a turn by 1 rad counts TURN_LENGTH.
 constexpr double WIDEST = 0.3;
@@ -41,8 +45,7 @@ std::size_t choose(std::size_t count, Random &random) {
     return static_cast<std::size_t>(random() * static_cast<double>(count));
 }
 
-} // namespace
-
+// Return where a random push brings a load, or, with sense -1, brings it from.
 Pose pushed_at_random(const PackedMode &mode, const Pose &pose, double sense, Random &random) {
     const Twist &twist = mode.families[0][choose(3, random)];
     double length = 0.03 * std::pow(50.0, random()); // of straight pushes, from 0.03 to 1.5 m
@@ -51,6 +54,8 @@ Pose pushed_at_random(const PackedMode &mode, const Pose &pose, double sense, Ra
     return seen_from_contact(step(joined(pose, mode.contact), twist, sense * length), mode.contact);
 }
 
+// Move the poses (k - 1) between the pushes (k) of a sequence so that these get cheaper; return the sum of the pushes'
+// costs. The first moves have a given scale, m; at most so many `moves` are tried.
 double descend(const Modes &sequence, const std::array<Pose, 2> &ends, Row<Pose> poses, double scale, int moves,
                Random &random) {
     const std::size_t count = sequence.size();
@@ -86,6 +91,19 @@ double descend(const Modes &sequence, const std::array<Pose, 2> &ends, Row<Pose>
     return sum;
 }
 
+// What sequences are drawn from.
+struct Draws {
+    Pose start;
+    std::vector<Pose> goals;
+    std::vector<std::int64_t> firsts; // modes that a first push can have
+    std::vector<std::int64_t> lasts;  // likewise a last one
+    Table<const double> changes;      // (m, m) the least that changes of the mode cost
+    std::int64_t most;                // pushes
+    double below;                     // what the whole has to cost less than, m
+};
+
+// Draw a sequence of modes and the poses between its pushes, and descend; return these poses, none where the sequence
+// costs too much.
 std::vector<Pose> random_descent(const Modes &modes, const Draws &draws, Random &random) {
     // Few pushes more often than many.
     const double share = random();
@@ -127,8 +145,6 @@ std::vector<Pose> random_descent(const Modes &modes, const Draws &draws, Random 
     const double cost = descend(sequence, ends, between, WIDEST, MOVES * static_cast<int>(count - 1), random);
     return cost + extra < draws.below ? poses : std::vector<Pose>{};
 }
-
-namespace {
 
 std::vector<std::int64_t> indices_of(const Integers &numbers, std::size_t count) {
     const auto indices = row(numbers);

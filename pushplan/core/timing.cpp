@@ -125,12 +125,6 @@ void bind_timing(nb::module_ &core) {
     m.def("poses_after", bind_poses_after, nb::arg("start"), nb::arg("coefficients"), nb::arg("durations"));
     m.def("limit_use", bind_limit_use, nb::arg("durations"), nb::arg("coefficients"), nb::arg("sides"), nb::arg("jerk"),
           nb::arg("angular_jerk"));
-    m.def(
-        "top_rates",
-        [](const Numbers &durations, const Numbers &coefficients, double reach) {
-            return to_numpy(top_rates(row(durations), quadratics(coefficients), reach));
-        },
-        nb::arg("durations"), nb::arg("coefficients"), nb::arg("reach"));
     m.def("instants", bind_instants, nb::arg("durations"), nb::arg("coefficients"));
     m.def("contact_use", bind_contact_use, nb::arg("floor"), nb::arg("inertia"), nb::arg("steady"), nb::arg("piece"),
           nb::arg("pieces"), nb::arg("margin"), nb::arg("room"));

@@ -44,9 +44,6 @@ def limit_use(
         (q, 3): of speed, acceleration and jerk, the larger of the linear and the angular share.
     """
 
-def top_rates(durations: FloatArray, coefficients: FloatArray, reach: float) -> FloatArray:
-    """Return bounds (q,) on the speed of any point within `reach` (m) of the origin on each piece, m/s."""
-
 def instants(durations: FloatArray, coefficients: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
     """Return twists and their rates (k, 3) where pieces begin and half-way, unless at rest, and (k,) which pieces."""
 

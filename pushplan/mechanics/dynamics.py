@@ -33,7 +33,7 @@ from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.packed import pack_chain
 from pushplan.mechanics.sphere import WORTHWHILE, by_direction, checked_twists
 from pushplan.mechanics.uncertain import IntervalInertia, contact_facets, pack_centred, pack_loads
-from pushplan.util.arrays import FloatArray, IntArray, frozen
+from pushplan.util.arrays import FloatArray, frozen
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,11 +154,6 @@ class ContactDynamics(MotionConditions):
         return inertia_table(self.chain)
 
     @cached_property
-    def _pushers(self) -> IntArray:
-        """(n,) the object that pushes each one, -1 for the plate."""
-        return np.array([contact.pusher for contact in self.chain.contacts], dtype=np.int64)
-
-    @cached_property
     def facets(self) -> FloatArray:
         """(n, 4, 3) unit facets g of the contacts, g . (f_x, f_y, m / length)."""
         return contact_facets(self.chain)
@@ -257,8 +252,7 @@ class ContactDynamics(MotionConditions):
         forces = contacts.inertia_per_object(self.table, twists, rates)[..., :2]
         moves = forces * (self._arms / (GRAVITY * self.table.mass))[:, None]
         moved = contacts.moved_wrenches_of(self.packed, twists if sliding is None else sliding, moves)
-        contacts.sum_over_carried(moved, self._pushers)
-        return wrenches + moved
+        return wrenches + self._with_carried(moved)
 
     @cached_property
     def _arms(self) -> FloatArray:
@@ -269,8 +263,13 @@ class ContactDynamics(MotionConditions):
 
     def mass_wrenches(self, twists: FloatArray, rates: FloatArray) -> FloatArray:
         """Return what moves the masses alone (m, n, 3); see `inertia_wrenches`."""
-        wrenches = contacts.inertia_per_object(self.table, twists, rates)
-        contacts.sum_over_carried(wrenches, self._pushers)
+        return self._with_carried(contacts.inertia_per_object(self.table, twists, rates))
+
+    def _with_carried(self, wrenches: FloatArray) -> FloatArray:
+        """Add to what each object has (m, n, 3), in place, that of all objects that its contact carries."""
+        for k, contact in reversed([*enumerate(self.chain.contacts)]):
+            if contact.pusher != PLATE:
+                wrenches[:, contact.pusher] += wrenches[:, k]
         return wrenches
 
     def _exactly(self, wrenches: FloatArray) -> Wrenches:

@@ -14,6 +14,7 @@ import numpy as np
 import pushplan.core.boundary as boundary
 import pushplan.core.sphere as sphere
 from pushplan.mechanics.sphere import POLE, Meridians, twists_at
+from pushplan.sets.intervals import PROMISING, Brackets, Family, find_intervals, joined, sampled
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 MarginFunction = Callable[[FloatArray, float], FloatArray]
@@ -36,13 +37,13 @@ class Asked(NamedTuple):
     def excess(self, longitude: FloatArray) -> Family:
         """Return f(i, latitude): by how much the margin exceeds the minimum on the meridian at `longitude[i]`.
 
-        Values at or below -`boundary.PROMISING` need not be exact.
+        Values at or below -`PROMISING` need not be exact.
         """
         east, north = np.cos(longitude), np.sin(longitude)
 
         def of(member: IntArray, latitude: FloatArray) -> FloatArray:
             twists = sphere.twists_on(east, north, self.length, member, latitude)
-            values = self.margin(twists, self.minimum - boundary.PROMISING)
+            values = self.margin(twists, self.minimum - PROMISING)
             return np.subtract(values, self.minimum, dtype=np.float64)
 
         return of
@@ -105,47 +106,6 @@ class Table(NamedTuple):
             return self
         ends, bend = (np.pad(each, more, constant_values=np.nan) for each in (self.ends, self.bend))
         return Table(self.at, self.counts, ends, bend)
-
-
-Family = Callable[[IntArray, FloatArray], FloatArray]
-"""f(i, x): value of member i (m,) of a family of functions at x (m,)."""
-
-
-def inner_ends(f: Family, brackets: FloatArray) -> FloatArray:
-    """Return the last points (m,) with f > 0 on the way from the inside (f > 0) to the outside (f <= 0).
-
-    Args:
-        f: Known by its values.
-        brackets: (m, 4) places inside and outside, and the values there.
-    """
-    search = boundary.RootSearch(brackets)
-    while search:
-        search.take(f(search.member, search.x))
-    return search.ends
-
-
-def maximise(
-    f: Family,
-    low: FloatArray,
-    high: FloatArray,
-    goal: float,
-    iterations: int,
-    ends: tuple[FloatArray, FloatArray] | None = None,
-) -> tuple[FloatArray, FloatArray]:
-    """Return the best points and values (m,) of golden-section searches; each stops once above `goal`.
-
-    Args:
-        f: Known by its values.
-        low: (m,) where to begin.
-        high: (m,) where to end.
-        goal: Value that is enough.
-        iterations: Most values asked for after the first two.
-        ends: (m,) values at `low` and `high`. With them, hopeless searches are given up; see `boundary.PeakSearch`.
-    """
-    search = boundary.PeakSearch(low, high, goal, iterations, ends)
-    while search:
-        search.take(f(search.member, search.x))
-    return search.best
 
 
 FLOOR = -0.8
@@ -277,69 +237,6 @@ def _searched(f: Family, table: Table, gaps: Gaps, chosen: IntArray) -> Brackets
     return find_intervals(f, sampled(f, member[order], x[order]))
 
 
-_PEAK_STEPS = 14
-
-
-class Brackets(NamedTuple):
-    """Intervals in which a member is positive, sorted by member, then by place.
-
-    Attributes:
-        member: (k,) whose they are.
-        ends: (k, 2, 4) brackets of the lower and the upper end; see `inner_ends`.
-    """
-
-    member: IntArray
-    ends: FloatArray
-
-    def narrowed(self, f: Family) -> FloatArray:
-        """Return the ends (k, 2); they are inside."""
-        member = np.repeat(self.member, 2)
-        return inner_ends(lambda i, x: f(member[i], x), self.ends.reshape(-1, 4)).reshape(-1, 2)
-
-
-def joined(parts: list[Brackets]) -> Brackets:
-    """Return the brackets of all parts, of which each has members of its own."""
-    if len(parts) == 1:
-        return parts[0]
-    member = np.concatenate([np.empty(0, np.int64), *(part.member for part in parts)])
-    ends = np.concatenate([np.empty((0, 2, 4)), *(part.ends for part in parts)])
-    order = np.argsort(member, kind="stable")
-    return Brackets(member[order], ends[order])
-
-
-def sampled(f: Family, member: IntArray, x: FloatArray) -> FloatArray:
-    """Return samples (k, 3) of members: member, place and value."""
-    return np.column_stack([member, x, f(member, x)])
-
-
-def find_intervals(f: Family, samples: FloatArray) -> Brackets:
-    """Return all intervals with f > 0 that samples, or peaks and dips between samples, tell of.
-
-    Args:
-        f: f(i, x), continuous or not; values at or below -`boundary.PROMISING` need not be exact.
-        samples: (k, 3) member, place and value, sorted by member, then by place.
-    """
-    member, x = boundary.between(samples)
-    if len(x):
-        samples = _joined(samples, sampled(f, member, x))
-    at = boundary.extremes(samples)
-    if len(at):
-        before, here, after = samples[at - 1], samples[at], samples[at + 1]
-        member, sign = here[:, 0].astype(np.int64), np.where(here[:, 2] > 0.0, -1.0, 1.0)
-        ends = sign * before[:, 2], sign * after[:, 2]
-        x, best = maximise(lambda i, x: sign[i] * f(member[i], x), before[:, 1], after[:, 1], 0.0, _PEAK_STEPS, ends)
-        beyond = best > 0.0
-        if beyond.any():
-            samples = _joined(samples, np.column_stack([member, x, sign * best])[beyond])
-    return Brackets(*boundary.runs(samples))
-
-
-def _joined(*samples: FloatArray) -> FloatArray:
-    """Return samples (k, 3), sorted by member, then by place."""
-    rows = np.concatenate(samples)
-    return rows[np.lexsort((rows[:, 1], rows[:, 0]))]
-
-
 SMALLEST_GAP = 1e-6
 """Longitudes between which intervals begin, end or merge are found to this angle, rad."""
 _FIRST = (72, 37)
@@ -418,7 +315,7 @@ def _refined(asked: Asked, table: Table, left: IntArray, right: IntArray) -> Tab
 
 def first_meridians(asked: Asked) -> Table:
     """Return meridians a few degrees apart, and one through every component that samples lead to."""
-    floor = asked.minimum - boundary.PROMISING
+    floor = asked.minimum - PROMISING
     samples = SphereSamples.of(asked.margin, asked.length, floor, _FIRST)
     at, values = samples.maxima(floor)
     at, values = at[values <= asked.minimum], values[values <= asked.minimum]

@@ -19,16 +19,9 @@ from numpy.typing import ArrayLike
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import POLE, Meridians, TurningRadii, by_direction, checked_twists, twists_at
-from pushplan.sets.boundary import (
-    Asked,
-    RefinedMeridians,
-    find_meridians,
-    inner_ends,
-    margin_peaks,
-    maximise,
-    refine_meridians,
-)
+from pushplan.sets.boundary import Asked, RefinedMeridians, find_meridians, margin_peaks, refine_meridians
 from pushplan.sets.cor import Window, cor_polygons
+from pushplan.sets.intervals import inner_ends, maximise
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray, columns_of, frozen
 
 if TYPE_CHECKING:

@@ -1,0 +1,148 @@
+"""Roots, peaks and intervals of families of functions that are known by their values: all members at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+import pushplan.core.boundary as boundary
+from pushplan.util.arrays import FloatArray, IntArray
+
+Family = Callable[[IntArray, FloatArray], FloatArray]
+"""f(i, x): value of member i (m,) of a family of functions at x (m,)."""
+
+
+def inner_ends(f: Family, brackets: FloatArray) -> FloatArray:
+    """Return the last points (m,) with f > 0 on the way from the inside (f > 0) to the outside (f <= 0).
+
+    Args:
+        f: Known by its values.
+        brackets: (m, 4) places inside and outside, and the values there.
+    """
+    search = boundary.RootSearch(brackets)
+    while search:
+        search.take(f(search.member, search.x))
+    return search.ends
+
+
+def maximise(
+    f: Family,
+    low: FloatArray,
+    high: FloatArray,
+    goal: float,
+    iterations: int,
+    ends: tuple[FloatArray, FloatArray] | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the best points and values (m,) of golden-section searches; each stops once above `goal`.
+
+    Args:
+        f: Known by its values.
+        low: (m,) where to begin.
+        high: (m,) where to end.
+        goal: Value that is enough.
+        iterations: Most values asked for after the first two.
+        ends: (m,) values at `low` and `high`. With them, hopeless searches are given up; see `boundary.PeakSearch`.
+    """
+    search = boundary.PeakSearch(low, high, goal, iterations, ends)
+    while search:
+        search.take(f(search.member, search.x))
+    return search.best
+
+
+PROMISING = 0.35
+"""Where values fall short of 0 by more than this, no interval is hoped for between samples."""
+
+PARTS, CLOSE = 5, 0.01
+"""Into how many parts a gap between samples is divided, and up to where it is too narrow for that."""
+
+_PEAK_STEPS = 14
+
+
+class Brackets(NamedTuple):
+    """Intervals in which a member is positive, sorted by member, then by place.
+
+    Attributes:
+        member: (k,) whose they are.
+        ends: (k, 2, 4) brackets of the lower and the upper end; see `inner_ends`.
+    """
+
+    member: IntArray
+    ends: FloatArray
+
+    def narrowed(self, f: Family) -> FloatArray:
+        """Return the ends (k, 2); they are inside."""
+        member = np.repeat(self.member, 2)
+        return inner_ends(lambda i, x: f(member[i], x), self.ends.reshape(-1, 4)).reshape(-1, 2)
+
+
+def joined(parts: list[Brackets]) -> Brackets:
+    """Return the brackets of all parts, of which each has members of its own."""
+    if len(parts) == 1:
+        return parts[0]
+    member = np.concatenate([np.empty(0, np.int64), *(part.member for part in parts)])
+    ends = np.concatenate([np.empty((0, 2, 4)), *(part.ends for part in parts)])
+    order = np.argsort(member, kind="stable")
+    return Brackets(member[order], ends[order])
+
+
+def sampled(f: Family, member: IntArray, x: FloatArray) -> FloatArray:
+    """Return samples (k, 3) of members: member, place and value."""
+    return np.column_stack([member, x, f(member, x)])
+
+
+def find_intervals(f: Family, samples: FloatArray) -> Brackets:
+    """Return all intervals with f > 0 that samples, or peaks and dips between samples, tell of.
+
+    Args:
+        f: f(i, x), continuous or not; values at or below -`PROMISING` need not be exact.
+        samples: (k, 3) member, place and value, sorted by member, then by place.
+    """
+    member, x = _between(samples)
+    if len(x):
+        samples = _joined(samples, sampled(f, member, x))
+    at = _extremes(samples)
+    if len(at):
+        before, here, after = samples[at - 1], samples[at], samples[at + 1]
+        member, sign = here[:, 0].astype(np.int64), np.where(here[:, 2] > 0.0, -1.0, 1.0)
+        ends = sign * before[:, 2], sign * after[:, 2]
+        x, best = maximise(lambda i, x: sign[i] * f(member[i], x), before[:, 1], after[:, 1], 0.0, _PEAK_STEPS, ends)
+        beyond = best > 0.0
+        if beyond.any():
+            samples = _joined(samples, np.column_stack([member, x, sign * best])[beyond])
+    return _runs(samples)
+
+
+def _joined(*samples: FloatArray) -> FloatArray:
+    """Return samples (k, 3), sorted by member, then by place."""
+    rows = np.concatenate(samples)
+    return rows[np.lexsort((rows[:, 1], rows[:, 0]))]
+
+
+def _between(samples: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return where to look closer: members (k,) and places (k,) in every wide gap with a change of sign."""
+    member, x, value = samples.T
+    wide = (member[:-1] == member[1:]) & (np.diff(x) > CLOSE) & ((value[:-1] > 0.0) != (value[1:] > 0.0))
+    first = np.flatnonzero(wide)
+    places = x[first, None] + np.diff(x)[first, None] * np.arange(1, PARTS) / PARTS
+    return np.repeat(member[first].astype(np.int64), PARTS - 1), places.ravel()
+
+
+def _extremes(samples: FloatArray) -> IntArray:
+    """Return which samples are peaks below 0 or dips above, with samples of the same member to both sides."""
+    member, _, value = samples.T
+    sign = np.where(value[1:-1] > 0.0, -1.0, 1.0)
+    beside = np.maximum(np.maximum(-PROMISING, sign * value[:-2]), sign * value[2:])
+    return 1 + np.flatnonzero((sign * value[1:-1] >= beside) & (member[:-2] == member[2:]))
+
+
+def _runs(samples: FloatArray) -> Brackets:
+    """Return the runs of positive samples; at the domain's end, a bracket is a sample twice."""
+    member, inside = samples[:, 0], samples[:, 2] > 0.0
+    fresh = member[1:] != member[:-1]
+    first, last = np.append(True, fresh), np.append(fresh, True)
+    low = np.flatnonzero(inside & np.append(True, fresh | ~inside[:-1]))
+    high = np.flatnonzero(inside & np.append(fresh | ~inside[1:], True))
+    at = np.array([[low, np.where(first[low], low, low - 1)], [high, np.where(last[high], high, high + 1)]])
+    return Brackets(member[low].astype(np.int64), samples[at, 1:].transpose(2, 0, 3, 1).reshape(-1, 2, 4))
