@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 FINE = 1e-6
 """Share of itself to which the scale is found."""
 
-SECTIONS, AT_ONCE, MOST_SECTIONS = 8, 512, 128
+SECTIONS, AT_ONCE, MOST_SECTIONS = 4, 512, 128
 """Scales that are asked at once: more where few chains and moments are left, so that a call asks about so much."""
 
 CORNERS = 24
