@@ -56,7 +56,7 @@ from pushplan.sim.control.aim import Aim
 from pushplan.sim.control.controller import Controller
 from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.simulated_push import Disturbance, ErringRobot, OpenLoop, Simulator, simulate_push
-from pushplan.sim.physics.stepping import PhysicsSimulator
+from pushplan.sim.physics.simulator import PhysicsSimulator
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray

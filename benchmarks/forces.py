@@ -3,7 +3,7 @@
 Run `python benchmarks/forces.py [NAME ...] [--iterations 300]`; prints for every packaged scenario with known loads
 the largest force of the plan, and by how much impulses of the plate differ from the plan's in windows of 50 ms: while
 it pushes steadily, with hardly any acceleration, and in all windows. Exits 1 where an impulse of steady pushing is
-more than 5 % off. MuJoCo drives the plate at full speed with all inertia (`sim/physics/drive.py`). The first 0.1 s do
+more than 5 % off. MuJoCo drives the plate at full speed with all inertia. The first 0.1 s do
 not count: contacts take up their load.
 """
 
@@ -17,13 +17,12 @@ import numpy as np
 
 import pushplan
 from pushplan.bench.store import Machine
-from pushplan.geometry import se2
 from pushplan.plans.judge import push_force
 from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names
-from pushplan.sim.physics.drive import Motion, drive
 from pushplan.sim.physics.engine import engine
-from pushplan.sim.physics.simulate import HARD
+from pushplan.sim.physics.simulator import HARD, PhysicsSimulator, sliding_speed
+from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 
 WINDOW = 0.05
@@ -41,13 +40,13 @@ def impulses(plan: Plan) -> tuple[FloatArray, FloatArray, FloatArray]:
     trajectory, steps = segment.contact_trajectory, round(WINDOW / HARD.time_step)
     count = math.floor(trajectory.duration / WINDOW) * steps
     at = HARD.time_step * np.arange(count + 1)
-    motion = Motion(HARD.time_step, se2.relative(trajectory.start, trajectory.poses_at(at)))
-    forces = drive(chain, motion, HARD).forces
+    frames = trajectory.poses_at(at)
+    world, sliding = World.from_chain(chain, frames[0]), sliding_speed(chain, frames, HARD.time_step)
+    forces = PhysicsSimulator(world, HARD, sliding).move_along(frames)[:, :2]
     middle = at[:-1] + 0.5 * HARD.time_step
     twists, rates = trajectory.directions_at(middle), trajectory.rates_at(middle)
     needed = push_force(plan.scenario, plan.stable_set).moving(twists, rates)
-    # The plate turns: its force is averaged in its own axes.
-    own = se2.rotate(-motion.poses[:-1, 2], forces).reshape(-1, steps, 2).mean(axis=1)
+    own = forces.reshape(-1, steps, 2).mean(axis=1)
     changing = np.abs(rates * [1.0, 1.0, chain.characteristic_length]).max(axis=1)
     windows = slice(round(BEGIN / WINDOW), None)
     return (

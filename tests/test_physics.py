@@ -23,8 +23,9 @@ from pushplan.plans.trajectory import Trajectory
 from pushplan.sets.named import stable_set
 from pushplan.sim.physics import simulate as physics
 from pushplan.sim.physics.engine import PhysicsSettings
-from pushplan.sim.physics.model import build_model
-from pushplan.sim.physics.simulate import HARD, STEPS, simulate_in_physics
+from pushplan.sim.physics.model import build_model, joint_coordinates
+from pushplan.sim.physics.simulate import STEPS, simulate_in_physics
+from pushplan.sim.physics.simulator import HARD
 from pushplan.sim.report import ContactReport
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
@@ -110,11 +111,13 @@ def test_the_floor_rubs_as_coulomb_says(make_chain: ChainMaker, height: float, c
     chain = make_chain.boxes(2, contact_height=height)
     twist = twists_about(np.array(cor), +1)
     twist *= 1e-3 / np.hypot(*twist[:2])
-    places = np.vstack([chain.places, np.zeros(3)])
-    model = build_model(World.from_chain(chain), chain, places, 2e-3, 0.01, PhysicsSettings())
-    model.carry(True)
+    places = np.vstack([chain.places, chain.pusher.plate_pose])
+    model = build_model(World.from_chain(chain), places, 2e-3, PhysicsSettings(time_step=0.01))
+    joints = model.dofs[:, None] + np.arange(3)
+    model.model.dof_armature[joints] = 1e8  # so heavy that nothing keeps them from going where they are driven
     for _ in range(100):
-        model.drive(np.arange(3), np.zeros(3), twist * 0.01)
+        model.data.qpos[joints] = 0.0
+        model.data.qvel[joints] = joint_coordinates(model.anchors, twist * 0.01) / 0.01
         model.step()
     want = [friction_wrench(obj, twist[None], height)[0, :2] for obj in chain.objects]
     np.testing.assert_allclose(model.floor_forces(), want, rtol=2e-3, atol=2e-3)

@@ -8,6 +8,7 @@ neither chatter nor open by the second-order errors of a step.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from time import perf_counter
 
 import numpy as np
@@ -18,9 +19,10 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import GRAVITY, Chain
 from pushplan.mechanics.sphere import checked_twists
 from pushplan.plans.trajectory import Trajectory
-from pushplan.sim.physics.drive import ContactWatch, Motion, drive
 from pushplan.sim.physics.engine import PhysicsError, PhysicsSettings
+from pushplan.sim.physics.simulator import PhysicsSimulator, sliding_speed
 from pushplan.sim.report import ContactReport, Part, report_of
+from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 
 DEFAULTS = PhysicsSettings()
@@ -33,6 +35,8 @@ STEP = 2.5e-4
 INERTIA = 1e-5
 TAKING_UP = 6e-3
 """Travel over L in which contacts take up their load and corners sink into faces; slides count from there on."""
+LOOKS = 200
+"""Looks at a push."""
 
 
 def simulate_twist(
@@ -65,10 +69,8 @@ def simulate_twist(
     if not travel > 0.0:
         raise PushplanError(f"travel is {travel} m; it must be > 0")
     way = travel * _soft_start(int(np.ceil(travel / (step * length))), settings.run_in)
-    dt = float(way[-1] - way[-2]) / _creep(chain)
-    motion = _counted(chain, Motion(dt, se2.exp(direction * way[:, None])))
-    watch = ContactWatch(chain, settings.tolerance, motion.marks[0] / (len(motion.poses) - 1))
-    return _simulate(chain, np.zeros(3), motion, dt, settings, watch)
+    dt, frames = float(way[-1] - way[-2]) / _creep(chain), se2.exp(direction * way[:, None])
+    return _simulate(chain, frames, dt, replace(settings, time_step=dt), _taken_up(chain, frames))
 
 
 def simulate_trajectory(chain: Chain, trajectory: Trajectory, slow: bool = False) -> ContactReport:
@@ -85,33 +87,32 @@ def simulate_trajectory(chain: Chain, trajectory: Trajectory, slow: bool = False
         raise PhysicsError("the trajectory does not move: there is nothing to simulate")
     steps = int(np.ceil(trajectory.duration / (STEP * length / peak if slow else DEFAULTS.time_step)))
     dt = trajectory.duration / steps
-    poses = se2.relative(trajectory.start, trajectory.poses_at(dt * np.arange(steps + 1)))
-    motion = _counted(chain, Motion(dt * peak / _creep(chain), poses)) if slow else Motion(dt, poses)
-    watch = ContactWatch(chain, DEFAULTS.tolerance, motion.marks[0] / steps if slow else 0.0)
-    return _simulate(chain, trajectory.start, motion, dt, DEFAULTS, watch)
+    frames = trajectory.poses_at(dt * np.arange(steps + 1))
+    settings = replace(DEFAULTS, time_step=dt * peak / _creep(chain) if slow else dt)
+    return _simulate(chain, frames, dt, settings, _taken_up(chain, frames) if slow else 0)
 
 
-def _simulate(
-    chain: Chain, start: FloatArray, motion: Motion, dt: float, settings: PhysicsSettings, watch: ContactWatch
-) -> ContactReport:
-    """Return the report of a motion from `start`; one of its steps counts as `dt`."""
-    began = perf_counter()
-    recording = drive(chain, motion, settings, watch)
-    poses = se2.compose(start, recording.motions[:, -1])
-    objects = se2.compose(start, se2.compose(recording.motions[:, :-1], chain.places))
-    t = np.asarray(dt * recording.steps, dtype=np.float64)
-    part = Part(0, chain, t, poses, chain.pusher.plate_pose, objects, watch.base)
+def _simulate(chain: Chain, frames: FloatArray, dt: float, settings: PhysicsSettings, counted: int) -> ContactReport:
+    """Return the report of a motion of the chain frame, slides and gaps counted from one of its steps of `dt` on."""
+    began, count = perf_counter(), len(frames) - 1
+    sliding = sliding_speed(chain, frames, settings.time_step)
+    simulator = PhysicsSimulator(World.from_chain(chain, frames[0]), settings, sliding)
+    looks = np.union1d(np.linspace(0, count, LOOKS + 1).astype(np.int64), counted)
+    objects = [simulator.object_poses]
+    for begin, end in pairwise(looks.tolist()):
+        simulator.move_along(frames[begin : end + 1])
+        objects.append(simulator.object_poses)
+    t, poses, base = np.asarray(dt * looks, dtype=np.float64), frames[looks], int(np.searchsorted(looks, counted))
+    part = Part(0, chain, t, poses, chain.pusher.plate_pose, np.array(objects), base)
     names, wanted = tuple(obj.name for obj in chain.objects), se2.compose(poses[-1], chain.places)
-    ended = {"stalled_at": float(t[-1])} if recording.stalled else {}
-    return report_of(names, (part,), settings.tolerance, wanted, **ended, seconds=perf_counter() - began)
+    return report_of(names, (part,), settings.tolerance, wanted, seconds=perf_counter() - began)
 
 
-def _counted(chain: Chain, motion: Motion) -> Motion:
-    """Return the motion with slides and gaps counted from where the contacts have taken up their load."""
+def _taken_up(chain: Chain, frames: FloatArray) -> int:
+    """Return the number of the step after which the contacts have taken up their load: slides count from there on."""
     length = chain.characteristic_length
-    way = np.cumsum(_rate(se2.relative(motion.poses[:-1], motion.poses[1:]), length))
-    taken_up = np.searchsorted(way, min(TAKING_UP * length, 0.5 * float(way[-1])))
-    return replace(motion, marks=(int(taken_up) + 1,))
+    way = np.cumsum(_rate(se2.relative(frames[:-1], frames[1:]), length))
+    return int(np.searchsorted(way, min(TAKING_UP * length, 0.5 * float(way[-1])))) + 1
 
 
 def _soft_start(steps: int, ramp: int) -> FloatArray:

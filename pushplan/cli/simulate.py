@@ -104,7 +104,7 @@ def simulate(
         if sensor is not None:
             how["sensor"] = sensor
         if physics:
-            from pushplan.sim.physics.stepping import PhysicsSimulator
+            from pushplan.sim.physics.simulator import PhysicsSimulator
 
             require_executable(stated)
             how["simulator_of"] = PhysicsSimulator

@@ -28,7 +28,7 @@ from pushplan.util.arrays import FloatArray, IntArray
 from pushplan.util.names import FARTHEST
 
 if TYPE_CHECKING:
-    from pushplan.sim.physics.stepping import PhysicsSimulator
+    from pushplan.sim.physics.simulator import PhysicsSimulator
 
 SENSOR = Sensor()
 TIME_LIMIT = 600.0

@@ -40,9 +40,8 @@ class PhysicsSettings:
         slip_time: Time in which friction takes hold of what slides at a contact, over that in which its normal force
             takes hold of what sinks in. At 1 the convex contact model lifts sliding faces off, and they slide
             millimetres too far; at 20, with smaller steps, they slide as Coulomb's law says.
-        run_in: Time steps in which everything moves as one while the feet settle.
+        run_in: Time steps in which everything rests while the feet settle.
         tolerance: Slide or gap over the length of the contact segment at which a contact counts as moved.
-        samples: Number of intervals that a report is sampled at, at most.
     """
 
     time_step: float = 5e-4
@@ -53,7 +52,6 @@ class PhysicsSettings:
     slip_time: float = 1.0
     run_in: int = 40
     tolerance: float = 1e-3
-    samples: int = 200
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from pushplan.geometry.se2 import rotate, transform_points
-from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject, inertia_of
+from pushplan.mechanics.chain import GRAVITY, PushedObject, inertia_of
 from pushplan.mechanics.packed import pack_object
 from pushplan.sim.feet import Feet, feet_of
 from pushplan.sim.physics.engine import ForceMeter, PhysicsError, PhysicsSettings, engine
@@ -247,8 +247,6 @@ _PLATE_MASS = 1e8
 """Mass of the plate over that of all objects: no contact slows it down."""
 _FOLLOWING = 0.3
 """Share of a change of force that the loads on the feet follow within one time step."""
-_CARRIED = 1e8
-"""Inertia of a body that is carried along, kg or kg m^2."""
 _ITERATIONS, _LINE_SEARCHES, _PRECISION = 50, 500, 1e-12
 """Of the solver. With less it stops early now and then, and a contact that holds slips for one step."""
 
@@ -322,25 +320,6 @@ class PhysicsModel:
                 f"try a smaller `step` or `time_step`"
             )
 
-    def carry(self, carried: bool) -> None:
-        """Make all bodies so heavy that nothing keeps them from going where they are driven, or end that."""
-        places = self.dofs[:, None] + np.arange(3)
-        self.model.dof_armature[places] = _CARRIED if carried else 0.0
-
-    def drive(self, bodies: IntArray, begin: FloatArray, end: FloatArray) -> None:
-        """Set bodies on their way from one motion to another within one time step.
-
-        Args:
-            bodies: (k,) their indices.
-            begin: (3,) or (k, 3) how they have moved (see `motions`).
-            end: Likewise, after the step.
-        """
-        anchors = self.anchors[bodies]
-        before, after = joint_coordinates(anchors, begin), joint_coordinates(anchors, end)
-        places = self.dofs[bodies, None] + np.arange(3)
-        self.data.qpos[places] = before
-        self.data.qvel[places] = (after - before) / self.model.opt.timestep
-
     def motions(self) -> FloatArray:
         """Return how each body has moved (n + 1, 3), as the pose of a frame that began as the chain frame."""
         moved = self.data.qpos[self.dofs[:, None] + np.arange(3)]
@@ -368,28 +347,24 @@ def joint_coordinates(anchors: FloatArray, motions: FloatArray) -> FloatArray:
     return np.concatenate([shift, turn[..., None]], axis=-1)
 
 
-def build_model(
-    world: World, held: Chain | None, begin: FloatArray, sliding: float, dt: float, settings: PhysicsSettings
-) -> PhysicsModel:
+def build_model(world: World, begin: FloatArray, sliding: float, settings: PhysicsSettings) -> PhysicsModel:
     """Return the model of a world, in a frame of which the caller has the poses.
 
     Args:
         world: Objects with known loads, and all that they meet.
-        held: The chain in whose frame the plate is; None where it is in the plate frame.
-        begin: (n + 1, 3) poses of the objects, those of `held` first, and of the plate.
+        begin: (n + 1, 3) poses of the objects and of the plate frame.
         sliding: Greatest speed at which a foot will slide, m/s.
-        dt: Time step, s.
         settings: See there.
 
     Raises:
         MissingExtraError: When the engine is not installed.
         SupportError: When a load is not known, or the push at the contact height could lift a part of an object.
     """
-    spec = engine().MjSpec()
-    _set_options(spec, dt, settings)
+    spec, dt = engine().MjSpec(), settings.time_step
+    _set_options(spec, settings)
     plane = engine().mjtGeom.mjGEOM_PLANE
     spec.worldbody.add_geom(name=FLOOR, type=plane, size=[1.0, 1.0, 1.0], contype=0, conaffinity=0)
-    parts = bodies_of(world, held)
+    parts = bodies_of(world)
     objects, heights = parts.objects, push_heights(world.chain, parts.objects)
     for obj, height in zip(objects, heights, strict=True):
         pack_object(obj, float(height))  # refuses what would lift
@@ -418,11 +393,11 @@ def build_model(
     return PhysicsModel(model, data, anchors, places, standing, heights, friction)
 
 
-def _set_options(spec: Any, dt: float, settings: PhysicsSettings) -> None:
+def _set_options(spec: Any, settings: PhysicsSettings) -> None:
     """Set the engine's options."""
     mujoco = engine()
     option = spec.option
-    option.timestep = dt
+    option.timestep = settings.time_step
     option.gravity = [0.0, 0.0, 0.0]  # the loads on the feet are forces
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = settings.friction_stiffness

@@ -8,26 +8,35 @@ not among its load, and robots that drive alone, are looked at by distances.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 
 import numpy as np
 import shapely
 
 from pushplan.geometry import se2
+from pushplan.mechanics.chain import Chain
 from pushplan.plans.plan import Plan
-from pushplan.sim.physics.drive import ContactWatch, Motion, Recording, drive
-from pushplan.sim.physics.engine import PhysicsError, PhysicsSettings
-from pushplan.sim.report import ContactReport, Part, columns_of, contact_motion, report_of, wanted_at_end
+from pushplan.sim.physics.engine import PhysicsError
+from pushplan.sim.physics.simulator import HARD, PhysicsSimulator, sliding_speed
+from pushplan.sim.report import (
+    ContactReport,
+    Part,
+    columns_of,
+    contact_motion,
+    first_closed,
+    motions_of,
+    report_of,
+    wanted_at_end,
+)
 from pushplan.sim.slip.simulator import SETTLED, step_times
 from pushplan.sim.world import World
-from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 from pushplan.util.names import APPROACH, CLOSE, PUSH
 
-HARD = PhysicsSettings(time_step=1e-3, indentation=5e-6)
-"""Hard contacts creep least, and a longer time step is enough. Where contacts slip, they slip too far with these."""
 STEPS = (1.0, 0.25, 0.125)
 """Shares of the time step that a push is executed with, one after the other while a contact moves.
 
@@ -37,8 +46,8 @@ The engine's friction creeps: what it holds still slides a little, in proportion
 """
 LATER = 1.2
 """What creeps counts as moved this much later, at least, in the next smaller step; what slips, at the same time."""
-LOOKS = 50.0
-"""Looks per second at a motion, which may open a contact and close it again."""
+LOOKS, FEWEST = 50.0, 200
+"""Looks per second at a motion, which may open a contact and close it again, and in all, at least."""
 NEAR = 5e-3
 """Places of the robot alone that are looked at are no farther apart, m."""
 
@@ -118,7 +127,8 @@ class _Push:
         until_moved: bool,
         progress: Callable[[float], None] | None,
     ) -> None:
-        self._push = next(k for k in group if plan.segments[k].kind == PUSH)
+        self._own = next(j for j, k in enumerate(group) if plan.segments[k].kind == PUSH)
+        self._push = group[self._own]
         load = plan.segments[self._push].load
         assert load is not None
         assert plan.trajectory is not None
@@ -134,13 +144,13 @@ class _Push:
         moved_at = 0.0
         for share in STEPS:
             driven = self._driven(share, until_moved=True)
-            before, moved_at = moved_at, self._moved_at(driven)
+            before, moved_at = moved_at, driven.moved_at - self._t0
             if not math.isfinite(moved_at) or (before > 0.0 and moved_at <= LATER * before):
                 break
         self.stopped = self._until_moved and math.isfinite(moved_at)
         if math.isfinite(moved_at) and not self._until_moved:
             driven = self._driven(share, until_moved=False)
-        self.stalled = driven.recording.stalled
+        self.stalled = driven.stalled
         return self._parts(driven)
 
     def _settled(self) -> float:
@@ -156,57 +166,38 @@ class _Push:
     def _driven(self, share: float, until_moved: bool) -> _Driven:
         """Drive the plate with a share of the usual time step."""
         duration = self._t1 - self._t0
-        samples = max(HARD.samples, math.ceil(LOOKS * duration))
-        settings = replace(HARD, samples=samples, time_step=share * HARD.time_step)
-        count = math.ceil(duration / settings.time_step)
+        count = math.ceil(duration / (share * HARD.time_step))
         dt = duration / count
-        at = self._t0 + dt * np.arange(count + 1)
-        poses = se2.compose(self._trajectory.poses_at(at), self._frame)
-        poses[:, 2] = np.unwrap(poses[:, 2])
+        at = np.asarray(self._t0 + dt * np.arange(count + 1), dtype=np.float64)
+        frames = se2.compose(self._trajectory.poses_at(at), self._frame)
+        frames[:, 2] = np.unwrap(frames[:, 2])
         ends = self._plan.times[[*self._group, self._group[-1] + 1]]
-        marks = tuple(np.searchsorted(at, ends - 0.5 * dt).tolist())
-        own = self._group.index(self._push)
-        watch = ContactWatch(
-            self.chain,
-            settings.tolerance,
-            (self._settled() - self._t0) / duration,
-            marks[own + 1] / count,
-            self._placed(poses[0]),
-            until_moved,
-            self._tell(duration),
-        )
-        motion = Motion(dt, se2.relative(poses[0], poses), marks)
-        recording = drive(self.chain, motion, settings, watch)
-        return _Driven(recording, watch.base, poses[0], np.asarray(at[recording.steps], dtype=np.float64), marks)
-
-    def _tell(self, duration: float) -> Callable[[float], None] | None:
-        progress, whole = self._progress, float(self._plan.times[-1])
-        if progress is None:
-            return None
-        return lambda share: progress((self._t0 + share * duration) / whole)
-
-    def _placed(self, frame: FloatArray) -> FloatArray | None:
-        """Return how the objects stand off their places, as motions of the chain frame; None: not at all."""
-        if self._world.plate is None and not self._world.offsets.any():
-            return None
+        marks = np.searchsorted(at, ends - 0.5 * dt)
+        samples = max(FEWEST, math.ceil(LOOKS * duration))
+        looks = np.union1d(np.linspace(0, count, samples + 1).astype(np.int64), marks)
         own = self._objects[columns_of(self.chain, self._world.names)]
-        return se2.relative(frame, se2.compose(own, se2.inverse(self.chain.places)))
+        world = World.from_chain(self.chain, frames[0]).with_object_poses(own)
+        sliding = sliding_speed(self.chain, frames, dt)
+        simulator = PhysicsSimulator(world, replace(HARD, time_step=dt), sliding)
+        driven = _Driven(self.chain, self._own, at[marks], self._settled())
+        moved = self._look(driven, float(at[0]), simulator)
+        for begin, end in itertools.pairwise(looks.tolist()):
+            if simulator.stalled or (moved and until_moved):
+                break
+            done = len(simulator.move_along(frames[begin : end + 1]))
+            moved = self._look(driven, float(at[begin + done]), simulator)
+        return driven
 
-    def _moved_at(self, driven: _Driven) -> float:
-        """Return when the first contact was seen to have moved during the push, s from its beginning."""
-        slide, opening, _ = contact_motion(self.chain, driven.recording.motions, driven.base)
-        lengths = np.array([contact.length for contact in self.chain.contacts])
-        rows = driven.rows(self._group.index(self._push))
-        over = (np.maximum(np.abs(slide), opening) / lengths > HARD.tolerance).any(axis=1)[rows]
-        return float(driven.t[rows[over.argmax()]] - self._t0) if over.any() else math.inf
+    def _look(self, driven: _Driven, t: float, simulator: PhysicsSimulator) -> bool:
+        if self._progress is not None:
+            self._progress(t / float(self._plan.times[-1]))
+        return driven.look(t, simulator)
 
     def _parts(self, driven: _Driven) -> list[Part]:
         """Return what each of the segments came to."""
-        t, motions = driven.t, driven.recording.motions
-        plates = se2.compose(driven.frame, motions[:, -1])
+        t, frames = np.array(driven.t), np.array(driven.frames)
         objects = np.repeat(self._objects[None], len(t), axis=0)
-        own = columns_of(self.chain, self._world.names)
-        objects[:, own] = se2.compose(driven.frame, se2.compose(motions[:, :-1], self.chain.places))
+        objects[:, columns_of(self.chain, self._world.names)] = driven.objects
         found, plate = [], self.chain.pusher.plate_pose
         for j, k in enumerate(self._group):
             rows = driven.rows(j)
@@ -220,32 +211,71 @@ class _Push:
                 base = max(base - int(rows[0]), 0)
             elif segment.kind == CLOSE:
                 base = 0
-            found.append(Part(k, chain, t[rows], plates[rows], plate, objects[rows], base, touched=segment.touched))
+            found.append(Part(k, chain, t[rows], frames[rows], plate, objects[rows], base, touched=segment.touched))
         return found
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Driven:
-    """What driving a push came to.
+    """What driving a push comes to, look by look.
 
     Attributes:
-        recording: Where the bodies went.
-        base: Number of the look from which slides and gaps count; None: of none.
-        frame: (3,) pose of the contact's frame at the beginning.
-        t: (m,) times of the looks, s.
-        marks: Steps at which segments begin, and the last one ends.
+        chain: What is pushed.
+        own: Number of the segment that pushes, of those that are driven.
+        marks: Times at which segments begin, and the last one ends, s.
+        settled: Time from which slides and gaps count, to the end of the push, s.
+        t: Times of the looks, s.
+        frames: (3,) poses of the chain frame then.
+        objects: (n, 3) poses of the chain's objects.
+        base: Number of the look from which slides and gaps count. Objects off their places touch with a corner only
+            and have to close first, until no gap is wider than a tenth of the tolerance. None before that.
+        stalled: The plate had not the force to go on after the last look.
     """
 
-    recording: Recording
-    base: int | None
-    frame: FloatArray
-    t: FloatArray
-    marks: tuple[int, ...]
+    chain: Chain
+    own: int
+    marks: FloatArray
+    settled: float
+    t: list[float] = field(default_factory=list)
+    frames: list[FloatArray] = field(default_factory=list)
+    objects: list[FloatArray] = field(default_factory=list)
+    base: int | None = None
+    stalled: bool = False
+
+    def look(self, t: float, simulator: PhysicsSimulator) -> bool:
+        """Look where everything is; tell whether a contact has moved while that counts."""
+        self.t.append(t)
+        self.frames.append(simulator.plate_pose)
+        self.objects.append(simulator.object_poses)
+        self.stalled = simulator.stalled
+        if self.stalled or not self.settled <= t <= self.marks[self.own + 1]:
+            return False
+        last = len(self.t) - 1
+        if self.base is None and first_closed(self.chain, self._motions([last]), HARD.tolerance) is not None:
+            self.base = last
+        return self.base is not None and bool(self._over([self.base, last], 0)[1])
 
     def rows(self, j: int) -> IntArray:
         """Return the looks at segment j of the push, from its beginning to its end."""
-        steps = self.recording.steps
-        return np.flatnonzero((steps >= self.marks[j]) & (steps <= self.marks[j + 1]))
+        t = np.array(self.t)
+        return np.flatnonzero((t >= self.marks[j]) & (t <= self.marks[j + 1]))
+
+    @property
+    def moved_at(self) -> float:
+        """When the first contact was seen to have moved during the push, s; infinite where none has."""
+        rows = self.rows(self.own)
+        over = self._over(range(len(self.t)), self.base)[rows]
+        return self.t[rows[over.argmax()]] if over.any() else math.inf
+
+    def _over(self, looks: Sequence[int], base: int | None) -> BoolArray:
+        """Tell at which looks (k,) a contact has moved; see `contact_motion`."""
+        slide, opening, _ = contact_motion(self.chain, self._motions(looks), base)
+        lengths = np.array([contact.length for contact in self.chain.contacts])
+        return np.asarray((np.maximum(np.abs(slide), opening) / lengths > HARD.tolerance).any(axis=1))
+
+    def _motions(self, looks: Sequence[int]) -> FloatArray:
+        frames, objects = ([column[k] for k in looks] for column in (self.frames, self.objects))
+        return motions_of(self.chain, np.array(frames), np.array(objects))
 
 
 def _alone(plan: Plan, world: World, k: int, objects: FloatArray) -> Part:

@@ -14,7 +14,7 @@ import pushplan
 from pushplan.cli.main import main
 from pushplan.geometry.se2 import compose, relative
 from pushplan.scenario.file import example_text
-from pushplan.sim.physics.stepping import PhysicsSimulator
+from pushplan.sim.physics.simulator import PhysicsSimulator
 from pushplan.util.arrays import FloatArray
 
 pytest.importorskip("mujoco", reason="the extra pushplan[physics] brings MuJoCo")

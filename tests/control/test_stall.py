@@ -18,7 +18,7 @@ from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.simulated_push import Disturbance, simulate_push
 from pushplan.sim.control.stall import StallWatch
 from pushplan.sim.physics.simulate import simulate_in_physics
-from pushplan.sim.physics.stepping import PhysicsSimulator
+from pushplan.sim.physics.simulator import PhysicsSimulator
 from pushplan.sim.slip.simulator import SlipSimulator, simulate
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray

@@ -5,7 +5,7 @@ The same world, moved by the same calls, as in `slip.simulator.SlipSimulator`, a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -20,8 +20,12 @@ from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, IntArray, frozen, numbers
 from pushplan.util.names import FARTHEST
 
-STEPPED = PhysicsSettings(time_step=1e-3, indentation=5e-6, degree=5)
-"""Hard contacts, as pushes of plans have."""
+HARD = PhysicsSettings(time_step=1e-3, indentation=5e-6)
+"""Hard contacts creep least, and a longer time step is enough. Where contacts slip, they slip too far with these."""
+STEPPED = replace(HARD, degree=5)
+"""What is moved by a controller, with fewer feet."""
+_BARELY = 1e-9
+"""Least sliding speed that the feet are made for, m/s."""
 FAR, RESTING = 0.02, 1e-6
 """Distance (m) of the plate from all objects, and their speed, at which they need not be simulated: they rest."""
 
@@ -43,12 +47,13 @@ class PhysicsSimulator:
         stalled: The plate had to push with more than `robot.limits.force`: it stands until it is moved another way.
     """
 
-    def __init__(self, world: World, settings: PhysicsSettings = STEPPED) -> None:
+    def __init__(self, world: World, settings: PhysicsSettings = STEPPED, sliding: float | None = None) -> None:
         """Place plate and objects.
 
         Args:
             world: Where the objects are, and all that they meet.
-            settings: See there; quasi-static ones do not matter.
+            settings: See there.
+            sliding: Greatest speed of the objects, see `sliding_speed`; None for what the pusher's limits allow, m/s.
 
         Raises:
             MissingExtraError: When the engine is not installed.
@@ -63,8 +68,10 @@ class PhysicsSimulator:
         self._begin = np.vstack([world.object_poses, first])
         self._settings = settings
         self._meter = ForceMeter(pusher.limits.force, settings.time_step)
-        speed = max(pusher.limits.both("speed")) + world.chain.reach * max(pusher.limits.both("angular_speed"))
-        self._model = build_model(world, None, self._begin, speed, settings.time_step, settings)
+        if sliding is None:
+            limits = pusher.limits
+            sliding = max(limits.both("speed")) + world.chain.reach * max(limits.both("angular_speed"))
+        self._model = build_model(world, self._begin, max(sliding, _BARELY), settings)
         self._outlines = [obj.outline for obj in world.objects]
         into = se2.inverse(pusher.plate_pose)
         self._carried = [se2.transform_points(into, part) for part in (pusher.outline, *pusher.footprint)]
@@ -115,28 +122,43 @@ class PhysicsSimulator:
             self.jammed = True
         return Moved(np.zeros((1, 3)))
 
+    def move_along(self, frames: FloatArray) -> FloatArray:
+        """Move the plate through poses (m + 1, 3) of its frame, one time step between two; a stall is the last step.
+
+        Returns:
+            (k, 3) wrenches that the plate pushes with in the steps that were made, in its frame: N, N, N m.
+
+        Raises:
+            PhysicsError: When the simulation does not stay finite.
+        """
+        return self._followed(se2.compose(frames, self.plate_in_frame), self._meter)
+
+    def _followed(self, poses: FloatArray, meter: ForceMeter | None) -> FloatArray:
+        """Move the plate frame through poses; see `move_along`."""
+        forces, self.stalled = self._model.march(_motions(poses, self._begin[-1]), meter)
+        self._model.require_sound()
+        done, into = len(forces), self.plate_in_frame
+        self._plate = np.array(poses[done])
+        self._put(np.array([len(self._outlines)]), self._plate[None])
+        force = -se2.rotate(into[2] - poses[:done, 2], forces[:, :2])
+        moment = -forces[:, 2] + into[0] * force[:, 1] - into[1] * force[:, 0]
+        return np.column_stack([force, moment])
+
     def _pushed(self, twist: FloatArray, duration: float, count: int) -> FloatArray:
         """Move on with the plate frame at a twist (3,); return the wrenches (count, 3) that the plate pushes with.
 
         Time steps are the engine's; where they do not fill the time, the plate moves that much faster.
         """
-        model = self._model
         poses = se2.compose(self._plate, se2.exp(twist * (duration / count * np.arange(count + 1))[:, None]))
-        stands = self.stalled or not twist.any()
-        forces, stalled = model.march(_motions(poses, self._begin[-1]), None if stands else self._meter)
-        done = len(forces)
-        if stalled:
-            self.stalled, self._against = True, twist
+        stood = self.stalled
+        wrenches = self._followed(poses, None if stood or not twist.any() else self._meter)
+        if self.stalled:
+            self._against = twist
             self._meter.reset()
-            poses[done:] = poses[done]
-            forces = np.vstack([forces, model.march(_motions(poses[done:], self._begin[-1]))[0]])
-        model.require_sound()
-        self._plate = np.asarray(poses[-1])
-        self._put(np.array([len(self._outlines)]), poses[-1:])
-        into = self.plate_in_frame
-        force = -se2.rotate(into[2] - poses[:-1, 2], forces[:, :2])
-        moment = -forces[:, 2] + into[0] * force[:, 1] - into[1] * force[:, 0]
-        return np.column_stack([force, moment])
+            stands = np.repeat(self._plate[None], count - len(wrenches) + 1, axis=0)
+            wrenches, stood = np.vstack([wrenches, self._followed(stands, None)]), True
+        self.stalled = stood
+        return wrenches
 
     def _put(self, bodies: IntArray, poses: FloatArray) -> None:
         """Put bodies at poses (k, 3) in the world, at rest."""
@@ -157,6 +179,21 @@ class PhysicsSimulator:
             for pose, outline in zip(self.object_poses, self._outlines, strict=True)
         ]
         return float(shapely.distance(shapely.union_all(moving), standing).min()) > FAR
+
+
+def sliding_speed(chain: Chain, frames: FloatArray, dt: float) -> float:
+    """Return the greatest speed of any point of the objects while nothing slips, m/s.
+
+    Args:
+        chain: What is pushed.
+        frames: (k + 1, 3) poses of its frame.
+        dt: Time from each to the next, s.
+    """
+    twists = se2.relative(frames[:-1], frames[1:]) / dt
+    corners = np.concatenate([obj.outline_chain for obj in chain.objects])
+    x = twists[:, 0, None] - twists[:, 2, None] * corners[:, 1]
+    y = twists[:, 1, None] + twists[:, 2, None] * corners[:, 0]
+    return float(np.hypot(x, y).max())
 
 
 def _motions(poses: FloatArray, begin: FloatArray) -> FloatArray:
