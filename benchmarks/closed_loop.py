@@ -55,7 +55,7 @@ from pushplan.scenario.model import Scenario
 from pushplan.sim.control.aim import Aim
 from pushplan.sim.control.controller import Controller
 from pushplan.sim.control.jobs import Phase
-from pushplan.sim.control.simulated_push import Disturbance, ErringRobot, OpenLoop, Simulator, simulate_push
+from pushplan.sim.control.simulated_push import Disturbance, OpenLoop, Simulator, simulate_push
 from pushplan.sim.physics.simulator import PhysicsSimulator
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
@@ -190,13 +190,15 @@ def _apart(random: np.random.Generator, seed: int) -> dict[str, Any]:
 
 
 @dataclass(eq=False)
-class Astray(ErringRobot[Controller]):
+class Astray:
     """A robot whose plate is not where the controller believes it to be when an approach begins.
 
     Attributes:
+        controller: What it drives by.
         random: Draws.
     """
 
+    controller: Controller
     random: np.random.Generator
     _approached: object = None
     _shift: FloatArray | None = None
@@ -223,9 +225,11 @@ def carry_out(
     random = np.random.default_rng([seed, *scenario.name.encode()])
     world, disturbance = disturbed(scenario, result.trajectory.duration, random)
     controller = Controller(scenario, plan=result)
-    driver, rate = Astray(controller, random), controller.settings.rate
+    robot, rate = Astray(controller, random), controller.settings.rate
     began = time.process_time()
-    course = simulate_push(world, driver, rate, [disturbance], seed=seed, simulator_of=simulator_of)
+    course = simulate_push(
+        world, controller, rate, [disturbance], seed=seed, simulator_of=simulator_of, step=robot.step
+    )
     seconds = time.process_time() - began
     blind = simulate_push(world, OpenLoop(result, rate), rate, [disturbance])
     errors = [np.array(worst_at_goal(scenario, run.object_poses[-1])) for run in (course, blind)]
@@ -243,9 +247,10 @@ HARSH = ("displaced", "slippery", "dragged", "unseen", "rough floor")
 
 
 @dataclass(eq=False)
-class Blinded(ErringRobot[Controller]):
+class Blinded:
     """A robot that sees nothing for a while, s."""
 
+    controller: Controller
     begin: float
     end: float
 
@@ -262,7 +267,7 @@ def harsh(scenario: Scenario, what: str, seed: int, verbose: bool) -> Row:
     assert controller.plan.trajectory is not None
     began, way = random.uniform(0.1, 0.8) * controller.plan.duration, random.uniform(-np.pi, np.pi)
     index, aside = int(random.integers(len(world.names))), np.array([np.cos(way), np.sin(way)])
-    hits, driver = list[Disturbance](), Blinded(controller, began, began + float(what == "unseen"))
+    hits, robot = list[Disturbance](), Blinded(controller, began, began + float(what == "unseen"))
     if what == "displaced":
         hits = [Disturbance(began, index, *(8e-3 * aside), np.radians(5.0) * random.choice([-1.0, 1.0]))]
     elif what == "dragged":
@@ -272,7 +277,7 @@ def harsh(scenario: Scenario, what: str, seed: int, verbose: bool) -> Row:
     elif what == "rough floor":
         world = world.with_floor_friction(30.0)
     start = time.process_time()
-    course = simulate_push(world, driver, controller.settings.rate, hits, seed=seed)
+    course = simulate_push(world, controller, controller.settings.rate, hits, seed=seed, step=robot.step)
     seconds = time.process_time() - start
     error = judge(scenario, course.object_poses[-1])
     arrived = bool((error <= [POSITION, ANGLE]).all())

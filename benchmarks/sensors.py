@@ -50,7 +50,7 @@ from pushplan.sim.control.controller import Controller
 from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
-from pushplan.sim.control.simulated_push import Disturbance, ErringRobot, SimulatedPush, Simulator, simulate_push
+from pushplan.sim.control.simulated_push import Disturbance, SimulatedPush, Simulator, simulate_push
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
@@ -129,16 +129,18 @@ ERRORS = {
 
 
 @dataclass(eq=False)
-class Erring(ErringRobot[Controller | Tracker]):
+class Erring:
     """A robot whose eyes and wheels err.
 
     Attributes:
+        controller: What it drives by.
         errors: What is wrong.
         random: Draws.
         half: When the localisation jumps, s.
         seen: The last measurement.
     """
 
+    controller: Controller | Tracker
     errors: Errors
     random: np.random.Generator
     half: float
@@ -289,7 +291,7 @@ def run(job: Job) -> Row:
     random = np.random.default_rng([job.seed, *job.name.encode()])
     settings = _settings(job.told)
     controller = Tracker(plan, settings) if job.tracker else Controller(scenario, settings, plan=plan)
-    driver = Erring(controller, job.errors, random, 0.5 * plan.trajectory.duration)
+    robot = Erring(controller, job.errors, random, 0.5 * plan.trajectory.duration)
     world, disturbance = World.from_scenario(scenario), None
     if job.errors.start != (0.0, 0.0):
         world = _beside(world, job.errors.start, random)
@@ -305,18 +307,19 @@ def run(job: Job) -> Row:
     began = time.process_time()
     course = simulate_push(
         world,
-        driver,
+        controller,
         controller.settings.rate,
         [disturbance] if disturbance else [],
         sensor,
         job.seed,
         time_limit=LONGEST,
         simulator_of=lambda _: simulator,
+        step=robot.step,
     )
     seconds = time.process_time() - began
     aim = Aim.of(scenario.goal, scenario.chain, 5e-3, DEG)
     end = course.object_poses[-1]
-    last = compose(end, driver.shift) if driver.own else end + driver.shift
+    last = compose(end, robot.shift) if robot.own else end + robot.shift
     there = any(bool((aim.errors(poses) <= 1.05 * aim.tolerance).all()) for poses in (end, last))
     outcome = "jammed" if course.jammed else controller.reason or controller.phase.value
     noticed, left, since, slid = None, (0.0, 0.0), math.inf, (0.0, 0.0)

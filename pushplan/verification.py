@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from pushplan.closed_loop import CONTROL, check_closed_loop
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.verify import VerifyReport, verify
 from pushplan.plans.execution import Execution
-from pushplan.sim.control.again import CONTROL, check_closed_loop
 from pushplan.sim.kinematic import execute
 from pushplan.trial import TRIAL, check_trials, executed_again
 

@@ -1,6 +1,7 @@
 """What contacts are like where objects were measured, and short pushes that close those that are open.
 
-Pushes are chosen with the simulator, and proven by it over what is not known.
+Pushes are chosen with the simulator, and proven by it over what is not known. With one of them the plate comes up to
+a load: straight ahead until the contact that closes tells where the plate is.
 """
 
 from __future__ import annotations
@@ -9,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.geometry.se2 import compose, exp, inverse, relative
+from pushplan.geometry.se2 import compose, exp, inverse, relative, rotate, transform_points, wrap_angle
 from pushplan.mechanics.chain import Chain
-from pushplan.sim.control.settings import ControlSettings
+from pushplan.sim.control.settings import ControlSettings, words
 from pushplan.sim.report import contact_motion
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
@@ -31,6 +32,15 @@ MOST = 3
 """Pushes in a row that may fail to close contacts."""
 BEST = 3
 """Pushes that are proven, shortest first, until one is."""
+ASIDE = (1e-3, np.radians(0.3))
+"""By how much (m, rad) the plate has to have met a load aside so that another approach may do better."""
+FOUND = 3.0
+"""A contact that is found by approach is off where it is believed to be by so many times what is likely, at most."""
+MET = 0.25
+"""Share of the straight push by which the plate has to have moved a load that it has met: 5 of 20 mm make boxes flush
+that are 15 cm wide and turned by 2 deg."""
+TRIES = 3
+"""Straight pushes in search of a load, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,85 +85,6 @@ class ClosingPush:
     length: float
 
 
-@dataclass(frozen=True, eq=False)
-class Spread:
-    """What is not known of a world with open contacts.
-
-    Attributes:
-        friction: Share by which frictions may be off.
-        position: Standard deviation of the measured places, m.
-        angle: Likewise, rad.
-    """
-
-    friction: float
-    position: float
-    angle: float
-
-    @classmethod
-    def of(cls, settings: ControlSettings, noise: FloatArray) -> Spread:
-        """Return what a controller knows after a look at measurements with standard deviations (2,), m and rad."""
-        return cls(settings.friction, *(float(one) for one in noise / np.sqrt(settings.looks)))
-
-
-def closing_push(
-    world: World, plate: FloatArray, object_poses: FloatArray, twists: FloatArray, spread: Spread
-) -> ClosingPush | str:
-    """Return the shortest push that closes every contact in all worlds that are tried, or why there is none.
-
-    Args:
-        world: As it is believed to be, its chain with all contacts closed.
-        plate: (3,) pose of the chain frame in the world.
-        object_poses: (n, 3) where the objects are.
-        twists: (k, 3) that the pusher can make and that hold the closed chain, scaled to a cost rate of 1.
-        spread: What is not known.
-    """
-    believed = SlipSimulator(world, plate)
-    closed = np.array([_closes_after(believed, plate, object_poses, twist) for twist in twists])
-    found: list[ClosingPush] = []
-    for k in np.argsort(closed)[:BEST]:
-        if not np.isfinite(closed[k]):
-            break
-        longest = max(closed[k], *_in_other_worlds(world, plate, object_poses, twists[k], spread))
-        if np.isfinite(longest):
-            found.append(ClosingPush(twists[k], float(longest) + RESERVE))
-    if found:
-        return min(found, key=lambda push: push.length)
-    if np.isfinite(closed).any():
-        return "a push closes the contacts if all is as believed, but not if friction or places are a little off"
-    return f"no push of up to {1e3 * LONGEST:.0f} mm closes the contacts"
-
-
-def _in_other_worlds(
-    world: World, plate: FloatArray, object_poses: FloatArray, twist: FloatArray, spread: Spread
-) -> list[float]:
-    """Return after what length a push closes the contacts in each of the worlds that it is proven in."""
-    random, found = np.random.default_rng(1), []
-    for _ in range(PROOFS):
-        factor = 1.0 + spread.friction * random.choice([-1.0, 1.0])
-        other = world.with_contact_friction(factor)
-        off = random.normal(size=object_poses.shape) * [spread.position, spread.position, spread.angle]
-        found.append(_closes_after(SlipSimulator(other, plate), plate, object_poses + off, twist))
-        if not np.isfinite(found[-1]):
-            break
-    return found
-
-
-def _closes_after(simulator: SlipSimulator, plate: FloatArray, object_poses: FloatArray, twist: FloatArray) -> float:
-    """Return the length (m of path cost) after which all contacts are closed and stay so; infinite if none is."""
-    count = round(LONGEST / STEP)
-    simulator.place(object_poses, plate)
-    trace = simulator.follow(np.tile(twist * STEP, (count, 1)))
-    if simulator.jammed:
-        return np.inf
-    plates = compose(plate, exp(twist * (STEP * np.arange(1, count + 1))[:, None]))
-    places = relative(plates[:, None], trace.poses)
-    flush = contacts_at(simulator.world.chain, places).flush(GAP, ANGLE)
-    if not flush[-1]:
-        return np.inf
-    open_until = np.flatnonzero(~flush)
-    return STEP * (1.0 if len(open_until) == 0 else float(open_until[-1]) + 2.0)
-
-
 class Closings:
     """Pushes in a row that close contacts.
 
@@ -174,12 +105,46 @@ class Closings:
     def next(
         self, plate: FloatArray, object_poses: FloatArray, twists: FloatArray, noise: FloatArray
     ) -> ClosingPush | str:
-        """Return the push that comes next, or why there is none; see `closing_push` and `Spread.of`."""
-        push: ClosingPush | str = f"{MOST} pushes did not close the contacts"
-        if self._count < MOST:
-            push = closing_push(self._world, plate, object_poses, twists, Spread.of(self._settings, noise))
-        self._count += isinstance(push, ClosingPush)
-        return push
+        """Return the shortest push that closes every contact in all worlds that are tried, or why there is none.
+
+        Args:
+            plate: (3,) pose of the chain frame in the world.
+            object_poses: (n, 3) where the objects are, the mean of a look.
+            twists: (k, 3) that the pusher can make and that hold the closed chain, scaled to a cost rate of 1.
+            noise: (2,) standard deviations of measurements, m and rad.
+        """
+        if self._count >= MOST:
+            return f"{MOST} pushes did not close the contacts"
+        believed = SlipSimulator(self._world, plate)
+        closed = np.array([_closes_after(believed, plate, object_poses, twist) for twist in twists])
+        found: list[ClosingPush] = []
+        for k in np.argsort(closed)[:BEST]:
+            if not np.isfinite(closed[k]):
+                break
+            longest = max(closed[k], *self._in_other_worlds(plate, object_poses, twists[k], noise))
+            if np.isfinite(longest):
+                found.append(ClosingPush(twists[k], float(longest) + RESERVE))
+        if found:
+            self._count += 1
+            return min(found, key=lambda push: push.length)
+        if np.isfinite(closed).any():
+            return "a push closes the contacts if all is as believed, but not if friction or places are a little off"
+        return f"no push of up to {1e3 * LONGEST:.0f} mm closes the contacts"
+
+    def _in_other_worlds(
+        self, plate: FloatArray, object_poses: FloatArray, twist: FloatArray, noise: FloatArray
+    ) -> list[float]:
+        """Return after what length a push closes the contacts in each of the worlds that it is proven in."""
+        random, found = np.random.default_rng(1), []
+        spread = (noise / np.sqrt(self._settings.looks))[[0, 0, 1]]
+        for _ in range(PROOFS):
+            factor = 1.0 + self._settings.friction * random.choice([-1.0, 1.0])
+            other = self._world.with_contact_friction(factor)
+            off = random.normal(size=object_poses.shape) * spread
+            found.append(_closes_after(SlipSimulator(other, plate), plate, object_poses + off, twist))
+            if not np.isfinite(found[-1]):
+                break
+        return found
 
     def change_nothing(self, contacts: Contacts, gap: float, turn: float) -> bool:
         """Tell whether contacts are as open, to a gap (m) and a turn (rad), as they were before the last push."""
@@ -188,3 +153,101 @@ class Closings:
             return False
         same = np.abs(contacts.opening - before.opening) <= gap
         return bool((same & (np.abs(contacts.rotation - before.rotation) <= turn)).all())
+
+
+def _closes_after(simulator: SlipSimulator, plate: FloatArray, object_poses: FloatArray, twist: FloatArray) -> float:
+    """Return the length (m of path cost) after which all contacts are closed and stay so; infinite if none is."""
+    count = round(LONGEST / STEP)
+    simulator.place(object_poses, plate)
+    trace = simulator.follow(np.tile(twist * STEP, (count, 1)))
+    if simulator.jammed:
+        return np.inf
+    plates = compose(plate, exp(twist * (STEP * np.arange(1, count + 1))[:, None]))
+    places = relative(plates[:, None], trace.poses)
+    flush = contacts_at(simulator.world.chain, places).flush(GAP, ANGLE)
+    if not flush[-1]:
+        return np.inf
+    open_until = np.flatnonzero(~flush)
+    return STEP * (1.0 if len(open_until) == 0 else float(open_until[-1]) + 2.0)
+
+
+def shift_at_contact(chain: Chain, plate: FloatArray, object_poses: FloatArray) -> FloatArray:
+    """Return by what body motion (3,) the plate is off if the first object that it pushes is flush.
+
+    Along the contact, where that cannot be told, the plate is where it is believed to be.
+
+    Args:
+        chain: With all contacts closed.
+        plate: (3,) pose of the chain frame in the world, as believed.
+        object_poses: (n, 3) as measured.
+    """
+    k = chain.first_pushed
+    contact = chain.contacts[k]
+    carried = relative(plate, compose(object_poses[k], inverse(chain.places[k])))
+    middle, turned = 0.5 * (contact.right + contact.left), float(wrap_angle(carried[2]))
+    there = transform_points(carried, middle[None])[0]
+    slide = float(rotate(-turned, there - middle) @ contact.tangent)
+    return np.append(there - rotate(turned, middle + slide * contact.tangent), turned)
+
+
+def tangents_of(places: FloatArray, normals: FloatArray) -> FloatArray:
+    """Return the directions (n, 2) along contacts in the objects' frames.
+
+    Args:
+        places: (n, 3) of the objects in the chain frame.
+        normals: (n, 2) of the contact that each is pushed through, in that frame.
+    """
+    along = np.arctan2(normals[:, 1], normals[:, 0]) + 0.5 * np.pi - places[:, 2]
+    return np.stack([np.cos(along), np.sin(along)], axis=-1)
+
+
+class Touch:
+    """The straight push with which the plate comes up to a load.
+
+    Args:
+        chain: The load.
+        length: Of the push, m; 0 where the plate is in contact.
+        straight: The load is in contact, and closes onto an object by that push.
+        settings: See there.
+
+    Attributes:
+        length: Of the next straight push, m.
+        over: Whether the load was met, and tells where the plate is.
+    """
+
+    def __init__(self, chain: Chain, length: float, straight: bool, settings: ControlSettings) -> None:
+        self.length, self.over = length, length == 0.0
+        self._chain, self._straight = chain, straight
+        self._most = FOUND * np.array(settings.approach_error)
+        self._tries, self._off = 1, (0.0, 0.0)
+
+    @property
+    def aside(self) -> bool:
+        """Whether the plate was elsewhere than believed, so that another approach may do better."""
+        return self._off[0] > ASIDE[0] or self._off[1] > ASIDE[1]
+
+    def told(self, plate: FloatArray, object_poses: FloatArray, sure: bool = False) -> tuple[FloatArray, str] | None:
+        """Return by what body motion (3,) the plate is off where it is believed to be, and words for that.
+
+        The first object that the plate pushes, at rest after the push, is taken for flush; along it, what was
+        believed holds. Bodies do not overlap: one that stands where the plate is believed to be was not moved as far
+        as that has gone. Where it was hardly moved, the push is `over` only after another one.
+
+        Args:
+            plate: (3,) pose of the chain frame in the world, as believed.
+            object_poses: (n, 3) as measured.
+            sure: Whether the object is flush for sure. None is returned where it is not, and far ahead of the plate.
+        """
+        shift = shift_at_contact(self._chain, plate, object_poses)
+        first, behind = self._chain.objects[self._chain.first_pushed].name, -float(shift[0])
+        if not (sure or self._straight or self._tries == TRIES or self.length - behind > MET * self.length):
+            self._tries, self.length = self._tries + 1, behind
+            text = f"{first} was not met: the plate is {1e3 * behind:.1f} mm behind"
+            return np.array([-behind, 0.0, 0.0]), text
+        self.over = True
+        off = float(np.hypot(shift[0], shift[1])), abs(float(shift[2]))
+        far = off[0] if self._straight else -behind
+        if not sure and (far > self._most[0] or off[1] > self._most[1]):
+            return None
+        self._off = off
+        return shift, f"{first} tells that the plate is {words(*off)} off"

@@ -23,9 +23,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pushplan.geometry.se2 import between, chained, compose, exp, inverse, log, relative, rotate, twist_of, wrap_angle
+from pushplan.sim.control.closing import tangents_of
 from pushplan.sim.control.sensing import NOISY, noise_between
 from pushplan.sim.control.settings import ControlSettings
-from pushplan.sim.control.touching import tangents_of
 from pushplan.sim.control.values import COMMON, DELAY, NAMES, OWN, START_THETA, WHEELS, errors_in_words
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 

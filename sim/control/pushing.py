@@ -22,7 +22,7 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.run import Replan
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.parts import Obstacle
-from pushplan.sim.control.closing import LONGEST, ClosingPush, Closings, Contacts, contacts_at
+from pushplan.sim.control.closing import LONGEST, ClosingPush, Closings, Contacts, Touch, contacts_at, tangents_of
 from pushplan.sim.control.departures import Slide, find_slide, off_place
 from pushplan.sim.control.estimator import HOLD, Estimator, Sample
 from pushplan.sim.control.following import Following
@@ -31,7 +31,6 @@ from pushplan.sim.control.replanner import BARELY, BOLD, CLEARLY, OFTEN, Replann
 from pushplan.sim.control.sensing import Odometry, Sightings
 from pushplan.sim.control.settings import SIGMAS, ControlSettings, words
 from pushplan.sim.control.stall import StallWatch
-from pushplan.sim.control.touching import Touch, tangents_of
 from pushplan.sim.follower import Steering
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray

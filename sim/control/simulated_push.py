@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Generic, Protocol, TypeVar, Union
+from typing import TYPE_CHECKING, Protocol, Union
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -133,39 +132,6 @@ class Driver(Protocol):
         """Return the twist (3,) of the plate frame until the next step."""
 
 
-D = TypeVar("D", bound=Driver)
-
-
-@dataclass(eq=False)
-class ErringRobot(ABC, Generic[D]):
-    """A robot whose sensors or wheels err: it has a controller's load and segment, and a `step` of its own.
-
-    Attributes:
-        controller: What it drives by.
-    """
-
-    controller: D
-
-    @property
-    def load(self) -> Load | None:
-        """See `Driver`."""
-        return self.controller.load
-
-    @property
-    def segment(self) -> int:
-        """See `Driver`."""
-        return self.controller.segment
-
-    @property
-    def over(self) -> bool:
-        """See `Driver`."""
-        return self.controller.over
-
-    @abstractmethod
-    def step(self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None) -> FloatArray:
-        """Return the twist (3,) that the plate really has, whatever the controller says."""
-
-
 class OpenLoop:
     """Does what a plan of any kind says, whatever happens.
 
@@ -241,6 +207,7 @@ def simulate_push(
     time_limit: float = TIME_LIMIT,
     progress: Callable[[SimulatedPush], None] | None = None,
     simulator_of: Callable[[World], Simulator] = SlipSimulator,
+    step: Callable[..., FloatArray] | None = None,
 ) -> SimulatedPush:
     """Let a driver push in a world until it is over.
 
@@ -254,12 +221,15 @@ def simulate_push(
         time_limit: Simulated seconds, at most.
         progress: Called every simulated second with what has happened so far.
         simulator_of: What the world is simulated with: slip without inertia, or `PhysicsSimulator`.
+        step: Asked in place of `driver.step` for the twist that the plate really has, of a robot whose sensors or
+            wheels err.
 
     Raises:
         MissingExtraError: When the physics engine is asked for and not installed.
         SupportError: When the load under an object is not known.
     """
     simulator, seen, held = simulator_of(world), Measurements(sensor, seed), None
+    step = driver.step if step is None else step
     frame = simulator.plate_pose
     left = deque(sorted(disturbances, key=lambda disturbance: disturbance.time))
     rows: list[tuple[float, FloatArray, FloatArray, FloatArray, int]] = []
@@ -284,7 +254,7 @@ def simulate_push(
         seen.take(now, simulator.object_poses)
         came = seen.arrived(now)
         plate, segment = simulator.plate_in_frame, driver.segment
-        twist = driver.step(now) if came is None else driver.step(now, *came)
+        twist = step(now) if came is None else step(now, *came)
         rows.append((now, compose(frame, plate), simulator.object_poses, twist, segment))
         if progress is not None and k % math.ceil(rate) == 0:
             progress(so_far())

@@ -26,7 +26,7 @@ from pushplan.sim.control.departures import Slide
 from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
-from pushplan.sim.control.simulated_push import Disturbance, ErringRobot, OpenLoop, SimulatedPush, simulate_push
+from pushplan.sim.control.simulated_push import Disturbance, OpenLoop, SimulatedPush, simulate_push
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 
@@ -132,11 +132,11 @@ def test_a_measured_plate_is_led_back_to_the_path_on_twists_that_the_contacts_be
     assert [event.kind for event in controller.events] == ["plan", "jump"]
 
 
-class Sensed(ErringRobot[Controller]):
+class Sensed:
     """A controller on a robot whose wheels go less than they are told, with its own sensors."""
 
     def __init__(self, controller: Controller, short: float, on_board: bool, **stated: ArrayLike) -> None:
-        super().__init__(controller)
+        self.controller = controller
         self._short, self._on_board, self._stated = short, on_board, stated
         self._plate, self._rolled = np.array(controller.scenario.plate_start), np.array([5.0, -3.0, 1.0])
         self._were: list[tuple[float, FloatArray]] = []
@@ -173,7 +173,8 @@ def test_a_robot_tells_how_it_moves_what_it_sees_from_itself_and_how_well(
     """
     controller = Controller(plan_of("one-box"))
     robot = Sensed(controller, short, on_board, **stated)
-    course = simulate_push(World.from_scenario(controller.scenario), robot, controller.settings.rate, (), sensor, 1)
+    world, rate = World.from_scenario(controller.scenario), controller.settings.rate
+    course = simulate_push(world, controller, rate, (), sensor, 1, step=robot.step)
     assert controller.phase is Phase.ARRIVED, controller.reason
     driven = sum(event.kind == "replan" for event in controller.events)
     assert driven <= (1 if stated else 0)
@@ -183,15 +184,13 @@ def test_a_robot_tells_how_it_moves_what_it_sees_from_itself_and_how_well(
     assert 0.0 < sigma < 5e-3
 
 
-class SeenOtherwise(ErringRobot[Controller]):
-    """A controller that is told, in each step, what `seen` makes of the measured poses."""
+def seeing(controller: Controller, seen: Callable[[float, Any, float | None], Any]) -> Callable[..., FloatArray]:
+    """Return the steps of a controller that is told, in each, what `seen` makes of the measured poses."""
 
-    def __init__(self, controller: Controller, seen: Callable[[float, Any, float | None], Any]) -> None:
-        super().__init__(controller)
-        self._seen = seen
+    def step(now: float, object_poses: Any = None, measured_at: float | None = None) -> FloatArray:
+        return controller.step(now, seen(now, object_poses, measured_at), measured_at)
 
-    def step(self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None) -> FloatArray:
-        return self.controller.step(now, self._seen(now, object_poses, measured_at), measured_at)
+    return step
 
 
 @pytest.mark.parametrize(("off", "count", "end"), [
@@ -212,7 +211,7 @@ def test_where_an_error_is_at_its_tolerance_it_is_measured_for_longer(off: float
         return compose(poses, [0.0, off, 0.0])
 
     world, rate = World.from_scenario(controller.scenario), controller.settings.rate
-    simulate_push(world, SeenOtherwise(controller, seen), rate, (), STILL, time_limit=60.0)
+    simulate_push(world, controller, rate, (), STILL, time_limit=60.0, step=seeing(controller, seen))
     assert controller.phase is end
 
 
@@ -226,7 +225,8 @@ def noticing(name: str, *obstacles: CircleObstacle) -> tuple[Controller, Simulat
         return poses
 
     world = replace(pushplan.World.from_scenario(scenario(name)), obstacles=())
-    return controller, simulate_push(world, SeenOtherwise(controller, seen), controller.settings.rate)
+    steps = seeing(controller, seen)
+    return controller, simulate_push(world, controller, controller.settings.rate, step=steps)
 
 
 def test_an_obstacle_that_comes_into_the_way_is_gone_around() -> None:

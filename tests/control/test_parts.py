@@ -22,18 +22,16 @@ from pushplan.plans.path import cost_rate
 from pushplan.plans.settings import Observer
 from pushplan.scenario.parts import CircleObstacle, Goal
 from pushplan.sim.control.aim import Aim
-from pushplan.sim.control.closing import GAP, ClosingPush, Spread, closing_push, contacts_at
+from pushplan.sim.control.closing import GAP, ClosingPush, Closings, contacts_at, tangents_of
 from pushplan.sim.control.departures import find_slide
 from pushplan.sim.control.estimator import Estimator, Sample
 from pushplan.sim.control.replanner import BOLD, CAUTION, NEARBY, Replanner, cautious
 from pushplan.sim.control.sensing import Measurements, Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance, disturbed
-from pushplan.sim.control.touching import tangents_of
 from pushplan.sim.follower import Drive
 from pushplan.util.arrays import FloatArray
 
-SPREAD = Spread(0.2, 2.5e-4, 1e-3)
 NOISE = np.array([1e-3, 5e-3])
 PERIOD = 1.0 / 30.0
 
@@ -295,7 +293,7 @@ def test_a_push_that_closes_contacts_does_so_in_other_worlds_too(crates: pushpla
     disturbance = Disturbance(0.0, 0, 4e-3, 2e-3, 0.03)
     poses = disturbed(pushplan.SlipSimulator(world), world.start, disturbance)
     assert contacts_at(crates.chain, relative(world.start, poses)).opening.max() > 1e-3
-    push = closing_push(world, world.start, poses, queries.twists, SPREAD)
+    push = Closings(world, ControlSettings()).next(world.start, poses, queries.twists, np.array([1e-3, 4e-3]))
     assert isinstance(push, ClosingPush)
     assert push.length < 0.05
     for factor in (0.75, 1.0, 1.25):

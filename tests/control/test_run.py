@@ -13,12 +13,11 @@ from rough import first_plans, slow_controllers
 
 import pushplan
 from pushplan.cli.main import main
-from pushplan.closed_loop import ClosedLoopRun, run_closed_loop
+from pushplan.closed_loop import ClosedLoopRun, check_closed_loop, run_closed_loop
 from pushplan.errors import RunLogError
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
 from pushplan.scenario.file import example_text
-from pushplan.sim.control.again import check_closed_loop
 from pushplan.sim.control.simulated_push import Disturbance
 
 DISTURBANCE = "time=4s,object=far,y=-5mm,turn=3deg"
