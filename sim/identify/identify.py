@@ -13,7 +13,7 @@ from scipy.stats import qmc
 import pushplan.core.slip as slip
 from pushplan.errors import PushplanError
 from pushplan.sim.identify.measured_push import Comparison, Identification, MeasuredPush
-from pushplan.sim.identify.posterior import sample_errors
+from pushplan.sim.identify.posterior import Near, sample, worth
 from pushplan.sim.identify.unknowns import Unknowns
 from pushplan.sim.slip.packing import half_extent
 from pushplan.sim.world import World
@@ -98,14 +98,14 @@ def identify_pushes(
         errors, information, correlation = problem.linearised(place)
         # Where the pushes began is integrated out in `errors`: samples are of the chain's numbers alone.
         best = place[: problem.count]
-        found = sample_errors(errors, best, information, np.random.default_rng(seed), progress)
+        chains = sample(errors, Near(best, information), np.random.default_rng(seed), progress)
     scales = problem.scales[0]
     return Identification(
         problem.unknowns,
-        problem.unknowns.values(found.places),
+        problem.unknowns.values(chains.reshape(-1, len(best))),
         (float(scales[0]), float(scales[2])),
         correlation,
-        found.worth,
+        worth(chains),
     )
 
 

@@ -8,7 +8,6 @@ errors are smooth in the unknowns, but where contacts change what they do.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -28,40 +27,39 @@ _WIDER = 1.8
 
 
 def sample(
-    log_likelihood: Callable[[FloatArray], FloatArray],
-    proposals: Near,
+    errors: Callable[[FloatArray], FloatArray],
+    near: Near,
     rng: np.random.Generator,
-    rounds: int = ROUNDS,
-    members: int = MEMBERS,
-    enough: float = np.inf,
     progress: Callable[[int, int], None] | None = None,
 ) -> FloatArray:
-    """Return what the members were at (2/3 of the rounds, members, p) from a likelihood over the unit cube.
+    """Return what the members were at (2/3 of the rounds, members, p), given errors that are normal.
 
-    All of the cube was alike likely before. The first third of the rounds is forgotten.
+    All of the unit cube was alike likely before. The first third of the rounds is forgotten; no more are made when
+    they are `worth` enough.
 
     Args:
-        log_likelihood: Of places (q, p) in the cube; (q,).
-        proposals: Where half of the members begin, and a part of the proposals.
+        errors: Of places (q, p) in the cube; (q, k) over their standard deviation.
+        near: Where half of the members begin, and a part of the proposals.
         rng: Where the random numbers come from.
-        rounds: How often each member moves at most.
-        members: Of the ensemble.
-        enough: Independent samples; no more rounds are made when they are `worth` so many.
         progress: Called with the rounds that are done, and how many there are at most.
     """
-    places = proposals.draw(members, rng)
+
+    def log_likelihood(at: FloatArray) -> FloatArray:
+        return np.asarray(-0.5 * (errors(at) ** 2).sum(axis=1))
+
+    places = near.draw(MEMBERS, rng)
     p = places.shape[1]
     places[::2] = rng.uniform(size=places[::2].shape)
     level = log_likelihood(places)
     seen: list[FloatArray] = []
-    for k in range(rounds):
+    for k in range(ROUNDS):
         # Members move by differences of the other half, which rests meanwhile: that keeps the balance of each move.
         for half in (np.arange(0, len(places), 2), np.arange(1, len(places), 2)):
             others = np.setdiff1d(np.arange(len(places)), half)
             kind, correction = rng.random(), np.zeros(len(half))
             if kind < _NEAR:
-                proposed = proposals.draw(len(half), rng)
-                correction = proposals.log_density(places[half]) - proposals.log_density(proposed)
+                proposed = near.draw(len(half), rng)
+                correction = near.log_density(places[half]) - near.log_density(proposed)
             elif kind < _NEAR + _ANYWHERE:
                 proposed = rng.uniform(size=(len(half), p))
             else:
@@ -75,8 +73,8 @@ def sample(
             places[half[taken]], level[half[taken]] = proposed[taken], found[taken]
         seen.append(places.copy())
         if progress is not None:
-            progress(k + 1, rounds)
-        if (k + 1) % _LOOK == 0 and worth(_later(seen)) >= enough:
+            progress(k + 1, ROUNDS)
+        if (k + 1) % _LOOK == 0 and worth(_later(seen)) >= ENOUGH:
             break
     return _later(seen)
 
@@ -124,40 +122,3 @@ class Near:
     def log_density(self, places: FloatArray) -> FloatArray:
         """Return the logarithm of the density (q,), but for a constant."""
         return np.asarray(-0.5 * (((places - self._best) @ self._root) ** 2).sum(axis=1))
-
-
-@dataclass(frozen=True, eq=False)
-class Samples:
-    """Equally likely places in the unit cube.
-
-    Attributes:
-        places: (k, p).
-        worth: How many independent samples they are worth.
-    """
-
-    places: FloatArray
-    worth: float
-
-
-def sample_errors(
-    errors: Callable[[FloatArray], FloatArray],
-    best: FloatArray,
-    information: FloatArray,
-    rng: np.random.Generator,
-    progress: Callable[[int, int], None] | None = None,
-) -> Samples:
-    """Return samples of places in the unit cube, all alike likely before, given errors that are normal.
-
-    Args:
-        errors: Of places (q, p); (q, k) over their standard deviation.
-        best: (p,) the most likely place.
-        information: (p, p) second derivatives of half of the squared errors there, about.
-        rng: Where the random numbers come from.
-        progress: Called with the rounds that are done, and how many there are.
-    """
-
-    def log_likelihood(at: FloatArray) -> FloatArray:
-        return np.asarray(-0.5 * (errors(at) ** 2).sum(axis=1))
-
-    chains = sample(log_likelihood, Near(best, information), rng, ROUNDS, MEMBERS, ENOUGH, progress)
-    return Samples(chains.reshape(-1, len(best)), worth(chains))

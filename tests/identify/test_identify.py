@@ -96,14 +96,12 @@ def test_a_border_moves_its_share_of_the_load_to_the_outline_and_tilts_move_the_
     assert ahead == pytest.approx([0.4 * 0.05 / 3.0, 0.0], abs=1e-4)
 
 
-def test_samples_follow_a_known_distribution() -> None:
+def test_samples_follow_a_known_distribution(monkeypatch: pytest.MonkeyPatch) -> None:
     centre, size = np.array([0.3, 0.6, 0.5]), np.array([0.02, 0.05, np.inf])
-
-    def log_likelihood(places: FloatArray) -> FloatArray:
-        return np.asarray(-0.5 * (((places - centre) / size) ** 2).sum(axis=1))
-
-    information = np.diag(1.0 / size**2)
-    chains = sample(log_likelihood, Near(centre, information), np.random.default_rng(3), rounds=300)
+    for name, value in {"MEMBERS": 80, "ROUNDS": 300, "ENOUGH": np.inf}.items():
+        monkeypatch.setattr(f"pushplan.sim.identify.posterior.{name}", value)
+    near = Near(centre, np.diag(1.0 / size**2))
+    chains = sample(lambda places: (places - centre) / size, near, np.random.default_rng(3))
     low, high = np.quantile(chains, [0.05, 0.95], axis=(0, 1))
     assert low == pytest.approx([0.3 - 1.645 * 0.02, 0.6 - 1.645 * 0.05, 0.05], abs=0.015)
     assert high == pytest.approx([0.3 + 1.645 * 0.02, 0.6 + 1.645 * 0.05, 0.95], abs=0.015)
