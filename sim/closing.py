@@ -14,7 +14,7 @@ import numpy as np
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.support import UniformSupport
-from pushplan.sim.slip.simulator import SlipSettings, SlipSimulator
+from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
 
 OFF = (3e-3, np.radians(2.0))
@@ -29,8 +29,8 @@ FLUSH = np.radians(0.2)
 KEPT = 1e-3
 """What is held may move by so much on the plate, m."""
 
-STEP = SlipSettings(step=4e-3)
-"""Coarse: of 210 random rows of two and three boxes, half of which do not close, all end as with half of it."""
+STEP = 4e-3
+"""Coarse, m: of 210 random rows of two and three boxes, half of which do not close, all end as with half of it."""
 
 
 def closes(chain: Chain, gap: float, push: float, other_friction: float) -> bool:
@@ -56,7 +56,7 @@ def closes(chain: Chain, gap: float, push: float, other_friction: float) -> bool
     world = World(held, plate, np.zeros((last, 3)), other_friction=other_friction, beside=beside)
     for factor in FRICTION:
         changed = world.with_contact_friction(factor).with_floor_friction(1.0 / factor, alone.name)
-        simulator = SlipSimulator(changed, settings=STEP)
+        simulator = SlipSimulator(changed, step=STEP)
         for side, turn in itertools.product((-1.0, 1.0), repeat=2):
             stands = chain.places[-1] + [0.0, side * OFF[0], turn * OFF[1]]
             simulator.place([*se2.compose(plate, held.places), stands], plate)

@@ -23,6 +23,8 @@ from pushplan.plans.segment import Poses
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
+TOLERANCE = 1e-3
+"""Slide or opening over the length of the contact segment from which on a contact counts as moved."""
 CLOSED = 0.1
 """A contact counts as closed when its gap is below this part of what counts as moved: until then it still slides."""
 STILL = 1e-3
@@ -65,7 +67,6 @@ class ContactReport(Execution):
         opening: (m, n) the wider of the gaps at the two ends of each segment, m.
         rotation: (m, n) turn of the pushed against the pushing body, rad.
         lengths: (m, n) of the contact segments, m.
-        tolerance: Slide or opening over the length of the segment from which on a contact counts as moved.
         wanted: (n, 3) where the plan has the objects in the end.
         contacts: Names of the contacts by segment and object.
         modes: (m, n) what each contact did in the step that ends at the sample, values of `Mode`.
@@ -82,7 +83,6 @@ class ContactReport(Execution):
     opening: FloatArray
     rotation: FloatArray
     lengths: FloatArray
-    tolerance: float
     wanted: FloatArray
     contacts: Mapping[tuple[int, str], str]
     modes: IntArray
@@ -99,8 +99,8 @@ class ContactReport(Execution):
 
     @property
     def moved(self) -> BoolArray:
-        """(m, n) whether each contact has slid or opened by more than the tolerance."""
-        return np.asarray(self.displacement > self.tolerance)
+        """(m, n) whether each contact has slid or opened by more than `TOLERANCE`."""
+        return np.asarray(self.displacement > TOLERANCE)
 
     @property
     def moved_at(self) -> FloatArray:
@@ -270,9 +270,9 @@ def _since(values: FloatArray, base: int) -> FloatArray:
     return np.where(before, 0.0, values - values[base])
 
 
-def first_closed(chain: Chain, motions: FloatArray, tolerance: float, begin: int = 0) -> int | None:
+def first_closed(chain: Chain, motions: FloatArray, begin: int = 0) -> int | None:
     """Return the first sample from `begin` on at which all contacts are closed; None if there is none."""
-    most = tolerance * np.array([contact.length for contact in chain.contacts])
+    most = TOLERANCE * np.array([contact.length for contact in chain.contacts])
     closed = (contact_motion(chain, motions[begin:], None)[1] <= CLOSED * most).all(axis=1)
     return begin + int(closed.argmax()) if closed.any() else None
 
@@ -280,7 +280,6 @@ def first_closed(chain: Chain, motions: FloatArray, tolerance: float, begin: int
 def report_of(
     names: tuple[str, ...],
     parts: Sequence[Part],
-    tolerance: float,
     wanted: FloatArray,
     *,
     jammed_at: float | None = None,
@@ -320,7 +319,6 @@ def report_of(
         opening=columns[..., 1],
         rotation=columns[..., 2],
         lengths=columns[..., 3],
-        tolerance=tolerance,
         wanted=wanted,
         contacts=contacts,
         modes=joined([_modes(part, len(names)) for part in parts]),

@@ -16,8 +16,8 @@ from pushplan.sets.stable_set import StableSet
 from pushplan.sim.physics.engine import PhysicsSettings
 from pushplan.util.arrays import BoolArray, FloatArray, frozen
 
-FINE = PhysicsSettings(tolerance=1e-4, indentation=5e-6)
-"""Hard contacts that count as moved from a ten-thousandth of the segment on: slips soon get there, holds never."""
+FINE, MOVED = PhysicsSettings(indentation=5e-6), 1e-4
+"""Hard contacts, which count as moved from a ten-thousandth of the segment on: slips soon get there, holds never."""
 _NOWHERE = -1e3
 """Stands for a force that is parallel to the segment: it passes nowhere near it."""
 
@@ -37,7 +37,6 @@ class Agreement:
             of the segment; negative outside.
         displacement: (k,) largest slide or opening of a contact in the simulation, over the length of its segment.
         footprint: (k,) whether the centre of rotation lies under an object.
-        tolerance: Displacement above which a contact counts as moved.
     """
 
     twists: FloatArray
@@ -45,7 +44,6 @@ class Agreement:
     inset: FloatArray
     displacement: FloatArray
     footprint: BoolArray
-    tolerance: float
 
     def __post_init__(self) -> None:
         for name in ("angle", "inset", "displacement"):
@@ -59,7 +57,7 @@ class Agreement:
     @property
     def kept(self) -> BoolArray:
         """(k,) whether every contact held in the simulation."""
-        return np.asarray(self.displacement <= self.tolerance)
+        return np.asarray(self.displacement <= MOVED)
 
     @property
     def agreed(self) -> BoolArray:
@@ -87,7 +85,7 @@ class Agreement:
         """Return the pushes of both."""
         names = ("twists", "angle", "inset", "displacement", "footprint")
         parts = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names}
-        return Agreement(**parts, tolerance=self.tolerance)
+        return Agreement(**parts)
 
 
 def compare(chain: Chain, twists: ArrayLike, settings: PhysicsSettings = FINE) -> Agreement:
@@ -112,7 +110,6 @@ def compare(chain: Chain, twists: ArrayLike, settings: PhysicsSettings = FINE) -
         inset=np.where(np.isfinite(inset), inset, _NOWHERE).min(axis=1),
         displacement=np.array(moved),
         footprint=under_objects(chain, checked),
-        tolerance=settings.tolerance,
     )
 
 

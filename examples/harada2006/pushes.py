@@ -105,7 +105,7 @@ def _simulate(chain: Chain, frames: FloatArray, dt: float, settings: PhysicsSett
     t, poses, base = np.asarray(dt * looks, dtype=np.float64), frames[looks], int(np.searchsorted(looks, counted))
     part = Part(0, chain, t, poses, chain.pusher.plate_pose, np.array(objects), base)
     names, wanted = tuple(obj.name for obj in chain.objects), se2.compose(poses[-1], chain.places)
-    return report_of(names, (part,), settings.tolerance, wanted, seconds=perf_counter() - began)
+    return report_of(names, (part,), wanted, seconds=perf_counter() - began)
 
 
 def _taken_up(chain: Chain, frames: FloatArray) -> int:

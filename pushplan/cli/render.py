@@ -237,9 +237,11 @@ def _contact_rows(report: ContactReport) -> list[tuple[str, str]]:
 
 
 def _contacts_document(report: ContactReport) -> Document:
+    from pushplan.sim.report import TOLERANCE
+
     return {
         "kept": report.kept,
-        "tolerance": report.tolerance,
+        "tolerance": TOLERANCE,
         "contacts": [asdict(one) | {"moved": one.moved_at is not None} for one in report.summaries],
         "objects": [
             {"object": name, "position": position, "angle": angle}

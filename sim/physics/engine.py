@@ -41,7 +41,6 @@ class PhysicsSettings:
             takes hold of what sinks in. At 1 the convex contact model lifts sliding faces off, and they slide
             millimetres too far; at 20, with smaller steps, they slide as Coulomb's law says.
         run_in: Time steps in which everything rests while the feet settle.
-        tolerance: Slide or gap over the length of the contact segment at which a contact counts as moved.
     """
 
     time_step: float = 5e-4
@@ -51,7 +50,6 @@ class PhysicsSettings:
     indentation: float = 1e-4
     slip_time: float = 1.0
     run_in: int = 40
-    tolerance: float = 1e-3
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -23,6 +23,7 @@ from pushplan.plans.plan import Plan
 from pushplan.sim.physics.engine import PhysicsError
 from pushplan.sim.physics.simulator import HARD, PhysicsSimulator, sliding_speed
 from pushplan.sim.report import (
+    TOLERANCE,
     ContactReport,
     Part,
     columns_of,
@@ -97,7 +98,7 @@ def simulate_in_physics(
     wanted = wanted_at_end(plan, parts[-1], there.names)
     seconds = perf_counter() - began
     ended = {"stalled_at": float(parts[-1].t[-1])} if stalled else {}
-    return report_of(there.names, parts, HARD.tolerance, wanted, **ended, clear=clear, seconds=seconds)
+    return report_of(there.names, parts, wanted, **ended, clear=clear, seconds=seconds)
 
 
 def _groups(plan: Plan) -> list[list[int]]:
@@ -251,7 +252,7 @@ class _Driven:
         if self.stalled or not self.settled <= t <= self.marks[self.own + 1]:
             return False
         last = len(self.t) - 1
-        if self.base is None and first_closed(self.chain, self._motions([last]), HARD.tolerance) is not None:
+        if self.base is None and first_closed(self.chain, self._motions([last])) is not None:
             self.base = last
         return self.base is not None and bool(self._over([self.base, last], 0)[1])
 
@@ -271,7 +272,7 @@ class _Driven:
         """Tell at which looks (k,) a contact has moved; see `contact_motion`."""
         slide, opening, _ = contact_motion(self.chain, self._motions(looks), base)
         lengths = np.array([contact.length for contact in self.chain.contacts])
-        return np.asarray((np.maximum(np.abs(slide), opening) / lengths > HARD.tolerance).any(axis=1))
+        return np.asarray((np.maximum(np.abs(slide), opening) / lengths > TOLERANCE).any(axis=1))
 
     def _motions(self, looks: Sequence[int]) -> FloatArray:
         frames, objects = ([column[k] for k in looks] for column in (self.frames, self.objects))

@@ -5,7 +5,7 @@ Inertia is left out, as in all of the plan's mechanics without `contact: dynamic
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -27,26 +27,8 @@ SETTLED = 0.9
 """Share of the first arc of a push after an approach, after which contacts are expected to be closed."""
 
 
-@dataclass(frozen=True)
-class SlipSettings:
-    """Settings that all simulations share.
-
-    Attributes:
-        step: How far the fastest corner of plate and stacked objects moves in a step at most, m.
-        tolerance: Slide or opening over the length of the contact segment from which on a contact counts as moved.
-    """
-
-    step: float = 1e-3
-    tolerance: float = 1e-3
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not 0 < value < np.inf:
-                raise PushplanError(f"{field.name} of the slip settings is {value}; it must be finite and > 0")
-
-
-DEFAULTS = SlipSettings()
+STEP = 1e-3
+"""How far the fastest corner of plate and stacked objects moves in a step at most, m."""
 
 
 class SlipSimulator:
@@ -57,24 +39,27 @@ class SlipSimulator:
 
     Attributes:
         world: What it began as.
-        settings: See there.
+        step: Longest step, see `STEP`.
         jammed: No motion of the objects satisfied all contacts and balances; nothing moves any more until `place`.
         stalled: In the last move the plate would have had to push with more than `robot.limits.force`, and stood.
         chain: What is held: its contacts are told of; None while the plate is alone.
     """
 
-    def __init__(self, world: World, plate_pose: ArrayLike | None = None, settings: SlipSettings = DEFAULTS) -> None:
+    def __init__(self, world: World, plate_pose: ArrayLike | None = None, step: float = STEP) -> None:
         """Place plate and objects.
 
         Args:
             world: Where the objects are, and all that they meet.
             plate_pose: (3,) pose of the frame that the plate is moved in; None for where it is in the world.
-            settings: See there.
+            step: How far the fastest corner moves in a step at most, m.
 
         Raises:
+            PushplanError: When the step is no length.
             SupportError: When the load under an object is not known, or it has no friction with the floor.
         """
-        self.world, self.settings = world, settings
+        if not 0.0 < step < np.inf:
+            raise PushplanError(f"step is {step}; it must be finite and > 0")
+        self.world, self.step = world, step
         self.chain = world.chain if world.plate is None else None
         self._limit = world.chain.pusher.limits.force
         self._packed = pack_world(world, self.chain)
@@ -116,7 +101,7 @@ class SlipSimulator:
         return self.world.chain.reach if self.chain is None else self.chain.reach
 
     def move(self, twist: ArrayLike, duration: float) -> core.Trace:
-        """Move the plate with a constant body twist (3,), in steps as `settings` says."""
+        """Move the plate with a constant body twist (3,), in steps of at most `step`."""
         with np.errstate(invalid="ignore"):  # 0 for an infinite time, which is refused as no number
             motion = frozen(numbers(twist, "twist") * duration, (3,), "motion of the plate")
         way = float(np.hypot(motion[0], motion[1])) + self.reach * abs(float(motion[2]))
@@ -124,7 +109,7 @@ class SlipSimulator:
             raise PushplanError(
                 f"a move of {way:.3g} m in {duration} s; allowed: {FARTHEST:g} m, and time that goes on"
             )
-        count = max(1, int(np.ceil(way / self.settings.step)))
+        count = max(1, int(np.ceil(way / self.step)))
         return self.follow(np.tile(motion / count, (count, 1)))
 
     def follow(self, motions: FloatArray) -> core.Trace:
@@ -147,7 +132,7 @@ class SlipSimulator:
         return trace
 
 
-def simulate(plan: Plan, world: World, settings: SlipSettings = DEFAULTS) -> ContactReport:
+def simulate(plan: Plan, world: World, step: float = STEP) -> ContactReport:
     """Execute a plan in a world: contacts stick, slide, roll off an end, open and close again.
 
     Objects that are not pushed stand where they are, unless something touches them.
@@ -155,17 +140,17 @@ def simulate(plan: Plan, world: World, settings: SlipSettings = DEFAULTS) -> Con
     Args:
         plan: What the plate is made to do; timed.
         world: What it meets; it need not be what the plan believes.
-        settings: See there.
+        step: How far the fastest corner moves in a step at most, m.
 
     Raises:
         PushplanError: When `world` is no `World`, the plan has no trajectory, or more bodies touch at once than there
             is room for.
         SupportError: When the load under an object is not known, or it has no friction with the floor.
     """
-    return with_margins(slip(plan, world, settings), plan)
+    return with_margins(slip(plan, world, step), plan)
 
 
-def slip(plan: Plan, world: World, settings: SlipSettings = DEFAULTS) -> ContactReport:
+def slip(plan: Plan, world: World, step: float = STEP) -> ContactReport:
     """Return `simulate` without margins and errors at the goal, which take their time.
 
     Raises:
@@ -180,14 +165,14 @@ def slip(plan: Plan, world: World, settings: SlipSettings = DEFAULTS) -> Contact
     if plan.trajectory is None:
         raise PushplanError(f"there is no plan to execute: {plan.reason or 'it is not timed'}")
     began, parts = perf_counter(), list[Part]()
-    simulator = SlipSimulator(world, settings=settings)
+    simulator = SlipSimulator(world, step=step)
     for k in range(len(plan.segments)):
         parts.append(_executed(simulator, plan, k))
         if simulator.jammed or simulator.stalled:
             break
     ended = _ended(simulator, parts)
     wanted = wanted_at_end(plan, parts[-1], world.names)
-    return report_of(world.names, parts, settings.tolerance, wanted, **ended, seconds=perf_counter() - began)
+    return report_of(world.names, parts, wanted, **ended, seconds=perf_counter() - began)
 
 
 def _executed(simulator: SlipSimulator, plan: Plan, k: int) -> Part:
@@ -197,7 +182,7 @@ def _executed(simulator: SlipSimulator, plan: Plan, k: int) -> Part:
     trajectory = segment.contact_trajectory
     if alone:
         simulator.hold(None if load is None else world.pushed(load.chain))
-    t = step_times(trajectory, simulator.reach, simulator.settings.step)
+    t = step_times(trajectory, simulator.reach, simulator.step)
     poses = trajectory.poses_at(t)
     simulator.place(simulator.object_poses, poses[0])
     part = replace(moved(simulator, t + plan.times[k], poses, k), touched=segment.touched)
@@ -211,7 +196,7 @@ def _executed(simulator: SlipSimulator, plan: Plan, k: int) -> Part:
     if not alone and not world.offsets.any():
         return part
     motions = part.motions(world.names)
-    return replace(part, base=first_closed(part.chain, motions, simulator.settings.tolerance, begin))
+    return replace(part, base=first_closed(part.chain, motions, begin))
 
 
 def moved(simulator: SlipSimulator, t: FloatArray, poses: FloatArray, segment: int = 0) -> Part:
@@ -234,9 +219,7 @@ def moved(simulator: SlipSimulator, t: FloatArray, poses: FloatArray, segment: i
     )
 
 
-def simulate_poses(
-    t: FloatArray, poses: FloatArray, world: World, settings: SlipSettings = DEFAULTS
-) -> ContactReport:
+def simulate_poses(t: FloatArray, poses: FloatArray, world: World) -> ContactReport:
     """Move a plate that is in contact through poses (m + 1, 3) of the chain frame, one step between two.
 
     Raises:
@@ -244,15 +227,15 @@ def simulate_poses(
         SupportError: When the load under an object is not known, or it has no friction with the floor.
     """
     began = perf_counter()
-    simulator = SlipSimulator(world, poses[0], settings)
+    simulator = SlipSimulator(world, poses[0])
     parts = [moved(simulator, t, poses)]
     ended = _ended(simulator, parts)
     part = parts[0]
     if world.offsets.any():
-        part = replace(part, base=first_closed(world.chain, part.motions(world.names), settings.tolerance))
+        part = replace(part, base=first_closed(world.chain, part.motions(world.names)))
     wanted = se2.compose(part.frame[-1], world.chain.places)
     seconds = perf_counter() - began
-    return report_of(world.names, (part,), settings.tolerance, wanted, **ended, seconds=seconds)
+    return report_of(world.names, (part,), wanted, **ended, seconds=seconds)
 
 
 def _ended(simulator: SlipSimulator, parts: list[Part]) -> dict[str, float]:

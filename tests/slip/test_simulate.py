@@ -18,7 +18,7 @@ from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.support import FeetSupport, UniformSupport, UnknownSupport
 from pushplan.scenario.parts import PolygonObstacle
 from pushplan.sim.report import ContactReport, Mode
-from pushplan.sim.slip.simulator import SlipSettings, SlipSimulator, simulate_poses
+from pushplan.sim.slip.simulator import SlipSimulator, simulate_poses
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 
@@ -37,7 +37,7 @@ def pushed(world: World, twist: tuple[float, float, float], way: float = 0.1, st
     duration = way / rate
     t = np.linspace(0.0, duration, int(np.ceil(way / step)) + 1)
     poses = se2.compose(world.start, se2.exp(np.array(twist) * t[:, None]))
-    return simulate_poses(t, poses, world, SlipSettings(step=step))
+    return simulate_poses(t, poses, world)
 
 
 @pytest.mark.parametrize("step", [1e-3, 1e-2, 5e-2])
