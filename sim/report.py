@@ -75,7 +75,6 @@ class ContactReport(Execution):
         stalled_at: Time at which the plate would have had to push with more than `robot.limits.force`, s; likewise.
         clear: Least distance (m) of robot and load from objects that rest; infinite where it was not looked at,
             because the simulator lets them touch.
-        seconds: Wall-clock time of the simulation.
         touched: Names of the objects that the plate or its load comes up to, by segment: these may be moved there.
     """
 
@@ -89,7 +88,6 @@ class ContactReport(Execution):
     jammed_at: float | None = None
     stalled_at: float | None = None
     clear: float = math.inf
-    seconds: float = 0.0
     touched: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
 
     @cached_property
@@ -285,7 +283,6 @@ def report_of(
     jammed_at: float | None = None,
     stalled_at: float | None = None,
     clear: float = math.inf,
-    seconds: float = 0.0,
 ) -> ContactReport:
     """Return the report of segments one after the other; a time at which two meet belongs to the earlier one."""
     kept = [slice(0 if k == 0 else 1, None) for k in range(len(parts))]
@@ -325,7 +322,6 @@ def report_of(
         jammed_at=jammed_at,
         stalled_at=stalled_at,
         clear=clear,
-        seconds=seconds,
         touched={part.segment: part.touched for part in parts if part.touched},
     )
     return replace(report, loss=_loss(report, parts))

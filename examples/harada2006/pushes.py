@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -94,7 +93,7 @@ def simulate_trajectory(chain: Chain, trajectory: Trajectory, slow: bool = False
 
 def _simulate(chain: Chain, frames: FloatArray, dt: float, settings: PhysicsSettings, counted: int) -> ContactReport:
     """Return the report of a motion of the chain frame, slides and gaps counted from one of its steps of `dt` on."""
-    began, count = perf_counter(), len(frames) - 1
+    count = len(frames) - 1
     sliding = sliding_speed(chain, frames, settings.time_step)
     simulator = PhysicsSimulator(World.from_chain(chain, frames[0]), settings, sliding)
     looks = np.union1d(np.linspace(0, count, LOOKS + 1).astype(np.int64), counted)
@@ -105,7 +104,7 @@ def _simulate(chain: Chain, frames: FloatArray, dt: float, settings: PhysicsSett
     t, poses, base = np.asarray(dt * looks, dtype=np.float64), frames[looks], int(np.searchsorted(looks, counted))
     part = Part(0, chain, t, poses, chain.pusher.plate_pose, np.array(objects), base)
     names, wanted = tuple(obj.name for obj in chain.objects), se2.compose(poses[-1], chain.places)
-    return report_of(names, (part,), wanted, seconds=perf_counter() - began)
+    return report_of(names, (part,), wanted)
 
 
 def _taken_up(chain: Chain, frames: FloatArray) -> int:

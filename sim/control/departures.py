@@ -58,13 +58,11 @@ class Slide:
         contact: Number of the contact.
         size: How far, m; to the left is positive.
         since: When it began, s.
-        gain: Twice by how much the logarithm of the likelihood grows.
     """
 
     contact: int
     size: float
     since: float
-    gain: float
 
 
 def off_place(estimator: Estimator, recent: list[Sample], names: Sequence[str], settled: bool) -> str:
@@ -140,7 +138,7 @@ def find_slide(estimator: Estimator, chain: Chain, after: float) -> Slide | None
         return None
     move, shape = divmod(best, len(begins))
     since = linear.samples[begins[shape]].time
-    return Slide(which[move], float(size[best]), since, float(gain[best]))
+    return Slide(which[move], float(size[best]), since)
 
 
 def _asked(far: FloatArray, ramps_of_all: BoolArray, usual: float) -> FloatArray:

@@ -313,7 +313,7 @@ class PhysicsModel:
 
     def require_sound(self) -> None:
         """Raise PhysicsError if the engine had to complain or anything is not finite."""
-        complaints = sum(warning.number for warning in self.data.warning)
+        complaints = int(self.data.warning.number.sum())
         if complaints or not np.isfinite(self.data.qpos).all():
             raise PhysicsError(
                 f"the simulation went astray after {self.data.time:.3g} s: {complaints} complaints of the engine; "

@@ -12,7 +12,6 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from time import perf_counter
 
 import numpy as np
 import shapely
@@ -77,7 +76,7 @@ def simulate_in_physics(
         raise PhysicsError(f"there is no plan to execute: {plan.reason or 'it is not timed'}")
     there = World.from_scenario(plan.scenario) if world is None else world
     there.require(plan.scenario)
-    began, objects = perf_counter(), there.object_poses
+    objects = there.object_poses
     parts, clear, stalled = list[Part](), math.inf, False
     for group in _groups(plan):
         standing = _standing(plan, there, group, objects)
@@ -96,9 +95,8 @@ def simulate_in_physics(
         if progress is not None:
             progress(plan.times[group[-1] + 1] / plan.times[-1])
     wanted = wanted_at_end(plan, parts[-1], there.names)
-    seconds = perf_counter() - began
     ended = {"stalled_at": float(parts[-1].t[-1])} if stalled else {}
-    return report_of(there.names, parts, wanted, **ended, clear=clear, seconds=seconds)
+    return report_of(there.names, parts, wanted, **ended, clear=clear)
 
 
 def _groups(plan: Plan) -> list[list[int]]:

@@ -139,7 +139,6 @@ class PhysicsSimulator:
         self._model.require_sound()
         done, into = len(forces), self.plate_in_frame
         self._plate = np.array(poses[done])
-        self._put(np.array([len(self._outlines)]), self._plate[None])
         force = -se2.rotate(into[2] - poses[:done, 2], forces[:, :2])
         moment = -forces[:, 2] + into[0] * force[:, 1] - into[1] * force[:, 0]
         return np.column_stack([force, moment])

@@ -6,7 +6,6 @@ Inertia is left out, as in all of the plan's mechanics without `contact: dynamic
 from __future__ import annotations
 
 from dataclasses import replace
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -164,19 +163,19 @@ def slip(plan: Plan, world: World, step: float = STEP) -> ContactReport:
     world.require(plan.scenario)
     if plan.trajectory is None:
         raise PushplanError(f"there is no plan to execute: {plan.reason or 'it is not timed'}")
-    began, parts = perf_counter(), list[Part]()
+    parts, ended = list[Part](), dict[str, float]()
     simulator = SlipSimulator(world, step=step)
     for k in range(len(plan.segments)):
-        parts.append(_executed(simulator, plan, k))
-        if simulator.jammed or simulator.stalled:
+        part, ended = _executed(simulator, plan, k)
+        parts.append(part)
+        if ended:
             break
-    ended = _ended(simulator, parts)
     wanted = wanted_at_end(plan, parts[-1], world.names)
-    return report_of(world.names, parts, wanted, **ended, seconds=perf_counter() - began)
+    return report_of(world.names, parts, wanted, **ended)
 
 
-def _executed(simulator: SlipSimulator, plan: Plan, k: int) -> Part:
-    """Execute segment k from where everything is."""
+def _executed(simulator: SlipSimulator, plan: Plan, k: int) -> tuple[Part, dict[str, float]]:
+    """Execute segment k from where everything is; see `_moved`."""
     segment, world = plan.segments[k], simulator.world
     load, alone = segment.load, world.plate is not None
     trajectory = segment.contact_trajectory
@@ -185,38 +184,48 @@ def _executed(simulator: SlipSimulator, plan: Plan, k: int) -> Part:
     t = step_times(trajectory, simulator.reach, simulator.step)
     poses = trajectory.poses_at(t)
     simulator.place(simulator.object_poses, poses[0])
-    part = replace(moved(simulator, t + plan.times[k], poses, k), touched=segment.touched)
+    part, ended = _moved(simulator, t + plan.times[k], poses, k)
+    part = replace(part, touched=segment.touched)
     if not segment.pushes or part.chain is None:
-        return replace(part, chain=None)
+        return replace(part, chain=None), ended
     begin = 0
     if k and plan.segments[k - 1].kind in (APPROACH, CLOSE):
         way = segment.contact_path.lengths[0] * SETTLED
         gone = np.hypot(*(part.frame[:, :2] - part.frame[0, :2]).T)
         begin = min(int(np.searchsorted(gone, way)), len(t) - 1)
     if not alone and not world.offsets.any():
-        return part
+        return part, ended
     motions = part.motions(world.names)
-    return replace(part, base=first_closed(part.chain, motions, begin))
+    return replace(part, base=first_closed(part.chain, motions, begin)), ended
 
 
-def moved(simulator: SlipSimulator, t: FloatArray, poses: FloatArray, segment: int = 0) -> Part:
-    """Move the plate through poses (m + 1, 3) at times (m + 1,), one step between two; a jam is the last of them."""
+def _moved(
+    simulator: SlipSimulator, t: FloatArray, poses: FloatArray, segment: int = 0
+) -> tuple[Part, dict[str, float]]:
+    """Move the plate through poses (m + 1, 3) at times (m + 1,), one step between two.
+
+    Returns:
+        What it came to, and when a jam or a stall has ended it, s, by its name in a report; empty without. In the
+        step of a jam or stall nothing moves: it is left out.
+    """
     before = simulator.object_poses
     trace = simulator.follow(steps_of(poses))
-    done = len(trace.end)
-    modes = trace.modes
-    if simulator.chain is None:
-        modes = np.full_like(modes, Mode.UNKNOWN)
-    return Part(
+    done, ended = len(trace.end), dict[str, float]()
+    if simulator.jammed or simulator.stalled:
+        ended["jammed_at" if simulator.jammed else "stalled_at"] = float(t[done])
+        done -= 1
+    modes = trace.modes[:done]
+    part = Part(
         segment,
         simulator.chain,
         t[: done + 1],
         poses[: done + 1],
         simulator.plate_in_frame,
-        np.concatenate([before[None], trace.poses]),
-        modes=modes,
-        wrenches=trace.wrenches,
+        np.concatenate([before[None], trace.poses[:done]]),
+        modes=np.full_like(modes, Mode.UNKNOWN) if simulator.chain is None else modes,
+        wrenches=trace.wrenches[:done],
     )
+    return part, ended
 
 
 def simulate_poses(t: FloatArray, poses: FloatArray, world: World) -> ContactReport:
@@ -226,39 +235,11 @@ def simulate_poses(t: FloatArray, poses: FloatArray, world: World) -> ContactRep
         PushplanError: When more bodies touch at once than there is room for.
         SupportError: When the load under an object is not known, or it has no friction with the floor.
     """
-    began = perf_counter()
-    simulator = SlipSimulator(world, poses[0])
-    parts = [moved(simulator, t, poses)]
-    ended = _ended(simulator, parts)
-    part = parts[0]
+    part, ended = _moved(SlipSimulator(world, poses[0]), t, poses)
     if world.offsets.any():
         part = replace(part, base=first_closed(world.chain, part.motions(world.names)))
     wanted = se2.compose(part.frame[-1], world.chain.places)
-    seconds = perf_counter() - began
-    return report_of(world.names, (part,), wanted, **ended, seconds=seconds)
-
-
-def _ended(simulator: SlipSimulator, parts: list[Part]) -> dict[str, float]:
-    """Return when a jam or a stall ended the last part, by its name in a report, and take its step away."""
-    if not (simulator.jammed or simulator.stalled):
-        return {}
-    at = float(parts[-1].t[-1])
-    parts[-1] = _without_last(parts[-1])
-    return {"jammed_at" if simulator.jammed else "stalled_at": at}
-
-
-def _without_last(part: Part) -> Part:
-    """Return a part without its last step, in which nothing moved."""
-    assert part.modes is not None
-    assert part.wrenches is not None
-    return replace(
-        part,
-        t=part.t[:-1],
-        frame=part.frame[:-1],
-        objects=part.objects[:-1],
-        modes=part.modes[:-1],
-        wrenches=part.wrenches[:-1],
-    )
+    return report_of(world.names, (part,), wanted, **ended)
 
 
 def step_times(trajectory: Trajectory, reach: float, step: float) -> FloatArray:

@@ -274,7 +274,7 @@ def test_a_load_that_is_met_elsewhere_tells_where_the_plate_is(ahead: float, not
 
 def test_what_slides_again_is_pushed_as_with_the_least_friction(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of two slides the first may be a disturbance; where the plate may let go, another push may do it."""
-    slides = iter([None, None, Slide(0, 3e-3, 0.0, 50.0)] * 2)
+    slides = iter([None, None, Slide(0, 3e-3, 0.0)] * 2)
     monkeypatch.setattr(pushing, "find_slide", lambda *_: next(slides, None))
     apart = scenario_from_document(problem_document("omnidirectional"))
     controller = Controller(apart, SELDOM, plan=pushplan.plan(apart, seed=1, iterations=1, time_limit=60.0))
