@@ -35,7 +35,7 @@ from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.rviz import Frames, line_width, rviz_file
 from pushplan.logging.scene import NANO
 from pushplan.logging.shown import CHAIN, WORLD, contact_names
-from pushplan.logging.tables import base_in_plate, footprint_of
+from pushplan.logging.tables import base_in_plate
 from pushplan.logging.topics import messages
 from pushplan.util.arrays import FloatArray
 from pushplan.util.files import check_output, write_whole
@@ -247,9 +247,7 @@ class _Contents:
 
     def _footprint(self, instant: int) -> Any:
         """Return the outline of robot and plate, and of the objects if they stay there, in the frame of the base."""
-        points = [
-            self._bag.make("geometry_msgs/Point32", x, y, 0.0) for x, y in footprint_of(self._scenario).tolist()
-        ]
+        points = [self._bag.make("geometry_msgs/Point32", x, y, 0.0) for x, y in self._scenario.footprint.tolist()]
         polygon = self._bag.make("geometry_msgs/Polygon", points)
         header = self._bag.header(self._frames.base, instant)
         return self._bag.make("geometry_msgs/PolygonStamped", header, polygon)

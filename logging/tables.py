@@ -16,7 +16,6 @@ from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.shown import contact_names
-from pushplan.mechanics.chain import outline_of_all
 from pushplan.plans.run import Run
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
@@ -94,16 +93,6 @@ def base_in_plate(scenario: Scenario) -> FloatArray:
     return se2.relative(scenario.pusher.plate_pose, scenario.pusher.base_pose)
 
 
-def footprint_of(scenario: Scenario) -> FloatArray:
-    """Return the outline (v, 2) of all that moves with the robot, in the frame of its base.
-
-    That is robot and plate and, of a single push, the objects, which the plate never leaves.
-    """
-    chain = scenario.tasks[0].chain
-    around = outline_of_all(chain.bodies if scenario.kind == "push" else chain.carried)
-    return se2.transform_points(se2.inverse(scenario.pusher.base_pose), around)
-
-
 FORMAT = "pushplan-trajectory/2"
 
 
@@ -154,7 +143,7 @@ def trajectory_document(run: Run | RecordedRun) -> dict[str, Any]:
         "scenario": scenario.name,
         "duration": trajectory.duration,
         "base_in_plate": base.tolist(),
-        "footprint": footprint_of(scenario).tolist(),
+        "footprint": scenario.footprint.tolist(),
         "goals": goals,
         "segments": segments,
         "polynomials": {"breaks": trajectory.breaks.tolist(), "coefficients": trajectory.coefficients.tolist()},

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.mechanics.chain import Limits, outline_of_all
+from pushplan.mechanics.chain import Limits
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Event, Run
 from pushplan.plans.trajectory import Trajectory
@@ -150,15 +150,8 @@ class Follower:
 
     @property
     def footprint(self) -> FloatArray:
-        """(v, 2) outline of robot, plate and objects in the frame of the base, m, counter-clockwise.
-
-        Without the objects where the plate comes and goes.
-        """
-        load = self.plan.segments[0].load
-        chain = self.plan.scenario.tasks[0].chain if load is None else load.chain
-        bodies = chain.bodies if len(self.plan.segments) == 1 else chain.carried
-        base = se2.compose(chain.pusher.plate_pose, self.trajectory.base)
-        return se2.transform_points(se2.inverse(base), outline_of_all(bodies))
+        """(v, 2) outline of robot, plate and objects in the frame of the base, m; see `Scenario.footprint`."""
+        return self.plan.scenario.footprint
 
     def stop(self) -> None:
         """Slow down along the path from now on, within the limits of the robot, and stand still."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pushplan.errors import ChainError, PushplanError
 from pushplan.geometry import polygon, se2
-from pushplan.mechanics.chain import Chain, PushedObject, Pusher
+from pushplan.mechanics.chain import Chain, PushedObject, Pusher, outline_of_all
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.scenario.parts import (
     DEFAULT_TOLERANCE,
@@ -239,6 +239,16 @@ class Scenario:
     def pusher(self) -> Pusher:
         """The plate and the robot that carries it."""
         return self.tasks[0].chain.pusher
+
+    @property
+    def footprint(self) -> FloatArray:
+        """(v, 2) outline of all that moves with the robot, in the frame of its base, m, counter-clockwise.
+
+        That is robot and plate and, of a single push, the objects, which the plate never leaves.
+        """
+        chain = self.tasks[0].chain
+        around = outline_of_all(chain.bodies if self.kind == "push" else chain.carried)
+        return se2.transform_points(se2.inverse(chain.pusher.base_pose), around)
 
     @property
     def has_intervals(self) -> bool:
