@@ -190,17 +190,6 @@ def shift_at_contact(chain: Chain, plate: FloatArray, object_poses: FloatArray) 
     return np.append(there - rotate(turned, middle + slide * contact.tangent), turned)
 
 
-def tangents_of(places: FloatArray, normals: FloatArray) -> FloatArray:
-    """Return the directions (n, 2) along contacts in the objects' frames.
-
-    Args:
-        places: (n, 3) of the objects in the chain frame.
-        normals: (n, 2) of the contact that each is pushed through, in that frame.
-    """
-    along = np.arctan2(normals[:, 1], normals[:, 0]) + 0.5 * np.pi - places[:, 2]
-    return np.stack([np.cos(along), np.sin(along)], axis=-1)
-
-
 class Touch:
     """The straight push with which the plate comes up to a load.
 

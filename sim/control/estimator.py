@@ -23,7 +23,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pushplan.geometry.se2 import between, chained, compose, exp, inverse, log, relative, rotate, twist_of, wrap_angle
-from pushplan.sim.control.closing import tangents_of
 from pushplan.sim.control.sensing import NOISY, noise_between
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.values import COMMON, DELAY, NAMES, OWN, START_THETA, WHEELS, errors_in_words
@@ -98,12 +97,12 @@ class Estimator:
 
     Args:
         settings: Its priors.
-        count: Number of objects.
+        normals: (n, 2) of the contact that each object is pushed through, in the frame of the places.
         wheels: (3,) pose of what the wheels move in the frame that is told of and in which the places are.
         known: Of a push before: what it found of clock and wheels is the prior.
         aside_deviation: Standard deviation of where the load is along the plate, m: the plate has come up to it.
             That is no error of the camera, and the plate stands elsewhere by as much.
-        tangents: (n, 2) direction along the plate in each object's frame.
+        places: (n, 3) of the objects in such a load.
 
     Attributes:
         settings: See there.
@@ -114,14 +113,15 @@ class Estimator:
     def __init__(
         self,
         settings: ControlSettings,
-        count: int,
+        normals: FloatArray,
         wheels: FloatArray,
         known: Estimator | None = None,
         *,
         aside_deviation: float = 0.0,
-        tangents: FloatArray | None = None,
+        places: FloatArray | None = None,
     ) -> None:
-        self.settings, self._count, self._wheels = settings, count, wheels
+        self.settings, self._normals, self._wheels = settings, normals, wheels
+        self._count = count = len(normals)
         gauge = [settings.start_error[0]] * 2 + [settings.start_error[1]]
         scale = settings.odometry_error
         bias = [settings.bias[0]] * 2 + [settings.bias[1]]
@@ -131,8 +131,8 @@ class Estimator:
             self._center[OWN] = known.values[OWN]
             self._prior[OWN] = np.maximum(np.sqrt(np.diag(known.covariance)[OWN]), DOUBT * self._prior[OWN])
         self._along = np.zeros(3 * count)  # how offsets change if the load stands 1 m farther to the left
-        if aside_deviation > 0.0 and tangents is not None:
-            self._along.reshape(-1, 3)[:, :2] = tangents
+        if aside_deviation > 0.0 and places is not None:
+            self._along.reshape(-1, 3)[:, :2] = self._tangents(places)
         self._shift = aside_deviation * np.array([0.0, 1.0, *np.zeros(COMMON - 2), *-self._along])  # of all values
         self.values: FloatArray = self._center.copy()
         self.covariance: FloatArray = self._likely
@@ -222,33 +222,31 @@ class Estimator:
         told = [((1 + s) * x + c * y) / size, ((1 + s) * y - c * x) / size, turn / (1 + w)]
         return twist_of(inverse(wheels), told)
 
-    def unbiased(self, poses: FloatArray, places: FloatArray, normals: FloatArray) -> FloatArray:
+    def unbiased(self, poses: FloatArray, places: FloatArray) -> FloatArray:
         """Return measured poses (n, 3) without what of their errors can be told from slides: normal and angle.
 
         Args:
             poses: As measured.
             places: (n, 3) X_i.
-            normals: (n, 2) of the contact that each is pushed through, in the frame of the places.
         """
         bias = self.values[COMMON:].reshape(-1, 3)
-        return compose(poses, inverse(bias - self._aside(places, normals)))
+        return compose(poses, inverse(bias - self._aside(places)))
 
-    def aside(self, places: FloatArray, normals: FloatArray) -> tuple[float, float]:
+    def aside(self, places: FloatArray) -> tuple[float, float]:
         """Return how far along the plate the load is from where it is taken to be, and the standard deviation of it.
 
         Args:
             places: (n, 3) X_i.
-            normals: See `unbiased`.
 
         Returns:
             Both in m; to the left is positive.
         """
         gradient = np.zeros((self._count, 3))
-        gradient[:, :2] = tangents_of(places, normals) / self._count
+        gradient[:, :2] = self._tangents(places) / self._count
         along = np.concatenate([np.zeros(COMMON), gradient.reshape(-1)])
         return float(along @ self.values), math.sqrt(along @ self.covariance @ along)
 
-    def take_for_closed(self, resting: Sample, recent: Iterable[Sample], normals: FloatArray) -> None:
+    def take_for_closed(self, resting: Sample, recent: Iterable[Sample]) -> None:
         """Begin once more from objects at rest that have slid to new places, where contacts are closed.
 
         Errors along the contacts were slides; what the objects still seem off is the camera's. Of the samples before
@@ -257,9 +255,8 @@ class Estimator:
         Args:
             resting: Mean of what was measured, and the new places.
             recent: Measurements at rest; with what comes next, they tell the delay.
-            normals: See `unbiased`.
         """
-        self.values = self.values - np.append(np.zeros(COMMON), self._aside(resting.places, normals))
+        self.values = self.values - np.append(np.zeros(COMMON), self._aside(resting.places))
         (rest,) = self.residuals([resting])
         self.values[COMMON:] += rest.reshape(-1)
         likely, doubted = self._likely, np.diag((DOUBT * self._prior[:COMMON]) ** 2)
@@ -271,9 +268,14 @@ class Estimator:
             self.add(replace(one, places=resting.places))
         self.fit(resting.time + HOLD)
 
-    def _aside(self, places: FloatArray, normals: FloatArray) -> FloatArray:
+    def _tangents(self, places: FloatArray) -> FloatArray:
+        """Return the directions (n, 2) along the contacts in the frames of the objects at places (n, 3)."""
+        along = np.arctan2(self._normals[:, 1], self._normals[:, 0]) + 0.5 * np.pi - places[:, 2]
+        return np.stack([np.cos(along), np.sin(along)], axis=-1)
+
+    def _aside(self, places: FloatArray) -> FloatArray:
         """Return what of the errors (n, 3) in the objects' frames is along the contacts."""
-        t = tangents_of(places, normals)
+        t = self._tangents(places)
         bias = self.values[COMMON:].reshape(-1, 3)
         tangential = (bias[:, :2] * t).sum(axis=1, keepdims=True) * t
         return np.concatenate([tangential, np.zeros((len(bias), 1))], axis=1)

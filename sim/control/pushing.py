@@ -22,7 +22,7 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.run import Replan
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.parts import Obstacle
-from pushplan.sim.control.closing import LONGEST, ClosingPush, Closings, Contacts, Touch, contacts_at, tangents_of
+from pushplan.sim.control.closing import LONGEST, ClosingPush, Closings, Contacts, Touch, contacts_at
 from pushplan.sim.control.departures import Slide, find_slide, off_place
 from pushplan.sim.control.estimator import HOLD, Estimator, Sample
 from pushplan.sim.control.following import Following
@@ -95,8 +95,8 @@ class PushLoop:
         self.load, self.phase, self.text = segment.load, Phase.PUSHING, ""
         self._closings = Closings(World.from_scenario(scenario), settings)
         self._wheels = scenario.pusher.wheels_pose
-        self.estimator = Estimator(settings, len(scenario.chain.objects), self._wheels, known)
         self._normals = np.array([contact.normal for contact in scenario.chain.contacts])
+        self.estimator = Estimator(settings, self._normals, self._wheels, known)
         self._odometry, self._before = odometry, odometry.travel
         self._take_place(plate)
         self._now, self._began, self._fitted = now, now, -math.inf
@@ -141,7 +141,7 @@ class PushLoop:
         """How far the load is along the plate from where it is taken to be, and the standard deviation of that, m."""
         if self._job.settle == 0.0:
             return 0.0, 0.0
-        return self.estimator.aside(self._replanner.chain.places, self._normals)
+        return self.estimator.aside(self._replanner.chain.places)
 
     @property
     def plate_after(self) -> FloatArray:
@@ -322,7 +322,7 @@ class PushLoop:
     def _unbiased(self, measured: FloatArray) -> FloatArray:
         if self._job.settle > 0.0:
             return measured  # where a contact tells where the plate is, goals are where the camera sees them
-        return self.estimator.unbiased(measured, self._replanner.chain.places, self._normals)
+        return self.estimator.unbiased(measured, self._replanner.chain.places)
 
     def _is_undecided(self, measured: FloatArray) -> bool:
         """Tell whether the noise of a look (n, 3) leaves open on which side of the tolerances the errors are."""
@@ -391,7 +391,7 @@ class PushLoop:
         """Take the objects for being in contact at their new places; what they still seem off is the sensor's."""
         self._settled |= self._job.settle > 0.0
         resting = self._sample(self._now, measured)
-        self.estimator.take_for_closed(resting, self._recent, self._normals)
+        self.estimator.take_for_closed(resting, self._recent)
 
     def _come_up(self, measured: FloatArray, sure: bool = False) -> None:
         """Go on from where the load, measured like all (n, 3), tells that the plate is; see `Touch.told`."""
@@ -401,10 +401,10 @@ class PushLoop:
         shift, text = told
         self._tell("touch", text)
         self._take_place(compose(self.plate, shift))
-        known, along = self.estimator, tangents_of(self.scenario.chain.places, self._normals)
+        known, places = self.estimator, self.scenario.chain.places
         off = known.astray(*self._job.alone)
         self.estimator = Estimator(
-            self.settings, len(along), self._wheels, known, aside_deviation=off, tangents=along
+            self.settings, self._normals, self._wheels, known, aside_deviation=off, places=places
         )
         self.moved(self._now)
         if not self._touch.over:

@@ -22,7 +22,7 @@ from pushplan.plans.path import cost_rate
 from pushplan.plans.settings import Observer
 from pushplan.scenario.parts import CircleObstacle, Goal
 from pushplan.sim.control.aim import Aim
-from pushplan.sim.control.closing import GAP, ClosingPush, Closings, contacts_at, tangents_of
+from pushplan.sim.control.closing import GAP, ClosingPush, Closings, contacts_at
 from pushplan.sim.control.departures import find_slide
 from pushplan.sim.control.estimator import Estimator, Sample
 from pushplan.sim.control.replanner import BOLD, CAUTION, NEARBY, Replanner, cautious
@@ -32,7 +32,7 @@ from pushplan.sim.control.simulated_push import Disturbance, disturbed
 from pushplan.sim.follower import Drive
 from pushplan.util.arrays import FloatArray
 
-NOISE = np.array([1e-3, 5e-3])
+NOISE, AHEAD = np.array([1e-3, 5e-3]), np.array([[1.0, 0.0]])
 PERIOD = 1.0 / 30.0
 
 
@@ -92,7 +92,7 @@ def test_what_is_wrong_is_found_and_measurements_to_come_are_expected(what: str,
     start, tau, scales, bias = TRUTHS[what]
     back = inverse(wheels)
     settings, places = ControlSettings(), np.array([[0.1, 0.0, 0.0], [0.3, 0.02, 0.5]])
-    estimator, random, period = Estimator(settings, 2, np.array(wheels)), np.random.default_rng(3), 0.02
+    estimator, random, period = Estimator(settings, AHEAD[[0, 0]], np.array(wheels)), np.random.default_rng(3), 0.02
     believed, true, poses = np.zeros(3), start, []
     for k in range(1500):
         speed = 0.2 * min(1.0, 0.04 * max(0, k - 25))
@@ -137,7 +137,7 @@ class Watched:
     """A plate that drives, seen 30 times a second with some noise, stated or not, and what is estimated of it."""
 
     def __init__(self, count: int, seed: int, true: ArrayLike = (0.0, 0.0, 0.0), **more: Any) -> None:
-        self.estimator = Estimator(ControlSettings(), count, np.zeros(3), **more)
+        self.estimator = Estimator(ControlSettings(), np.repeat(AHEAD, count, axis=0), np.zeros(3), **more)
         self.true, self.believed, self.k = np.array(true), np.zeros(3), 0
         self.random, self.noise, self.stated = np.random.default_rng(seed), NOISE, NOISE
 
@@ -184,18 +184,16 @@ def test_what_was_measured_well_counts_as_much_when_the_camera_becomes_bad() -> 
 def test_where_a_load_stands_on_the_plate_is_no_drift_of_the_wheels() -> None:
     """The plate stands 9 mm farther to the right along the load than it believes; it shows in a bend."""
     places, aside = np.array([[0.075, 0.0, 0.0]]), -9e-3
-    normal = np.array([[1.0, 0.0]])
-    tangents = tangents_of(places, normal)
     found = []
     for known in (0.0, 0.02):
-        plate = Watched(1, 2, [0.0, aside, 0.0], aside_deviation=known, tangents=tangents)
+        plate = Watched(1, 2, [0.0, aside, 0.0], aside_deviation=known, places=places)
         for k in range(400):
             plate.see(compose([0.0, -aside, 0.0], places), places, 8)
             if k == 280:
-                straight = plate.estimator.aside(places, normal)
+                straight = plate.estimator.aside(places)
             plate.drive(np.array([0.2, 0.0, 0.2 if k > 280 else 0.0]))
         estimator = plate.estimator
-        bent = estimator.aside(places, normal)
+        bent = estimator.aside(places)
         assert bent[0] == pytest.approx(-aside, abs=1e-3)
         assert known == 0.0 or bent[1] < 4e-3 < 0.5 * abs(aside) < straight[1], "it shows in a bend only"
         found.append(abs(estimator.values[5]))
