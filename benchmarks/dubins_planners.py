@@ -18,7 +18,7 @@ import numpy as np
 from ompl import base as ob
 from ompl import geometric as og
 
-from pushplan.core.collision import separation
+from pushplan.core.collision import separations
 from pushplan.core.problem import LEFT, RIGHT, STRAIGHT, TRIES, connect
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
@@ -216,8 +216,7 @@ def _space(session: Session, box: Box, car: Car) -> tuple[Any, SweptWords]:
     scene = session.problem.scene
 
     def valid(state: Any) -> bool:
-        x, y, theta = car.chain_at(state).tolist()
-        return separation(scene, x, y, theta, 2.0 * scene.clearance) >= scene.clearance
+        return bool(separations(scene, car.chain_at(state)[None], 2.0 * scene.clearance)[0] >= scene.clearance)
 
     words = SweptWords(information, session, car)
     information.setStateValidityChecker(valid)

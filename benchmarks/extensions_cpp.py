@@ -127,7 +127,7 @@ def core_arcs(problem: Problem, scenario: Scenario, extensions: int, seed: int) 
     tree.clear(scenario.start)
     began = time.process_time()
     for (which, where, length), node in zip(arcs, nodes, strict=True):
-        tree.extend(int(node * len(tree)), which, where, length, math.inf)
+        tree.extend(int(node * len(tree)), (0.0, 0.0, 0.0), (which, where, length), math.inf)
     return (time.process_time() - began) / extensions, (len(tree) - 1) / extensions
 
 

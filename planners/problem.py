@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.core.collision import SLACK, Scene, Shapes, separation
+from pushplan.core.collision import SLACK, Scene, Shapes, separations
 from pushplan.core.problem import (
     MARGIN,
     PASSING,
@@ -200,8 +200,8 @@ def scene_between(scene: Scene, clearance: float, start: FloatArray, goal: Float
     The poses looked at have `SLACK` more than the clearance, or what start and goal have if that is less;
     those between have the clearance, less `CLEARANCE_ROOM` at most where start and goal leave no room to prove it.
     """
-    gaps = [separation(scene, pose[0], pose[1], pose[2], clearance + SLACK) for pose in (start, goal)]
-    return scene.with_gap(min(gaps), clearance)
+    gaps = separations(scene, np.array([start, goal]), clearance + SLACK)
+    return scene.with_gap(float(gaps.min()), clearance)
 
 
 def walls_of(scenario: Scenario) -> Box:

@@ -9,7 +9,7 @@ import shapely
 from conftest import there
 
 from pushplan.core import collision, problem
-from pushplan.core.collision import SLACK, Scene, separation, sweep_is_free
+from pushplan.core.collision import SLACK, Scene, separations, sweep_is_free
 from pushplan.geometry import se2
 from pushplan.planners.clearance import SPACING, Motion, Moving, Room, Standing, find_collision, find_collisions
 from pushplan.planners.planner import plan
@@ -53,7 +53,7 @@ def test_separation_is_a_lower_bound_and_exact_when_near() -> None:
         standing = [*map(shapely.Polygon, obstacles)]
         exact = _distance(body, standing, pose)
         exact = min(exact, _distance(body, [shapely.Point(disc[:2])], pose) - disc[2])
-        found = separation(_scene(body, obstacles, [disc]), pose[0], pose[1], pose[2], 10.0)
+        found = separations(_scene(body, obstacles, [disc]), pose[None], 10.0)[0]
         if exact > 0.0:
             assert found <= exact + 1e-12
             if found < 0.01:
@@ -83,8 +83,7 @@ def test_a_free_sweep_never_comes_close_and_a_refused_one_does() -> None:
         standing = [*map(shapely.Polygon, obstacles)]
         along = se2.compose(pose, se2.exp(twist * np.linspace(0.0, length, 300)[:, None]))
         nearest = _distance(body, standing, along)
-        x, y, theta, vx, vy, omega = np.concatenate([pose, twist])
-        if sweep_is_free(_scene(body, obstacles), x, y, theta, vx, vy, omega, length):
+        if sweep_is_free(_scene(body, obstacles), pose, twist, length):
             assert nearest >= 5e-4 - 1e-9
             free += 1
         else:
@@ -127,13 +126,13 @@ def test_the_tree_changes_no_answer(count: int) -> None:
     brute = scene.with_obstacles(scene.obstacles, scene.circles, leaf, WALLS)
     free = blocked = 0
     for _ in range(800):
-        x, y, theta = rng.uniform(0.3, 19.7, 3)
-        ours, theirs = (float(separation(world, x, y, theta, 1.0)) for world in (scene, brute))
+        pose = rng.uniform(0.3, 19.7, 3)
+        ours, theirs = (float(separations(world, pose[None], 1.0)[0]) for world in (scene, brute))
         assert (ours <= 0.0) == (theirs <= 0.0)
         if 0.0 < min(ours, theirs) < 0.01:
             assert ours == pytest.approx(theirs, abs=1e-12)
-        vx, vy, omega = rng.normal(size=3)
-        sweeps = [sweep_is_free(world, x, y, theta, vx, vy, omega, 0.3) for world in (scene, brute)]
+        twist = rng.normal(size=3)
+        sweeps = [sweep_is_free(world, pose, twist, 0.3) for world in (scene, brute)]
         assert sweeps[0] == sweeps[1]
         free, blocked = free + sweeps[0], blocked + (not sweeps[0])
     assert min(free, blocked) > 5

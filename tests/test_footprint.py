@@ -44,7 +44,7 @@ def test_sweep_and_checker_find_what_the_robot_alone_hits(scenario: Scenario, as
     """Only the trailer reaches so far to the left: 0.1 + 0.05 sin 0.4 + 0.15 cos 0.4 = 0.2576 m."""
     disc = np.array([0.2, aside + scenario.chain.pusher.plate_pose[1], 0.01])
     scene = build_scene(scenario.chain, [], disc[None], NOWHERE, scenario.clearance)
-    assert sweep_is_free(scene, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0) == free
+    assert sweep_is_free(scene, np.zeros(3), np.array([1.0, 0.0, 0.0]), 1.0) == free
     standing = (CircleObstacle(disc[:2], disc[2]),)
     met = find_collision(replace(scenario, obstacles=standing), np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
     assert (None if met is None else met.body) == (None if free else "robot")

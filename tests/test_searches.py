@@ -59,7 +59,7 @@ def check_branches(problem: Problem, nodes: FloatArray, rows: Iterable[int], bac
         parent = nodes[int(node[4])]
         first, last = (node, parent) if back else (parent, node)
         assert max(se2.pose_error(se2.compose(first[:3], se2.exp(node[5:8] * node[8])), last[:3])) < 1e-9
-        assert sweep_is_free(problem.scene, *[*parent[:3], *((1 - 2 * back) * node[5:8]), node[8]])
+        assert sweep_is_free(problem.scene, parent[:3], (1 - 2 * back) * node[5:8], node[8])
         assert node[3] == pytest.approx(parent[3] + node[8], abs=1e-9)
 
 

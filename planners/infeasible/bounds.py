@@ -143,14 +143,13 @@ def lower_bound(scenario: Scenario, segments: FloatArray, most: float = math.inf
         segments: (k, 6) stable twists that the pusher can make; see `controls`.
         most: Cost of a path that is known; ways longer than that are not looked at.
     """
-    x, y, theta = scenario.start
-    goal = scenario.goal.pose_chain
-    turn = abs(float(se2.wrap_angle(goal[2] - theta)))
-    bounds = [float(remaining(x, y, theta, goal))]
+    start, goal = scenario.start, scenario.goal.pose_chain
+    turn = abs(float(se2.wrap_angle(goal[2] - start[2])))
+    bounds = [remaining(start, goal)]
     for disc in _discs(scenario):
         rest = (TURN_WEIGHT - float(np.linalg.norm(disc.center))) * turn
         bounds.append(_way_around(scenario, disc, most - rest) + rest)
-    return float(max(*bounds, turn_bound(scenario.start, goal, segments, most)))
+    return float(max(*bounds, turn_bound(start, goal, segments, most)))
 
 
 def time_bound(scenario: Scenario, segments: FloatArray) -> float:

@@ -223,7 +223,7 @@ def _longest_push(scene: Scene, twists: FloatArray, pose: FloatArray, enough: fl
     best = 0.0
     for tried, twist in enumerate(twists, 1):
         length = max(SHORTEST_TRY, 2.0 * best)
-        while sweep_is_free(scene, pose[0], pose[1], pose[2], twist[0], twist[1], twist[2], length):
+        while sweep_is_free(scene, pose, twist, length):
             best = length
             if best >= enough:
                 return best, tried

@@ -23,8 +23,7 @@ from pushplan.mechanics.faces import Place, Through, ways_through
 from pushplan.mechanics.support import UniformSupport
 from pushplan.planners.controls import margins_to_try
 from pushplan.planners.multi.contact_modes import ContactMode
-from pushplan.planners.multi.multi_push import AHEAD
-from pushplan.planners.multi.room import NO_WALLS, packed_mode, reaches, wheels_of
+from pushplan.planners.multi.room import AHEAD, NO_WALLS, packed_mode, reaches, wheels_of
 from pushplan.planners.problem import Posing, obstacles_of, sampling_box, walls_of
 from pushplan.planners.scene import bounding_circle, convex_pieces, flatten, scene_of, standing_shapes
 from pushplan.plans.load import Load, Member, row_load
@@ -117,7 +116,7 @@ class Move:
         cls, kind: str, members: tuple[Member, ...], start: FloatArray, length: float, onto: str = ""
     ) -> Move:
         """Return a straight move ahead, or back where the length is negative."""
-        arcs = np.append(np.sign(length) * AHEAD, [[abs(length)]], axis=1)
+        arcs = np.append(np.sign(length) * AHEAD, abs(length))[None]
         return cls(kind, members, start, arcs, onto)
 
     @property
@@ -353,10 +352,8 @@ class Floor:
         self.looked_at += 1
         scene, packed = self.with_hand(hand, standing), hand.packed
         clearance = self.scenario.clearance
-        x, y, theta = start
         none = Pushed(math.inf, np.zeros((0, 4)))
-        vx, vy, _ = packed.settling
-        if not sweep_is_free(scene, x, y, theta, vx, vy, 0.0, packed.settle):
+        if not sweep_is_free(scene, start, packed.settling, packed.settle):
             return none
         settled = se2.compose(start, packed.settling * packed.settle)
         first = reach(scene, packed.families, settled[None], self._vias, clearance)[0]
@@ -371,7 +368,7 @@ class Floor:
             via = self._vias[near[k]]
             ways = [connect(scene, packed.families, *ends) for ends in ((settled, via), (via, goal))]
             if all(arcs is not None for _, _, arcs in ways):
-                settle = np.array([[vx, vy, 0.0, packed.settle]])
+                settle = np.append(packed.settling, packed.settle)[None]
                 arcs = np.concatenate([settle, *(arcs for _, _, arcs in ways if arcs is not None)])
                 return Pushed(packed.settle + sum(cost for cost, _, _ in ways), arcs)
         return none
@@ -382,8 +379,7 @@ class Floor:
 
     def closes(self, hand: Hand, start: FloatArray, length: float, standing: Poses) -> bool:
         """Tell whether a hand can be pushed straight ahead, as far as what it closes onto, which is left out."""
-        x, y, theta = start
-        return sweep_is_free(self.with_hand(hand, standing), x, y, theta, 1.0, 0.0, 0.0, length)
+        return sweep_is_free(self.with_hand(hand, standing), start, AHEAD, length)
 
     def approach(self, hand: Hand, at: FloatArray, standing: Poses, name: str, entry: FloatArray) -> bool:
         """Tell whether the robot can come up to a face, at a pose (3,) in its object's frame.

@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
 
-from pushplan.core.collision import SLACK, separation
+from pushplan.core.collision import SLACK, separations
 from pushplan.errors import EmptyStableSetError, PlanningError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import area_at
@@ -17,7 +16,7 @@ from pushplan.planners.infeasible.bounds import near_to
 from pushplan.planners.infeasible.diagnosis import beyond_reach
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes
 from pushplan.planners.multi.graph import PushSequence
-from pushplan.planners.multi.room import Contact, PushRoom, Question
+from pushplan.planners.multi.room import AHEAD, Contact, PushRoom, Question
 from pushplan.planners.multi.search import Found, Limits, search
 from pushplan.planners.outcome import Improvements, Outcome, Segments
 from pushplan.plans.path import PushPath
@@ -32,8 +31,6 @@ from pushplan.util.names import APPROACH, PUSH, RETREAT, TRANSIT, TRANSIT_CLEARA
 
 PATIENCE = 0.5
 """Share of what is left of the time that a margin may take without a plan, before a lower one is tried."""
-
-AHEAD = np.array([[1.0, 0.0, 0.0]])
 
 BOXED_IN = "boxed in"
 
@@ -220,7 +217,7 @@ class MultiPushSearch:
 
 def _straight(start: FloatArray, length: float) -> PushPath:
     """Return a straight path ahead, or back where the length is negative."""
-    return PushPath(start, np.copysign(1.0, length) * AHEAD, np.array([abs(length)]))
+    return PushPath(start, np.copysign(1.0, length) * AHEAD[None], np.array([abs(length)]))
 
 
 def plan_cost(scenario: Scenario, segments: Segments) -> float:
@@ -267,8 +264,7 @@ def backed_off(room: PushRoom, scenario: Scenario) -> FloatArray:
     robot = scenario.robot_start
     assert scenario.pushes is not None
     enough = max(scenario.clearance, TRANSIT_CLEARANCE) + SLACK
-    x, y, theta = se2.relative(scenario.start, robot)
-    gap = separation(room.load, x, y, theta, enough)
+    gap = separations(room.load, se2.relative(scenario.start, robot)[None], enough)[0]
     return robot if gap >= enough else se2.compose(robot, [-scenario.pushes.retreat, 0.0, 0.0])
 
 
@@ -296,8 +292,9 @@ def _reasons(room: PushRoom, question: Question, found: Found) -> Iterator[Diagn
     if not (found.begins & found.leaves).any():
         what = f"at the start, the robot can drive up to {faces} only, and from there the load is against something"
         # If every settling push ends in something, no longer one is free either.
-        against = all(_ends_in_something(contact, question) for contact in usable)
-        ahead = [_settled(contact, question) for contact in usable]
+        settled = [(contact, _settled(contact, question)) for contact in usable]
+        against = all(separations(contact.scene, pose[None], 1.0)[0] <= 0.0 for contact, pose in settled)
+        ahead = [area_at(contact.mode.load.problem.chain.bodies, pose) for contact, pose in settled]
         around = near_to(room.scenario.obstacles, ahead, room.scenario.clearance)
         yield Diagnosis(BOXED_IN, what, against, blocking=around)
         return
@@ -322,22 +319,13 @@ def _no_room(room: PushRoom, loads: FloatArray, what: str) -> Diagnosis:
     return Diagnosis(BOXED_IN, what, _all_taken(room, loads), blocking=around)
 
 
-def _settled(contact: Contact, question: Question) -> BaseGeometry:
-    """Return what the chain covers after its settling push from the start."""
+def _settled(contact: Contact, question: Question) -> FloatArray:
+    """Return the pose (3,) of the chain after its settling push from the start."""
     pose = se2.compose(question.load, contact.packed.contact)
-    ahead = se2.compose(pose, se2.exp(contact.packed.settle * contact.packed.settling))
-    return area_at(contact.mode.load.problem.chain.bodies, ahead)
-
-
-def _ends_in_something(contact: Contact, question: Question) -> bool:
-    mode = contact.packed
-    x, y, theta = (float(value) for value in se2.compose(question.load, mode.contact))
-    c, s = np.cos(theta), np.sin(theta)
-    dx, dy = mode.settle * mode.settling[:2]
-    return bool(separation(contact.scene, x + c * dx - s * dy, y + s * dx + c * dy, theta, 1.0) <= 0.0)
+    return se2.compose(pose, se2.exp(contact.packed.settle * contact.packed.settling))
 
 
 def _all_taken(room: PushRoom, loads: FloatArray) -> bool:
     """Tell whether the robot would overlap something at every contact, with the load at any of the poses (k, 3)."""
-    poses = [contact.packed.robot_at(load, 0.0) for contact in room.contacts for load in loads]
-    return all(separation(room.robot, p[0], p[1], p[2], 1.0) < room.scenario.clearance for p in poses)
+    poses = np.array([contact.packed.robot_at(load, 0.0) for contact in room.contacts for load in loads])
+    return bool((separations(room.robot, poses, 1.0) < room.scenario.clearance).all())

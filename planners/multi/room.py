@@ -22,7 +22,7 @@ from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import TRANSIT_CLEARANCE
 
-NOWHERE = np.zeros(3)
+NOWHERE, AHEAD = np.zeros(3), np.array([1.0, 0.0, 0.0])
 
 NO_WALLS = np.array([-math.inf, -math.inf, math.inf, math.inf])
 """Of a room without a workspace: xmin, ymin, xmax, ymax."""
@@ -172,8 +172,7 @@ def find_drive(
     """
     robot, objects = _scenes(problem)
     goal = se2.compose(load, [-approach, 0.0, 0.0])
-    x, y, theta = (float(value) for value in goal)
-    if not sweep_is_free(robot, x, y, theta, 1.0, 0.0, 0.0, approach):
+    if not sweep_is_free(robot, goal, AHEAD, approach):
         return None
     wheels = wheels_of(problem.chain.pusher.drive, bounding_circle(robot.body.corners[:, :2])[:2])
     around, state = Surroundings(robot, objects, load), np.array([seed], dtype=np.uint64)
@@ -249,5 +248,4 @@ def reaches(load: Scene, mode: PackedMode) -> bool:
     """Tell whether the robot gets to the contact, and back, without touching the load elsewhere."""
     scene = load.with_distances(0.5 * TOUCHING, 0.25 * TOUCHING)
     far = max(mode.approach, mode.retreat)
-    x, y, theta = mode.robot_at(NOWHERE, far)
-    return far > TOUCHING and sweep_is_free(scene, x, y, theta, 1.0, 0.0, 0.0, far - TOUCHING)
+    return far > TOUCHING and sweep_is_free(scene, mode.robot_at(NOWHERE, far), AHEAD, far - TOUCHING)

@@ -291,8 +291,7 @@ class Ways:
 
 def _detour(begin: FloatArray, end: FloatArray, tries: int) -> float:
     """What the way between two poses (3,) is taken for at a try, m."""
-    x, y, theta = begin
-    return DETOUR ** min(tries, DETOURS) * remaining(x, y, theta, end)
+    return DETOUR ** min(tries, DETOURS) * remaining(begin, end)
 
 
 def _least(poses: FloatArray, pose: FloatArray) -> FloatArray:

@@ -65,7 +65,7 @@ class NearestApproach:
 
     def __init__(self, start: FloatArray, goal: FloatArray) -> None:
         self._goal = goal
-        self.arcs, self.left = np.zeros((0, 4)), remaining(start[0], start[1], start[2], goal)
+        self.arcs, self.left = np.zeros((0, 4)), remaining(start, goal)
 
     def nearer(self, poses: FloatArray) -> int:
         """Return which of the poses (n, 3) is nearest to the goal, -1 where none is nearer than the path's end."""

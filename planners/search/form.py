@@ -60,10 +60,7 @@ class Propagator:
         parent, node = self._rows.get(place, -1), len(tree)
         session.spent(1)
         controls = (control[0], control[1], control[2] * duration)
-        if parent >= 0:
-            kept, cost, to_go, x, y, theta = tree.extend(parent, *controls, self.bound)
-        else:
-            kept, cost, to_go, x, y, theta = tree.extend_from(*place, *controls, self.bound)
+        kept, cost, to_go, x, y, theta = tree.extend(parent, place, controls, self.bound)
         if not kept:
             result.setX(OUTSIDE)
             return
@@ -92,8 +89,7 @@ class Propagator:
         pose = (state.getX(), state.getY(), state.getYaw())
         if pose == self._last:
             return self._distance
-        row, tree = self._rows.get(pose, -1), self.tree
-        cost, to_go = tree.connect(row, self.bound) if row >= 0 else tree.connect_from(*pose, self.bound)
+        cost, to_go = self.tree.connect(self._rows.get(pose, -1), pose, self.bound)
         return 0.0 if cost < self.bound else to_go
 
     def note(self) -> None:

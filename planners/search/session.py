@@ -187,8 +187,7 @@ class Session:
     @property
     def lower_bound(self) -> float:
         """Cost that no path can beat, m: straight travel and the smallest turn, or a higher one that is known."""
-        x, y, theta = self.start
-        return max(self._lower_bound, remaining(x, y, theta, self.problem.goal))
+        return max(self._lower_bound, remaining(self.start, self.problem.goal))
 
     def raise_lower_bound(self, cost: float) -> None:
         """Take over a cost (m) that no path can beat."""

@@ -218,28 +218,13 @@ void bind_collision(nb::module_ &core) {
     m.def("bulges", &bulges, nb::arg("corners"), nb::arg("starts"));
     m.def("standing_shapes", &standing_shapes, nb::arg("corners"), nb::arg("starts"), nb::arg("circles"));
     m.def("join_triangles", &rings_of, nb::arg("corners"), nb::arg("origin"), nb::arg("twin"));
-    m.def(
-        "separation",
-        [](const Scene &scene, double x, double y, double theta, double enough) {
-            return separation(scene, {x, y, theta}, enough);
-        },
-        nb::arg("scene"), nb::arg("x"), nb::arg("y"), nb::arg("theta"), nb::arg("enough"));
     m.def("separations", &separations, nb::arg("scene"), nb::arg("poses"), nb::arg("enough"));
     m.def(
-        "step",
-        [](double x, double y, double theta, double vx, double vy, double omega, double length) {
-            const Pose pose = step({x, y, theta}, {vx, vy, omega}, length);
-            return nb::make_tuple(pose.x, pose.y, pose.theta);
-        },
-        nb::arg("x"), nb::arg("y"), nb::arg("theta"), nb::arg("vx"), nb::arg("vy"), nb::arg("omega"),
-        nb::arg("length"));
-    m.def(
         "sweep_is_free",
-        [](const Scene &scene, double x, double y, double theta, double vx, double vy, double omega, double length) {
-            return sweep_is_free(scene, {x, y, theta}, {vx, vy, omega}, length);
+        [](const Scene &scene, const Numbers &pose, const Numbers &twist, double length) {
+            return sweep_is_free(scene, to_pose(pose), to_twist(twist), length);
         },
-        nb::arg("scene"), nb::arg("x"), nb::arg("y"), nb::arg("theta"), nb::arg("vx"), nb::arg("vy"), nb::arg("omega"),
-        nb::arg("length"));
+        nb::arg("scene"), nb::arg("pose"), nb::arg("twist"), nb::arg("length"));
 }
 
 } // namespace pushplan

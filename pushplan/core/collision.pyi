@@ -132,21 +132,11 @@ def join_triangles(corners: FloatArray, origin: IntArray, twin: IntArray) -> tup
         The corners (k,) of convex pieces, piece after piece, and where each begins (p + 1,).
     """
 
-def separation(scene: Scene, x: float, y: float, theta: float, enough: float) -> float:
-    """Return a lower bound (m) on the distance of the body at a pose from everything, capped at `enough`."""
-
 def separations(scene: Scene, poses: FloatArray, enough: float) -> FloatArray:
-    """Return `separation` (m,) at poses (m, 3)."""
+    """Return lower bounds (m,) on the distance of the body at poses (m, 3) from everything, capped at `enough`, m."""
 
-def step(
-    x: float, y: float, theta: float, vx: float, vy: float, omega: float, length: float
-) -> tuple[float, float, float]:
-    """Return the pose after moving along a constant body twist for `length` (exact exponential)."""
-
-def sweep_is_free(
-    scene: Scene, x: float, y: float, theta: float, vx: float, vy: float, omega: float, length: float
-) -> bool:
-    """Return whether the body keeps clear of everything along an arc: proven, never merely sampled.
+def sweep_is_free(scene: Scene, pose: FloatArray, twist: FloatArray, length: float) -> bool:
+    """Return whether the body keeps clear of everything along an arc from a pose (3,): proven, never merely sampled.
 
     Every pose looked at has `scene.clearance`, every one between has `scene.kept` at least: a separation d at s
     covers all s' with |s' - s| <= (d - kept) / (top speed of the body). Intervals are looked at in the

@@ -89,8 +89,8 @@ class Problem:
     def with_objective(self, objective: Objective) -> Problem:
         """Return it with another objective."""
 
-def remaining(x: float, y: float, theta: float, goal: FloatArray) -> float:
-    """Return a lower bound on the cost from a pose to the goal: straight travel plus the smallest turn."""
+def remaining(pose: FloatArray, goal: FloatArray) -> float:
+    """Return a lower bound on the cost from a pose (3,) to the goal: straight travel plus the smallest turn."""
 
 def random(state: RandomState) -> float:
     """Draw a number in [0, 1) from the generator's state (1,) uint64 (splitmix64, Steele et al. 2014)."""

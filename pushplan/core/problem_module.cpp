@@ -103,8 +103,8 @@ void bind_problem_class(nb::module_ &m) {
         .def(PickledBy{"scene", "segments", "families", "goal", "longest", "objective"});
     m.def(
         "remaining",
-        [](double x, double y, double theta, const Numbers &goal) { return remaining({x, y, theta}, to_pose(goal)); },
-        nb::arg("x"), nb::arg("y"), nb::arg("theta"), nb::arg("goal"));
+        [](const Numbers &pose, const Numbers &goal) { return remaining(to_pose(pose), to_pose(goal)); },
+        nb::arg("pose"), nb::arg("goal"));
     m.def("random", [](RandomState state) { return random_of(state)(); }, nb::arg("state"));
 }
 

@@ -29,28 +29,23 @@ class Tree:
         """The tree, a copy (n, 9): pose, cost from the start, parent, arc that led here (vx, vy, omega, length)."""
 
     def extend(
-        self, row: int, u0: float, u1: float, u2: float, bound: float
+        self, row: int, pose: tuple[float, float, float], controls: tuple[float, float, float], bound: float
     ) -> tuple[bool, float, float, float, float, float]:
-        """Grow by one arc from a row, and try the exact connection from its end to the goal.
+        """Grow by one arc from the pose of a row, and try the exact connection from its end to the goal.
 
         Args:
-            row: Of the parent; what is kept becomes the last row.
-            u0: Which segment of the stable set, in [0, 1].
-            u1: Where on it, likewise.
-            u2: Share of the longest arc.
+            row: Of the parent; what is kept becomes the last row. -1 where no arc from the start led to the pose:
+                nothing becomes a row then.
+            pose: x, y and theta.
+            controls: Which segment of the stable set, where on it, and the share of the longest arc, in [0, 1].
             bound: Cost that a whole path must stay below.
+
+        Returns:
+            Whether it was kept, the cost of the whole path, that of the cheapest word, and the pose.
         """
 
-    def extend_from(
-        self, x: float, y: float, theta: float, u0: float, u1: float, u2: float, bound: float
-    ) -> tuple[bool, float, float, float, float, float]:
-        """Do the same from a pose that no arc from the start led to; nothing becomes a row."""
-
-    def connect(self, row: int, bound: float) -> tuple[float, float]:
-        """Return the cost of a path through a row and any free word, and the cost of the cheapest word."""
-
-    def connect_from(self, x: float, y: float, theta: float, bound: float) -> tuple[float, float]:
-        """Do the same from a pose that no arc from the start led to."""
+    def connect(self, row: int, pose: tuple[float, float, float], bound: float) -> tuple[float, float]:
+        """Return the cost of a path through a row (-1: none) and any free word, and the cost of the cheapest word."""
 
     def room_at(self, x: float, y: float, theta: float) -> float:
         """Return how far (m) the body is from everything at a pose, beyond the clearance; negative if too near.

@@ -25,13 +25,9 @@ nb::object path_or_none(const std::vector<Arc> &path) {
     return nb::cast(to_table(path));
 }
 
-void check_row(std::int64_t row, std::size_t rows) {
-    if (row < 0 || row >= static_cast<std::int64_t>(rows))
+void check_row(std::int64_t row, std::size_t rows, std::int64_t least = 0) {
+    if (row < least || row >= static_cast<std::int64_t>(rows))
         throw std::out_of_range("a tree has no row " + std::to_string(row));
-}
-
-nb::tuple extension_tuple(const Extension &of) {
-    return nb::make_tuple(of.kept, of.cost, of.promise, of.pose.x, of.pose.y, of.pose.theta);
 }
 
 void bind_tree(nb::module_ &m) {
@@ -47,32 +43,22 @@ void bind_tree(nb::module_ &m) {
         .def_prop_ro("nodes", [](const Tree &self) { return to_table(self.nodes()); })
         .def(
             "extend",
-            [](Tree &self, Row row, double u0, double u1, double u2, double bound) {
-                check_row(row, self.nodes().size());
-                return extension_tuple(self.extend(row, {u0, u1, u2}, bound));
+            [](Tree &self, Row row, const std::array<double, 3> &pose, const std::array<double, 3> &controls,
+               double bound) {
+                check_row(row, self.nodes().size(), -1);
+                const Extension found = self.extend(row, pose_at(pose.data()), controls, bound);
+                return nb::make_tuple(found.kept, found.cost, found.promise, found.pose.x, found.pose.y,
+                                      found.pose.theta);
             },
-            nb::arg("row"), nb::arg("u0"), nb::arg("u1"), nb::arg("u2"), nb::arg("bound"))
-        .def(
-            "extend_from",
-            [](const Tree &self, double x, double y, double theta, double u0, double u1, double u2, double bound) {
-                return extension_tuple(self.extend_from({x, y, theta}, {u0, u1, u2}, bound));
-            },
-            nb::arg("x"), nb::arg("y"), nb::arg("theta"), nb::arg("u0"), nb::arg("u1"), nb::arg("u2"), nb::arg("bound"))
+            nb::arg("row"), nb::arg("pose"), nb::arg("controls"), nb::arg("bound"))
         .def(
             "connect",
-            [](const Tree &self, Row row, double bound) {
-                check_row(row, self.nodes().size());
-                const Extension found = self.connect(row, bound);
+            [](const Tree &self, Row row, const std::array<double, 3> &pose, double bound) {
+                check_row(row, self.nodes().size(), -1);
+                const Extension found = self.connect(row, pose_at(pose.data()), bound);
                 return nb::make_tuple(found.cost, found.promise);
             },
-            nb::arg("row"), nb::arg("bound"))
-        .def(
-            "connect_from",
-            [](const Tree &self, double x, double y, double theta, double bound) {
-                const Extension found = self.connect_from({x, y, theta}, bound);
-                return nb::make_tuple(found.cost, found.promise);
-            },
-            nb::arg("x"), nb::arg("y"), nb::arg("theta"), nb::arg("bound"))
+            nb::arg("row"), nb::arg("pose"), nb::arg("bound"))
         .def(
             "room_at", [](const Tree &self, double x, double y, double theta) { return self.room_at({x, y, theta}); },
             nb::arg("x"), nb::arg("y"), nb::arg("theta"));

@@ -24,21 +24,14 @@ Extension Tree::connected(const Node &node, int tries, double bound) const {
     return {kept, node.cost + found.cost, found.promise, node.pose};
 }
 
-Extension Tree::extend(std::int64_t row, const std::array<double, 3> &controls, double bound) {
+Extension Tree::extend(std::int64_t row, const Pose &pose, const std::array<double, 3> &controls, double bound) {
     Node child;
-    if (!grown(nodes_[row], row, controls, bound, child))
+    if (!grown(node_at(row, pose), row, controls, bound, child))
         return {};
     const Extension extension = connected(child, TRIES, bound);
-    if (extension.kept)
+    if (extension.kept && row >= 0)
         nodes_.push_back(child);
     return extension;
-}
-
-Extension Tree::extend_from(const Pose &pose, const std::array<double, 3> &controls, double bound) const {
-    Node child;
-    if (!grown(stray(pose), -1, controls, bound, child))
-        return {};
-    return connected(child, TRIES, bound);
 }
 
 } // namespace pushplan

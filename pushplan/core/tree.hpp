@@ -32,19 +32,16 @@ class Tree {
 
     const std::vector<Node> &nodes() const { return nodes_; }
 
-    // Grow by one arc from a row, and try the exact connection from its end to the goal. What is kept is appended.
+    // Grow by one arc from the pose of a row, and try the exact connection from its end to the goal. What is kept is
+    // appended, unless the row is -1: no arc from the start led to such a pose.
     //
     // The controls are three numbers in [0, 1]: which segment of the stable set, where on it, length of the arc; a
     // whole path must stay below the bound.
-    Extension extend(std::int64_t row, const std::array<double, 3> &controls, double bound);
+    Extension extend(std::int64_t row, const Pose &pose, const std::array<double, 3> &controls, double bound);
 
-    // The same from a pose that no arc from the start led to; nothing is appended.
-    Extension extend_from(const Pose &pose, const std::array<double, 3> &controls, double bound) const;
-
-    // Connect a row, or a pose that no arc from the start led to, with the goal by any word.
-    Extension connect(std::int64_t row, double bound) const { return connected(nodes_[row], MAX_WORDS, bound); }
-    Extension connect_from(const Pose &pose, double bound) const {
-        return connected(stray(pose), MAX_WORDS, bound);
+    // Connect the pose of a row, or of none, with the goal by any word.
+    Extension connect(std::int64_t row, const Pose &pose, double bound) const {
+        return connected(node_at(row, pose), MAX_WORDS, bound);
     }
 
     // How far (m) the body is from everything at a pose, beyond the clearance; negative where it is too near. Distances
@@ -55,7 +52,9 @@ class Tree {
     }
 
   private:
-    Node stray(const Pose &pose) const {
+    Node node_at(std::int64_t row, const Pose &pose) const {
+        if (row >= 0)
+            return nodes_[row];
         return {pose, remaining(nodes_[0].pose, pose), -1.0, {{0.0, 0.0, 0.0}, 0.0}};
     }
     bool grown(const Node &parent, std::int64_t row, const std::array<double, 3> &controls, double bound,

@@ -11,8 +11,7 @@ import numpy as np
 
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose, inverse, pose_error
-from pushplan.planners.multi.multi_push import AHEAD
-from pushplan.planners.multi.room import find_drive
+from pushplan.planners.multi.room import AHEAD, find_drive
 from pushplan.planners.planner import Planner
 from pushplan.planners.timing.segments import time_segments
 from pushplan.plans.goals import in_row
@@ -106,7 +105,7 @@ def legs_to(
         return []
     ways = {
         TRANSIT: PushPath.of_arcs(robot, arcs),
-        APPROACH: PushPath(compose(contact, [-pushes.approach, 0.0, 0.0]), AHEAD, np.array([pushes.approach])),
+        APPROACH: PushPath(compose(contact, [-pushes.approach, 0.0, 0.0]), AHEAD[None], np.array([pushes.approach])),
     }
     kinds = {TRANSIT: None, APPROACH: load}
     made = [
