@@ -81,6 +81,8 @@ def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captur
     (["simulate", "one-box", "--no-log", "-o", "x"], "--no-log does not go together with -o and --runs"),
     (["plan", "no-such.yaml"], "no-such.yaml: cannot read the file: No such file"),
     (["replay", "no-such.mcap"], "no-such.mcap"),
+    (["plan", "two-crates", "--panels", "set"], "--panels has no meaning without --plot"),
+    (["replay", "no-such.mcap", "--rate", "2"], "--rate has no meaning without --mp4"),
 ])  # fmt: skip
 def test_wrong_words_end_with_a_message_and_exit_code_2(words: list[str], message: str, capsys: Captured) -> None:
     assert main(words) == 2

@@ -327,6 +327,13 @@ def code_of(source: object, note: Callable[[str], None], forbidden: bool) -> Ite
         yield observer
 
 
+def only_with(partner: str, wanted: bool, **options: object) -> None:
+    """Refuse options that have no meaning without another one."""
+    for name, value in options.items():
+        if value is not None and not wanted:
+            raise UsageError(f"--{name} has no meaning without --{partner}")
+
+
 def check_outputs(
     sources: Sequence[str | Path], picture: Path | None, *others: Path | None, log: Path | None = None
 ) -> None:

@@ -61,6 +61,7 @@ def plan(
     from pushplan.cli.render import exit_code, headline, plan_document, plan_rows, remarks_on, write_page
 
     p.check_outputs([scenario, *maps], plot, html, log=log.output)
+    p.only_with("plot", plot is not None, panels=panels)
     with p.code_of(scenario, console.note, no_code):
         with leaving_at_once():  # nothing is lost yet
             stated = _load(scenario, maps, console)

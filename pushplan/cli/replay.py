@@ -57,9 +57,7 @@ class ExportsError(PushplanError):
 @p.panels_option
 @_writer_options
 @click.option("--export", "exports", type=p.EXPORT, multiple=True, help="Write a FILE by an exporter of yours.")
-@click.option(
-    "--rate", type=p.RATE, default=1.0, metavar="X", help="With --mp4: seconds of the run in each of the film."
-)
+@click.option("--rate", type=p.RATE, metavar="X", help="With --mp4: seconds of the run in each of the film.")
 @click.option("--frames", metavar="MAP,BASE", help="With --ros2: frames above the chain, or MAP,ODOM,BASE.")
 @click.option(
     "--epoch",
@@ -77,7 +75,7 @@ def replay(
     physics: bool,
     plot: Path | None,
     panels: tuple[str, ...] | None,
-    rate: float,
+    rate: float | None,
     frames: str | None,
     epoch: float | None,
     exports: tuple[tuple[str, Path], ...],
@@ -89,6 +87,9 @@ def replay(
     source = log_meant(log, runs)
     wanted = {name: path for name, path in files.items() if path is not None} | dict(exports)
     p.check_outputs([source], plot, *_outputs(wanted), log=recovered)
+    p.only_with("plot", plot is not None, panels=panels)
+    p.only_with("mp4", "mp4" in wanted, rate=rate)
+    p.only_with("ros2", "ros2" in wanted, frames=frames, epoch=epoch)
     with console.working(f"reading {source}"):
         run = _read(source, recovered, verify)
     if physics:
@@ -103,7 +104,7 @@ def replay(
         document["physics"], kept = execute_in_physics(run.scenario, run.plan, console)
         matches = matches and kept
     if plot is not None or wanted:
-        how: dict[str, dict[str, Any]] = {"plot": {"panels": panels}, "mp4": {"rate": rate}}
+        how: dict[str, dict[str, Any]] = {"plot": {"panels": panels}, "mp4": {"rate": rate or 1.0}}
         if "ros2" in wanted:
             from pushplan.logging.rviz import Frames
 
