@@ -421,10 +421,5 @@ def _set_aside(alone: Scenario) -> Scenario:
 
 def _places(piece: Piece, pose: FloatArray) -> tuple[Goal, ...]:
     """Return where straight pushes lead from a pose (3,), nearest first."""
-    stated = piece.search.scenario.goal
-    ahead = {
-        tuple(np.round(se2.rotate(contact.packed.contact[2], contact.packed.settling[:2]), 9))
-        for contact in piece.search.room(0).contacts
-    }
-    places = [se2.compose(pose, [away * x, away * y, 0.0]) for away in AWAY for x, y in sorted(ahead)]
+    stated, places = piece.search.scenario.goal, piece.pushed_straight(pose, AWAY)
     return tuple(replace(stated, pose=place, of=None, pose_chain=place) for place in places)

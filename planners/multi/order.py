@@ -21,7 +21,6 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pushplan.geometry import se2
 from pushplan.planners.multi.search import Limits
 from pushplan.planners.multi.tours import Tours
 from pushplan.planners.multi.transfers import Piece, Situation, Transfer, find_transfer, situation_after
@@ -350,7 +349,7 @@ class Order:
         own, pose = self._pieces[piece], now.poses[piece]
         taken = self._taken(now, piece)
         tolerance = own.search.scenario.goal
-        places = [p for p in (*_straight(own, pose), *self._scattered(pose)) if _is_free(own, p, taken)]
+        places = [p for p in (*own.pushed_straight(pose, AWAY), *self._scattered(pose)) if _is_free(own, p, taken)]
         nearest = sorted(places, key=lambda p: math.hypot(*(p - pose)[:2]))[:MOST_PLACES]
         return tuple(Goal(p, None, p, tolerance.position_tolerance, tolerance.angle_tolerance) for p in nearest)
 
@@ -367,13 +366,6 @@ class Order:
             away, way = self._random.uniform(AWAY[0], AWAY[-1]), self._random.uniform(-np.pi, np.pi)
             turn = self._random.uniform(-np.pi, np.pi)
             yield pose + np.array([away * math.cos(way), away * math.sin(way), turn])
-
-
-def _straight(piece: Piece, pose: FloatArray) -> Iterator[FloatArray]:
-    for contact in piece.search.room(0).contacts:
-        ahead = se2.rotate(contact.packed.contact[2], contact.packed.settling[:2])
-        for away in AWAY:
-            yield se2.compose(pose, np.append(away * ahead, 0.0))
 
 
 def _is_free(piece: Piece, pose: FloatArray, taken: BaseGeometry) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -55,6 +55,12 @@ class Piece:
     def area(self, pose: FloatArray) -> BaseGeometry:
         """Return what it covers, its frame being at a pose (3,)."""
         return shapely.multipolygons([obstacle.core for obstacle in self.obstacles(pose)])
+
+    def pushed_straight(self, pose: FloatArray, distances: Iterable[float]) -> list[FloatArray]:
+        """Return where straight pushes by its contacts lead from a pose (3,), by one distance (m) after the other."""
+        contacts = [contact.packed for contact in self.search.room(0).contacts]
+        ahead = np.unique([np.round(se2.rotate(one.contact[2], one.settling[:2]), 9) for one in contacts], axis=0)
+        return [se2.compose(pose, [away * x, away * y, 0.0]) for away in distances for x, y in ahead]
 
     @cached_property
     def goal_areas(self) -> list[BaseGeometry]:

@@ -30,9 +30,9 @@ from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import GRAVITY, PLATE, Chain, InertiaTable, inertia_table
 from pushplan.mechanics.heights import counts_by_centre, inertia_shifts
 from pushplan.mechanics.intervals import IntervalChain
-from pushplan.mechanics.packed import pack_chain
+from pushplan.mechanics.packed import chain_rows, pack_chain
 from pushplan.mechanics.sphere import WORTHWHILE, by_direction, checked_twists
-from pushplan.mechanics.uncertain import IntervalInertia, contact_facets, pack_centred, pack_loads
+from pushplan.mechanics.uncertain import IntervalInertia, pack_centred, pack_loads
 from pushplan.util.arrays import FloatArray, frozen
 
 
@@ -156,7 +156,7 @@ class ContactDynamics(MotionConditions):
     @cached_property
     def facets(self) -> FloatArray:
         """(n, 4, 3) unit facets g of the contacts, g . (f_x, f_y, m / length)."""
-        return contact_facets(self.chain)
+        return chain_rows(self.chain)
 
     @cached_property
     def loads(self) -> uncertain.PackedLoads:

@@ -80,9 +80,7 @@ def pack_chain(chain: Chain) -> contacts.PackedChain:
             of an object.
     """
     pushers = [contact.pusher for contact in chain.contacts]
-    length = chain.characteristic_length
-    rows = np.array([contact_rows(contact, length) for contact in chain.contacts])
-    return _pack(chain.objects, pushers, chain.contact_height, rows, length)
+    return _pack(chain.objects, pushers, chain.contact_height, chain_rows(chain), chain.characteristic_length)
 
 
 def pack_object(obj: PushedObject, contact_height: float = 0.0) -> contacts.PackedChain:
@@ -93,6 +91,11 @@ def pack_object(obj: PushedObject, contact_height: float = 0.0) -> contacts.Pack
 def pack_objects(objects: Sequence[PushedObject], contact_height: float = 0.0) -> contacts.PackedChain:
     """Return the arrays of objects without contacts; see `pack_chain`."""
     return _pack(objects, [PLATE] * len(objects), contact_height, np.zeros((0, 4, 3)), 1.0)
+
+
+def chain_rows(chain: Chain) -> FloatArray:
+    """Return `contact_rows` (n, 4, 3) of all contacts, moments divided by the chain's characteristic length."""
+    return np.array([contact_rows(contact, chain.characteristic_length) for contact in chain.contacts])
 
 
 def contact_rows(contact: Contact, length: float) -> FloatArray:

@@ -19,7 +19,7 @@ from pushplan.mechanics.chain import GRAVITY, Chain, InertiaTable, PushedObject,
 from pushplan.mechanics.contacts import carried_objects
 from pushplan.mechanics.heights import CELLS_MISS, LoadArea, counts_by_centre, load_areas, loads_move
 from pushplan.mechanics.intervals import IntervalChain
-from pushplan.mechanics.packed import contact_rows, pack_objects
+from pushplan.mechanics.packed import chain_rows, pack_objects
 from pushplan.mechanics.perturb import with_objects
 from pushplan.mechanics.support import FeetSupport
 from pushplan.util.arrays import FloatArray, IntArray
@@ -107,15 +107,9 @@ def _pack(
         centred=any(area is not None for area in areas),
         loads=loads,
         carried=carried_objects(chain),
-        facets=contact_facets(chain),
+        facets=chain_rows(chain),
         length=chain.characteristic_length,
     )
-
-
-def contact_facets(chain: Chain) -> FloatArray:
-    """Return the unit facets g (n, 4, 3) of all contacts' wrench cones, g . (f_x, f_y, m / length)."""
-    length = chain.characteristic_length
-    return np.array([contact_rows(contact, length) for contact in chain.contacts])
 
 
 def _center(area: LoadArea | None) -> list[float]:
