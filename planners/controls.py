@@ -40,6 +40,8 @@ def control_segments(stable: StableSet, drive: Drive, margin: float, count: int 
     """
     if drive.axle is None:
         meridians = stable.meridians(margin, count)
+        if not len(meridians.longitude):  # a set so small that it lies between them
+            meridians = stable.refined_meridians(margin).meridians
         length = stable.chain.characteristic_length
         ends = [twists_at(meridians.longitude, lat, length) for lat in (meridians.lower, meridians.upper)]
         segments = np.hstack(ends)

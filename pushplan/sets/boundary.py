@@ -314,12 +314,20 @@ def _refined(asked: Asked, table: Table, left: IntArray, right: IntArray) -> Tab
 
 
 def first_meridians(asked: Asked) -> Table:
-    """Return meridians a few degrees apart, and one through every component that samples lead to."""
+    """Return meridians a few degrees apart, and one through every component that samples lead to.
+
+    Where there is none, samples are as close together as those that peaks are found from.
+    """
+    table = _sampled_meridians(asked, _FIRST)
+    return table if table.counts.any() else _sampled_meridians(asked, _SHAPE)
+
+
+def _sampled_meridians(asked: Asked, shape: tuple[int, int]) -> Table:
     floor = asked.minimum - PROMISING
-    samples = SphereSamples.of(asked.margin, asked.length, floor, _FIRST)
+    samples = SphereSamples.of(asked.margin, asked.length, floor, shape)
     at, values = samples.maxima(floor)
     at, values = at[values <= asked.minimum], values[values <= asked.minimum]
-    climb(asked.margin, asked.length, at, values, np.pi / _FIRST[1], asked.minimum)
+    climb(asked.margin, asked.length, at, values, np.pi / shape[1], asked.minimum)
     seeds = at[values > asked.minimum]
     longitude = np.concatenate([samples.longitude, np.arctan2(seeds[:, 1], seeds[:, 0])])
     f, rows = asked.excess(longitude), samples.on_meridians(floor)

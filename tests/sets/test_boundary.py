@@ -9,6 +9,8 @@ from conftest import ChainMaker, there
 
 from pushplan.mechanics.contacts import cof
 from pushplan.mechanics.sphere import angles_of, twists_about, twists_at
+from pushplan.planners.controls import control_segments, segment_ends
+from pushplan.scenario.builders import box, build_scenario, plate, polygon
 from pushplan.sets.cor import cor_polygons
 from pushplan.sets.known_load_sets import IntersectionSet
 from pushplan.sets.named import stable_set
@@ -159,3 +161,29 @@ def test_translation_cone_agrees_with_the_paper(make_chain: ChainMaker, seed: in
     if cone is not None:
         np.testing.assert_allclose(np.arctan2(cone[:, 1], cone[:, 0]), [low, high], atol=1e-11)
         assert stable_set(chain).contains(np.column_stack([cone, [0.0, 0.0]])).all()
+
+
+@pytest.mark.parametrize("share", [0.5, 0.99])
+def test_a_set_that_is_smaller_than_the_gaps_between_samples_and_meridians_can_be_planned_in(share: float) -> None:
+    """A heavy object far ahead of the plate leaves turns to one side only, within a degree or two."""
+    wedge = [[0.0, -0.034], [0.038, -0.022], [0.038, 0.012], [0.0, 0.034]]
+    objects = [
+        box("a", 0.246, 0.34, mass=0.09),
+        box("b", 0.178, 0.356, mass=0.3, offset=-0.053),
+        polygon("c", wedge, mass=20.2, offset=-0.004),
+        box("d", 0.075, 0.308, mass=4.77, offset=0.05),
+    ]
+    scenario = build_scenario(
+        "island",
+        objects,
+        plate(0.269, friction=0.33),
+        goal=(1.0, 0.0, 0.0),
+        floor_friction=0.241,
+        contact_friction=0.35,
+    )
+    chain = scenario.chain
+    stable = stable_set(chain)
+    margin = share * float(stable.peaks[1].max())
+    segments = control_segments(stable, chain.pusher.drive, margin)
+    assert len(segments) > 0
+    assert (stable.margin(segment_ends(segments)) > margin).all()
