@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Self
 
 import numpy as np
 
@@ -110,7 +109,7 @@ class ClosedLoopRun:
         asked = self.scenario, self.plan, self.settings, self.sensor, self.seed, self.disturbances
         with _Growing(*asked, SILENT, None, path, None) as growing:
             growing.begin(self.plan)
-            growing.end(self)
+            growing.completed(self)
 
 
 def execution_of(scenario: Scenario, plan: Plan, course: SimulatedPush, feedback: Feedback) -> Execution:
@@ -144,8 +143,8 @@ def events_until(
     return tuple(sorted([*happened, *noticed], key=lambda event: event.time))
 
 
-class _Growing:
-    """The log of a simulated run: a context manager; what it has written outlives a kill."""
+class _Growing(Recording):
+    """The log of a simulated run; what it has written outlives a kill."""
 
     def __init__(
         self,
@@ -163,7 +162,7 @@ class _Growing:
         fields = fields_of(scenario, PlanSettings(seed=seed))
         if plan is not None:
             fields |= {"planner": plan.planner, "set": plan.stable_set}
-        self._recording = Recording(scenario, fields, log, runs, observer.message)
+        super().__init__(scenario, fields, log, runs, observer.message)
         self._scenario, self._progress, self._disturbances = scenario, progress, disturbances
         found = {
             "settings": None if settings is None else asdict(settings),
@@ -171,19 +170,12 @@ class _Growing:
             "disturbances": [asdict(disturbance) for disturbance in disturbances],
         }
         words = {name: json.dumps(value) for name, value in found.items()}
-        self._recording.write(lambda log: log.note(CONTROL, words))
-
-    def __enter__(self) -> Self:
-        self._recording.__enter__()
-        return self
-
-    def __exit__(self, *error: Any) -> None:
-        self._recording.__exit__(*error)
+        self.write(lambda log: log.note(CONTROL, words))
 
     def begin(self, plan: Plan, controller: Controller | None = None) -> None:
         """Write the plan that is executed first."""
         self._plan, self._controller = plan, controller
-        self._recording.write(lambda log: log.plan(plan))
+        self.write(lambda log: log.plan(plan))
 
     def grown(self, course: SimulatedPush) -> None:
         """Write what has come since the last time; the `progress` of `simulate_push`."""
@@ -193,24 +185,24 @@ class _Growing:
         events = events_until(float(course.t[-1]), course.names, self._disturbances, self._controller)
         feedback = Feedback(course.measured, events, replans)
         execution = execution_of(self._scenario, self._plan, course, feedback).until(known)
-        self._recording.write(lambda log: log.feedback(feedback))
-        self._recording.write(lambda log: log.samples(execution))
+        self.write(lambda log: log.feedback(feedback))
+        self.write(lambda log: log.samples(execution))
         if self._progress is not None:
             self._progress(float(course.t[-1]))
 
-    def end(self, run: ClosedLoopRun) -> ClosedLoopRun:
+    def completed(self, run: ClosedLoopRun) -> ClosedLoopRun:
         """Write the rest; return the run with its log.
 
         Raises:
             IncompleteLogError: When the log that is named could not be written.
         """
-        self._recording.write(lambda log: log.feedback(run.feedback))
-        self._recording.write(lambda log: log.execution(run.execution))
+        self.write(lambda log: log.feedback(run.feedback))
+        self.write(lambda log: log.execution(run.execution))
         if run.reason:
-            self._recording.write(lambda log: log.log("warning", f"{run.outcome}: {run.reason}"))
-        self._recording.finish(run.outcome)
-        self._recording.require_whole(run)
-        return replace(run, log=self._recording.log)
+            self.write(lambda log: log.log("warning", f"{run.outcome}: {run.reason}"))
+        self.finish(run.outcome)
+        self.require_whole(run)
+        return replace(run, log=self.log)
 
 
 def run_closed_loop(
@@ -281,7 +273,7 @@ def run_closed_loop(
             outcome, reason = _end_of(controller, course)
         events = events_until(float(course.t[-1]), course.names, disturbances, controller)
         replans = () if controller is None else tuple(controller.replans)
-        return growing.end(ClosedLoopRun(scenario, plan, course, events, replans, outcome, reason, *asked))
+        return growing.completed(ClosedLoopRun(scenario, plan, course, events, replans, outcome, reason, *asked))
 
 
 def _end_of(controller: Controller, course: SimulatedPush) -> tuple[str, str]:

@@ -5,7 +5,7 @@ Paths and trajectories of segments are of the plate frame; see `load` for the fr
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -131,26 +131,26 @@ class Segment:
             start=self.contact_path.start,
             goal=goal,
             workspace=scenario.workspace,
-            obstacles=(*scenario.obstacles, *self.standing_obstacles(scenario, (self.onto,))),
+            obstacles=(*scenario.obstacles, *standing_obstacles(scenario, self.standing(), (self.onto,))),
             clearance=scenario.clearance,
             trajectory=scenario.trajectory,
             pushes=None,
             name=f"{scenario.name}: {self.load.face}",
         )
 
-    def standing_obstacles(self, scenario: Scenario, leave_out: tuple[str, ...] = ()) -> tuple[Obstacle, ...]:
-        """Return the bodies that rest during the segment as obstacles, but for those left out by name."""
-        poses = self.standing()
-        return tuple(
-            PolygonObstacle(se2.transform_points(poses[obj.name], obj.outline))
-            for obj in scenario.objects
-            if obj.name in poses and obj.name not in leave_out
-        )
-
     def standing(self) -> dict[str, FloatArray]:
         """Return where the bodies are that rest during the segment."""
         moving = self.load.names if self.pushes and self.load is not None else ()
         return {name: pose for name, pose in self.before.items() if name not in moving}
+
+
+def standing_obstacles(scenario: Scenario, poses: Poses, leave_out: Collection[str]) -> tuple[Obstacle, ...]:
+    """Return objects as obstacles where they stand, at poses (3,) by name, but for those left out."""
+    return tuple(
+        PolygonObstacle(se2.transform_points(poses[obj.name], obj.outline))
+        for obj in scenario.objects
+        if obj.name in poses and obj.name not in leave_out
+    )
 
 
 def join(segments: tuple[Segment, ...]) -> Trajectory | None:

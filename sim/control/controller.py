@@ -25,7 +25,7 @@ from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Event, Replan
-from pushplan.plans.segment import Segment
+from pushplan.plans.segment import Segment, standing_obstacles
 from pushplan.plans.settings import Observer
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Obstacle
@@ -34,7 +34,7 @@ from pushplan.sim.control.following import Following
 from pushplan.sim.control.jobs import Phase, PushJob, alone, is_last, push_job
 from pushplan.sim.control.pushing import PushLoop
 from pushplan.sim.control.replanner import Replanner, first_plan
-from pushplan.sim.control.rest import Leg, RestPlanner, legs_to, standing_obstacles, travel_of
+from pushplan.sim.control.rest import Leg, RestPlanner, legs_to, travel_of
 from pushplan.sim.control.sensing import MEMORY, Odometry, Sightings
 from pushplan.sim.control.settings import ControlSettings, words
 from pushplan.sim.control.standing import Deliveries, Standing
@@ -249,7 +249,7 @@ class Controller:
 
     def _around(self, load: Load) -> tuple[Obstacle, ...]:
         """Return obstacles, and all objects that are not pushed where they are believed to stand."""
-        return standing_obstacles(self.scenario, self._obstacles, self._standing.by_name, load.names)
+        return (*self._obstacles, *standing_obstacles(self.scenario, self._standing.by_name, load.names))
 
     def _decide(self) -> None:
         """Go on with the push, or with what the plate does alone."""

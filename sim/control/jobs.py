@@ -9,11 +9,10 @@ from enum import Enum
 
 from pushplan.geometry.se2 import compose, inverse, relative, wrap_angle
 from pushplan.plans.plan import Plan
-from pushplan.plans.segment import Poses, Segment
+from pushplan.plans.segment import Poses, Segment, standing_obstacles
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Obstacle
 from pushplan.sim.closing import OFF as CLOSES
-from pushplan.sim.control.rest import standing_obstacles
 from pushplan.util.arrays import FloatArray
 
 PASSING = 2.0
@@ -97,7 +96,7 @@ def push_job(
         position, turn = tolerance[0], SQUARE * tolerance[1]
     of = scenario.goal.of if last and not scenario.bodies else None
     goal = replace(problem.goal, of=of, position_tolerance=position, angle_tolerance=turn)
-    around = standing_obstacles(scenario, obstacles, poses, (*load.names, segment.onto))
+    around = (*obstacles, *standing_obstacles(scenario, poses, (*load.names, segment.onto)))
     problem = replace(problem, goal=goal, obstacles=around)
     length = straight_onto(segment, plate, poses, tolerance) if segment.onto else None
     return PushJob(

@@ -19,7 +19,7 @@ from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Replan
-from pushplan.plans.segment import Poses, Segment
+from pushplan.plans.segment import Poses, Segment, standing_obstacles
 from pushplan.plans.settings import Margin, Observer, PlanSettings
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Goal, Obstacle
@@ -38,15 +38,6 @@ SAME = 1e-4, 1e-4
 """Up to so far (m, rad) off its beginning a planned way is driven as it is."""
 Leg = tuple[int, Segment]
 """Index of a segment of the plan, and how it is driven."""
-
-
-def standing_obstacles(
-    scenario: Scenario, obstacles: Sequence[Obstacle], poses: Poses, leave_out: tuple[str, ...]
-) -> tuple[Obstacle, ...]:
-    """Return obstacles and all objects of a scenario where they stand, but for some."""
-    nowhere = PushPath(np.zeros(3), np.zeros((0, 3)), np.zeros(0))
-    resting = Segment(TRANSIT, nowhere, poses, poses)
-    return (*obstacles, *resting.standing_obstacles(scenario, leave_out))
 
 
 def travel_of(segments: Iterable[Segment]) -> float:
@@ -90,7 +81,7 @@ def legs_to(
         return [(i, segments[i]) for i in range(begin, k)]
     pushes = scenario.pushes
     assert pushes is not None
-    around = standing_obstacles(scenario, obstacles, poses, load.names)
+    around = (*obstacles, *standing_obstacles(scenario, poses, load.names))
     problem = replace(
         load.problem,
         obstacles=around,
