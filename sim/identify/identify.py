@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -23,40 +24,6 @@ STEP = 5e-3
 """Of finite differences in the unit cube: mode switches make errors slightly uneven on smaller ones."""
 LOOKED_AT, STARTS = 256, 4
 """Places that are looked at, and the best of them, from which a search for the most likely one begins."""
-
-Errors = Callable[[FloatArray], FloatArray]
-"""From a place (p,) in the unit cube to errors (k,) over their expected size."""
-
-
-def best_starts(errors: Errors, count: int) -> list[FloatArray]:
-    """Return the best of some places (p,) spread over the unit cube, its middle among them."""
-    spread = qmc.Sobol(count, seed=1).random(LOOKED_AT) if count else np.zeros((1, 0))
-    places = np.vstack([np.full((1, count), 0.5), 0.02 + 0.96 * spread])
-    return list(places[np.argsort([cost(errors(place)) for place in places], kind="stable")[:STARTS]])
-
-
-def cost(errors: FloatArray) -> float:
-    """Return the sum of squares."""
-    return float((np.asarray(errors) ** 2).sum())
-
-
-def refined(errors: Errors, start: FloatArray, jacobian: Callable[[FloatArray], FloatArray], free: int) -> FloatArray:
-    """Return the nearest place with the least sum of squares.
-
-    Args:
-        errors: Of all unknowns, those in the unit cube first.
-        start: (p + free,) where to begin.
-        jacobian: Of `errors`.
-        free: Number of unknowns behind those in the unit cube that may have any value.
-    """
-    bounded = len(start) - free
-    low = np.concatenate([np.zeros(bounded), np.full(free, -np.inf)])
-    high = np.concatenate([np.ones(bounded), np.full(free, np.inf)])
-    # Off the sides: the trust region of `least_squares` scales by the distance to bounds and would hardly leave one.
-    inside = np.concatenate([np.clip(start[:bounded], 0.01, 0.99), start[bounded:]])
-    found = least_squares(errors, inside, jac=jacobian, bounds=(low, high), xtol=1e-4, ftol=1e-4, max_nfev=20)
-    return np.asarray(found.x)
-
 
 EXPECTED = np.array([1e-3, 1e-3, 5e-3])
 """Errors of measured poses to begin with: m, m, rad."""
@@ -171,19 +138,34 @@ class _Problem:
 
     def best(self) -> FloatArray:
         """Return the most likely place, with expected errors that are as large as those it leaves."""
-        none = np.zeros(len(self.comparisons) * self.shape[0] * 3)
         # Where contacts change what they do there may be several minima, and one search ends in the nearest.
-        starts = best_starts(lambda parts: self.errors(np.concatenate([parts, none])), self.count)
-        places = [self._refined(np.concatenate([start, none])) for start in starts]
-        place = min(places, key=lambda found: cost(self.errors(found)))
+        place = min((self._refined(start) for start in self._starts()), key=self._cost)
         self.scales = self._left_over(place)
         # Only now is it known how good measurements are: the same errors weigh differently against each other.
         place = self._refined(place)
         self.scales = self._left_over(place)
         return place
 
+    def _cost(self, place: FloatArray) -> float:
+        return float((self.errors(place) ** 2).sum())
+
+    def _starts(self) -> list[FloatArray]:
+        """Return the best of some places spread over the unit cube, its middle among them; all begin as measured."""
+        count = self.count
+        spread = qmc.Sobol(count, seed=1).random(LOOKED_AT) if count else np.zeros((1, 0))
+        parts = np.vstack([np.full((1, count), 0.5), 0.02 + 0.96 * spread])
+        places = np.hstack([parts, np.zeros((len(parts), len(self.comparisons) * self.shape[0] * 3))])
+        return list(places[np.argsort([self._cost(place) for place in places], kind="stable")[:STARTS]])
+
     def _refined(self, start: FloatArray) -> FloatArray:
-        return refined(self.errors, start, self.jacobian, free=len(start) - self.count)
+        """Return the nearest place with the least sum of squares, within the cube; pushes may have begun anywhere."""
+        bounded, free = self.count, len(start) - self.count
+        low = np.concatenate([np.zeros(bounded), np.full(free, -np.inf)])
+        high = np.concatenate([np.ones(bounded), np.full(free, np.inf)])
+        # Off the sides: the trust region of `least_squares` scales by the distance to bounds and would hardly leave.
+        inside = np.concatenate([np.clip(start[:bounded], 0.01, 0.99), start[bounded:]])
+        how: dict[str, Any] = {"bounds": (low, high), "xtol": 1e-4, "ftol": 1e-4, "max_nfev": 20}
+        return np.asarray(least_squares(self.errors, inside, jac=self.jacobian, **how).x)
 
     def _left_over(self, place: FloatArray) -> FloatArray:
         """Return the root mean square errors that a place leaves: of poses and wrenches, alike along x and y."""
