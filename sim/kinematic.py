@@ -67,15 +67,14 @@ def execute(scenario: Scenario, segments: tuple[Segment, ...], planned: str) -> 
     judge, needed, columns = "", np.full(len(t), np.nan), dict[str, FloatArray]()
     for k, segment in enumerate(segments):
         if segment.pushes and segment.load is not None:
-            inside = np.flatnonzero(owner == k)
-            moved = np.array([names.index(name) for name in segment.load.names])
+            inside, moved = _samples(owner, k), [names.index(name) for name in segment.load.names]
             found = contacts_along(segment, planned, t[inside] - (ends[k] - segment.duration))
             judge, needed[inside] = found.judge, found.needed
             for field in ("margins", "dynamic", "friction_margins", "lambdas", "forces"):
                 values = getattr(found, field)
                 if values is not None:
                     whole = columns.setdefault(field, np.full((len(t), len(names), *values.shape[2:]), np.nan))
-                    whole[np.ix_(inside, moved)] = values
+                    whole[inside, moved] = values
     unknown = np.full((len(t), len(names)), np.nan)
     margins, dynamic = columns.get("margins", unknown), columns.get("dynamic", unknown)
     deciding = np.fmin(margins, dynamic) if scenario.pusher.limits.contact == "dynamic" else margins
@@ -104,23 +103,29 @@ def execute(scenario: Scenario, segments: tuple[Segment, ...], planned: str) -> 
     )
 
 
+def _samples(owner: IntArray, k: int) -> slice:
+    """Return the samples of segment k, given the segment of each one, in order."""
+    return slice(*np.searchsorted(owner, [k, k + 1]).tolist())
+
+
 def _carried(scenario: Scenario, segments: tuple[Segment, ...], poses: FloatArray, owner: IntArray) -> FloatArray:
     """Return the poses (m, n, 3) of all objects while the plate has poses (m, 3), in the segments `owner` (m,)."""
     now = dict(scenario.poses)
     names = tuple(now)
     objects = np.empty((len(poses), len(names), 3))
     for k, segment in enumerate(segments):
-        inside = np.flatnonzero(owner == k)
+        inside = _samples(owner, k)
         objects[inside] = np.stack([now[name] for name in names])
         if not segment.pushes or segment.load is None:
             continue
         begin, end = segment.path.start, _timed(segment).break_poses[-1]
-        for name in segment.load.names:
-            # Objects rest where the push before has left them, whatever the plan says.
-            held = se2.relative(begin, now[name])
-            objects[inside, names.index(name)] = se2.compose(poses[inside], held)
-            now[name] = se2.compose(end, held)
-    objects[..., 2] = np.unwrap(objects[..., 2], axis=0)  # the robot may have turned fully between two pushes
+        # Objects rest where the push before has left them, whatever the plan says.
+        held = se2.relative(begin, np.array([now[name] for name in segment.load.names]))
+        there = poses[inside].copy()
+        # The robot may have turned fully between two pushes.
+        there[:, 2] -= 2.0 * np.pi * np.round((there[:1, 2] - begin[2]) / (2.0 * np.pi))
+        objects[inside, [names.index(name) for name in segment.load.names]] = se2.compose(there[:, None], held)
+        now |= zip(segment.load.names, se2.compose(end, held), strict=True)
     return objects
 
 

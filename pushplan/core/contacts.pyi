@@ -102,3 +102,11 @@ def inertia_per_object(
         twists: (m, 3) body twists V in the chain frame.
         rates: (m, 3) their time derivatives dV/dt.
     """
+
+def sum_over_carried(per_object: FloatArray, pushers: IntArray) -> None:
+    """Add to what each object has (m, n, 3) that of all objects that its contact carries.
+
+    Args:
+        per_object: Changed in place.
+        pushers: (n,) the object that pushes each one, -1 for the plate.
+    """

@@ -267,9 +267,8 @@ class ContactDynamics(MotionConditions):
 
     def _with_carried(self, wrenches: FloatArray) -> FloatArray:
         """Add to what each object has (m, n, 3), in place, that of all objects that its contact carries."""
-        for k, contact in reversed([*enumerate(self.chain.contacts)]):
-            if contact.pusher != PLATE:
-                wrenches[:, contact.pusher] += wrenches[:, k]
+        pushers = np.array([contact.pusher for contact in self.chain.contacts], dtype=np.int64)
+        contacts.sum_over_carried(wrenches, pushers)
         return wrenches
 
     def _exactly(self, wrenches: FloatArray) -> Wrenches:
