@@ -38,7 +38,7 @@ CORNERS = 24
 ROUNDS = 8
 """Linearisations at most."""
 
-FEW, WEAK = 32, 192
+FEW, WEAK = 32, 384
 """Moments with the least to spare that are asked before all are: of single numbers, and of all at once."""
 
 NO_CONTACT = 1e6
