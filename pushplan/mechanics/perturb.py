@@ -20,7 +20,7 @@ from pushplan.geometry.polygon import SHORTEST_CONTACT, TOUCH
 from pushplan.geometry.se2 import compose, rotate
 from pushplan.mechanics.chain import PLATE, Chain, Contact
 from pushplan.mechanics.contacts import carried_objects
-from pushplan.util.arrays import BoolArray, FloatArray, frozen
+from pushplan.util.arrays import FloatArray, frozen
 
 PARALLEL = 1e-3
 """Largest angle between a contact and the edges that it lies on, rad."""
@@ -95,11 +95,6 @@ class Motion:
     ends: FloatArray
     lengths: FloatArray
 
-    @property
-    def moved(self) -> BoolArray:
-        """Which objects move (q, n)."""
-        return np.asarray((self.poses != 0.0).any(axis=2))
-
     def applied(self, chain: Chain) -> Chain:
         """Return the chain of the first size.
 
@@ -110,8 +105,8 @@ class Motion:
             k = int(self.lengths[0].argmin())
             raise ChainError(f"object {chain.objects[k].name!r} has slid off what pushes it")
         objects = tuple(
-            replace(obj, pose_chain=compose(pose, obj.pose_chain)) if moved else obj
-            for obj, pose, moved in zip(chain.objects, self.poses[0], self.moved[0], strict=True)
+            replace(obj, pose_chain=compose(pose, obj.pose_chain)) if pose.any() else obj
+            for obj, pose in zip(chain.objects, self.poses[0], strict=True)
         )
         contacts = tuple(
             replace(contact, right=ends[0], left=ends[1])
