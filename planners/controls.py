@@ -130,7 +130,18 @@ def steering_families(segments: FloatArray) -> FloatArray:
         order = np.arctan2(straight @ [-ahead[1], ahead[0]], straight @ ahead)
         chosen = [np.argmin(np.abs(order)), np.argmin(order), np.argmax(order)]
         families[:, STRAIGHT, :2] = straight[chosen]
+    elif not (left.any() and right.any()):
+        families[:, LEFT], families[:, RIGHT] = _farthest_turns(ends)
     return families
+
+
+def _farthest_turns(ends: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The tightest turn (3,) and the one whose COR is farthest from its own: the farther, the more a word reaches."""
+    turns = ends / cost_rate(ends)[:, None]
+    cors = _cors(turns)
+    tightest = int(np.argmax(np.abs(turns[:, 2])))
+    away = np.hypot(*(cors - cors[tightest]).T)
+    return turns[tightest], turns[np.argmax(away)]
 
 
 def _closest_turns(ends: FloatArray) -> tuple[FloatArray, FloatArray]:
