@@ -16,7 +16,7 @@ from pushplan.planners.infeasible.bounds import lower_bound, turn_bound
 from pushplan.planners.planner import plan
 from pushplan.planners.problem import Posing
 from pushplan.plans.path import TURN_WEIGHT, PushPath
-from pushplan.scenario.file import example_names, scenario_from_text
+from pushplan.scenario.file import example_names, load_scenario, scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import PolygonObstacle
 from pushplan.util.arrays import FloatArray
@@ -90,36 +90,46 @@ CAR = np.array([[1.0, 0.0, -2.0, 1.0, 0.0, 2.0]])
 """Dubins' car with a turning radius of 0.5 m at the chain frame's origin."""
 
 
-def random_path(segments: FloatArray, rng: np.random.Generator) -> PushPath:
+def random_path(segments: FloatArray, rng: np.random.Generator, longest: float) -> PushPath:
     """A few arcs of twists on segments, most of them at their ends, from a random pose."""
     count = int(rng.integers(1, 6))
     rows = segments[rng.integers(0, len(segments), count)]
     share = np.clip(rng.uniform(-0.5, 1.5, (count, 1)), 0.0, 1.0)
     twists = (1.0 - share) * rows[:, :3] + share * rows[:, 3:]
     twists /= (np.hypot(twists[:, 0], twists[:, 1]) + TURN_WEIGHT * np.abs(twists[:, 2]))[:, None]
-    return PushPath(rng.uniform(-3.0, 3.0, 3), twists, rng.uniform(0.01, 2.0, count))
+    return PushPath(rng.uniform(-3.0, 3.0, 3), twists, rng.uniform(0.01, longest, count))
 
 
-@pytest.mark.parametrize("name", ["one-box", "asymmetric", "carts", "trapezoids"])
+@pytest.mark.parametrize("name", ["one-box", "asymmetric", "carts", "trapezoids", "feet"])
 def test_no_path_of_stable_twists_beats_the_bound(name: str) -> None:
     """Paths of finer meridians than those that the bound knows: it holds between them, too."""
     stable = load_plain(name).stable_set()
     known, finer = (control_segments(stable, stable.chain.pusher.drive, 0.05, k) for k in (512, 4099))
     rng = np.random.default_rng(7)
-    for _ in range(15):
-        path = random_path(finer, rng)
+    for longest in (2.0, 0.1) * 15:
+        path = random_path(finer, rng, longest)
         assert turn_bound(path.start, path.end, known) <= path.cost + 1e-9
 
 
-def test_no_word_of_a_car_beats_the_bound_and_some_reach_it() -> None:
+@pytest.mark.parametrize("away", [3.0, 0.3])
+def test_no_word_of_a_car_beats_the_bound_and_some_reach_it(away: float) -> None:
     """Dubins' car: the cheapest word is the best path, or near it, as turns cost something, too."""
     rng, family = np.random.default_rng(3), steering_families(CAR)[0]
     shares = []
-    for goal in rng.uniform([-3.0, -3.0, -math.pi], [3.0, 3.0, math.pi], (60, 3)):
+    for goal in rng.uniform([-away, -away, -math.pi], [away, away, math.pi], (60, 3)):
         best = float(find_words(family, ORIGIN, goal)[:, 0].min())
         shares.append(turn_bound(ORIGIN, goal, CAR) / best)
     assert max(shares) <= 1.0 + 1e-9
     assert np.quantile(shares, 0.5) > 0.97
+
+
+@pytest.mark.parametrize("goal", [(0.0, 0.02, 0.0), (-0.2, 0.0, 0.0), (0.0, 0.0, 0.3)])
+def test_paths_to_near_goals_nearly_reach_the_bound(goal: tuple[float, float, float]) -> None:
+    scenario = load_scenario("feet").with_planner(cost="travel", arc_price=0.0)
+    near = replace(scenario.goal, pose_chain=se2.compose(scenario.start, np.array(goal)))
+    empty = replace(scenario, obstacles=(), workspace=None, goal=near)
+    result = plan(empty, seed=1, time_limit=60.0, iterations=20_000)
+    assert 0.0 <= there(result.gap) < 0.1
 
 
 @pytest.mark.parametrize("name", ["free-space", "narrow-gap", "carts"])

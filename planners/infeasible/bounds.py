@@ -5,11 +5,12 @@ vector p of the plane with p . R(theta) v <= |v| for all straight pushes v at al
 
     int c dt = p . d + int (c - p . R(theta) v) / |omega| |dtheta| >= p . d + int_sweep rho_p(theta) |dtheta|
 
-with the displacement d from start to goal, the cost c >= |v| of a twist (v, omega), and the least rho_p(theta) >= 0
-of that integrand over stable twists that turn to that side. The shortest sweep that fills I goes from the start to
-one end of I, to the other, and to the goal. The most of that over p, and the least over I and the order of its ends,
-is the bound. I is looked for by branch and bound: over a range of intervals p is held to the widest of them, the
-sweep to the narrowest.
+with the displacement d from start to goal, the cost c >= |v| of a twist (v, omega), and the least rho_p(theta) of
+that integrand over stable twists that turn to that side. The shortest sweep that fills I goes from the start to one
+end of I, to the other, and to the goal; any other turns to both sides at some headings once more, and p is held so
+short that both together cost something (at an I of all headings, where whole turns are possible, each of them). The
+most of that over p, and the least over I and the order of its ends, is the bound. I is looked for by branch and
+bound: over a range of intervals p is held to the widest of them, the sweep to the narrowest.
 """
 
 from __future__ import annotations
@@ -312,19 +313,23 @@ class _Rates:
         self._toward = math.atan2(away[1], away[0])
         self._first = STRIDE * np.arange(BINS // STRIDE)
         self._along = math.hypot(*away) * np.cos(BIN * self._first)
+        free = np.minimum(sides[0].longest, sides[1].longest)
+        self._all_around = float(free.min())
         # Over 1, 2, 4, ... bins from each on.
-        self._longest = [np.minimum(sides[0].longest, sides[1].longest)]
+        self._longest = [np.maximum(free, _to_and_fro(sides[0].rho + sides[1].rho))]
         for k in range(BINS.bit_length() - 1):
             self._longest.append(np.minimum(self._longest[-1], np.roll(self._longest[-1], -(1 << k))))
         self.swept = lru_cache(maxsize=None)(self._swept)
 
     def longest(self, low: float, high: float) -> FloatArray:
-        """Lengths (directions,) that p may have for headings from low to high, so that no push costs less than it."""
+        """Lengths (directions,) that p may have for headings from low to high: no more pushes cost less."""
         first = math.floor((low - self._toward) / BIN)
         bins = min(max(math.ceil((high - self._toward) / BIN) - first, 1), BINS)
         level = bins.bit_length() - 1
         starts, table = first - self._first, self._longest[level]
         longest = np.minimum(table[starts % BINS], table[(starts + bins - (1 << level)) % BINS])
+        if bins == BINS:  # a whole turn to one side is a way to go on, too
+            longest = np.minimum(longest, self._all_around)
         if self._straight is None:
             return np.asarray(longest)
         low, high = low + self._straight[0] - self._toward, high + self._straight[1] - self._toward
@@ -374,6 +379,8 @@ class _Side(NamedTuple):
         if not len(sectors):
             return cls(np.full((len(LENGTHS), BINS), NEVER), np.full(BINS, math.inf))
         tightest, widest = np.minimum(sectors[:, :2], WIDEST).T
+        # Where v may go straight, straight pushes hold p: the tighter of two turns costs less above p . R v.
+        widest = np.where(np.isinf(sectors[:, 1]), np.maximum(tightest, price.radius), widest)
         middles = BIN * (0.5 + np.arange(BINS))
         # Sectors come first: the least over them is taken of whole rows, in a third of the time.
         off = np.abs(se2.wrap_angle(middles + sectors[:, 2:3])) - sectors[:, 3:] - 0.5 * BIN
@@ -383,10 +390,16 @@ class _Side(NamedTuple):
         for radius in (tightest, widest, np.clip(price.radius, tightest, widest)):
             cost, ahead = price.weight + np.maximum(radius, price.radius)[:, None], radius[:, None] * cosines
             rho = np.minimum(rho, [np.min(cost - p * ahead, axis=0) for p in LENGTHS])
-            # Where v may go straight, the straight pushes hold p.
-            held = np.where((np.isinf(sectors[:, 1]) & (radius == WIDEST))[:, None], 0.0, ahead)
-            longest = np.minimum(longest, np.min(cost / np.maximum(held, 1e-12), axis=0))
+            longest = np.minimum(longest, np.min(cost / np.maximum(ahead, 1e-12), axis=0))
         return cls(rho, longest)
+
+
+def _to_and_fro(rho: FloatArray) -> FloatArray:
+    """Lengths (BINS,) of p up to which turns to and fro cost something: rho (lengths, BINS) of both, concave in p."""
+    k, each = np.maximum(np.argmax(rho < 0.0, axis=0), 1), np.arange(BINS)
+    shorter, longer = rho[k - 1, each], rho[k, each]
+    root = LENGTHS[k - 1] + (LENGTHS[k] - LENGTHS[k - 1]) * shorter / np.maximum(shorter - longer, 1e-300)
+    return np.asarray(np.where((rho < 0.0).any(axis=0), root, LENGTHS[-1]))
 
 
 def _sums(rho: FloatArray) -> FloatArray:
