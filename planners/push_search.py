@@ -257,9 +257,11 @@ def _bound_of_objective(posed: Scenario, segments: FloatArray, found: Segments) 
     """Return what no plan beats of what ranks plans: travel (m) or time (s); of margins nothing is known."""
     if posed.planner.cost == "margin":
         return None
+    path = found[0].contact_path if found else None
     if posed.planner.cost == "time":
-        return time_bound(posed, segments)
-    return lower_bound(posed, segments, _cost(found) if found else math.inf)
+        timed = path is not None and found[0].trajectory is not None
+        return time_bound(posed, segments, path, found[0].duration) if timed else time_bound(posed, segments)
+    return lower_bound(posed, segments, path)
 
 
 @dataclass(eq=False)

@@ -8,11 +8,12 @@ import pytest
 from conftest import there
 from plans_of import load_plain
 
-import pushplan.planners.infeasible.bounds as bounds
+import pushplan.planners.infeasible.ways as ways
 from pushplan.core.problem import find_words
 from pushplan.geometry import se2
 from pushplan.planners.controls import control_segments, steering_families
-from pushplan.planners.infeasible.bounds import lower_bound, turn_bound
+from pushplan.planners.infeasible.bounds import lower_bound
+from pushplan.planners.infeasible.turn_bound import turn_bound
 from pushplan.planners.planner import plan
 from pushplan.planners.problem import Posing
 from pushplan.plans.path import TURN_WEIGHT, PushPath
@@ -33,9 +34,9 @@ clearance: 0.01
 """The chain is a square of 0.2 m; a disc of radius 0.1 m around the chain frame's origin is the largest in it."""
 
 
-def bound_of(scenario: Scenario, most: float = math.inf) -> float:
+def bound_of(scenario: Scenario) -> float:
     controls = Posing().controls(scenario.with_margin(0.0), scenario.stable_set())
-    return lower_bound(scenario, controls.segments, most)
+    return lower_bound(scenario, controls.segments)
 
 
 def test_nothing_in_the_way_leaves_straight_travel_and_the_turns_that_the_pushes_need() -> None:
@@ -67,8 +68,8 @@ def test_no_way_gets_shorter_by_bends_around_which_it_would_not_lie(monkeypatch:
         outlines = [se2.transform_points(pose, rng.uniform(0.03, 0.15) * square) for pose in poses]
         blocked = replace(scenario, obstacles=tuple(map(PolygonObstacle, outlines)))
         with monkeypatch.context() as anywhere:
-            anywhere.setattr(bounds, "STRAIGHT", math.inf)
-            anywhere.setattr(bounds, "MOST_SIGHTS", math.inf)
+            anywhere.setattr(ways, "STRAIGHT", math.inf)
+            anywhere.setattr(ways, "MOST_SIGHTS", math.inf)
             of_all = bound_of(blocked)
         found.append((bound_of(blocked), of_all))
     own, least = np.array(found).T
@@ -116,7 +117,7 @@ def test_no_word_of_a_car_beats_the_bound_and_some_reach_it(away: float) -> None
     """Dubins' car: the cheapest word is the best path, or near it, as turns cost something, too."""
     rng, family = np.random.default_rng(3), steering_families(CAR)[0]
     shares = []
-    for goal in rng.uniform([-away, -away, -math.pi], [away, away, math.pi], (60, 3)):
+    for goal in rng.uniform([-away, -away, -math.pi], [away, away, math.pi], (40, 3)):
         best = float(find_words(family, ORIGIN, goal)[:, 0].min())
         shares.append(turn_bound(ORIGIN, goal, CAR) / best)
     assert max(shares) <= 1.0 + 1e-9

@@ -19,9 +19,9 @@ from pushplan.core.problem import Problem
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import as_one
 from pushplan.planners.controls import straight_pushes
-from pushplan.planners.infeasible.bounds import between, grown, largest_disc, reached, room
 from pushplan.planners.infeasible.pockets import boxed_in_faults
 from pushplan.planners.infeasible.turning import turning_faults
+from pushplan.planners.infeasible.ways import between, grown, largest_disc, reached, room
 from pushplan.plans.plan import Diagnosis
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import CircleObstacle, PolygonObstacle

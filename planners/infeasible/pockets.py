@@ -15,8 +15,8 @@ from pushplan.core.problem import Problem
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import area_at
 from pushplan.planners.controls import control_segments, segment_ends
-from pushplan.planners.infeasible.bounds import near_to
 from pushplan.planners.infeasible.turning import tightest_turn
+from pushplan.planners.infeasible.ways import near_to
 from pushplan.plans.path import cost_rate
 from pushplan.plans.plan import Diagnosis
 from pushplan.scenario.model import Scenario

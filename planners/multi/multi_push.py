@@ -12,8 +12,8 @@ from pushplan.core.collision import SLACK, separations
 from pushplan.errors import EmptyStableSetError, PlanningError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import area_at
-from pushplan.planners.infeasible.bounds import near_to
 from pushplan.planners.infeasible.diagnosis import beyond_reach
+from pushplan.planners.infeasible.ways import near_to
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes
 from pushplan.planners.multi.graph import PushSequence
 from pushplan.planners.multi.room import AHEAD, Contact, PushRoom, Question

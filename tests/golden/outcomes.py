@@ -48,7 +48,8 @@ def planned(scenario: Scenario, **options: Any) -> Numbers:
     execution, robustness = plan.execution, plan.robustness
     chosen = np.linspace(0, len(execution.t) - 1, 12).astype(int)
     numbers = {
-        "cost": [plan.cost or 0.0, plan.lower_bound or 0.0, plan.duration or 0.0],
+        "cost": [plan.cost or 0.0, plan.duration or 0.0],
+        "bound": [plan.lower_bound or 0.0],
         "margin": [execution.min_margin or 0.0, execution.min_dynamic_margin or 0.0],
         "arcs": [*np.concatenate([np.column_stack([s.path.twists, s.path.lengths]) for s in plan.segments]).ravel()],
         "poses": [*execution.objects[chosen].ravel(), *execution.poses[chosen].ravel()],

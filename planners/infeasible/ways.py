@@ -1,0 +1,187 @@
+"""Where the centre of a disc inside the chain can be, and how long its ways around the obstacles are."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from pushplan.geometry import se2
+from pushplan.mechanics.chain import SEAM, Body, as_one
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import Obstacle
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import CLEARANCE_ROOM
+
+ARC_SEGMENTS = 8
+"""Segments per quarter of a round corner, all inside it: what is blocked is never overestimated."""
+
+
+_AROUND = 10.0
+"""Room left around everything where there is no workspace, m: way enough around it all."""
+
+
+class Disc(NamedTuple):
+    """A disc inside the chain: centre (2,) in the chain frame, and radius, m."""
+
+    center: FloatArray
+    radius: float
+
+    def at(self, pose: FloatArray) -> shapely.Point:
+        """Return the centre with the chain frame at a pose (3,)."""
+        return shapely.Point(se2.transform_points(pose, self.center))
+
+
+def largest_disc(bodies: Iterable[Body]) -> Disc:
+    """Return the largest disc inside bodies of a chain."""
+    shape = as_one(bodies)
+    return _disc_at(shape, shapely.get_coordinates(shapely.maximum_inscribed_circle([shape]))[0])
+
+
+def disc_at(bodies: Iterable[Body], center: FloatArray) -> Disc:
+    """Return the largest disc inside bodies around a point (2,) of the chain frame; its radius is 0 outside."""
+    return _disc_at(as_one(bodies), center)
+
+
+def _disc_at(shape: BaseGeometry, center: FloatArray) -> Disc:
+    point = shapely.Point(center)
+    radius = float(shape.boundary.distance(point)) if shape.contains(point) else 0.0
+    return Disc(np.asarray(center, dtype=np.float64), max(0.0, radius - 10.0 * SEAM))
+
+
+def blocked(obstacles: Sequence[Obstacle], radius: float) -> BaseGeometry:
+    """Return where the centre of a disc cannot be for the obstacles."""
+    return shapely.disjoint_subset_union_all(
+        grown(obstacles, radius)
+    )  # a quarter of the time of `union_all` where most are apart
+
+
+def grown(obstacles: Sequence[Obstacle], radius: float) -> NDArray[np.object_]:
+    """Return where the centre of a disc cannot be for each of the obstacles."""
+    radii = np.array([o.radius for o in obstacles]) + radius
+    return np.asarray(shapely.buffer([o.core for o in obstacles], radii, quad_segs=ARC_SEGMENTS))
+
+
+def reached(free: BaseGeometry, place: BaseGeometry, within: float) -> BaseGeometry:
+    """Return the parts of a region that a place is in, or no farther away from than `within` (m)."""
+    parts = shapely.get_parts(free)
+    return shapely.union_all(parts[shapely.distance(parts, place) <= within])
+
+
+def between(grown_obstacles: NDArray[np.object_], one: BaseGeometry, other: BaseGeometry) -> tuple[int, ...]:
+    """Return the indices of the obstacles, grown, that bound two regions."""
+    near = [shapely.distance(grown_obstacles, side) <= TOUCH for side in (one, other)]
+    return tuple(np.flatnonzero(near[0] & near[1]).tolist())
+
+
+def near_to(obstacles: Sequence[Obstacle], areas: Sequence[BaseGeometry], within: float) -> tuple[int, ...]:
+    """Return the indices of the obstacles that are within a distance (m) of any of the areas."""
+    taken = shapely.union_all(areas)
+    return tuple(k for k, shape in enumerate(grown(obstacles, 0.0)) if shape.distance(taken) <= within)
+
+
+def room(scenario: Scenario, radius: float) -> BaseGeometry:
+    """Return where the centre of a disc can be: inside the workspace and away from the obstacles.
+
+    Without a workspace it is cut off where nothing is in the way any more.
+    """
+    return shapely.difference(_floor(scenario, radius), blocked(scenario.obstacles, radius))
+
+
+def _floor(scenario: Scenario, radius: float) -> BaseGeometry:
+    area = scenario.workspace
+    if area is not None:
+        corners = area.xmin + radius, area.ymin + radius, area.xmax - radius, area.ymax - radius
+        empty = corners[0] >= corners[2] or corners[1] >= corners[3]
+        return shapely.Polygon() if empty else shapely.box(*corners)
+    points = [scenario.start[:2], scenario.goal.pose_chain[:2]]
+    points += [corner for obstacle in scenario.obstacles for corner in obstacle.box]
+    return shapely.MultiPoint(np.array(points)).envelope.buffer(_AROUND + 4.0 * radius, join_style="mitre")
+
+
+TOUCH = 1e-7
+"""Ways may cut into what is blocked by so much (m): they run along its edges."""
+
+STRAIGHT = 1e-12
+"""What edges are on two sides of a line counts as rounding, m^4."""
+
+MOST_SIGHTS = 10_000
+"""Lines of sight looked at, at most; the bound found until then is returned."""
+
+
+def way_around(scenario: Scenario, disc: Disc, most: float) -> float:
+    """Length of the shortest way of a disc's centre from start to goal, or a lower bound of it, m (A*)."""
+    start, goal = disc.at(scenario.start), disc.at(scenario.goal.pose_chain)
+    length = float(_ways(scenario, disc, shapely.get_coordinates([start, goal]), most)[1])
+    return length if math.isfinite(length) else float(start.distance(goal))
+
+
+def ways_over(scenario: Scenario, disc: Disc, points: FloatArray, most: float) -> FloatArray:
+    """Lengths (k,) of the shortest ways of a disc's centre from start to goal over points (k, 2), or lower bounds, m.
+
+    Those longer than `most` may be infinite.
+    """
+    ends = shapely.get_coordinates([disc.at(scenario.start), disc.at(scenario.goal.pose_chain)])
+    from_start, from_goal = (
+        _ways(scenario, disc, np.concatenate([order, points]), most) for order in (ends, ends[::-1])
+    )
+    return np.asarray(from_start[2:] + from_goal[2:])
+
+
+def _ways(scenario: Scenario, disc: Disc, points: FloatArray, most: float) -> FloatArray:
+    """Lengths (k,) of the shortest ways from the first of points (k, 2), of which the second is the other end."""
+    shape = blocked(scenario.obstacles, disc.radius + scenario.clearance - CLEARANCE_ROOM)
+    corners, edges = _corners(shape, points[:2], most)
+    inside = shape.buffer(-TOUCH, join_style="mitre")
+    shapely.prepare(inside)
+    edges = np.concatenate([np.zeros((len(points), 2, 2)), edges])
+    return _shortest(np.concatenate([points, corners]), edges, len(points), inside, most)[: len(points)]
+
+
+def _shortest(points: FloatArray, edges: FloatArray, ends: int, inside: BaseGeometry, most: float) -> FloatArray:
+    """Lengths (k,) of the shortest ways from the first of points (k, 2) along lines that miss a shape, or less.
+
+    They end in one of the first points, `ends` of them, or bend: then both edges (k, 2, 2) that leave a point are on
+    one side of them. From where it is farther than `most` to the second point, no way is looked for.
+    """
+    ahead = np.linalg.norm(points - points[1], axis=1)
+    so_far = np.where(np.arange(len(points)) == 0, 0.0, np.inf)
+    queue, done, sights = [(float(ahead[0]), 0)], np.zeros(len(points), dtype=bool), 0
+    while queue:
+        through, here = heapq.heappop(queue)
+        if through > most or sights > MOST_SIGHTS or (here == 1 and ends == 2):
+            return np.asarray(np.minimum(so_far, np.maximum(through - ahead, 0.0)))
+        if done[here] or 0 < here < ends:
+            continue
+        done[here] = True
+        away = points - points[here]
+        steps = so_far[here] + np.hypot(*away.T)
+        sides = away[:, None, 0] * edges[..., 1] - away[:, None, 1] * edges[..., 0]
+        better = np.flatnonzero((steps < so_far) & (sides[:, 0] * sides[:, 1] > -STRAIGHT))
+        sights += len(better)
+        lines = np.stack([np.broadcast_to(points[here], (len(better), 2)), points[better]], axis=1)
+        for there in better[~shapely.intersects(inside, shapely.linestrings(lines))]:
+            so_far[there] = steps[there]
+            heapq.heappush(queue, (float(steps[there] + ahead[there]), int(there)))
+    return so_far
+
+
+def _corners(shape: BaseGeometry, ends: FloatArray, most: float) -> tuple[FloatArray, FloatArray]:
+    """Return the corners (k, 2) of a shape that ways of at most `most` between ends (2, 2) can pass.
+
+    Also the edges (k, 2, 2) that go from each to its neighbours.
+    """
+    corners, ring = shapely.get_coordinates(shapely.get_rings(shapely.get_parts(shape)), return_index=True)
+    begins = np.flatnonzero(np.diff(ring, prepend=-1))
+    forth = np.roll(corners, -1, axis=0) - corners
+    back = np.roll(corners, 1, axis=0) - corners
+    back[begins] = back[np.roll(begins, -1) - 1]  # a ring ends with its first corner
+    through = np.linalg.norm(corners - ends[0], axis=1) + np.linalg.norm(corners - ends[1], axis=1)
+    kept = (np.diff(ring, append=-1) == 0) & (through <= most + TOUCH)
+    return corners[kept], np.stack([back, forth], axis=1)[kept]

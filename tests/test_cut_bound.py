@@ -1,0 +1,145 @@
+"""Bounds by cuts: no better path beats them, cuts are crossed in order, chains are free where they are said to be."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from conftest import there
+
+from pushplan.geometry import se2
+from pushplan.planners.infeasible.bounds import lower_bound, time_bound
+from pushplan.planners.infeasible.cut_bound import _Parts, cut_bound
+from pushplan.planners.infeasible.cuts import find_cuts
+from pushplan.planners.infeasible.turn_bound import TRAVEL
+from pushplan.planners.planner import plan
+from pushplan.planners.problem import Posing
+from pushplan.plans.path import PushPath
+from pushplan.scenario.file import example_names, load_scenario
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import CircleObstacle, PolygonObstacle
+from pushplan.util.arrays import FloatArray
+
+NAMES = [name for name in example_names() if name != "free-space"]
+
+
+def of_travel(scenario: Scenario) -> Scenario:
+    return scenario.with_planner(cost="travel", arc_price=0.0).with_margin(0.01)
+
+
+def paths(scenario: Scenario) -> tuple[PushPath, PushPath]:
+    """A path that is found soon, and one that is found later."""
+    soon = plan(scenario, seed=3, time_limit=60.0, iterations=20_000, first=True)
+    later = plan(scenario, seed=1, time_limit=60.0, iterations=8_000)
+    return there(soon.path), there(later.path)
+
+
+def segments_of(scenario: Scenario) -> FloatArray:
+    return Posing().controls(scenario, scenario.stable_set()).segments
+
+
+def in_clutter(rng: np.random.Generator) -> Scenario:
+    """One box among blocks and discs that stand off start and goal."""
+    scenario = of_travel(load_scenario("one-box"))
+    middles: list[FloatArray] = []
+    while len(middles) < 6:
+        place = rng.uniform([0.0, -0.5], [2.5, 1.5])
+        if min(np.hypot(*(place - end)) for end in (scenario.start[:2], scenario.goal.pose_chain[:2])) > 0.6:
+            middles.append(place)
+    square = np.array([[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]])
+    blocks = [PolygonObstacle(se2.transform_points([*place, rng.uniform(0.0, 3.0)], square)) for place in middles[:4]]
+    return replace(scenario, obstacles=(*blocks, *(CircleObstacle(place, 0.1) for place in middles[4:])))
+
+
+def costates_in_circle(rng: np.random.Generator, count: int) -> FloatArray:
+    angles, lengths = rng.uniform(0.0, 2.0 * math.pi, count), rng.uniform(0.7, 0.999, count)
+    return np.asarray(lengths[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]))
+
+
+def check_nothing_beats(scenario: Scenario, rng: np.random.Generator) -> None:
+    """With any costates no more is proven than a path costs that is better than the known one."""
+    known, better = paths(scenario)
+    segments, cuts = segments_of(scenario), find_cuts(scenario, known, known.cost)
+    assert better.cost < known.cost
+    parts = _Parts(scenario, segments, cuts, known.cost, TRAVEL)
+    ahead = np.diff(np.concatenate([known.start[None, :2], known.end[None, :2]]), axis=0)
+    toward = np.tile(0.99 * ahead / np.linalg.norm(ahead), (len(cuts) + 1, 1))
+    for _ in range(6):
+        for costates in (toward, costates_in_circle(rng, len(toward)), 0.5 * toward):
+            assert parts.value(costates)[0] <= better.cost + 1e-9
+            parts.leave_out(costates)
+    assert cut_bound(scenario, segments, known, known.cost, 0.0) <= better.cost
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_better_path_beats_what_costates_prove(name: str) -> None:
+    check_nothing_beats(of_travel(load_scenario(name)), np.random.default_rng(3))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_better_path_beats_what_costates_prove_in_clutter(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    check_nothing_beats(in_clutter(rng), rng)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_paths_cross_the_cuts_in_order_where_chains_are_free(name: str) -> None:
+    scenario = of_travel(load_scenario(name))
+    known, better = paths(scenario)
+    cuts = find_cuts(scenario, known, known.cost)
+    parts = _Parts(scenario, segments_of(scenario), cuts, known.cost, TRAVEL)
+    assert cuts
+    poses, last = better.sampled(1e-3), -1
+    for cut, free in zip(cuts, parts.free, strict=True):
+        first = int(np.argmax(poses[:, :2] @ cut.normal >= cut.level))
+        assert first > last
+        last = first
+        offset = poses[first, :2] @ cut.along
+        beside = np.argsort(np.abs(se2.wrap_angle(parts.edges - poses[first, 2])))[:2]
+        inside = (free[beside, :, 0] - 1e-3 < offset) & (offset < free[beside, :, 1] + 1e-3)
+        assert inside.any(axis=1).all()
+
+
+@pytest.mark.parametrize("name", ["hook", "feet", "two-crates", "carts"])
+def test_chains_are_said_to_be_free_wherever_they_are(name: str) -> None:
+    """And at most where they cut into something by no more than they move within a bin."""
+    scenario, rng = of_travel(load_scenario(name)), np.random.default_rng(1)
+    known, _ = paths(scenario)
+    parts = _Parts(scenario, segments_of(scenario), find_cuts(scenario, known, known.cost), known.cost, TRAVEL)
+    stands = shapely.union_all([shapely.buffer(o.core, o.radius) for o in scenario.obstacles])
+    tried = []
+    for _ in range(400):
+        k = int(rng.integers(len(parts.cuts)))
+        sections = parts.cuts[k].sections
+        offset, heading = rng.uniform(sections.min(), sections.max()), rng.uniform(0.0, 2.0 * math.pi)
+        if not ((sections[:, 0] < offset) & (offset < sections[:, 1])).any():
+            continue
+        pose = np.append(parts.cuts[k].at(np.array([offset]))[0], heading)
+        chain = [shapely.Polygon(se2.transform_points(pose, body.outline)) for body in scenario.chain.bodies]
+        corners, area = shapely.get_coordinates(chain), there(scenario.workspace)
+        inside = (corners > [area.xmin, area.ymin]).all() and (corners < [area.xmax, area.ymax]).all()
+        is_free = inside and min(shapely.distance(chain, stands)) > scenario.clearance
+        beside = np.argsort(np.abs(se2.wrap_angle(parts.edges - heading)))[:2]
+        said = ((parts.free[k][beside, :, 0] < offset) & (offset < parts.free[k][beside, :, 1])).any(axis=1)
+        assert said.all() or not is_free
+        tried.append((is_free, bool(said.all())))
+    free, said = np.array(tried).T
+    assert free.any()
+    assert not said.all()
+    assert (free == said).mean() > 0.85
+
+
+@pytest.mark.parametrize(("name", "gain"), [("hook", 1.015), ("feet", 1.04), ("one-box", 1.005)])
+def test_cuts_prove_more_than_turns_and_ways_around_alone(name: str, gain: float) -> None:
+    scenario = load_scenario(name).with_planner(cost="travel", arc_price=0.0)
+    result = plan(scenario, seed=1, time_limit=60.0, iterations=20_000)
+    alone = lower_bound(scenario, segments_of(scenario.with_margin(result.segments[0].margin)))
+    assert gain * alone < there(result.lower_bound) < there(result.path).cost
+
+
+def test_cuts_prove_more_of_times_too() -> None:
+    scenario = load_scenario("hook").with_planner(cost="time")
+    result = plan(scenario, seed=1, time_limit=60.0, iterations=8_000)
+    segments = segments_of(scenario.with_margin(result.segments[0].margin))
+    assert 1.01 * time_bound(scenario, segments) < there(result.lower_bound) < there(result.duration)
