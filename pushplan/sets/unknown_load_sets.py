@@ -97,7 +97,7 @@ def _chain_rows(chain: Chain, interval: IntervalChain | None) -> list[FloatArray
         members = np.flatnonzero(behind)
         hull = convex_hull(np.concatenate([areas[i].points for i in members]))
         reached = center_range(loads[members], centers[members])
-        center = reached.mean(axis=0)
+        center = 0.5 * (reached.min(axis=0) + reached.max(axis=0))  # not their mean: rounding may add corners
         shifts = _around(max(areas[i].reach for i in members))
         offsets = convex_hull((reached - center + shifts[:, None]).reshape(-1, 2))
         moving = float(loads[members, 1].sum() > 0.0)
