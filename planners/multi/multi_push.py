@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -163,8 +163,7 @@ class MultiPushSearch:
         candidates = () if found.best is None else (self.segments(room, found.best, scenario.poses),)
         return Outcome(
             candidates,
-            min(mode.margins[0] for mode in self.modes),
-            min(mode.margin(level) for mode in self.modes),
+            *least_margins(self.modes, candidates, level),
             found.looked_at,
             tuple(improvements.found),
             lambda segments: plan_cost(scenario, segments),
@@ -218,6 +217,22 @@ class MultiPushSearch:
 def _straight(start: FloatArray, length: float) -> PushPath:
     """Return a straight path ahead, or back where the length is negative."""
     return PushPath(start, np.copysign(1.0, length) * AHEAD[None], np.array([abs(length)]))
+
+
+def least_margins(modes: Sequence[ContactMode], plans: Iterable[Segments], level: int) -> tuple[float, float]:
+    """Return the smallest margins asked for first and in the end, in plans' pushes; of all modes where none pushes.
+
+    Args:
+        modes: Among them those of the pushes.
+        plans: What was found.
+        level: Of the margins in the end, where nothing was found.
+    """
+    pushes = [segment for plan in plans for segment in plan if segment.kind == PUSH and segment.load is not None]
+    if not pushes:
+        return min(mode.margin(0) for mode in modes), min(mode.margin(level) for mode in modes)
+    used = {(push.load.names, push.load.face, push.load.offset) for push in pushes if push.load is not None}
+    asked = [mode.margin(0) for mode in modes if (mode.load.names, mode.load.face, mode.load.offset) in used]
+    return min(asked), min(push.margin for push in pushes)
 
 
 def plan_cost(scenario: Scenario, segments: Segments) -> float:

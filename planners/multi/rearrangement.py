@@ -11,7 +11,7 @@ import numpy as np
 
 from pushplan.errors import PlanningError
 from pushplan.planners.infeasible.diagnosis import beyond_reach
-from pushplan.planners.multi.multi_push import MultiPushSearch, plan_cost
+from pushplan.planners.multi.multi_push import MultiPushSearch, least_margins, plan_cost
 from pushplan.planners.multi.order import Order
 from pushplan.planners.multi.transfers import Piece, Situation, Transfer
 from pushplan.planners.outcome import Improvements, Outcome, Segments
@@ -86,10 +86,10 @@ class RearrangementSearch:
         if not left:
             raise PlanningError("every object is at a goal already: there is nothing to push")
         now, until = Situation(scenario.pushes.robot_start, poses, left), began + limit
-        margin = min(mode.margin(0) for piece in self.pieces for mode in piece.search.modes)
+        modes = [mode for piece in self.pieces for mode in piece.search.modes]
         proof = self._proof(now)
         if proof is not None:
-            return Outcome.without_plan(proof, margin)
+            return Outcome.without_plan(proof, min(mode.margin(0) for mode in modes))
         improvements = Improvements(settings.observer, began)
         order = Order(self.pieces, settings, until)
         transfers = order.find(now)
@@ -102,8 +102,7 @@ class RearrangementSearch:
                     candidates = (self._take(cheaper, order.looked_at, improvements),)
         return Outcome(
             candidates,
-            margin,
-            margin,
+            *least_margins(modes, candidates, 0),
             order.looked_at,
             tuple(improvements.found),
             lambda segments: plan_cost(scenario, segments),
