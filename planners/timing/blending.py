@@ -22,7 +22,7 @@ from pushplan.planners.timing.parts import (
     make_part,
     nearest_corners,
     passing_speeds,
-    sharpest_corner,
+    sharpest_corners,
     slowed,
     step_windows,
 )
@@ -147,6 +147,9 @@ OFF_CHORDS = 0.2
 """Share of the room between the distances that poses looked at have and that is kept between, which may be used up by
 proving for a motion what its samples, with constant twists between them, keep; these are looked at otherwise."""
 
+FEW = 128
+"""Of so many corners one more gets a stop at a time, so that paths of hundreds of arcs are timed in seconds, too."""
+
 WORTH_A_STOP = 0.5
 """Delay (s) by slowing down a whole section from which on a stop at its worst corner is preferred."""
 
@@ -206,6 +209,7 @@ class BlendSearch:
 
     def __post_init__(self) -> None:
         self.reach, self.corners = self.scenario.chain.reach, corners_of(self.path)
+        self.few = 1 + len(self.corners) // FEW
         self.stops: frozenset[int] = frozenset()
         speeds = passing_speeds(self.path.twists, self.path.lengths, self.bounds)
         self.parts = [make_part(self.path, np.arange(len(speeds)), self.bounds, speeds)]
@@ -228,19 +232,19 @@ class BlendSearch:
         try:
             self.parts, lengths = fitted(self.path, self.goal, self.parts, self.nudging.rows)
         except NoFitError:
-            self._stop(self.nudging.suspects or sharpest_corner(self.path, self.parts))
+            self._stop(self.nudging.suspects or sharpest_corners(self.path, self.parts, self.few))
             return None
         parts, strained = slowed(self.parts, lengths, WORTH_A_STOP)
         if len(strained):  # a section a million times slower is never made: its pieces would fill the memory
             self._stop(nearest_corners(parts, lengths, strained))
             return None
         trajectory = joined(self.path, parts, lengths, self.rate)
-        lost = unstable_times(self.scenario, self.stable, trajectory, self.bounds)[:1]
+        lost = unstable_times(self.scenario, self.stable, trajectory, self.bounds)
         touches = self._touches(trajectory) if not len(lost) else NOTHING_TOUCHED
         if not len(lost) and not len(touches.times):
             return Blend(trajectory, self.stops)
-        worst = touches.times[[int(np.argmin(touches.gaps))]] if len(touches.times) else lost
-        corners = nearest_corners(parts, lengths, worst)
+        worst = touches.times[np.argsort(touches.gaps, kind="stable")] if len(touches.times) else lost
+        corners = nearest_corners(parts, lengths, worst, self.few)
         if len(touches.times) and self.nudging.tries < NUDGES:
             rows = nudges(self.scene, self.path, trajectory, lengths, touches, self.reach)
             self.nudging = self.nudging.further(rows, corners)

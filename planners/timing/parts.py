@@ -183,8 +183,9 @@ class Section(Part):
         centers, widths = self._steps(lengths)
         half = widths.sum(axis=1) / 2.0
         ends = np.cumsum(durations)
-        near = (ends - durations < (centers + half)[:, None]) & (ends > (centers - half)[:, None])
-        factor = np.max(np.where(near, np.clip(excess, 1.0, MOST), 1.0), axis=1)
+        near = np.searchsorted(ends, centers - half, "right"), np.searchsorted(ends - durations, centers + half)
+        factors = np.append(np.clip(excess, 1.0, MOST), 1.0)
+        factor = np.maximum.reduceat(factors, np.stack(near, axis=1).ravel())[::2]
         return replace(self, widths=self.widths * factor[:, None])
 
     def _steps(self, lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -317,12 +318,13 @@ def least_change(
     left, sizes, right = np.linalg.svd(equations)
     rank = int((sizes > RANK * sizes[0]).sum())
     particular = right[:rank].T @ ((left[:, :rank].T @ values) / sizes[:rank])
-    free = right[rank:].T
-    g, h = rows @ free, bounds - rows @ particular
+    h = bounds - rows @ particular
     if (h <= 0.0).all():
         return np.asarray(particular)
+    free = right[rank:].T
     if not free.shape[1]:
         return None
+    g = rows @ free
     square, none = np.eye(free.shape[1]), np.zeros(free.shape[1])
     z, _, flag, _ = daqp.solve(square, none, np.ascontiguousarray(g), np.full(len(h), np.inf), h, primal_tol=MISSED)
     return np.asarray(particular + free @ z) if flag > 0 else None
@@ -377,18 +379,21 @@ def joined(path: PushPath, parts: Sequence[Part], lengths: FloatArray, rate: flo
     return Trajectory(path.start, breaks, coefficients, arcs.astype(np.float64), rate)
 
 
-def nearest_corners(parts: Sequence[Part], lengths: FloatArray, times: FloatArray) -> frozenset[int]:
-    """Return the corners without a stop that are nearest to some times (k,)."""
+def nearest_corners(
+    parts: Sequence[Part], lengths: FloatArray, times: FloatArray, most: int | None = None
+) -> frozenset[int]:
+    """Return the corners without a stop that are nearest to some times (k,): the first `most` of them."""
     arcs, at = _blended_corners(parts, lengths)
-    return frozenset(arcs[np.abs(at - times[:, None]).argmin(axis=1)].tolist())
+    nearest = arcs[np.abs(at - times[:, None]).argmin(axis=1)]
+    return frozenset(list(dict.fromkeys(nearest.tolist()))[:most])
 
 
-def sharpest_corner(path: PushPath, parts: Sequence[Part]) -> frozenset[int]:
-    """Return the corner without a stop whose twists commute least: its blend moves the end most."""
+def sharpest_corners(path: PushPath, parts: Sequence[Part], most: int) -> frozenset[int]:
+    """Return the corners without a stop whose twists commute least: their blends move the end most."""
     arcs, _ = _blended_corners(parts, path.lengths)
     a, b = path.twists[arcs], path.twists[arcs + 1]
     bracket = a[:, 2:] * b[:, :2] - b[:, 2:] * a[:, :2]
-    return frozenset({int(arcs[np.argmax(np.hypot(*bracket.T))])})
+    return frozenset(arcs[np.argsort(-np.hypot(*bracket.T), kind="stable")[:most]].tolist())
 
 
 def _end(path: PushPath, parts: Sequence[Part], lengths: FloatArray) -> FloatArray:

@@ -71,17 +71,37 @@ std::vector<double> phases_of(const std::vector<Step> &steps) {
     return kept;
 }
 
+// When steps begin and end, each in order.
+struct Bounds {
+    std::vector<double> begins;
+    std::vector<double> ends;
+
+    explicit Bounds(const std::vector<Step> &steps) {
+        for (const Step &step : steps)
+            begins.push_back(step.begin), ends.push_back(step.end);
+        std::sort(begins.begin(), begins.end());
+        std::sort(ends.begin(), ends.end());
+    }
+
+    // How many steps are over.
+    std::ptrdiff_t over(double time) const {
+        return std::lower_bound(ends.begin(), ends.end(), time) - ends.begin();
+    }
+
+    bool under_way(double time) const {
+        const auto begun = std::lower_bound(begins.begin(), begins.end(), time) - begins.begin();
+        return begun > std::upper_bound(ends.begin(), ends.end(), time) - ends.begin();
+    }
+};
+
 // Times at which a phase begins or ends, and finer ones in between wherever a step is under way.
-std::vector<double> breaks_of(const std::vector<Step> &steps) {
+std::vector<double> breaks_of(const std::vector<Step> &steps, const Bounds &bounds) {
     const std::vector<double> phases = phases_of(steps);
     std::vector<double> breaks;
     for (std::size_t i = 0; i + 1 < phases.size(); ++i) {
-        const double begin = phases[i], end = phases[i + 1], middle = 0.5 * (begin + end);
-        const bool under_way = std::any_of(steps.begin(), steps.end(), [middle](const Step &step) {
-            return step.begin < middle && middle < step.end;
-        });
+        const double begin = phases[i], end = phases[i + 1];
         std::int64_t count = 1;
-        if (under_way) {
+        if (bounds.under_way(0.5 * (begin + end))) {
             const double wanted = std::ceil((end - begin) / FINEST);
             count = wanted < static_cast<double>(MOST_OF_PHASE) ? static_cast<std::int64_t>(wanted) : MOST_OF_PHASE;
         }
@@ -104,26 +124,48 @@ std::array<double, 3> phase(double u, double into, double length, double brief) 
     return {u * u / (2.0 * length * brief), u / (length * brief), 1.0 / (2.0 * length * brief)};
 }
 
-// The first level and the steps so far, from `begin` to `end`.
-Quadratic piece_between(double begin, double end, Table<const double> levels, const std::vector<Step> &steps) {
-    Quadratic piece{};
-    for (int d = 0; d < 3; ++d)
-        piece.c[0][d] = levels[0][d];
-    const double middle = 0.5 * (begin + end);
-    for (std::size_t j = 0; j < steps.size(); ++j) {
-        const Step &step = steps[j];
-        if (!(middle >= step.begin))
-            continue;
+// The first level and the steps so far, from one time to the next, asked for in order: what is over is added once.
+class Sum {
+  public:
+    Sum(Table<const double> levels, const std::vector<Step> &steps)
+        : levels_(levels), steps_(steps), earliest_(steps.size()) {
+        std::copy(levels[0], levels[0] + 3, past_.c[0]);
+        double earliest = steps.back().begin;
+        for (std::size_t j = steps.size(); j-- > 0;)
+            earliest_[j] = earliest = std::min(earliest, steps[j].begin);
+    }
+
+    Quadratic between(double begin, double end) {
+        const double middle = 0.5 * (begin + end);
+        for (; first_ < steps_.size() && middle - steps_[first_].begin > width(steps_[first_]); ++first_)
+            add(past_, first_, begin, middle);
+        Quadratic piece = past_;
+        for (std::size_t j = first_; j < steps_.size() && middle >= earliest_[j]; ++j)
+            if (middle >= steps_[j].begin)
+                add(piece, j, begin, middle);
+        return piece;
+    }
+
+  private:
+    static double width(const Step &step) { return step.length + step.brief; }
+
+    void add(Quadratic &piece, std::size_t j, double begin, double middle) const {
+        const Step &step = steps_[j];
         const auto shape = phase(begin - step.begin, middle - step.begin, step.length, step.brief);
-        const double *here = levels[static_cast<std::ptrdiff_t>(j)], *next = here + 3;
+        const double *here = levels_[static_cast<std::ptrdiff_t>(j)], *next = here + 3;
         for (int d = 0; d < 3; ++d) {
             const double change = next[d] - here[d];
             for (int order = 0; order < 3; ++order)
                 piece.c[order][d] += shape[static_cast<std::size_t>(order)] * change;
         }
     }
-    return piece;
-}
+
+    Table<const double> levels_;
+    const std::vector<Step> &steps_;
+    std::vector<double> earliest_; // begin of any step from this one on
+    Quadratic past_{};
+    std::size_t first_ = 0; // that is not over
+};
 
 } // namespace
 
@@ -133,7 +175,9 @@ Pieces step_sum(Table<const double> levels, Row<const double> centers, Table<con
     if (widths.rows != centers.size || widths.columns != 2)
         throw std::invalid_argument("widths must be (m, 2) for m steps");
     const std::vector<Step> steps = steps_between(levels, centers, widths);
-    const std::vector<double> breaks = breaks_of(steps);
+    const Bounds bounds(steps);
+    const std::vector<double> breaks = breaks_of(steps, bounds);
+    Sum sum(levels, steps);
     Pieces pieces;
     const std::size_t count = breaks.size() - 1;
     pieces.durations.reserve(count);
@@ -141,10 +185,8 @@ Pieces step_sum(Table<const double> levels, Row<const double> centers, Table<con
     pieces.level.reserve(count);
     for (std::size_t i = 0; i < count; ++i) {
         pieces.durations.push_back(breaks[i + 1] - breaks[i]);
-        pieces.coefficients.push_back(piece_between(breaks[i], breaks[i + 1], levels, steps));
-        const double middle = 0.5 * (breaks[i] + breaks[i + 1]);
-        pieces.level.push_back(std::count_if(steps.begin(), steps.end(),
-                                             [middle](const Step &step) { return middle > step.end; }));
+        pieces.coefficients.push_back(sum.between(breaks[i], breaks[i + 1]));
+        pieces.level.push_back(bounds.over(0.5 * (breaks[i] + breaks[i + 1])));
     }
     return pieces;
 }
