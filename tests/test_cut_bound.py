@@ -8,9 +8,11 @@ import pytest
 import shapely
 from conftest import there
 
+from pushplan.core.problem import find_words
 from pushplan.geometry import se2
+from pushplan.planners.controls import steering_families
 from pushplan.planners.infeasible.bounds import lower_bound, time_bound
-from pushplan.planners.infeasible.cut_bound import _Parts, cut_bound
+from pushplan.planners.infeasible.cut_bound import _highest, _Parts, cut_bound
 from pushplan.planners.infeasible.cuts import find_cuts
 from pushplan.planners.infeasible.turn_bound import TRAVEL
 from pushplan.planners.planner import plan
@@ -143,3 +145,21 @@ def test_cuts_prove_more_of_times_too() -> None:
     result = plan(scenario, seed=1, time_limit=60.0, iterations=8_000)
     segments = segments_of(scenario.with_margin(result.segments[0].margin))
     assert 1.01 * time_bound(scenario, segments) < there(result.lower_bound) < there(result.duration)
+
+
+CAR = np.array([[1.0, 0.0, -2.0, 1.0, 0.0, 2.0]])
+"""Dubins' car: all that it does is straight ahead, or turns with 0.5 m."""
+
+
+def test_no_word_of_a_car_beats_what_costates_prove() -> None:
+    """And those that are found nearly reach it where no loop is needed."""
+    scenario, rng, shares = load_scenario("free-space"), np.random.default_rng(2), []
+    for pose in rng.uniform([-3.0, -3.0, -3.0], [3.0, 3.0, 3.0], (20, 3)):
+        posed = replace(scenario, goal=replace(scenario.goal, pose_chain=pose))
+        word = float(find_words(steering_families(CAR)[0], posed.start, pose)[:, 0].min())
+        parts = _Parts(posed, CAR, [], 2.0 * word, TRAVEL)
+        for costates in costates_in_circle(rng, 20):
+            assert parts.value(costates[None])[0] <= word + 1e-9
+        shares.append(_highest(parts, 0.99 * pose[None, :2] / np.linalg.norm(pose[:2]), 0.0)[0] / word)
+    assert max(shares) <= 1.0 + 1e-9
+    assert np.quantile(shares, 0.8) > 0.97

@@ -15,8 +15,11 @@ from pushplan.plans.path import TURN_WEIGHT, PushPath
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 
-WORTH = 0.01
-"""Share by which a known path has to be above the other bounds for one by cuts to be looked for."""
+WORTH = 0.01, 0.2
+"""Shares between which a known path has to be above the other bounds for one by cuts to be looked for.
+
+Cuts add a few per cent: to a gap that is much larger, as first paths have, they are not worth their time.
+"""
 
 
 def lower_bound(scenario: Scenario, segments: FloatArray, path: PushPath | None = None) -> float:
@@ -36,7 +39,7 @@ def lower_bound(scenario: Scenario, segments: FloatArray, path: PushPath | None 
         rest = (TURN_WEIGHT - float(np.linalg.norm(disc.center))) * turn
         bounds.append(way_around(scenario, disc, most - rest) + rest)
     bound = max(*bounds, turn_bound(start, goal, segments, most))
-    if path is not None and most > bound * (1.0 + WORTH):
+    if path is not None and WORTH[0] < most / bound - 1.0 < WORTH[1]:
         bound = cut_bound(scenario, segments, path, most, bound)
     return float(bound)
 
@@ -63,7 +66,7 @@ def time_bound(
     rate = max(gain / speed, spin / turning)
     price, most = Price(speed / turning, 0.0), speed * max(duration - 1.0 / rate, 1.0 / rate)
     bend = max(around, turn_bound(start, goal, segments, most, price))
-    if path is not None and most > bend * (1.0 + WORTH):
+    if path is not None and WORTH[0] < most / bend - 1.0 < WORTH[1]:
         bend = cut_bound(scenario, segments, path, most, bend, price)
     return max(
         _from_rest_to_rest(bend, speed, rate * speed),

@@ -20,7 +20,7 @@ import daqp
 import numpy as np
 
 from pushplan.geometry import se2
-from pushplan.planners.infeasible.cuts import Cut, find_cuts, free_sections, or_none, standing
+from pushplan.planners.infeasible.cuts import NONE, Cut, find_cuts, free_sections, or_none, standing
 from pushplan.planners.infeasible.turn_bound import CIRCLE, NEVER, TRAVEL, WIDEST, Price
 from pushplan.planners.infeasible.turning import turns_of
 from pushplan.planners.scene import convex_pieces
@@ -67,7 +67,7 @@ class _Twists(NamedTuple):
         radii = np.concatenate([tightest, corner[kept]])
         # An arc lies between its ends and where the tangents there meet; of a wide one each of its parts does.
         middles, halves = np.concatenate([sectors[:, 2:], sectors[kept, 2:]]).T
-        parts = np.ceil(halves * np.sqrt(0.5 * radii / ARC_ERROR)).astype(int)
+        parts = np.ceil(halves * np.sqrt(0.5 * radii / ARC_ERROR)).astype(int).clip(1)  # one direction is an arc, too
         row = np.repeat(np.arange(len(parts)), parts)
         number = np.arange(len(row)) - np.repeat(np.cumsum(parts) - parts, parts)
         half = halves[row] / parts[row]
@@ -121,9 +121,18 @@ class _Parts:
         cuts: K of them.
         most: Cost of the known path, m.
         price: What twists cost.
+        possible: Of each bin of headings, whether any path turns in it.
     """
 
-    def __init__(self, scenario: Scenario, segments: FloatArray, cuts: list[Cut], most: float, price: Price) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        segments: FloatArray,
+        cuts: list[Cut],
+        most: float,
+        price: Price,
+        possible: BoolArray | None = None,
+    ) -> None:
         start, goal = scenario.start, scenario.goal.pose_chain
         self.start, self.goal, self.cuts, self.most = start[:2], goal[:2], cuts, most
         turns = turns_of(segments)
@@ -138,13 +147,19 @@ class _Parts:
         self.middles, self.stretch = self.edges + half, 1.0 / np.cos(half)
         self.share = (np.sin(half) / half - np.cos(half)) / (self.stretch - np.cos(half))  # of the latter
         self.longest = float(np.cos(half).min())  # of costates, for that to be in the circle, too
+        possible = np.ones(len(edges), dtype=bool) if possible is None else possible
+        self.open = np.tile(possible, (len(cuts) + 1, 1))
+        crossed = np.flatnonzero(possible | np.roll(possible, 1))
         pieces = convex_pieces([body.outline for body in scenario.chain.bodies])
-        bodies = [se2.rotate(self.edges[:, None], piece) for piece in pieces]
+        bodies = [se2.rotate(self.edges[crossed, None], piece) for piece in pieces]
         # At an edge of a bin the chain counts as free where it is in the bins beside it.
         reach, things = scenario.chain.reach, standing(scenario)
         slack = reach * float(self.widths.max())
-        self.free = [free_sections(cut, bodies, reach, slack, things) for cut in cuts]
-        self.open = np.ones((len(cuts) + 1, len(edges)), dtype=bool)
+        self.free = []
+        for cut in cuts:
+            sections = free_sections(cut, bodies, reach, slack, things)
+            self.free.append(np.full((len(edges), *sections.shape[1:]), NONE))
+            self.free[-1][crossed] = sections
 
     def value(self, costates: FloatArray) -> tuple[float, FloatArray]:
         """Return the cost that costates prove, and how it changes with them, (K + 1, 2)."""
@@ -266,11 +281,13 @@ def cut_bound(
         return proven
     apart = scenario.goal.pose_chain[:2] - scenario.start[:2]
     costates = 0.99 * apart[None] / max(float(np.linalg.norm(apart)), SAME)
+    possible = None
     for chosen in ([], cuts):
-        costates = np.tile(costates[:1], (len(chosen) + 1, 1))
-        parts = _Parts(scenario, segments, chosen, most, price)
+        costates = np.tile(costates, (len(chosen) + 1, 1))
+        parts = _Parts(scenario, segments, chosen, most, price, possible)
         parts.leave_out(costates)
         proven, costates = _highest(parts, costates, proven)
+        possible = parts.open[0]
     return min(proven, most)
 
 
