@@ -151,9 +151,14 @@ def _closest_turns(ends: FloatArray) -> tuple[FloatArray, FloatArray]:
     if not len(lefts) or not len(rights):
         best = [turns[np.argmax(np.abs(turns[:, 2]))] if len(turns) else np.zeros(3) for turns in (lefts, rights)]
         return best[0], best[1]
-    apart = _cors(lefts)[:, None] - _cors(rights)[None]
-    i, j = np.unravel_index(np.argmin(np.hypot(apart[..., 0], apart[..., 1])), apart.shape[:2])
-    return lefts[i], rights[j]
+    left, right = _cors(lefts), _cors(rights)
+    most = np.hypot(*(left[np.argmin(np.hypot(*left.T))] - right[np.argmin(np.hypot(*right.T))]))
+    # of the others, many are farther from all on the other side already along y
+    i = np.flatnonzero(left[:, 1] - right[:, 1].max() <= most)
+    j = np.flatnonzero(left[:, 1].min() - right[:, 1] <= most)
+    apart = left[i, None] - right[j]
+    k, m = np.unravel_index(np.argmin(np.hypot(apart[..., 0], apart[..., 1])), apart.shape[:2])
+    return lefts[i[k]], rights[j[m]]
 
 
 def _cors(twists: FloatArray) -> FloatArray:
@@ -263,6 +268,10 @@ def automatic_margin(stable: StableSet, drive: Drive, most: float = MOST_MARGIN)
 
 def _best_margin(stable: StableSet, drive: Drive, enough: float) -> float:
     """Return the largest margin, or one that is at least `enough`."""
+    ahead = np.array([[1.0, 0.0, 0.0]]) if drive.axle is None else _drive_twists(drive.axle, np.zeros(1))
+    found = float(stable.margin(ahead)[0])  # that of most chains is enough
+    if found >= enough:
+        return found
     found = float(stable.margin(most_stable_twist(stable, drive)[None])[0])
     if drive.axle is not None:
         return max(0.0, found)

@@ -10,14 +10,15 @@ from ompl import base as ob
 from plans_of import load_plain
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
+from scipy.spatial.distance import cdist
 
 from pushplan.core.collision import separations, sweep_is_free
-from pushplan.core.problem import Problem, find_words
+from pushplan.core.problem import LEFT, RIGHT, Problem, find_words
 from pushplan.core.search import Lattice, SparseTree
 from pushplan.errors import EmptyStableSetError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
-from pushplan.planners.controls import control_segments
+from pushplan.planners.controls import control_segments, segment_ends, steering_families
 from pushplan.planners.planner import plan
 from pushplan.planners.problem import build_problem, sampling_box
 from pushplan.planners.scene import flatten
@@ -243,3 +244,15 @@ def test_a_drive_that_cannot_push_stably_is_refused_with_the_reason(stable: Stab
         EmptyStableSetError, match="the differential cannot push the chain: its best push keeps 'box2' on 'box1'"
     ):
         control_segments(stable, sideways, 1e-6)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_families_turn_about_the_two_centres_that_are_closest(seed: int) -> None:
+    """Of all pairs of a left and a right turn, wherever their centres are."""
+    segments = np.random.default_rng(seed).normal(size=(60, 6)) * [1.0, 0.3, 1.0, 1.0, 0.3, 1.0]
+    turns = segment_ends(segments)
+    centres = np.stack([-turns[:, 1], turns[:, 0]], axis=1) / turns[:, 2:]
+    sides = [centres[sign * turns[:, 2] > 0.0] for sign in (1.0, -1.0)]
+    left, right = steering_families(segments)[0, [LEFT, RIGHT]]
+    apart = [-left[1] / left[2] + right[1] / right[2], left[0] / left[2] - right[0] / right[2]]
+    assert np.hypot(*apart) == pytest.approx(cdist(sides[0], sides[1]).min(), rel=1e-12)

@@ -45,7 +45,7 @@ def area_moments(outline: FloatArray) -> AreaMoments:
     """Return area, centroid and central second moments of a counter-clockwise (v, 2) polygon."""
     anchor = outline[0]
     p = outline - anchor
-    q = np.roll(p, -1, axis=0)
+    q = np.concatenate([p[1:], p[:1]])
     cross = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
     area = 0.5 * float(cross.sum())
     centroid = (cross @ (p + q)) / (6.0 * area)

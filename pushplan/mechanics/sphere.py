@@ -53,9 +53,10 @@ class TurningRadii(NamedTuple):
 
 def twists_at(longitude: ArrayLike, latitude: ArrayLike, length: float) -> FloatArray:
     """Return the unit twists (..., 3) at longitudes and latitudes (...)."""
-    lon, lat = np.broadcast_arrays(np.asarray(longitude, dtype=np.float64), np.asarray(latitude, dtype=np.float64))
+    lon, lat = np.asarray(longitude, dtype=np.float64), np.asarray(latitude, dtype=np.float64)
     flat = np.cos(lat)
-    return np.stack([flat * np.cos(lon), flat * np.sin(lon), np.sin(lat) / length], axis=-1)
+    axes = np.broadcast_arrays(flat * np.cos(lon), flat * np.sin(lon), np.sin(lat) / length)
+    return np.stack(axes, axis=-1)
 
 
 def angles_of(twists: ArrayLike, length: float) -> tuple[FloatArray, FloatArray]:

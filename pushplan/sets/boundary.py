@@ -158,8 +158,9 @@ class SphereSamples(NamedTuple):
 
 def _around(of: np.ufunc, value: FloatArray) -> FloatArray:
     """Return what is largest or smallest of samples and their neighbours, (n, s); the first row follows the last."""
-    rows = of(of(np.roll(value, 1, axis=0), value), np.roll(value, -1, axis=0))
-    beside = np.pad(rows, ((0, 0), (1, 1)), mode="edge")
+    beside = np.concatenate([value[-1:], value, value[:1]])
+    rows = of(of(beside[:-2], value), beside[2:])
+    beside = np.concatenate([rows[:, :1], rows, rows[:, -1:]], axis=1)
     return np.asarray(of(of(beside[:, :-2], rows), beside[:, 2:]))
 
 

@@ -139,10 +139,10 @@ def _extremes(samples: FloatArray) -> IntArray:
 
 def _runs(samples: FloatArray) -> Brackets:
     """Return the runs of positive samples; at the domain's end, a bracket is a sample twice."""
-    member, inside = samples[:, 0], samples[:, 2] > 0.0
-    fresh = member[1:] != member[:-1]
-    first, last = np.append(True, fresh), np.append(fresh, True)
-    low = np.flatnonzero(inside & np.append(True, fresh | ~inside[:-1]))
-    high = np.flatnonzero(inside & np.append(fresh | ~inside[1:], True))
-    at = np.array([[low, np.where(first[low], low, low - 1)], [high, np.where(last[high], high, high + 1)]])
+    member, inside, edge = samples[:, 0], samples[:, 2] > 0.0, np.ones(len(samples) + 1, np.bool_)
+    edge[1:-1] = member[1:] != member[:-1]
+    cut = edge.copy()
+    cut[1:-1] |= inside[1:] != inside[:-1]
+    low, high = np.flatnonzero(inside & cut[:-1]), np.flatnonzero(inside & cut[1:])
+    at = np.array([[low, np.where(edge[low], low, low - 1)], [high, np.where(edge[high + 1], high, high + 1)]])
     return Brackets(member[low].astype(np.int64), samples[at, 1:].transpose(2, 0, 3, 1).reshape(-1, 2, 4))
