@@ -310,10 +310,14 @@ class Scenario:
 
     def with_margin(self, margin: float | Literal["auto"]) -> Scenario:
         """Return the scenario with another `stability.margin`."""
+        if margin == self.stability.margin:
+            return self
         return dataclasses.replace(self, stability=self.stability.model_copy(update={"margin": margin}))
 
     def with_planner(self, **changes: Any) -> Scenario:
         """Return the scenario with other settings in `planner`, such as `cost="travel"`."""
+        if all(getattr(self.planner, name) == value for name, value in changes.items()):
+            return self
         return dataclasses.replace(self, planner=self.planner.model_copy(update=changes))
 
     def resolved(self) -> dict[str, Any]:
