@@ -124,6 +124,14 @@ def arc_limits(twists: FloatArray, limits: Limits, top: float | FloatArray = mat
     return ArcLimits(speed, rate(gaining, up), rate(braking, down), third)
 
 
+def least_times(twists: FloatArray, lengths: FloatArray, limits: Limits) -> FloatArray:
+    """Return what arcs (k, 3), (k,) take from rest to rest at least, s: speed and acceleration alone limit them."""
+    slow = arc_limits(twists, limits, 0.0)
+    ramp = 0.5 / slow.acceleration + 0.5 / slow.deceleration
+    speed = np.minimum(arc_limits(twists, limits).speed, np.sqrt(lengths / ramp))
+    return np.asarray(lengths / speed + ramp * speed)
+
+
 def contact_limits(twist: FloatArray, length: float, bounds: Bounds) -> ArcLimits:
     """Return `limits_of_arcs` of one arc, twist (3,)."""
     return limits_of_arcs(twist[None], np.array([length]), bounds)[0]

@@ -12,7 +12,7 @@ import numpy as np
 from pushplan.core.collision import Scene
 from pushplan.planners.controls import most_stable_twist
 from pushplan.planners.problem import scenario_scene
-from pushplan.planners.timing.arc_limits import Bounds
+from pushplan.planners.timing.arc_limits import Bounds, least_times
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.timing.parts import (
     NoFitError,
@@ -215,12 +215,12 @@ class BlendSearch:
         self.parts = [make_part(self.path, np.arange(len(speeds)), self.bounds, speeds)]
         self.nudging = Nudging(no_rows(len(self.path.lengths)))
 
-    def blended(self, within: float) -> Blend | None:
-        """Return the blend; None when it takes `within` (s) or longer, or needs a stop at every corner."""
-        while self.stops < self.corners and self._least_duration() < within:
+    def blended(self, worthwhile: Callable[[float], bool]) -> Blend | None:
+        """Return the blend; None where its duration (s) is not worthwhile, or it needs a stop at every corner."""
+        while self.stops < self.corners and worthwhile(self._least_duration()):
             blend = self._attempt()
             if blend is not None:
-                return blend if blend.trajectory.duration < within else None
+                return blend if worthwhile(blend.trajectory.duration) else None
         return None
 
     def _least_duration(self) -> float:
@@ -292,15 +292,19 @@ def blend_path(
     Raises:
         TimingError: When an arc cannot be timed.
     """
-    exact = time_path(path, bounds, rate)
+    exact = cache(lambda: time_path(path, bounds, rate))
     if not corners_of(path):
-        return Blend(exact, frozenset())
+        return Blend(exact(), frozenset())
     scene = scenario_scene(scenario) if scene is None else scene
     inset = inset_path(path, stable, scenario.required_margin, bounds)
+    least = float(least_times(path.twists, path.lengths, bounds.limits).sum())
 
-    blend = BlendSearch(scenario, scene, inset.path, path.end, stable, rate, bounds).blended(exact.duration)
+    def worthwhile(duration: float) -> bool:
+        return duration < least or duration < exact().duration
+
+    blend = BlendSearch(scenario, scene, inset.path, path.end, stable, rate, bounds).blended(worthwhile)
     if blend is None:
-        return Blend(exact, corners_of(path))
+        return Blend(exact(), corners_of(path))
     arcs = inset.owner[blend.trajectory.arc.astype(np.int64)].astype(np.float64)
     stops = frozenset(int(inset.owner[i]) for i in blend.stops)
     return Blend(replace(blend.trajectory, arc=arcs), stops)

@@ -41,7 +41,7 @@ class Pieces(NamedTuple):
         return np.asarray(timing.poses_after(np.zeros(3), self.coefficients, self.durations)[-1])
 
 
-ORDERS = np.array([1.0, 2.0, 3.0, 2.0])
+ORDERS = np.array([[1.0], [2.0], [3.0], [2.0]])
 """With which power of the speed each share grows: speed, acceleration, jerk, contact conditions."""
 
 
@@ -49,7 +49,7 @@ class Use(NamedTuple):
     """What the pieces of a motion use of its limits.
 
     Attributes:
-        shares: (q, 4) of speed, acceleration, jerk and contact conditions; a limit is kept up to 1.
+        shares: (4, q) of speed, acceleration, jerk and contact conditions; a limit is kept up to 1.
         slowing: (q,) factor by which the same twists have to change more slowly for the contacts to hold.
     """
 
@@ -71,7 +71,7 @@ def bounds_use(pieces: Pieces, bounds: Bounds) -> Use:
         steady = one.rows_of_inertia(twists, twists, np.zeros_like(rates))
         own = timing.contact_use(floor, inertia, steady, piece, len(pusher), bounds.margin, ROOM)
         held, slowing = np.maximum(held, own[0]), np.maximum(slowing, own[1])
-    return Use(np.column_stack([pusher, held]), slowing)
+    return Use(np.vstack([pusher.T, held]), slowing)
 
 
 def limit_use(pieces: Pieces, limits: Limits) -> FloatArray:

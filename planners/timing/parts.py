@@ -19,7 +19,7 @@ from pushplan.planners.timing.exact_timing import ORDERS, Pieces, bounds_use, re
 from pushplan.planners.timing.sweep import LengthRows, effects_on
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory
-from pushplan.util.arrays import FloatArray, IntArray, columns_of
+from pushplan.util.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,9 +107,6 @@ HELPING = 0.995
 MOST = 1.5
 """A step is widened by no more than this factor at a time."""
 
-WIDTH_POWERS = np.array([0.0, 1.0, 0.5, 1.0])
-"""By which power of the use of each limit a lone step has to be widened to meet it."""
-
 PASSED = 0.3
 """A shorter arc may be passed as fast as one of this length, m."""
 
@@ -134,9 +131,16 @@ class Section(Part):
     slower: float = 1.0
 
     def pieces(self, lengths: FloatArray) -> Pieces:
-        """Return the twist over time."""
-        made = Pieces.through(self.levels / self.slower, *self._steps(lengths))
-        return made._replace(level=self.arcs[np.clip(made.level - 1, 0, len(self.arcs) - 1)])
+        """Return the twist over time; those of the same lengths are asked for again and again, and kept."""
+        if not self._last or self._last[0][0] is not lengths:
+            made = Pieces.through(self.levels / self.slower, *self._steps(lengths))
+            arcs = np.concatenate([self.arcs[:1], self.arcs, self.arcs[-1:]])
+            self._last[:] = [(lengths, made._replace(level=arcs[made.level]))]
+        return self._last[0][1]
+
+    @cached_property
+    def _last(self) -> list[tuple[FloatArray, Pieces]]:
+        return []
 
     def duration(self, lengths: FloatArray) -> float:
         """Return how long it takes, s."""
@@ -153,7 +157,9 @@ class Section(Part):
         for _ in range(WIDENINGS):
             pieces = section.pieces(lengths)
             use = bounds_use(pieces, self.bounds)
-            excess = columns_of(use.shares**WIDTH_POWERS).max(axis=0)
+            _, rise, bend, hold = use.shares
+            # by so much a lone step has to be widened to meet each limit
+            excess = np.maximum(np.maximum(rise, np.sqrt(bend)), np.maximum(hold, 1.0))
             if excess.max() <= USED_UP or excess.max() > HELPING * worst:
                 break
             section = section._widened(lengths, pieces.durations, np.maximum(excess, use.slowing))
@@ -165,7 +171,7 @@ class Section(Part):
     def slowed(self, lengths: FloatArray) -> tuple[Section, float]:
         """Return the section slowed down until no limit is exceeded, and when the most was."""
         pieces = self.pieces(lengths)
-        use = columns_of(bounds_use(pieces, self.bounds).shares ** (1.0 / ORDERS)).max(axis=0)
+        use = (bounds_use(pieces, self.bounds).shares ** (1.0 / ORDERS)).max(axis=0)
         factor = float(use.max())
         at = float(pieces.durations[: int(np.argmax(use))].sum()) * factor
         return (self if factor <= USED_UP else replace(self, slower=self.slower * factor)), at
