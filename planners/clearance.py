@@ -16,7 +16,7 @@ from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import CircleObstacle, Obstacle, Workspace
-from pushplan.util.arrays import BoolArray, FloatArray, IntArray
+from pushplan.util.arrays import BoolArray, FloatArray, IntArray, columns_of, distinct
 from pushplan.util.names import CLEARANCE_ROOM
 
 ObjectArray = NDArray[np.object_]
@@ -153,8 +153,9 @@ class Room:
             pairs = standing.near(points, far)
             if rests is not None:
                 pairs = pairs[:, rests[case[pose[pairs[0]]], pairs[1]]]
-            near, which = np.unique(pairs[0], return_inverse=True)
-            apart = standing.apart(self._polygons(placed[near], body[near]), np.stack([which, pairs[1]]))
+            near = distinct(pairs[0])
+            which = np.stack([np.searchsorted(near, pairs[0]), pairs[1]])
+            apart = standing.apart(self._polygons(placed[near], body[near]), which)
             np.minimum.at(gaps, pose[pairs[0]], apart)
         return np.asarray(np.maximum(gaps, 0.0))
 
@@ -233,6 +234,17 @@ class Motion:
     def through(cls, poses: FloatArray, reach: float) -> Motion:
         """Return the motion of a body that reaches so far (m) from the frame's origin."""
         return cls._of(poses, _log(se2.relative(poses[:-1], poses[1:])), reach)
+
+    @classmethod
+    def sampled(cls, trajectory: Trajectory, reach: float) -> Motion:
+        """Return the motion from sample to sample of a trajectory, with a constant twist from each to the next.
+
+        Of samples along one twist, few are needed: no more than a radian is turned between two.
+        """
+        kept = trajectory.changes_at(trajectory.t)
+        fastest = float(np.abs(trajectory.coefficients[:, 0, 2]).max(initial=1.0))
+        kept[:: max(1, int(trajectory.sample_rate / fastest))] = True
+        return cls.through(trajectory.poses_at(trajectory.t[kept]), reach)
 
     @classmethod
     def along(cls, path: PushPath, reach: float) -> Motion:
@@ -351,9 +363,11 @@ def _first_too_near(room: Room, motions: Sequence[Motion], required: float) -> F
     while len(case):
         low, high, g, h = ends
         unproven = (g + h - (high - low) < 2.0 * required) & (high - low > SPACING) & (low < first[case])
+        if not unproven.any():
+            break
         (low, high, g, h), case = ends[:, unproven], case[unproven]
         middle = 0.5 * (low + high)
-        m = room.gaps(motion.at(middle), 0.5 * (high - low).max(initial=0.0) + 2.0 * required, case)
+        m = room.gaps(motion.at(middle), 0.5 * (high - low).max() + 2.0 * required, case)
         np.minimum.at(first, case[m < required], middle[m < required])
         ends = np.hstack([np.stack([low, middle, g, m]), np.stack([middle, high, m, h])])
         case = np.concatenate([case, case])
@@ -373,19 +387,17 @@ def excess(trajectory: Trajectory, limits: Limits) -> str:
     if count < 3:
         return ""
     t = np.linspace(0.0, trajectory.duration, count)
-    h = t[1]
-    poses = trajectory.poses_at(t)  # angles run on
-    rates = np.diff(poses, axis=0) / h
-    changes = np.diff(rates, axis=0) / h
-    heading = poses[:-1, 2]
-    ahead = np.cos(heading) * rates[:, 0] + np.sin(heading) * rates[:, 1]
-    speed = np.hypot(rates[:, 0], rates[:, 1])
+    t = t[trajectory.changes_at(t)]
+    h, twists = np.diff(t), columns_of(trajectory.twists_at(t))
+    changes, (u, v, turn) = np.diff(twists) / h, 0.5 * (twists[:, :-1] + twists[:, 1:])  # jumps between pieces count
+    speed = np.hypot(twists[0], twists[1])
     gain = np.diff(speed)
     found: dict[LimitName, FloatArray] = {
-        "speed": np.where(ahead < 0.0, -speed, speed),
-        "acceleration": np.copysign(np.hypot(changes[:, 0], changes[:, 1]), gain),
-        "angular_speed": rates[:, 2],
-        "angular_acceleration": changes[:, 2],
+        "speed": np.where(twists[0] < 0.0, -speed, speed),
+        # the velocity turns with the body
+        "acceleration": np.copysign(np.hypot(changes[0] - turn * v, changes[1] + turn * u), gain),
+        "angular_speed": twists[2],
+        "angular_acceleration": changes[2],
     }
     steady = np.abs(gain) < TOLERANCE * h * np.abs(found["acceleration"])  # rounding tells no sign
     found["acceleration"][steady] = np.abs(found["acceleration"][steady])

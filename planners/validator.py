@@ -274,7 +274,7 @@ class Validator:
         if segment.pushes:
             if segment.trajectory is None:
                 return Motion.along(segment.contact_path, chain.reach)
-            return Motion.through(segment.contact_trajectory.poses, chain.reach)
+            return Motion.sampled(segment.contact_trajectory, chain.reach)
         plate = segment.path.knots if segment.trajectory is None else segment.trajectory.poses
         return Motion.through(se2.compose(plate, se2.inverse(chain.pusher.plate_pose)), chain.reach)
 

@@ -124,7 +124,8 @@ def _carried(scenario: Scenario, segments: tuple[Segment, ...], poses: FloatArra
         there = poses[inside].copy()
         # The robot may have turned fully between two pushes.
         there[:, 2] -= 2.0 * np.pi * np.round((there[:1, 2] - begin[2]) / (2.0 * np.pi))
-        objects[inside, [names.index(name) for name in segment.load.names]] = se2.compose(there[:, None], held)
+        moved = se2.compose(there, held[:, None])  # long axes last but one: NumPy is slow along short ones
+        objects[inside, [names.index(name) for name in segment.load.names]] = moved.transpose(1, 0, 2)
         now |= zip(segment.load.names, se2.compose(end, held), strict=True)
     return objects
 
@@ -140,20 +141,21 @@ def contacts_along(segment: Segment, planned: str, t: FloatArray) -> Contacts:
     assert segment.load is not None
     problem = segment.load.problem
     own = segment.contact_trajectory
-    asked, rates = own.directions_at(t), own.rates_at(t)
+    fresh = own.changes_at(t)
+    asked, rates = own.directions_at(t[fresh]), own.rates_at(t[fresh])
     judge = judging_set(problem, planned)
     state = contact_state(judge.chain, asked) if judge.loads_known else None
     exact = state is not None and isinstance(judge, EcofSet)
     margins = state.margins if state is not None and exact else judge.contact_margins(asked)
     dynamics = contact_dynamics(problem, judge.name)
     floor = state.wrenches if state is not None and dynamics.chain is judge.chain else None
-    dynamic = dynamics.margins(asked, rates, floor)
-    force = PushForce(dynamics)
-    needed = force.moving(asked, rates, floor)
+    force, last = PushForce(dynamics), np.cumsum(fresh) - 1
+    margins, dynamic = margins[last], dynamics.margins(asked, rates, floor)[last]
+    needed = force.moving(asked, rates, floor)[last]
     _count_starts(needed, force, segment, t)
     if state is None:
         return Contacts(judge.name, margins, dynamic, needed, None, None, None)
-    known = state.friction_margins, state.lambdas, state.forces
+    known = state.friction_margins[last], state.lambdas[last], state.forces[last]
     return Contacts(judge.name, margins, dynamic, needed, *known)
 
 

@@ -172,12 +172,14 @@ RESTING = 1e-9
 def unstable_times(scenario: Scenario, stable: StableSet, trajectory: Trajectory, bounds: Bounds) -> FloatArray:
     """Return when (k,) the trajectory does not keep more than the scenario's margins, worst first, s.
 
-    It is looked at its samples, its breaks and half-way between them; where the pusher rests, nothing is asked. On
-    the way from one twist to another, which no push begins with, the force has to suffice for sliding only.
+    It is looked at its samples, its breaks and half-way between them, along one twist at the ends alone;
+    where the pusher rests, nothing is asked. On the way from one twist to another, which no push begins with, the
+    force has to suffice for sliding only.
     """
     stable = stable.inside if isinstance(stable, ForceLimitedSet) else stable
     breaks = trajectory.breaks
     times = distinct(np.concatenate([trajectory.t, breaks, 0.5 * (breaks[:-1] + breaks[1:])]))
+    times = times[trajectory.changes_at(times)]
     twists = trajectory.twists_at(times)
     moving = np.abs(columns_of(twists)).max(axis=0) > RESTING
     times, twists = times[moving], twists[moving]

@@ -47,9 +47,10 @@ def compose(pose_a_b: ArrayLike, pose_b_c: ArrayLike) -> FloatArray:
         (x, y, theta), (u, v, turn) = first.tolist(), second.tolist()
         c, s = float(np.cos(theta)), float(np.sin(theta))
         return np.array([x + (c * u - s * v), y + (s * u + c * v), theta + turn])
-    turned, angle = rotate(first[..., 2], second[..., :2]), first[..., 2] + second[..., 2]
+    cosine, sine, angle = np.cos(first[..., 2]), np.sin(first[..., 2]), first[..., 2] + second[..., 2]
     pose = np.empty((*angle.shape, 3))
-    np.add(first[..., :2], turned, out=pose[..., :2])
+    pose[..., 0] = first[..., 0] + (cosine * second[..., 0] - sine * second[..., 1])
+    pose[..., 1] = first[..., 1] + (sine * second[..., 0] + cosine * second[..., 1])
     pose[..., 2] = angle
     return pose
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.util.arrays import FloatArray, columns_of, frozen, parameters
+from pushplan.util.arrays import BoolArray, FloatArray, columns_of, frozen, parameters
 
 SAMPLE_RATE = 100.0
 """Default rate at which trajectories are sampled and executed, Hz."""
@@ -41,7 +41,8 @@ def advance(columns: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArr
     h = end - begin
     middle = 0.5 * (begin + end)
     v1, v2 = (_polynomial(columns, middle + sign * _GAUSS * h) for sign in (-1.0, 1.0))
-    step = 0.5 * h * (v1 + v2) + (np.sqrt(3.0) / 12.0) * h**2 * _bracket(v1, v2)
+    step = 0.5 * h * (v1 + v2)
+    step[:2] += (np.sqrt(3.0) / 12.0) * h**2 * _bracket(v1, v2)
     return se2.exp(step.T)
 
 
@@ -51,8 +52,8 @@ def _polynomial(c: FloatArray, tau: FloatArray) -> FloatArray:
 
 
 def _bracket(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Lie bracket [a, b] (3, m) of planar twists (3, m)."""
-    return np.stack([b[2] * a[1] - a[2] * b[1], a[2] * b[0] - b[2] * a[0], np.zeros_like(a[0])])
+    """Linear part of the Lie bracket [a, b] (2, m) of planar twists (3, m); it does not turn."""
+    return np.stack([b[2] * a[1] - a[2] * b[1], a[2] * b[0] - b[2] * a[0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,6 +171,12 @@ class Trajectory:
         piece = self.piece_at(t)
         _, c1, c2 = self.columns.take(piece, axis=2)
         return np.ascontiguousarray((c1 + 2.0 * (t - self.breaks[piece]) * c2).T)
+
+    def changes_at(self, t: FloatArray) -> BoolArray:
+        """Return at which of times (m,), in order, twist or rate may not be those at the time before or after."""
+        piece, changing = self.piece_at(t), np.any(self.columns[1:] != 0.0, axis=(0, 1))
+        fresh = (np.diff(piece, prepend=-1) > 0) | changing[piece]
+        return np.asarray(fresh | np.append(fresh[1:], True))
 
     def base_poses_at(self, t: ArrayLike) -> FloatArray:
         """Return the poses (m, 3) of the robot's base in the world at times (m,), clipped to the trajectory."""

@@ -11,10 +11,11 @@ from timing.conftest import use_by_differences
 from pushplan.errors import TimingError
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics import ContactDynamics
-from pushplan.planners.clearance import excess
-from pushplan.planners.timing.arc_limits import ArcLimits, Bounds, contact_limits
+from pushplan.planners.clearance import Motion, excess
+from pushplan.planners.timing.arc_limits import ArcLimits, Bounds, contact_limits, least_times
 from pushplan.planners.timing.exact_timing import rest_to_rest, time_path
 from pushplan.plans.path import PushPath, cost_rate
+from pushplan.plans.trajectory import Trajectory
 from pushplan.util.arrays import FloatArray
 
 
@@ -41,6 +42,19 @@ def test_a_timed_path_ends_where_the_path_ends_and_stops_at_every_corner(seed: i
     assert len(corners) == 6
     assert np.abs(trajectory.twists_at(corners)).max() < 1e-9
     assert np.abs(trajectory.twists[[0, -1]]).max() < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_path_is_driven_from_stop_to_stop_in_less_than_the_least_time(seed: int) -> None:
+    """Which is what it takes where nothing limits the jerk and no arc bends: so it is a close bound."""
+    rng = np.random.default_rng(seed)
+    path, limits = _path(rng, 7), Limits(0.2, (-0.3, 0.5), 5.0, 1.0, 2.0, 20.0)
+    least = float(least_times(path.twists, path.lengths, limits).sum())
+    assert 0.7 < least / time_path(path, Bounds(limits)).duration < 1.0
+    straight = PushPath(path.start, np.array([[1.0, 0.0, 0.0]]), rng.uniform(0.01, 1.0, 1))
+    free = replace(limits, jerk=1e6, angular_jerk=1e6)
+    least = float(least_times(straight.twists, straight.lengths, free).sum())
+    assert least == pytest.approx(time_path(straight, Bounds(free)).duration, rel=1e-4)
 
 
 LIMITS = ArcLimits(0.2, 0.5, 0.3, 5.0)
@@ -114,3 +128,30 @@ def test_an_exact_motion_uses_each_side_of_its_limits_and_no_more() -> None:
         assert excess(trajectory, SIDES) == ""
     left = time_path(_straight_and_turns(TWISTS[1:2]), Bounds(SIDES))
     assert excess(left, MIRRORED).startswith("the motion exceeds the pusher's angular speed: 0.5 after")
+
+
+def test_a_jump_and_what_turns_the_velocity_count_as_acceleration() -> None:
+    limits = Limits(speed=2.0, acceleration=0.9, angular_speed=2.0, angular_acceleration=0.9)
+
+    def moving(*twists: list[float]) -> Trajectory:
+        coefficients = np.zeros((len(twists), 3, 3))
+        coefficients[:, 0] = twists
+        return Trajectory(np.zeros(3), np.arange(len(twists) + 1.0), coefficients, np.zeros(len(twists)))
+
+    assert excess(moving([0.8, 0.0, 1.0]), limits) == ""
+    assert excess(moving([1.0, 0.0, 1.0]), limits).startswith("the motion exceeds the pusher's acceleration: 1 ")
+    assert "acceleration" in excess(moving([0.1, 0.0, 0.0], [0.11, 0.0, 0.0]), limits)
+    assert "angular acceleration" in excess(moving([0.1, 0.0, 0.1], [0.1, 0.0, 0.11]), limits)
+
+
+def test_samples_along_one_twist_repeat_those_that_are_looked_at() -> None:
+    trajectory = time_path(_path(np.random.default_rng(1), 6), Bounds(Limits()), 200.0)
+    kept = trajectory.changes_at(trajectory.t)
+    assert kept.mean() < 0.9
+    same = np.cumsum(kept) - 1
+    for values in (trajectory.twists_at, trajectory.rates_at):
+        np.testing.assert_array_equal(values(trajectory.t[kept])[same], values(trajectory.t))
+    few, all_of_them = Motion.sampled(trajectory, 0.5), Motion.through(trajectory.poses, 0.5)
+    assert len(few.poses) < len(all_of_them.poses)
+    s = np.linspace(0.0, all_of_them.travel[-1], 999)
+    np.testing.assert_allclose(few.at(s), all_of_them.at(s), atol=1e-11)
