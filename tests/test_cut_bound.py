@@ -88,11 +88,11 @@ def test_no_better_path_beats_what_costates_prove_in_clutter(seed: int) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_paths_cross_the_cuts_in_order_where_chains_are_free(name: str) -> None:
     scenario = of_travel(load_scenario(name))
-    known, better = paths(scenario)
-    cuts = find_cuts(scenario, known, known.cost)
-    parts = _Parts(scenario, segments_of(scenario), cuts, known.cost, TRAVEL)
+    _, path = paths(scenario)
+    cuts = find_cuts(scenario, path, path.cost)
+    parts = _Parts(scenario, segments_of(scenario), cuts, path.cost, TRAVEL)
     assert cuts
-    poses, last = better.sampled(1e-3), -1
+    poses, last = path.sampled(1e-3), -1
     for cut, free in zip(cuts, parts.free, strict=True):
         first = int(np.argmax(poses[:, :2] @ cut.normal >= cut.level))
         assert first > last
