@@ -6,6 +6,7 @@ import hashlib
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Self
@@ -19,6 +20,7 @@ from pushplan.logging.topics import lines_of
 from pushplan.logging.writer import RunLogWriter
 from pushplan.plans.plan import Improvement, Plan
 from pushplan.plans.run import Run
+from pushplan.plans.settings import Observer
 from pushplan.scenario.model import Scenario
 from pushplan.util.stopwatch import Stopwatch
 
@@ -127,8 +129,17 @@ class Recording:
                 part(self._writer)
 
     def improved(self, improvement: Improvement) -> None:
-        """Write an improvement of the plan; an observer's `improved`."""
+        """Write an improvement of the plan."""
         self.write(lambda log: log.improved(improvement))
+
+    def listening(self, observer: Observer) -> Observer:
+        """Return the observer; improvements that it is told are written as well."""
+
+        def improved(improvement: Improvement) -> None:
+            self.improved(improvement)
+            observer.improved(improvement)
+
+        return replace(observer, improved=improved)
 
     def end(self, plan: Plan, interrupted: bool = False) -> None:
         """Write the plan and its execution, which are all that there is."""

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
 
 from pushplan.logging.recording import Recording, Where
 from pushplan.planners.planner import plan
 from pushplan.planners.search.planners import planner_named
-from pushplan.plans.plan import Improvement, Plan
+from pushplan.plans.plan import Plan
 from pushplan.plans.run import Run
 from pushplan.plans.settings import Observer, PlanOptions, PlanSettings
 from pushplan.scenario.model import Scenario
@@ -39,12 +38,7 @@ def run(
     watch, settings = Stopwatch(), PlanSettings(**options)
     observer = settings.observer
     with Recording(scenario, fields_of(scenario, settings), log, runs, observer.message, watch) as recording:
-
-        def improved(improvement: Improvement) -> None:
-            recording.improved(improvement)
-            observer.improved(improvement)
-
-        options["observer"] = replace(observer, improved=improved)
+        options["observer"] = recording.listening(observer)
         found = plan(scenario, watch=watch, **options)
         recording.end(found, interrupted=observer.cancelled())
     return recording.finished(found)

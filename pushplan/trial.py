@@ -84,8 +84,7 @@ def trial(
     with Recording(scenario, fields, log, runs, observer.message) as recording:
         recording.write(lambda log: log.note(TRIAL, _words(seed, uncertainty, execute)))
         if isinstance(what, Scenario):
-            improved = recording.improved
-            known = plan(scenario, observer=replace(observer, improved=improved))
+            known = plan(scenario, observer=recording.listening(observer))
         found = known
         if found is not None:
             recording.write(lambda log: log.plan(found))

@@ -195,7 +195,7 @@ def test_a_plan_comes_back_with_what_is_worked_out_late(crates: pushplan.Plan) -
     np.testing.assert_array_equal(there(back.trajectory).poses, there(crates.trajectory).poses)
 
 
-def test_sets_and_planners_answer_as_before(crates: pushplan.Plan) -> None:
+def test_sets_planners_and_controllers_answer_as_before(crates: pushplan.Plan) -> None:
     twists, chain = np.array([[1.0, 0.0, 0.0], [1.0, 0.1, 0.5]]), crates.scenario.chain
     uneven = IntervalChain.from_ranges(chain, pressures={"near": 0.1})
     for stable in (stable_set(chain), stable_set(chain, "robust"), stable_set_over(uneven)):
@@ -203,11 +203,7 @@ def test_sets_and_planners_answer_as_before(crates: pushplan.Plan) -> None:
         np.testing.assert_array_equal(pickle.loads(pickle.dumps(stable)).margin(twists), margins)
     planner = pickle.loads(pickle.dumps(pushplan.Planner(crates.scenario)))
     assert planner.plan(time_limit=60.0).cost == pytest.approx(crates.cost)
-
-
-def test_a_controller_goes_on_where_it_was(crates: pushplan.Plan) -> None:
-    controller = pickle.loads(pickle.dumps(pushplan.Controller(crates)))
-    assert controller.step(0.0).any()
+    assert pickle.loads(pickle.dumps(pushplan.Controller(crates))).step(0.0).any()
 
 
 def test_the_loss_lies_between_the_samples_around_the_exact_end_of_the_set(make_chain: ChainMaker) -> None:

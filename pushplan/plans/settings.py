@@ -8,11 +8,11 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 from pushplan.errors import PlanningError
+from pushplan.scenario.model import Scenario
 from pushplan.util.names import AUTO, COSTS
 
 if TYPE_CHECKING:
     from pushplan.plans.plan import Improvement
-    from pushplan.scenario.model import Scenario
     from pushplan.sets.stable_set import StableSet
 
 Margin = float | Literal["auto"]
@@ -28,7 +28,7 @@ def _never() -> bool:
 
 @dataclass(frozen=True)
 class Observer:
-    """Who is told while a plan is made, and may end it.
+    """Who is told while a plan is made, and may end it: functions, as `Observer(improved=found.append)`.
 
     Attributes:
         message: Called with sentences for the user: what takes long, warnings.
@@ -39,6 +39,10 @@ class Observer:
     message: Callable[[str], None] = _ignore
     improved: Callable[[Improvement], None] = _ignore
     cancelled: Callable[[], bool] = _never
+
+    def __init_subclass__(cls) -> None:
+        """Refuse what would never be called."""
+        raise TypeError(f"{cls.__name__}: an Observer is made of functions, as Observer(improved=..., cancelled=...)")
 
 
 class PlanOptions(TypedDict, total=False):
@@ -89,8 +93,11 @@ class PlanSettings:
     observer: Observer = Observer()
 
     def __post_init__(self) -> None:
-        if self.margin is not None and self.margin != AUTO and not 0.0 <= self.margin < 1.0:
+        number = isinstance(self.margin, Real) and not isinstance(self.margin, bool)
+        if self.margin is not None and self.margin != AUTO and not (number and 0.0 <= float(self.margin) < 1.0):
             raise PlanningError(f"the margin is {self.margin}; allowed: {AUTO!r} or a number from 0 to below 1")
+        if not isinstance(self.observer, Observer):
+            raise PlanningError(f"observer is a {type(self.observer).__name__}; allowed: a pushplan.Observer")
         if self.cost is not None and self.cost not in COSTS:
             raise PlanningError(f"no cost is called {self.cost!r}; there are {', '.join(COSTS)}")
         for name in ("seed", "iterations", "time_limit", "gap"):
@@ -119,7 +126,7 @@ class PlanSettings:
         def chosen(own: Any, other: Any) -> Any:
             return other if own is None else own
 
-        of = scenario.planner
+        of = _checked(scenario).planner
         return replace(
             self,
             planner=chosen(self.planner, of.name),
@@ -137,7 +144,7 @@ class PlanSettings:
         Raises:
             PlanningError: When a margin of 0 goes together with limits that count inertia.
         """
-        margin = scenario.stability.margin if self.margin is None else self.margin
+        margin = _checked(scenario).stability.margin if self.margin is None else self.margin
         if margin == 0.0 and scenario.pusher.limits.contact == "dynamic":
             raise PlanningError(
                 "a margin of 0 leaves the contacts nothing to spare for inertia; allowed: a margin above 0, or "
@@ -145,3 +152,10 @@ class PlanSettings:
             )
         cost = scenario.planner.cost if self.cost is None else self.cost
         return scenario.with_margin(margin).with_planner(cost=cost)
+
+
+def _checked(scenario: object) -> Scenario:
+    if isinstance(scenario, Scenario):
+        return scenario
+    what = f"{scenario!r:.40} is a {type(scenario).__name__}"
+    raise PlanningError(f"{what}; allowed: a scenario, as pushplan.load_scenario gives it")

@@ -115,13 +115,6 @@ def _straight_and_turns(twists: np.ndarray) -> PushPath:
     return PushPath(np.zeros(3), twists / cost_rate(twists)[:, None], np.full(len(twists), 0.7))
 
 
-def test_a_mirrored_path_with_mirrored_limits_is_driven_in_the_same_time() -> None:
-    one = time_path(_straight_and_turns(TWISTS), Bounds(SIDES))
-    other = time_path(_straight_and_turns(TWISTS * [1.0, -1.0, -1.0]), Bounds(MIRRORED))
-    np.testing.assert_array_equal(one.breaks, other.breaks)
-    np.testing.assert_array_equal(one.coefficients, other.coefficients * [1.0, -1.0, -1.0])
-
-
 def test_an_exact_motion_uses_each_side_of_its_limits_and_no_more() -> None:
     for twist in TWISTS:
         trajectory = time_path(_straight_and_turns(twist[None]), Bounds(SIDES))
