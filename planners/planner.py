@@ -17,7 +17,7 @@ from pushplan.planners.outcome import Outcome, Segments
 from pushplan.planners.problem import Posing, open_scene
 from pushplan.planners.push_search import PushSearch
 from pushplan.planners.search.planners import planner_named
-from pushplan.planners.timing.segments import time_segments
+from pushplan.planners.timing.blending import time_segments
 from pushplan.planners.validator import Validator
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath

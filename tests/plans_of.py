@@ -6,7 +6,7 @@ import numpy as np
 
 import pushplan
 from pushplan.mechanics.chain import Chain
-from pushplan.planners.timing.segments import time_segments
+from pushplan.planners.timing.blending import time_segments
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan

@@ -8,7 +8,7 @@ import pytest
 from conftest import there
 
 from pushplan.planners.planner import plan
-from pushplan.planners.timing.segments import time_segments
+from pushplan.planners.timing.blending import time_segments
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.segment import Segment

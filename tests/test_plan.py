@@ -151,7 +151,7 @@ def test_a_path_that_is_driven_too_fast_for_its_contacts_is_no_plan(monkeypatch:
     def too_fast(scenario: Scenario, path: PushPath, *_: object) -> SimpleNamespace:
         return SimpleNamespace(trajectory=time_path(path, Bounds(FAST)))
 
-    monkeypatch.setattr("pushplan.planners.timing.segments.blend_path", too_fast)
+    monkeypatch.setattr("pushplan.planners.timing.blending.blend_path", too_fast)
     result = plan(load_scenario("two-crates"), time_limit=60.0, iterations=ITERATIONS)
     assert not result.solved
     assert result.reason.startswith("the plan does not hold when it is executed: ")

@@ -1,4 +1,4 @@
-"""The fastest trajectory along a path that turns smoothly from one arc to the next."""
+"""The segments of a plan on a clock; and the fastest trajectory along a path that turns smoothly from arc to arc."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.core.collision import Scene
+from pushplan.geometry.se2 import relative
 from pushplan.planners.controls import most_stable_twist
+from pushplan.planners.outcome import Segments
 from pushplan.planners.problem import scenario_scene
-from pushplan.planners.timing.arc_limits import Bounds, least_times
+from pushplan.planners.timing.arc_limits import Bounds, least_times, motion_bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.timing.parts import (
     NoFitError,
@@ -38,6 +40,7 @@ from pushplan.planners.timing.sweep import (
     unstable_times,
 )
 from pushplan.plans.path import SHORTEST_ARC, PushPath, cost_rate
+from pushplan.plans.segment import Segment
 from pushplan.plans.trajectory import SAMPLE_RATE, Trajectory
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
@@ -308,3 +311,42 @@ def blend_path(
     arcs = inset.owner[blend.trajectory.arc.astype(np.int64)].astype(np.float64)
     stops = frozenset(int(inset.owner[i]) for i in blend.stops)
     return Blend(replace(blend.trajectory, arc=arcs), stops)
+
+
+def time_segments(
+    scenario: Scenario,
+    segments: Segments,
+    rate: float = SAMPLE_RATE,
+    stable_set: str | None = None,
+    scene: Scene | None = None,
+) -> Segments:
+    """Return segments with their trajectories, within the limits of the pusher and, if asked for, of the contacts.
+
+    Args:
+        scenario: Chooses by `trajectory` whether the pusher stops at every corner of a push (`exact`) or at as few as
+            possible (`blended`), and by `limits.contact` whether inertia may make a contact slip.
+        segments: Of a plan: free of collision and stable.
+        rate: Samples per second of the trajectories.
+        stable_set: That they were planned in; None stands for the scenario's.
+        scene: Of a single push, where it is there already.
+
+    Raises:
+        TimingError: When an arc cannot be timed within the limits.
+    """
+    return tuple(_timed(scenario, segment, rate, stable_set, scene) for segment in segments)
+
+
+def _timed(scenario: Scenario, segment: Segment, rate: float, stable_set: str | None, scene: Scene | None) -> Segment:
+    pusher = scenario.pusher
+    if not segment.pushes or segment.load is None:
+        alone = time_path(segment.path, Bounds(pusher.limits), rate)
+        return replace(segment, trajectory=replace(alone, base=relative(pusher.plate_pose, pusher.base_pose)))
+    problem, stable = segment.problem(scenario), segment.load.stable_set(stable_set)
+    bounds = motion_bounds(problem, stable)
+    if scenario.trajectory == "blended":
+        timed: Trajectory = blend_path(problem, segment.contact_path, stable, bounds, rate, scene).trajectory
+    else:
+        timed = time_path(segment.contact_path, bounds, rate)
+    own = segment.load.chain.pusher
+    least = float(stable.margin(segment.contact_path.twists).min())
+    return replace(segment, trajectory=replace(timed, base=own.base_pose).of_frame(own.plate_pose), min_margin=least)

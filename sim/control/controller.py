@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pushplan.geometry.se2 import compose, exp, inverse, log, relative, twist_of
-from pushplan.planners.timing.segments import time_segments
+from pushplan.planners.timing.blending import time_segments
 from pushplan.plans.goals import with_places, worst_at_goal
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath

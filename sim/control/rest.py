@@ -13,7 +13,7 @@ from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose, inverse, pose_error
 from pushplan.planners.multi.room import AHEAD, find_drive
 from pushplan.planners.planner import Planner
-from pushplan.planners.timing.segments import time_segments
+from pushplan.planners.timing.blending import time_segments
 from pushplan.plans.goals import in_row
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
