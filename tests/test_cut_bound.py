@@ -13,8 +13,8 @@ from pushplan.geometry import se2
 from pushplan.planners.controls import steering_families
 from pushplan.planners.infeasible.bounds import lower_bound, time_bound
 from pushplan.planners.infeasible.cut_bound import _highest, _Parts, cut_bound
-from pushplan.planners.infeasible.cuts import find_cuts
 from pushplan.planners.infeasible.turn_bound import TRAVEL
+from pushplan.planners.infeasible.ways import find_cuts
 from pushplan.planners.planner import plan
 from pushplan.planners.problem import Posing
 from pushplan.plans.path import PushPath
