@@ -92,6 +92,7 @@ def at_goals(scenario: Scenario, objects: FloatArray) -> bool:
 @EVERY
 def test_a_plan_is_timed_executed_and_judged(kind: str) -> None:
     one = made(kind)
+    assert max(len(repr(shown)) for shown in (one.scenario, one.plan, *one.plan.segments)) < 120
     trajectory = there(one.plan.trajectory)
     assert one.plan.times[-1] == pytest.approx(trajectory.duration) == pytest.approx(one.execution.t[-1])
     for before, after in zip(one.plan.segments, one.plan.segments[1:], strict=False):

@@ -178,6 +178,13 @@ class Plan:
     robustness: LazyField[Robustness | None] = LazyField(None)
     remarks: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        """Say what it is in a line: all fields are pages, and some take long to work out."""
+        driven = "" if self.duration is None else f" in {self.duration:.2f} s"
+        count = "1 segment" if len(self.segments) == 1 else f"{len(self.segments)} segments"
+        found = self.reason or f"{count}, {self.cost or 0.0:.3f} m{driven}"
+        return f"<Plan of {self.scenario.name!r}: {found}>"
+
     @property
     def robustness_words(self) -> str:
         """How far single numbers may be off, for people, in lines; empty when not solved or not timed."""

@@ -60,6 +60,11 @@ class Segment:
         if self.kind not in SEGMENT_KINDS:
             raise PushplanError(f"no segment is a {self.kind!r}; there are {', '.join(SEGMENT_KINDS)}")
 
+    def __repr__(self) -> str:
+        """Say what it is in a line."""
+        load = "" if self.load is None else f" of {', '.join(self.load.names)}"
+        return f"<Segment: {self.kind}{load}, {self.cost:.3f} m in {self.duration:.2f} s>"
+
     @classmethod
     def push(cls, load: Load, contact_path: PushPath, before: Poses, margin: float) -> Segment:
         """Return a push of a load along a path (of the contact's frame); all other bodies rest."""

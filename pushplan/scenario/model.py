@@ -137,6 +137,11 @@ class Scenario:
         if not self.bodies:
             object.__setattr__(self, "start", frozen(self.start, (3,), "start"))
 
+    def __repr__(self) -> str:
+        """Say what it is in a line."""
+        names = list(self.bodies) or [obj.name for obj in self.chain.objects]
+        return f"<Scenario {self.name!r}: {self.kind} of {', '.join(names)}>"
+
     @property
     def kind(self) -> Literal["push", "multi-push", "rearrangement"]:
         """What is asked for: one push, several pushes of one load, or several objects each to a goal of its own."""
