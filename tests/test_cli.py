@@ -133,17 +133,6 @@ def test_code_that_a_file_names_is_told_before_its_import_or_refused(
     assert error.index("one-box: imports the module no_such_module") < error.index("cannot load")
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_the_shell_can_read_its_script(shell: str, tmp_path: Path, capsys: Captured) -> None:
-    assert main(["completion", shell]) == 0
-    script = capsys.readouterr().out
-    assert "_PUSHPLAN_COMPLETE" in script
-    if shutil.which(shell) is None:
-        pytest.skip(f"there is no {shell} here")
-    (tmp_path / "script").write_text(script)
-    subprocess.run([shell, "-n", str(tmp_path / "script")], check=True, timeout=30)
-
-
 @pytest.mark.parametrize(("typed", "offered"), [
     ("pl", {"plain,plan"}), ("plan two", {"plain,two-crates", "file,two"}),
     ("plan two-crates --pl", {"plain,--planner", "plain,--plot"}),

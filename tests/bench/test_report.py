@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from boxes import SCREENS, assert_tidy, chromium, show
 from conftest import Captured
-from scipy import stats
 
 from pushplan.bench.batch import run_suite
 from pushplan.bench.outcome import Outcome
@@ -27,7 +26,7 @@ from pushplan.bench.report import (
     write_report,
 )
 from pushplan.bench.results import Results, read_results, write_tables
-from pushplan.bench.statistics import compare_versions, holm, median_interval, percentiles, rank_test, success_test
+from pushplan.bench.statistics import compare_versions, holm, median_interval, percentiles
 from pushplan.bench.store import Machine, ResultsFolder
 from pushplan.bench.suite import RunSpec, suite_from_text
 from pushplan.cli.main import main
@@ -263,25 +262,6 @@ def test_intervals_of_shares_are_where_the_score_test_does_not_refuse(successes:
     if successes == count:
         assert low == pytest.approx(1.0 / (1.0 + 1.959964**2 / count), rel=1e-6)
         assert high == 1.0
-
-
-@pytest.mark.parametrize(("wins", "losses"), [(0, 0), (1, 0), (5, 0), (8, 2), (50, 30)])
-def test_the_success_test_is_the_sign_test_on_the_pairs_that_differ(wins: int, losses: int) -> None:
-    first = np.array([True] * wins + [False] * losses + [True] * 7 + [False] * 3)
-    second = np.array([False] * wins + [True] * losses + [True] * 7 + [False] * 3)
-    tail = stats.binom.cdf(min(wins, losses), wins + losses, 0.5)
-    assert success_test(first, second) == pytest.approx(min(1.0, 2.0 * tail))
-
-
-def test_the_rank_test_agrees_with_scipy_and_ignores_scale() -> None:
-    rng = np.random.default_rng(2)
-    first = rng.uniform(1.0, 2.0, 30)
-    second = first * rng.uniform(0.9, 1.3, 30)
-    expected = stats.wilcoxon(np.log(second / first)).pvalue
-    scale = rng.uniform(0.1, 10.0, 30)
-    assert rank_test(first, second) == pytest.approx(expected)
-    assert rank_test(first * scale, second * scale) == pytest.approx(expected)
-    assert rank_test(second, first) == pytest.approx(expected)
 
 
 def test_holm_corrects_as_in_his_example() -> None:
