@@ -22,7 +22,7 @@ import numpy as np
 from pushplan.geometry import se2
 from pushplan.planners.infeasible.turn_bound import CIRCLE, NEVER, TRAVEL, WIDEST, Price
 from pushplan.planners.infeasible.turning import turns_of
-from pushplan.planners.infeasible.ways import NONE, Cut, find_cuts, free_sections, or_none, standing
+from pushplan.planners.infeasible.ways import NONE, SAME, Cut, find_cuts, free_sections, or_none, standing
 from pushplan.planners.scene import convex_pieces
 from pushplan.plans.path import PushPath
 from pushplan.scenario.model import Scenario
@@ -30,9 +30,6 @@ from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 BINS = 144
 """Of the heading."""
-
-SAME = 1e-9
-"""Costs (m), headings (rad) and slopes that differ by less are the same."""
 
 ARC_ERROR = 1e-3
 """How far the corners of tangents may lie outside of the arcs that they cover, m."""

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from pushplan.geometry import se2
+from pushplan.geometry.polygon import outward_normals
 from pushplan.mechanics.chain import SEAM, Body, as_one
 from pushplan.planners.scene import convex_pieces
 from pushplan.plans.path import PushPath
@@ -206,7 +207,7 @@ FAR = 1e6
 """Beyond all that is looked at, m."""
 
 SAME = 1e-9
-"""Lengths (m) and directions that differ by less are the same."""
+"""Lengths and costs (m), headings (rad), directions and slopes that differ by less are the same."""
 
 
 class Cut(NamedTuple):
@@ -350,10 +351,10 @@ def free_sections(
     across = shapely.multilinestrings([cut.at(y) for y in cut.sections])
     near = [shapely.get_coordinates(thing)[:-1] for thing in things if thing.distance(across) <= reach]
     for corners in bodies:
-        normals = _normals(corners)
+        normals = outward_normals(corners)
         for thing in near:
             # The origin is kept out of the thing less the body: a convex polygon with the edges of both.
-            own = _normals(thing)
+            own = outward_normals(thing)
             of_thing = np.sum(thing * own, axis=1) - (corners @ own.T).min(axis=1)
             of_body = np.sum(corners * normals, axis=2) - (normals @ thing.T).min(axis=2)
             sides = np.concatenate([np.broadcast_to(own, (count, *own.shape)), -normals], axis=1)
@@ -372,15 +373,9 @@ def free_sections(
 
 
 NONE = (math.inf, -math.inf)
+"""Ends of a section that is empty."""
 
 
 def or_none(sections: FloatArray) -> FloatArray:
     """Return sections (..., 2), with `NONE` for those that are empty."""
     return np.where((sections[..., 0] < sections[..., 1])[..., None], sections, NONE)
-
-
-def _normals(corners: FloatArray) -> FloatArray:
-    """Outward normals (..., v, 2) of the edges that begin at the corners of convex polygons (..., v, 2)."""
-    edges = np.roll(corners, -1, axis=-2) - corners
-    normals = np.stack([edges[..., 1], -edges[..., 0]], axis=-1)
-    return np.asarray(normals / np.linalg.norm(normals, axis=-1, keepdims=True))

@@ -227,11 +227,10 @@ def least_margins(modes: Sequence[ContactMode], plans: Iterable[Segments], level
         plans: What was found.
         level: Of the margins in the end, where nothing was found.
     """
-    pushes = [segment for plan in plans for segment in plan if segment.kind == PUSH and segment.load is not None]
+    pushes = [segment for plan in plans for segment in plan if segment.kind == PUSH]
     if not pushes:
         return min(mode.margin(0) for mode in modes), min(mode.margin(level) for mode in modes)
-    used = {(push.load.names, push.load.face, push.load.offset) for push in pushes if push.load is not None}
-    asked = [mode.margin(0) for mode in modes if (mode.load.names, mode.load.face, mode.load.offset) in used]
+    asked = [mode.margin(0) for mode in modes if any(push.load is mode.load for push in pushes)]
     return min(asked), min(push.margin for push in pushes)
 
 

@@ -131,16 +131,9 @@ class Section(Part):
     slower: float = 1.0
 
     def pieces(self, lengths: FloatArray) -> Pieces:
-        """Return the twist over time; those of the same lengths are asked for again and again, and kept."""
-        if not self._last or self._last[0][0] is not lengths:
-            made = Pieces.through(self.levels / self.slower, *self._steps(lengths))
-            arcs = np.concatenate([self.arcs[:1], self.arcs, self.arcs[-1:]])
-            self._last[:] = [(lengths, made._replace(level=arcs[made.level]))]
-        return self._last[0][1]
-
-    @cached_property
-    def _last(self) -> list[tuple[FloatArray, Pieces]]:
-        return []
+        """Return the twist over time."""
+        made = Pieces.through(self.levels / self.slower, *self._steps(lengths))
+        return made._replace(level=self.arcs[np.clip(made.level - 1, 0, len(self.arcs) - 1)])
 
     def duration(self, lengths: FloatArray) -> float:
         """Return how long it takes, s."""

@@ -45,7 +45,7 @@ def area_moments(outline: FloatArray) -> AreaMoments:
     """Return area, centroid and central second moments of a counter-clockwise (v, 2) polygon."""
     anchor = outline[0]
     p = outline - anchor
-    q = np.concatenate([p[1:], p[:1]])
+    q = np.roll(p, -1, axis=0)
     cross = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
     area = 0.5 * float(cross.sum())
     centroid = (cross @ (p + q)) / (6.0 * area)
@@ -126,7 +126,7 @@ def overlap_depth(fixed: FloatArray, moving: FloatArray) -> float:
     first, second = shapely.Polygon(fixed), shapely.Polygon(moving)
     if not shapely.intersection(first, second).area > TOUCH * TOUCH:
         return 0.0
-    directions = np.concatenate([_normals(fixed), -_normals(moving)])
+    directions = np.concatenate([_longest_first(fixed), -_longest_first(moving)])
     if all(p.convex_hull.area - p.area <= 1e-12 * p.area for p in (first, second)):
         depth = float(np.min((fixed @ directions.T).max(axis=0) - (moving @ directions.T).min(axis=0)))
     else:
@@ -141,13 +141,16 @@ def exit_distance(fixed: FloatArray, moving: FloatArray, direction: FloatArray) 
     return _exit_distance(_triangles(fixed), _triangles(moving), direction)
 
 
-def _normals(outline: FloatArray) -> FloatArray:
+def outward_normals(outlines: FloatArray) -> FloatArray:
+    """Return the unit normals (..., v, 2) of the edges that begin at corners (..., v, 2), counter-clockwise."""
+    normals = _axes(outlines)
+    return np.asarray(normals / np.linalg.norm(normals, axis=-1, keepdims=True))
+
+
+def _longest_first(outline: FloatArray) -> FloatArray:
     """Return the outward unit normals of a counter-clockwise outline's edges, those of the longest first."""
-    edges = np.roll(outline, -1, axis=0) - outline
-    lengths = np.linalg.norm(edges, axis=1)
-    longest = np.argsort(-lengths, kind="stable")
-    normals = edges[longest] / lengths[longest, None]
-    return np.stack([normals[:, 1], -normals[:, 0]], axis=1)
+    lengths = np.linalg.norm(_axes(outline), axis=1)
+    return outward_normals(outline)[np.argsort(-lengths, kind="stable")]
 
 
 def _triangles(outline: FloatArray) -> FloatArray:
@@ -200,9 +203,9 @@ def _clip(
     return np.maximum(low, a), np.minimum(high, b)
 
 
-def _axes(triangles: FloatArray) -> FloatArray:
-    """Return the edge normals (k, 3, 2), not scaled, of triangles (k, 3, 2)."""
-    edges = np.roll(triangles, -1, axis=1) - triangles
+def _axes(outlines: FloatArray) -> FloatArray:
+    """Return the outward edge normals (..., v, 2), not scaled, of counter-clockwise outlines (..., v, 2)."""
+    edges = np.roll(outlines, -1, axis=-2) - outlines
     return np.stack([edges[..., 1], -edges[..., 0]], axis=-1)
 
 

@@ -34,7 +34,7 @@ def complex_moments(outline: FloatArray, order: int) -> ComplexArray:
     quadrature integrates polynomials along edges exactly.
     """
     z = outline[:, 0] + 1j * outline[:, 1]
-    step = np.concatenate([z[1:], z[:1]]) - z
+    step = np.roll(z, -1) - z
     nodes, weights = _gauss_rule(order // 2 + 1)
     points = (z[:, None] + step[:, None] * (nodes + 1.0) / 2.0).ravel()
     d_ds = (np.imag(np.conj(z) * step)[:, None] * weights / 2.0).ravel()
@@ -230,7 +230,7 @@ def _edges(corners: FloatArray) -> FloatArray:
 
     Their columns are t_x, t_y, n . p, t . p and length, p being an edge's first vertex.
     """
-    step = np.concatenate([corners[1:], corners[:1]]) - corners
+    step = np.roll(corners, -1, axis=0) - corners
     length = np.hypot(step[:, 0], step[:, 1])
     kept = length > 0.0
     corners, length, tangent = corners[kept], length[kept], step[kept] / length[kept, None]
