@@ -19,6 +19,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import IO, Any, BinaryIO, NamedTuple, cast
 
+import lz4.frame
 import zstandard
 from mcap import records
 from mcap.data_stream import ReadDataStream
@@ -315,8 +316,13 @@ class McapFile:
                 data = zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
             except zstandard.ZstdError as error:
                 raise DamageError(f"damaged zstd data ({error})", at) from error
+        elif chunk.compression == "lz4":
+            try:
+                data = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
+            except (RuntimeError, EOFError) as error:
+                raise DamageError(f"damaged lz4 data ({error})", at) from error
         elif chunk.compression:
-            raise DamageError(f"compression {chunk.compression!r}; pushplan reads '' and 'zstd'", at)
+            raise DamageError(f"compression {chunk.compression!r}; pushplan reads '', 'lz4' and 'zstd'", at)
         if len(data) != size:
             raise DamageError(f"a chunk claims {size} bytes and holds {len(data)}", at)
         if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:

@@ -13,14 +13,18 @@ from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import distribution
 from pathlib import Path
-from typing import Any
 
+import pushplan.logging.schemas as schemas
 from pushplan.logging.recorded import RecordedRun
 from pushplan.plans.plan import Plan
 from pushplan.scenario.model import Scenario
 
-FORMAT = 2
-"""Version of the log's format; logs of others are refused."""
+FORMAT = 3
+"""Version of the log's format; logs of others are refused.
+
+A new topic, or a new field of a message, needs no new number: `schemas.Topic` says since when a topic is there, and
+fields that a log lacks are not compared.
+"""
 
 RUN = "pushplan.run"
 PLANNING = "pushplan.planning"
@@ -28,11 +32,9 @@ PROGRESS = "pushplan.progress"
 """Followed by `.0000`, `.0001`, ...: what /planner/progress leaves out of improvements logged when found."""
 RESULT = "pushplan.result"
 DIGEST = "sha256"
-"""Field of `pushplan.result`: what all metadata and attachments of a run come to (see `add_to_digest`)."""
+"""Field of `pushplan.result`: what all metadata and attachments of a run come to, see `Digest`."""
 RECOVERY = "pushplan.recovery"
 """In logs that were written from a damaged one: its name, and what of it was lost."""
-
-Digest = Any  # hashlib publishes no type of its own for it
 
 _NONE = "none"
 
@@ -50,6 +52,7 @@ def run_words(scenario: Scenario, settings: Mapping[str, object]) -> dict[str, s
     return {
         **{name: str(value) for name, value in settings.items()},
         "format": str(FORMAT),
+        "topics": str(schemas.REVISION),
         "scenario": scenario.name,
         "scenario_sha256": hashlib.sha256(scenario.source).hexdigest(),
         **{f"version.{name}": version for name, version in versions().items()},
@@ -142,15 +145,23 @@ def result_words(run: RecordedRun) -> dict[str, str]:
     return words | {name: repr(value) for name, value in numbers.items() if value is not None}
 
 
-def add_to_digest(digest: Digest, name: str, data: bytes) -> None:
-    """Add an attachment to the digest of a run: the lengths of name and content, 8 bytes each, and both."""
-    for part in (name.encode(), data):
-        digest.update(len(part).to_bytes(8, "little"))
-    digest.update(name.encode())
-    digest.update(data)
+class Digest:
+    """The digest of a run's attachments and metadata; it does not depend on their order, which other tools change."""
 
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
 
-def add_words_to_digest(digest: Digest, name: str, words: Mapping[str, str]) -> None:
-    """Add metadata to the digest of a run, as an attachment of JSON with sorted fields, without the digest."""
-    told = {key: words[key] for key in sorted(words) if key != DIGEST}
-    add_to_digest(digest, name, json.dumps(told).encode())
+    def add(self, name: str, data: bytes, kind: bytes = b"attachment") -> None:
+        """Add an attachment: the lengths of kind, name and content, 8 bytes each, and all three."""
+        parts = (kind, name.encode(), data)
+        lengths = b"".join(len(part).to_bytes(8, "little") for part in parts)
+        self._parts.append(hashlib.sha256(lengths + b"".join(parts)).digest())
+
+    def add_words(self, name: str, words: Mapping[str, str]) -> None:
+        """Add metadata: JSON with sorted fields, without the digest."""
+        told = {key: words[key] for key in sorted(words) if key != DIGEST}
+        self.add(name, json.dumps(told).encode(), b"metadata")
+
+    def hexdigest(self) -> str:
+        """Return the SHA-256 of the sorted SHA-256 of all that was added."""
+        return hashlib.sha256(b"".join(sorted(self._parts))).hexdigest()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -28,6 +27,8 @@ from pushplan.util.files import PARTIAL
 
 _SCENARIO_MEMORY = 5
 """Bytes of memory for each byte of a scenario's file: of a pressure map, its numbers as well."""
+
+_TWICE = "there are two of that name; two run logs in one file cannot be told apart"
 
 _ITEM = 12 << 10
 """Memory, in bytes, charged for each attachment, at least: reading one takes time."""
@@ -69,7 +70,8 @@ class _Reading:
         self._words: dict[str, dict[str, str]] = {}
         self._files: dict[str, Attachment] = {}
         self._messages: list[Message] = []
-        self._digest = hashlib.sha256()
+        self._foreign: list[str] = []
+        self._digest = metadata.Digest()
 
     def take(self, item: Item) -> None:
         """Take the next item of the file."""
@@ -91,26 +93,28 @@ class _Reading:
             self._file.lose(DamageError(f"{name}: {error}", item.offset))
 
     def _take_attachment(self, item: Attachment) -> None:
+        if not item.name.startswith(writer.ATTACHMENTS):  # of whoever merged logs
+            self._foreign.append(item.name)
+            return
         if item.name in self._files:
-            raise ValueError("a name that was there already")
-        ours = item.name.endswith(".bin") and item.name.startswith(writer.ENCODED)
-        cost = memory(item.data) if ours else _SCENARIO_MEMORY * len(item.data)
+            raise ValueError(_TWICE)
+        encoded = item.name.endswith(".bin") and item.name.startswith(writer.ENCODED)
+        cost = memory(item.data) if encoded else _SCENARIO_MEMORY * len(item.data)
         self._file.keep(max(cost, _ITEM), item.offset)
-        metadata.add_to_digest(self._digest, item.name, item.data)
+        self._digest.add(item.name, item.data)
         self._files[item.name] = item
 
     def _take_metadata(self, item: Metadata) -> None:
         if not item.name.startswith("pushplan."):
+            self._foreign.append(item.name)
             return
         if item.name in self._words:
-            raise ValueError("a name that was there already")
+            raise ValueError(_TWICE)
         if item.name == metadata.RUN and item.words.get("format") != str(metadata.FORMAT):
-            what = (
-                f"a run log of format {item.words.get('format')}; this version of pushplan reads format "
-                f"{metadata.FORMAT}"
-            )
+            other, by = item.words.get("format"), item.words.get("version.pushplan", "?")
+            what = f"a run log of format {other}, by pushplan {by}; this version reads format {metadata.FORMAT}"
             raise RunLogError(str(self._file.path), what, item.offset)
-        metadata.add_words_to_digest(self._digest, item.name, item.words)
+        self._digest.add_words(item.name, item.words)
         self._words[item.name] = item.words
 
     def finish(self) -> RecordedRun:
@@ -153,6 +157,7 @@ class _Reading:
             other_scenario=other,
             fields=self._words,
             losses=tuple(file.losses),
+            foreign=tuple(self._foreign),
             messages=tuple(self._messages),
             channels=file.channels,
         )

@@ -40,6 +40,7 @@ class RecordedRun:
         fields: The metadata by name: `pushplan.run`, `pushplan.planning`, `pushplan.result`,
             and `pushplan.progress.0000` and so on for improvements.
         losses: What of the file could not be read, in words; empty for a whole one.
+        foreign: Names of attachments and metadata that are not pushplan's, as merged logs have.
         messages: What viewers see, as it stands in the file; empty where it was read without them.
         channels: What the file declares messages to be.
     """
@@ -55,6 +56,7 @@ class RecordedRun:
     other_scenario: bool = False
     fields: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     losses: tuple[str, ...] = ()
+    foreign: tuple[str, ...] = ()
     messages: tuple[Message, ...] = ()
     channels: frozenset[Channel] = frozenset()
 

@@ -18,13 +18,15 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from foxglove_schemas_protobuf import Vector2_pb2
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
+from foxglove_schemas_protobuf.Vector2_pb2 import Vector2
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.descriptor_pb2 import FieldDescriptorProto as Field
+from google.protobuf.message import DecodeError
+from google.protobuf.timestamp_pb2 import Timestamp
 
 MessageClass = Any
 """A generated protobuf class; protobuf publishes no type for its dynamic attributes."""
@@ -89,34 +91,38 @@ _SCALARS = {
 }
 
 
-def _add_field(message: descriptor_pb2.DescriptorProto, declaration: str) -> None:
-    """Add the field declared as `NUMBER [optional | repeated] TYPE NAME` to `message`."""
-    number, *label, kind, name = declaration.split()
-    field = message.field.add(name=name, number=int(number))
-    repeated = label == ["repeated"]
-    field.label = Field.LABEL_REPEATED if repeated else Field.LABEL_OPTIONAL
-    field.type = _SCALARS.get(kind, Field.TYPE_MESSAGE)
-    if kind not in _SCALARS:
-        field.type_name = f".{kind}"
-    if label == ["optional"]:  # proto3 keeps the presence of a number in a oneof of its own
-        field.proto3_optional = True
-        field.oneof_index = len(message.oneof_decl)
-        message.oneof_decl.add(name=f"_{name}")
+def _file_of(kind: str) -> str:
+    """Return the name of the file that declares a message of some full name."""
+    known = {one.DESCRIPTOR.full_name: one.DESCRIPTOR.file.name for one in (Timestamp, Vector2)}
+    return known.get(kind) or f"{kind.replace('.', '/')}.proto"
 
 
-def _file_descriptor() -> descriptor_pb2.FileDescriptorProto:
-    dependencies = (timestamp_pb2, Vector2_pb2)
-    file = descriptor_pb2.FileDescriptorProto(name="pushplan/run.proto", package="pushplan", syntax="proto3")
-    file.dependency.extend(module.DESCRIPTOR.name for module in dependencies)
-    for name, fields in _MESSAGES.items():
-        message = file.message_type.add(name=name)
-        for declaration in fields:
-            _add_field(message, declaration)
+def _file_descriptor(name: str) -> descriptor_pb2.FileDescriptorProto:
+    """Return the file of one message of our own: each has its own, so that a new one leaves the others as they are.
+
+    A field is declared as `NUMBER [optional | repeated] TYPE NAME`.
+    """
+    file = descriptor_pb2.FileDescriptorProto(name=_file_of(f"pushplan.{name}"), package="pushplan", syntax="proto3")
+    message = file.message_type.add(name=name)
+    for declaration in _MESSAGES[name]:
+        number, *label, kind, title = declaration.split()
+        field = message.field.add(name=title, number=int(number))
+        field.label = Field.LABEL_REPEATED if label == ["repeated"] else Field.LABEL_OPTIONAL
+        field.type = _SCALARS.get(kind, Field.TYPE_MESSAGE)
+        if kind not in _SCALARS:
+            field.type_name = f".{kind}"
+            if _file_of(kind) not in file.dependency:
+                file.dependency.append(_file_of(kind))
+        if label == ["optional"]:  # proto3 keeps the presence of a number in a oneof of its own
+            field.proto3_optional = True
+            field.oneof_index = len(message.oneof_decl)
+            message.oneof_decl.add(name=f"_{title}")
     return file
 
 
 _POOL = descriptor_pool.Default()
-_POOL.Add(_file_descriptor())
+for _name in _MESSAGES:  # what one uses stands before it
+    _POOL.Add(_file_descriptor(_name))
 
 
 def _message_class(name: str) -> MessageClass:
@@ -138,10 +144,17 @@ LEVELS = ("debug", "info", "warning", "error", "fatal")
 
 @dataclass(frozen=True)
 class Topic:
-    """A channel of the log: its name and what its messages are."""
+    """A channel of the log.
+
+    Attributes:
+        name: Of the topic.
+        message: What its messages are.
+        since: Revision of the topics that it came with: one more than `REVISION` was. Logs of earlier ones lack it.
+    """
 
     name: str
     message: MessageClass
+    since: int = 0
 
     @property
     def kind(self) -> str:
@@ -167,6 +180,48 @@ def _declarations(kind: str) -> bytes:
 
     add(_POOL.FindMessageTypeByName(kind).file)
     return descriptor_pb2.FileDescriptorSet(file=files.values()).SerializeToString()
+
+
+def older(topic: Topic, schema: bytes) -> tuple[MessageClass | None, list[str]]:
+    """Return the type of a topic's messages by the declarations of an older log, and the fields that it lacks.
+
+    The type is None where the declarations are no older ones: they have to be ours without some fields.
+
+    Args:
+        topic: As it is now.
+        schema: The log's declarations, as `Topic.schema`.
+    """
+    try:
+        told = descriptor_pb2.FileDescriptorSet.FromString(schema)
+        ours = descriptor_pb2.FileDescriptorSet.FromString(topic.schema)
+        known = {file.name: file for file in told.file}
+        missing: list[str] = []
+        for file in list(ours.file):
+            if file.name not in known:
+                ours.file.remove(file)
+                continue
+            was = known[file.name]
+            _without(file.dependency, set(was.dependency))
+            for message, before in zip(file.message_type, was.message_type, strict=True):
+                fields = {field.name for field in before.field}
+                missing += [f"{message.name}.{field.name}" for field in message.field if field.name not in fields]
+                _without(message.field, fields)
+                _without(message.oneof_decl, {one.name for one in before.oneof_decl})
+        if ours != told:
+            return None, []
+        pool = descriptor_pool.DescriptorPool()
+        for file in told.file:
+            pool.Add(file)
+        return message_factory.GetMessageClass(pool.FindMessageTypeByName(topic.kind)), missing
+    except (DecodeError, ValueError, TypeError, KeyError):
+        return None, []
+
+
+def _without(members: Any, kept: set[str]) -> None:
+    """Remove from texts, or declarations with a name, those that are not kept."""
+    for member in list(members):
+        if (member if isinstance(member, str) else member.name) not in kept:
+            members.remove(member)
 
 
 SCENE = Topic("/scene", SceneUpdate)
@@ -210,3 +265,6 @@ TOPICS = (
     REPLANS,
     PUSHER_WRENCH,
 )
+
+REVISION = max(topic.since for topic in TOPICS)
+"""Of the topics, which every log states."""

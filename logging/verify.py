@@ -138,9 +138,10 @@ def verify(run: RecordedRun, execute: Callable[[RecordedRun], Execution | None])
         again = execute(run)
         checks += () if again is None else compare_executions(run.execution, again)
         not_compared += (ELSEWHERE,) if again is None else ()
-    checks += _compare_messages(run)
+    compared, left_out = _compare_messages(run)
+    checks += compared
     checks += _compare_words(run)
-    return VerifyReport(tuple(checks), versions, not_compared)
+    return VerifyReport(tuple(checks), versions, (*not_compared, *left_out))
 
 
 def check_way(execution: Execution) -> Check:
@@ -187,27 +188,33 @@ def _series(
     return Check(quantity, float(apart[worst]), tolerance, float(t[worst]))
 
 
-def _compare_messages(run: RecordedRun) -> list[Check]:
-    """Compare the messages with those that the run leads to; of a log cut off, as far as it goes."""
-    worst: dict[str, Check] = {topic.name: Check(topic.name, 0.0) for topic in schemas.TOPICS}
-    recorded: dict[str, list[Message]] = {topic.name: [] for topic in schemas.TOPICS}
+def _compare_messages(run: RecordedRun) -> tuple[list[Check], list[str]]:
+    """Compare the messages with those that the run leads to; of a log cut off, as far as it goes.
+
+    In the file topics may come in any order, as tools that rewrite logs leave them.
+
+    Returns:
+        The comparisons, and what of the messages was not compared.
+    """
+    revision = number_in(run.fields.get(metadata.RUN, {}).get("topics", "")) or 0.0
+    topics = {topic.name: topic for topic in schemas.TOPICS if topic.since <= revision}
+    worst = {name: Check(name, 0.0) for name in topics}
+    recorded: dict[str, list[Message]] = {name: [] for name in topics}
+    others = {channel.topic for channel in run.channels} - {topic.name for topic in schemas.TOPICS}
     for message in run.messages:
         recorded.setdefault(message.topic, []).append(message)
-    expected: dict[str, list[tuple[int, bytes]]] = {topic.name: [] for topic in schemas.TOPICS}
-    order: list[str] = []
+    expected: dict[str, list[tuple[int, bytes]]] = {name: [] for name in topics}
     for time, topic, data in messages(run):
-        expected[topic.name].append((time, data))
-        order.append(topic.name)
-    if any(message.topic != name for message, name in zip(run.messages, order, strict=False)):
-        worst["order"] = Check("messages", math.inf, what="in another order, or other ones")
-    kinds = {topic.name: topic for topic in schemas.TOPICS}
-    declared = {Channel(one.name, "protobuf", one.kind, "protobuf", one.schema) for one in schemas.TOPICS}
-    for name in sorted({channel.topic for channel in run.channels ^ declared} if run.messages else ()):
-        worst[f"{name} schema"] = Check(f"{name} schema", math.inf, what="declared as something else")
-    for name, found in recorded.items():
-        wanted = expected.get(name, [])
-        if name not in kinds:
-            worst[name] = Check(name, math.inf, what="a topic that no log of pushplan has")
+        expected.setdefault(topic.name, []).append((time, data))
+    told = [f"topic {name} (not of pushplan)" for name in sorted(others)]
+    told += [f"{name} (not of pushplan)" for name in run.foreign]
+    told += [f"topic {topic.name} (the log is older)" for topic in schemas.TOPICS if topic.since > revision]
+    for name, topic in topics.items():
+        found, wanted = recorded[name], expected[name]
+        kind, missing = _kind_in(run, topic)
+        told += [f"field {field} (the log has none)" for field in missing]
+        if kind is None:
+            worst[f"{name} schema"] = Check(f"{name} schema", math.inf, what="declared as something else")
         elif len(found) != len(wanted) and not (run.losses and len(found) < len(wanted)):
             worst[name] = Check(name, math.inf, what=f"{len(found)} messages instead of {len(wanted)}")
         else:
@@ -218,9 +225,20 @@ def _compare_messages(run: RecordedRun) -> list[Check]:
                 if message.number != number:
                     _raise(worst, Check(f"{name} number", abs(message.number - number), 0.0, 1e-9 * then))
                 if message.data != made:
-                    for check in _compare_fields(kinds[name], message.data, made, 1e-9 * then):
+                    for check in _compare_fields(name, kind, message.data, made, 1e-9 * then):
                         _raise(worst, check)
-    return list(worst.values())
+    return list(worst.values()), told
+
+
+def _kind_in(run: RecordedRun, topic: schemas.Topic) -> tuple[schemas.MessageClass | None, list[str]]:
+    """Return the messages' type as a log declares it, None where it is another one, and fields that it lacks."""
+    declared = [channel for channel in run.channels if channel.topic == topic.name]
+    ours = Channel(topic.name, "protobuf", topic.kind, "protobuf", topic.schema)
+    if not declared or declared == [ours]:
+        return topic.message, []
+    if len(declared) > 1 or declared[0]._replace(schema=ours.schema) != ours:
+        return None, []
+    return schemas.older(topic, declared[0].schema)
 
 
 def _raise(worst: dict[str, Check], check: Check) -> None:
@@ -230,22 +248,26 @@ def _raise(worst: dict[str, Check], check: Check) -> None:
         worst[check.quantity] = check
 
 
-def _compare_fields(topic: schemas.Topic, data: bytes, made: bytes, time: float) -> Iterator[Check]:
+def _compare_fields(topic: str, kind: schemas.MessageClass, data: bytes, made: bytes, time: float) -> Iterator[Check]:
     try:
-        first, second = (dict(_leaves(topic.message.FromString(one), "")) for one in (data, made))
+        one, other = (kind.FromString(each) for each in (data, made))
     except DecodeError:
-        yield Check(topic.name, math.inf, time=time, what="a message that cannot be decoded")
+        yield Check(topic, math.inf, time=time, what="a message that cannot be decoded")
         return
+    other.DiscardUnknownFields()  # which an older log's messages lack
+    if data == other.SerializeToString(deterministic=True):
+        return
+    first, second = dict(_leaves(one, "")), dict(_leaves(other, ""))
     for name in {**first, **second}:
         a, b = first.get(name), second.get(name)
         numbers = isinstance(a, float | int) and isinstance(b, float | int)
         if numbers and a != b and not (a != a and b != b):
             scale = max(1.0, abs(b))  # type: ignore[arg-type]
-            yield Check(f"{topic.name} {name}", abs(a - b), TOLERANCE * scale, time)  # type: ignore[operator]
+            yield Check(f"{topic} {name}", abs(a - b), TOLERANCE * scale, time)  # type: ignore[operator]
         elif not numbers and a != b:
-            yield Check(f"{topic.name} {name}", math.inf, time=time, what=f"{a!r:.60} instead of {b!r:.60}")
+            yield Check(f"{topic} {name}", math.inf, time=time, what=f"{a!r:.60} instead of {b!r:.60}")
     if first == second:
-        yield Check(topic.name, math.inf, time=time, what="other bytes that say the same")
+        yield Check(topic, math.inf, time=time, what="other bytes that say the same")
 
 
 def _leaves(message: Any, prefix: str) -> Iterator[tuple[str, Any]]:

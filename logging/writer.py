@@ -12,7 +12,6 @@ the clock, `..._s`.
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -50,6 +49,9 @@ MEASURED, EVENT, REPLAN, TRIAL, LINE = "measured/", "event/", "replan/", "trial/
 
 ENCODED = (PLAN, IMPROVEMENT, SAMPLES, END, MEASURED, EVENT, REPLAN, TRIAL, LINE)
 """Of all of these, what `codec` encodes."""
+
+ATTACHMENTS = (SCENARIO_FILE, SCENARIO_JSON, SCENARIO_FOLDER, LAYOUT_FILE, *ENCODED)
+"""What names of attachments begin with."""
 
 SERIES = ("t", "poses", "twists", "objects", "segment", "margins")
 SERIES_KNOWN = ("dynamic_margins", "friction_margins", "lambdas", "forces", "wrenches", "needed_forces")
@@ -100,7 +102,7 @@ class RunLogWriter:
         self._others: list[LogLine] = []
         self._counts: Counter[str] = Counter()
         self._samples = self._measured = 0
-        self._digest = hashlib.sha256()
+        self._digest = metadata.Digest()
 
     @classmethod
     def create(
@@ -140,7 +142,7 @@ class RunLogWriter:
 
     def _attach(self, name: str, data: bytes, media_type: str = MEDIA_TYPE) -> None:
         """Write an attachment; when this returns, no kill can lose it."""
-        metadata.add_to_digest(self._digest, name, data)
+        self._digest.add(name, data)
         self._writer.add_attachment(0, 0, name, media_type, data)
 
     def _numbered(self, name: str, value: object) -> None:
@@ -171,7 +173,7 @@ class RunLogWriter:
 
     def note(self, name: str, words: Mapping[str, str]) -> None:
         """Write metadata under a name that begins with `pushplan.`."""
-        metadata.add_words_to_digest(self._digest, name, words)
+        self._digest.add_words(name, words)
         self._writer.add_metadata(name, dict(words))
 
     def improved(self, point: Improvement) -> None:
@@ -285,7 +287,7 @@ class RunLogWriter:
             self._send(instant, topic, data)
         self._writer.flush()  # type: ignore[no-untyped-call]
         told = {**metadata.result_words(run), **words, "finished_at": metadata.now()}
-        metadata.add_words_to_digest(self._digest, metadata.RESULT, told)
+        self._digest.add_words(metadata.RESULT, told)
         self._writer.add_metadata(metadata.RESULT, {**told, metadata.DIGEST: self._digest.hexdigest()})
         self._writer.finish()  # type: ignore[no-untyped-call]
 

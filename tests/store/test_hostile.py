@@ -8,6 +8,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+import lz4.frame
 import pytest
 import zstandard
 from conftest import Patch, calls_of, there
@@ -59,7 +60,10 @@ FILES: dict[str, tuple[Callable[[], bytes], str]] = {
     "a chunk that lies": (lambda: mcap(chunk(ZEROS, 1000)), "claims 1000 bytes and holds 33554432"),
     "bombs": (lambda: mcap(*[chunk(ZEROS, 32 << 20)] * 40), "far more (data|records) than its size"),
     "junk": (lambda: mcap(chunk(b"junk" * 9, 100)), "damaged zstd data|claims"),
-    "another compression": (lambda: mcap(chunk(b"", 0, "lz4")), "lz4|damaged"),
+    "another compression": (lambda: mcap(chunk(b"", 0, "br")), "compression 'br'; pushplan reads '', 'lz4' and"),
+    "lz4 junk": (lambda: mcap(chunk(b"junk" * 9, 100, "lz4")), "damaged lz4 data"),
+    "lz4 that lies": (lambda: mcap(chunk(lz4.frame.compress(bytes(32 << 20)), 1000, "lz4")), "claims 1000 bytes"),
+    "lz4 cut short": (lambda: mcap(chunk(lz4.frame.compress(bytes(99))[:-9], 99, "lz4")), "and holds|lz4 data"),
     "a wrong checksum": (lambda: mcap(chunk(b"1234", 4, "", 7)), "checksum of a chunk does not fit"),
     "a cut record in a chunk": (lambda: mcap(chunk(record(MESSAGE, b"", 99), 9, "")), "ends inside a record"),
     "a message of nobody": (lambda: mcap(chunk(TINY, len(TINY), "")), "channel 1, which is not declared"),
