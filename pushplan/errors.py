@@ -71,6 +71,10 @@ class PlanningError(PushplanError):
     """A planning problem cannot be posed (start or goal in collision, no turning, ...)."""
 
 
+class ExtensionError(PushplanError):
+    """Code that was added (a planner, stable set, simulator or exporter) fails or returns what is not allowed."""
+
+
 class TimingError(PushplanError):
     """A path cannot be timed within the pusher's limits."""
 

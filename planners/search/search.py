@@ -10,7 +10,7 @@ from ompl import base as ob
 from ompl import util as ou
 
 import pushplan.core.improve as improve
-from pushplan.errors import PlanningError, PushplanError
+from pushplan.errors import PlanningError
 from pushplan.planners.problem import Box
 from pushplan.planners.search.form import (
     PushInformation,
@@ -22,6 +22,7 @@ from pushplan.planners.search.form import (
 )
 from pushplan.planners.search.session import Session
 from pushplan.plans.path import PushPath
+from pushplan.util.naming import code_of_others, name_of
 
 Factory = Callable[[Any], Any]
 """Makes an `ompl.base.Planner` from a space information; its class, as a rule."""
@@ -54,19 +55,33 @@ class Search:
         The path is as it is in OMPL's form where a planner was needed to find it.
 
         Raises:
-            PlanningError: When the planner cannot be made or is none, or it leaves a path that is none.
+            PlanningError: When the planner is none, or it leaves a path that is none.
+            ExtensionError: When a user's planner raises anything else.
         """
+        level = ou.getLogLevel()
+        ou.setLogLevel(ou.LOG_NONE)  # reseeding prints an error that is none
+        try:
+            if self._ours:
+                return self._run()
+            with code_of_others(f"the planner {name_of(self._make)}"):
+                return self._run()
+        finally:
+            ou.setLogLevel(level)
+
+    @property
+    def _ours(self) -> bool:
+        return isinstance(self._make, type) and self._make.__module__.partition(".")[0] in ("ompl", "pushplan")
+
+    def _run(self) -> PushPath | None:
         session = self.session
         if self._planner is None:
-            ou.setLogLevel(ou.LOG_NONE)  # reseeding prints an error that is none
             ou.RNG.setSeed(session.seed + 1)  # OMPL takes 0 for "no seed"
             word = free_word(session, session.start, session.problem.goal)
             if word is not None:
                 session.offer(word)
             # A free word from the start may be all that was wanted: then nothing is posed, which takes 0.1 ms, a
             # seventh of a question to a `Planner`, but for what shows the faults of a user's planner.
-            ours = isinstance(self._make, type) and self._make.__module__.partition(".")[0] in ("ompl", "pushplan")
-            if session.finished and ours:
+            if session.finished and self._ours:
                 return session.best_path
             self._information, self._definition = pose_problem(session, self._box, self._heading_length)
             self._planner = _made(self._make, self._information)
@@ -108,12 +123,7 @@ class Search:
 
 
 def _made(make: Factory, information: PushInformation) -> Any:
-    try:
-        planner = make(information)
-    except PushplanError:
-        raise
-    except Exception as error:
-        raise PlanningError(f"the planner cannot be made: {type(error).__name__}: {error}") from error
+    planner = make(information)
     if not isinstance(planner, ob.Planner):
         raise PlanningError(f"a {type(planner).__name__} is no planner; allowed: an ompl.base.Planner")
     return planner

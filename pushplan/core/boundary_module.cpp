@@ -105,6 +105,7 @@ PeakSearch peak_search(const Numbers &low, const Numbers &high, double goal, int
     const auto begin = row(low), end = row(high);
     if (begin.size != end.size)
         throw std::invalid_argument("the ends of searches are not equally many");
+    require_count(iterations, "iterations");
     PeakSearch search({begin.begin(), begin.end()}, {end.begin(), end.end()}, goal, iterations);
     if (ends) {
         const auto at_low = row(std::get<0>(*ends)), at_high = row(std::get<1>(*ends));

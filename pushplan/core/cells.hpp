@@ -9,7 +9,10 @@
 
 namespace pushplan {
 
-// Key above 0 of a cell: columns i and rows j from 0 to 2^20, headings k likewise.
+// Columns, rows and headings that a key has room for.
+constexpr std::int64_t MOST_CELLS = std::int64_t{1} << 20;
+
+// Key above 0 of a cell; each of its places is below `MOST_CELLS`.
 inline std::int64_t cell_key(std::int64_t i, std::int64_t j, std::int64_t k) {
     return (((i << 20) + j) << 20) + k + 1;
 }

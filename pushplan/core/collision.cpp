@@ -10,14 +10,15 @@ namespace {
 constexpr std::ptrdiff_t TREE_COLUMNS = 9;
 
 Circle to_circle(const Numbers &array) {
-    if (array.size() != 3)
-        throw std::invalid_argument("a circle has three numbers, not " + std::to_string(array.size()));
-    return {array.data()[0], array.data()[1], array.data()[2]};
+    const double *of = three_finite(array, "a circle");
+    return {of[0], of[1], require_not_negative(of[2], "the radius of a circle")};
 }
 
 Area to_walls(const Numbers &array) {
     if (array.size() != 4)
         throw std::invalid_argument("walls are four numbers, not " + std::to_string(array.size()));
+    for (int k = 0; k < 4; ++k)
+        require_number(array.data()[k], "a wall");
     return {array.data()[0], array.data()[1], array.data()[2], array.data()[3]};
 }
 
@@ -48,8 +49,12 @@ std::vector<TreeNode> to_tree(const Numbers &array, std::int64_t polygons, std::
     std::vector<TreeNode> tree;
     for (std::ptrdiff_t i = 0; i < numbers.rows; ++i) {
         const double *of = numbers[i];
-        const auto whole = [of](int k) { return static_cast<std::int64_t>(of[k]); };
+        const auto whole = [of](int k) {
+            return std::abs(of[k]) < MOST_NUMBERS ? static_cast<std::int64_t>(of[k]) : std::int64_t{-1};
+        };
         const TreeNode node{of[0], of[1], of[2], of[3], whole(4), whole(5), whole(6), whole(7), whole(8)};
+        for (int k = 0; k < 4; ++k)
+            require_number(of[k], "a node of a tree");
         if (node.after <= i || node.first_polygon < 0 || node.last_polygon > polygons || node.first_circle < 0 ||
             node.last_circle > circles)
             throw std::invalid_argument("a node of a tree has obstacles that are not there, or ends before itself");
@@ -107,7 +112,8 @@ void bind_shapes(nb::module_ &m) {
 
 Scene to_scene(const std::shared_ptr<Shapes> &body, const Numbers &body_bound, const std::shared_ptr<Shapes> &obstacles,
                const Numbers &circles, const Numbers &tree, const Numbers &walls, double clearance, double kept) {
-    return {to_body(body, body_bound), to_obstacles(obstacles, circles, tree, walls), clearance, kept};
+    return {to_body(body, body_bound), to_obstacles(obstacles, circles, tree, walls),
+            require_finite(clearance, "clearance"), require_finite(kept, "kept")};
 }
 
 void bind_scene(nb::module_ &m) {
@@ -122,8 +128,18 @@ void bind_scene(nb::module_ &m) {
         .def_prop_ro("walls", [](const Scene &self) { return copied(&self.obstacles->walls.xmin, {4}); })
         .def_ro("clearance", &Scene::clearance)
         .def_ro("kept", &Scene::kept)
-        .def("with_distances", &Scene::with_distances, nb::arg("clearance"), nb::arg("kept"))
-        .def("with_gap", &scene_with_gap, nb::arg("gap"), nb::arg("clearance"))
+        .def(
+            "with_distances",
+            [](const Scene &self, double clearance, double kept) {
+                return self.with_distances(require_finite(clearance, "clearance"), require_finite(kept, "kept"));
+            },
+            nb::arg("clearance"), nb::arg("kept"))
+        .def(
+            "with_gap",
+            [](const Scene &self, double gap, double clearance) {
+                return scene_with_gap(self, require_finite(gap, "gap"), require_finite(clearance, "clearance"));
+            },
+            nb::arg("gap"), nb::arg("clearance"))
         .def(
             "with_body",
             [](const Scene &self, const std::shared_ptr<Shapes> &body, const Numbers &body_bound) {
@@ -196,6 +212,7 @@ nb::tuple rings_of(const Numbers &corners, const Integers &origin, const Integer
 
 Made<double> separations(const Scene &scene, const Numbers &poses, double enough) {
     const auto rows = to_rows<Pose>(poses, "poses");
+    require_number(enough, "enough");
     std::vector<double> gaps(rows.size());
     {
         nb::gil_scoped_release free;
@@ -222,7 +239,7 @@ void bind_collision(nb::module_ &core) {
     m.def(
         "sweep_is_free",
         [](const Scene &scene, const Numbers &pose, const Numbers &twist, double length) {
-            return sweep_is_free(scene, to_pose(pose), to_twist(twist), length);
+            return sweep_is_free(scene, to_pose(pose), to_twist(twist), require_not_negative(length, "length"));
         },
         nb::arg("scene"), nb::arg("pose"), nb::arg("twist"), nb::arg("length"));
 }

@@ -162,11 +162,17 @@ DrivenWord drive(const Surroundings &around, const Wheels &wheels, const Pose &s
 
 namespace {
 
-Wheels to_wheels(WheelKind kind, const Numbers &axle, double radius) { return {kind, to_pose(axle), radius}; }
+Wheels to_wheels(WheelKind kind, const Numbers &axle, double radius) {
+    if (kind == WheelKind::CAR)
+        require_positive(radius, "radius");
+    return {kind, to_pose(axle), require_finite(radius, "radius")};
+}
 
 // The words as pairs of their letters and lengths, each (k,).
 nb::list reeds_shepp_as_arrays(double x, double y, double phi) {
     ReedsSheppWords found;
+    for (const double number : {x, y, phi})
+        require_finite(number, "pose");
     find_reeds_shepp(x, y, phi, found);
     nb::list out;
     for (const ReedsSheppWord &word : found) {

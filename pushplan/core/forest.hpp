@@ -21,6 +21,8 @@ static_assert(sizeof(BranchNode) == 17 * sizeof(double), "a row of NumPy's table
 
 class Forest {
   public:
+    mutable Lock lock;
+
     // `heading_length` is what a radian counts as in the choice of the nearest nodes, m; `reach` is the longest piece
     // of a word that is added at a time, m of cost.
     Forest(const Area &area, double heading_length, double reach)

@@ -11,6 +11,7 @@ Made<double> bind_shorten(const Problem &problem, const Numbers &start, const Nu
                           std::int64_t attempts) {
     const Pose pose = to_pose(start);
     std::vector<Arc> path = to_arcs(arcs);
+    require_count(attempts, "attempts");
     Random &random = random_of(state);
     {
         nb::gil_scoped_release free;
@@ -25,6 +26,7 @@ Made<double> bind_vary(const Problem &problem, const Numbers &start, const Numbe
     std::vector<Arc> path = to_arcs(arcs);
     if (path.empty())
         throw std::invalid_argument("a path to change has an arc at least");
+    require_count(attempts, "attempts");
     Random &random = random_of(state);
     {
         nb::gil_scoped_release free;
@@ -38,6 +40,7 @@ Made<double> bind_vary(const Problem &problem, const Numbers &start, const Numbe
 Made<double> bind_cut_short(const Problem &problem, const Numbers &start, const Numbers &arcs, double per_arc) {
     const Pose pose = to_pose(start);
     std::vector<Arc> path = to_arcs(arcs);
+    require_finite(per_arc, "per_arc");
     {
         nb::gil_scoped_release free;
         path = cut_short(problem, pose, path, per_arc);

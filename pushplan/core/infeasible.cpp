@@ -1,4 +1,5 @@
 // What Python calls of `pockets.hpp`: `pushplan.core.infeasible`.
+#include "cells.hpp"
 #include "numpy_poses.hpp"
 #include "pockets.hpp"
 
@@ -12,6 +13,12 @@ Steps to_steps(double side, std::int64_t headings, double sign, double travel, d
                double turned, const Numbers &ahead, std::int64_t turn, const Numbers &aside, double touching) {
     if (ahead.size() != 2)
         throw std::invalid_argument("the travel ahead has a least and a most, not " + std::to_string(ahead.size()));
+    require_all_finite(ahead.data(), 2, "ahead");
+    require_positive(side, "side");
+    require_index(headings, 1, MOST_CELLS, "headings");
+    require_index(turn, -headings, headings + 1, "turn");
+    for (const double number : {sign, travel, longest, near, turned, touching})
+        require_finite(number, "a step");
     return {side,    headings,
             sign,    travel,
             longest, near,
@@ -23,6 +30,9 @@ Steps to_steps(double side, std::int64_t headings, double sign, double travel, d
 nb::tuple bind_spread(const Scene &scene, const Numbers &begin, const Steps &steps, const Numbers &other,
                       std::size_t slots) {
     const Pose first = to_pose(begin), last = to_pose(other);
+    if (slots < 2 || (slots & (slots - 1)) != 0 || slots > 8 * MOST_CELLS)
+        throw std::invalid_argument("the slots for cells are a power of two from 2 to 2^23, not " +
+                                    std::to_string(slots));
     Spreading found;
     {
         nb::gil_scoped_release free;

@@ -107,7 +107,7 @@ void Lattice::plant(bool back, const Area &area, const LatticeSizes &sizes, std:
 
 // Key of a pose's cell, 0 outside the area.
 std::int64_t Lattice::key_of(const Pose &pose) const {
-    if (pose.x < area_.xmin || pose.y < area_.ymin || pose.x > area_.xmax || pose.y > area_.ymax)
+    if (!(pose.x >= area_.xmin && pose.y >= area_.ymin && pose.x <= area_.xmax && pose.y <= area_.ymax))
         return 0;
     return cell_key(static_cast<std::int64_t>((pose.x - area_.xmin) / sizes_.side),
                     static_cast<std::int64_t>((pose.y - area_.ymin) / sizes_.side),

@@ -17,9 +17,12 @@ struct Grid {
 
     // The cell that a place is in, or is nearest to.
     std::int64_t cell(double px, double py) const {
-        const std::int64_t i = std::clamp<std::int64_t>(static_cast<std::int64_t>((px - x) / side), 0, columns - 1);
-        const std::int64_t j = std::clamp<std::int64_t>(static_cast<std::int64_t>((py - y) / side), 0, rows - 1);
-        return i * rows + j;
+        return place((px - x) / side, columns) * rows + place((py - y) / side, rows);
+    }
+
+    // Clamped before it is a whole number: what is far outside does not fit into one.
+    static std::int64_t place(double along, std::int64_t count) {
+        return static_cast<std::int64_t>(std::clamp(along, 0.0, static_cast<double>(count - 1)));
     }
 };
 
@@ -37,6 +40,8 @@ struct LatticeSizes {
 // One search at a time, from the start to the goal or back from the goal; the next one takes over the memory.
 class Lattice {
   public:
+    mutable Lock lock;
+
     // `middle` is the body's point for which distances over the floor count, chain frame, m; `away` has these to the
     // start and to the goal.
     Lattice(std::shared_ptr<const Problem> problem, const Pose &start, const std::array<double, 2> &middle,

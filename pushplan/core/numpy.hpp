@@ -103,10 +103,9 @@ template <class Number> Made<Number> to_numpy(std::vector<Number> &&numbers) {
 
 // An array of a shape, to be filled in.
 template <class Number> Made<Number> new_array(const Shape &shape) {
-    const auto sizes = sizes_of(shape);
-    auto *numbers = new Number[std::accumulate(sizes.begin(), sizes.end(), std::size_t{1}, std::multiplies<>())];
+    auto *numbers = new Number[static_cast<std::size_t>(require_room(shape, "an array"))];
     nb::capsule owner(numbers, [](void *pointer) noexcept { delete[] static_cast<Number *>(pointer); });
-    return {numbers, sizes, owner};
+    return {numbers, sizes_of(shape), owner};
 }
 
 // An array of a shape with a copy of the numbers from an address on.

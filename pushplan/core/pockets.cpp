@@ -51,10 +51,12 @@ Window window_of(const Steps &steps, const Cell &cell, const Span &aside, double
         }
     // From anywhere within half a cell to anywhere within half a cell: one cell more to either side.
     const auto column = static_cast<double>(cell.column), row = static_cast<double>(cell.row);
-    return {static_cast<std::int64_t>(std::ceil(column - 1.0 + xmin / steps.side)),
-            static_cast<std::int64_t>(std::floor(column + 1.0 + xmax / steps.side)),
-            static_cast<std::int64_t>(std::ceil(row - 1.0 + ymin / steps.side)),
-            static_cast<std::int64_t>(std::floor(row + 1.0 + ymax / steps.side))};
+    // `look_at` refuses what is not on the grid, however far.
+    const auto whole = [](double place) {
+        return static_cast<std::int64_t>(std::clamp(place, -1.0, static_cast<double>(MOST_CELLS)));
+    };
+    return {whole(std::ceil(column - 1.0 + xmin / steps.side)), whole(std::floor(column + 1.0 + xmax / steps.side)),
+            whole(std::ceil(row - 1.0 + ymin / steps.side)), whole(std::floor(row + 1.0 + ymax / steps.side))};
 }
 
 // The heading of a cell as one of those of a full turn.
@@ -112,6 +114,8 @@ class Spreader {
     }
 
     bool look_at(const Cell &cell) {
+        if (std::min(cell.column, cell.row) < 0 || std::max(cell.column, cell.row) >= MOST_CELLS)
+            return false;
         --left_;
         const std::int64_t key = cell_key(cell.column, cell.row, cell.heading);
         const std::size_t slot = known_.slot_of(key);
@@ -139,10 +143,6 @@ class Spreader {
 } // namespace
 
 Spreading spread(const Scene &scene, const Pose &begin, const Steps &steps, const Pose &other, std::size_t slots) {
-    if (slots < 2 || (slots & (slots - 1)) != 0)
-        throw std::invalid_argument("the slots for cells are a power of two, not " + std::to_string(slots));
-    if (steps.headings < 1 || !(steps.side > 0.0))
-        throw std::invalid_argument("cells have a side and a heading at least");
     return Spreader(scene, begin, steps, slots).until(other);
 }
 

@@ -54,7 +54,7 @@ struct Spreading {
 
 // Find the cells that can be reached from `begin`, step by step, until there are no more, or `other` is near; both are
 // the place of the body's middle and its heading. At most half as many cells are looked at as there are slots for, a
-// power of two.
+// power of two up to 2^23.
 Spreading spread(const Scene &scene, const Pose &begin, const Steps &steps, const Pose &other, std::size_t slots);
 
 } // namespace pushplan

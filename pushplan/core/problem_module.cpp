@@ -13,15 +13,16 @@ Objective to_objective(int kind, double per_arc, double lowest, double length, c
         throw std::invalid_argument("an objective's table is (n, n, 3)");
     if (box.size() != 4)
         throw std::invalid_argument("an objective's box has four angles, not " + std::to_string(box.size()));
-    if (kind < TRAVEL || kind > PASSING)
-        throw std::invalid_argument("there is no objective of kind " + std::to_string(kind));
+    require_index(kind, TRAVEL, PASSING + 1, "kind");
+    require_all_finite(box.data(), 4, "box");
+    require_all_finite(table.data(), table.size(), "table");
     std::vector<Objective::Entry> entries(static_cast<std::size_t>(table.shape(0) * table.shape(1)));
     copy_bytes(entries.data(), table.data(), entries.size() * sizeof(Objective::Entry));
     const double *of = box.data();
     return {kind,
-            per_arc,
-            lowest,
-            length,
+            require_finite(per_arc, "per_arc"),
+            require_finite(lowest, "lowest"),
+            require_finite(length, "length"),
             {of[0], of[1], of[2], of[3]},
             table.shape(0),
             std::make_shared<const std::vector<Objective::Entry>>(std::move(entries))};
@@ -51,8 +52,8 @@ void bind_objective(nb::module_ &m) {
 
 Problem to_problem(const Scene &scene, const Numbers &segments, const Numbers &families, const Numbers &goal,
                    double longest, const Objective &objective) {
-    Problem problem{scene,    to_rows<Segment>(segments, "segments"), to_families(families), to_pose(goal), longest,
-                    objective};
+    Problem problem{scene,    to_rows<Segment>(segments, "segments"), to_families(families), to_pose(goal),
+                    require_positive(longest, "longest"), objective};
     if (problem.segments.empty() || problem.families.empty())
         throw std::invalid_argument("a problem has a segment and a family at least");
     return problem;
@@ -133,6 +134,7 @@ void bind_steering(nb::module_ &m) {
             if (family.size() != 9)
                 throw std::invalid_argument("a family has three twists");
             Family letters;
+            require_all_finite(family.data(), 9, "family");
             std::memcpy(&letters, family.data(), sizeof(Family));
             return words_table(find_words(letters, to_pose(start), to_pose(goal)));
         },
@@ -142,6 +144,7 @@ void bind_steering(nb::module_ &m) {
         [](const Scene &scene, const Numbers &families, const Numbers &start, const Numbers &goal, double bound,
            int tries) {
             const auto rows = to_families(families);
+            require_number(bound, "bound");
             const Connection found = connect(scene, {rows.data(), static_cast<std::ptrdiff_t>(rows.size())},
                                              to_pose(start), to_pose(goal), bound, tries);
             nb::object arcs = nb::none();
@@ -155,6 +158,7 @@ void bind_steering(nb::module_ &m) {
         "reach",
         [](const Scene &scene, const Numbers &families, const Numbers &starts, const Numbers &goals, double clearance) {
             const auto of = to_families(families);
+            require_finite(clearance, "clearance");
             const auto from = to_rows<Pose>(starts, "starts"), to = to_rows<Pose>(goals, "goals");
             const auto rows = static_cast<std::ptrdiff_t>(from.size()),
                        columns = static_cast<std::ptrdiff_t>(to.size());
@@ -174,8 +178,11 @@ void bind_chart(nb::module_ &m) {
         "arcs_at",
         [](const Problem &problem, const Numbers &controls) {
             std::vector<Arc> arcs;
-            for (const Control &control : to_rows<Control>(controls, "controls"))
+            for (const Control &control : to_rows<Control>(controls, "controls")) {
+                to_controls(control.data());
+                require_not_negative(control[3], "the units of a control");
                 arcs.push_back(arc_of(problem, control));
+            }
             return to_table(arcs);
         },
         nb::arg("problem"), nb::arg("controls"));

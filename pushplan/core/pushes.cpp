@@ -125,11 +125,11 @@ PackedMode to_mode(const Numbers &families, const Numbers &contact, const Number
             to_pose(contact),
             to_pose(robot),
             to_twist(settling),
-            settle,
-            approach,
-            retreat,
-            clearance,
-            faster};
+            require_not_negative(settle, "settle"),
+            require_not_negative(approach, "approach"),
+            require_not_negative(retreat, "retreat"),
+            require_finite(clearance, "clearance"),
+            require_positive(faster, "faster")};
 }
 
 Made<double> families_array(const PackedMode &mode) {
@@ -154,7 +154,7 @@ void bind_mode(nb::module_ &m) {
         .def(
             "robot_at",
             [](const PackedMode &mode, const Numbers &load, double behind) {
-                return to_array(mode.robot_at(to_pose(load), behind));
+                return to_array(mode.robot_at(to_pose(load), require_finite(behind, "behind")));
             },
             nb::arg("load"), nb::arg("behind"))
         .def(PickledBy{"families", "contact", "robot", "settling", "settle", "approach", "retreat", "clearance",
@@ -186,32 +186,24 @@ nb::tuple push_between(const Scene &scene, const PackedMode &mode, const Numbers
 }
 
 // Return (r, m, g) what single pushes cost in rooms, by contacts, to goals; infinite where none is free.
-Made<double> push_costs(const nb::list &rooms, const nb::list &contacts, const Numbers &start, const Numbers &goals,
-                        const Given<bool> &asked) {
+Made<double> push_costs(const std::vector<Scene> &rooms, const std::vector<std::pair<Scene, PackedMode>> &contacts,
+                        const Numbers &start, const Numbers &goals, const Given<bool> &asked) {
     const auto ends = to_rows<Pose>(goals, "goals");
     const Pose first = to_pose(start);
-    std::vector<const Scene *> robots;
-    for (const nb::handle room : rooms)
-        robots.push_back(&nb::cast<const Scene &>(room));
-    std::vector<std::pair<const Scene *, const PackedMode *>> pairs;
-    for (const nb::handle contact : contacts) {
-        const auto pair = nb::cast<nb::tuple>(contact);
-        pairs.emplace_back(&nb::cast<const Scene &>(pair[0]), &nb::cast<const PackedMode &>(pair[1]));
-    }
-    const Shape shape{static_cast<std::ptrdiff_t>(robots.size()), static_cast<std::ptrdiff_t>(pairs.size()),
+    const Shape shape{static_cast<std::ptrdiff_t>(rooms.size()), static_cast<std::ptrdiff_t>(contacts.size()),
                       static_cast<std::ptrdiff_t>(ends.size())};
     require_shape(asked, {shape[1], shape[2]}, "table of the pushes that are asked for");
     std::vector<double> costs;
     {
         nb::gil_scoped_release free;
-        for (const Scene *robot : robots) {
+        for (const Scene &robot : rooms) {
             const bool *wanted = asked.data();
-            for (const auto &[chain, mode] : pairs) {
-                const Scene scene{chain->body, robot->obstacles, chain->clearance, chain->kept};
-                const bool begins = approach_is_free(*robot, *mode, first, false);
+            for (const auto &[chain, mode] : contacts) {
+                const Scene scene{chain.body, robot.obstacles, chain.clearance, chain.kept};
+                const bool begins = approach_is_free(robot, mode, first, false);
                 for (const Pose &end : ends) {
-                    const bool looked_at = *wanted++ && begins && approach_is_free(*robot, *mode, end, true);
-                    costs.push_back(looked_at ? find_push(scene, *mode, first, end).cost : INF);
+                    const bool looked_at = *wanted++ && begins && approach_is_free(robot, mode, end, true);
+                    costs.push_back(looked_at ? find_push(scene, mode, first, end).cost : INF);
                 }
             }
         }
@@ -223,6 +215,9 @@ nb::tuple passings_of(const PackedMode &mode, const Numbers &load, const Numbers
                       const Numbers &within, double far) {
     if (within.size() != 2)
         throw std::invalid_argument("a tolerance is a distance and an angle");
+    for (int k = 0; k < 2; ++k)
+        require_positive(within.data()[k], "a tolerance");
+    require_not_negative(far, "far");
     const auto found = find_passings(mode, to_pose(load), to_pose(inner), to_rows<Pose>(goals, "goals"),
                                      within.data()[0], within.data()[1], far);
     std::vector<Pose> poses;

@@ -163,6 +163,8 @@ double descend_between(const Modes &modes, const Integers &sequence, const Numbe
     const auto rows = table(poses);
     if (chosen.size() < 2 || both.size() != 2 || rows.columns != 3 || rows.rows + 1 != sequence.size())
         throw std::invalid_argument("a descent has k > 1 pushes, ends (2, 3) and poses between its pushes (k - 1, 3)");
+    require_positive(scale, "scale");
+    require_count(moves, "moves");
     Random &random = random_of(state);
     auto between = to_rows<Pose>(poses, "poses");
     nb::gil_scoped_release free;
@@ -187,6 +189,8 @@ Made<double> descent_at_random(const Modes &modes, const Numbers &start, const N
         draws.changes.columns != count)
         throw std::invalid_argument("two pushes or more are drawn from goals, first and last contacts, and what "
                                     "changes of the contact cost (m, m)");
+    require_count(most, "most", 1'000);
+    require_number(below, "below");
     Random &random = random_of(state);
     std::vector<Pose> poses;
     {
@@ -203,7 +207,8 @@ void bind_samples(nb::module_ &core) {
     m.def(
         "pushed_at_random",
         [](const PackedMode &mode, const Numbers &pose, double sense, RandomState state) {
-            return to_array(pushed_at_random(mode, to_pose(pose), sense, random_of(state)));
+            return to_array(
+                pushed_at_random(mode, to_pose(pose), require_finite(sense, "sense"), random_of(state)));
         },
         nb::arg("mode"), nb::arg("pose"), nb::arg("sense"), nb::arg("state").noconvert());
     m.def("descend", &descend_between, nb::arg("modes"), nb::arg("sequence"), nb::arg("ends"),

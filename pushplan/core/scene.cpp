@@ -11,6 +11,9 @@ constexpr double EXACT_BELOW = 0.01;
 // Room for intervals of an arc still to be looked at; each is at most half of the one below it.
 constexpr int DEPTH = 128;
 
+// Poses of an arc that are looked at, at most: a second's work.
+constexpr int MOST_POSES = 1'000'000;
+
 // `other` where it is smaller, or larger: not by reference, so that the compiler needs no branch.
 inline double least(double value, double other) { return other < value ? other : value; }
 inline double most(double value, double other) { return other > value ? other : value; }
@@ -205,18 +208,18 @@ bool sweep_is_free(const Scene &scene, const Pose &pose, const Twist &twist, dou
     const double top = top_speed(*scene.body->pieces, twist);
     std::array<Interval, DEPTH> left;
     left[0] = {0.0, length};
-    int n = 1;
+    int n = 1, poses = 0;
     while (n > 0) {
         const auto [begin, end] = left[--n];
         const double middle = 0.5 * (begin + end);
         // More than it takes to cover the whole interval need not be known.
         const double enough = 0.5 * (end - begin) * top + 2.0 * scene.clearance;
         const double gap = separation(scene, step(pose, twist, middle), enough);
-        if (gap < scene.clearance)
+        if (!(gap >= scene.clearance))
             return false;
         const double covered = (gap - scene.kept) / top;
         if (middle - covered > begin) {
-            if (n + 2 > DEPTH)
+            if (n + 2 > DEPTH || ++poses > MOST_POSES)
                 throw std::runtime_error("a swept arc needs more intervals than there is room for");
             left[n++] = {begin, middle - covered};
             left[n++] = {middle + covered, end};

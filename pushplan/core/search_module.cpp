@@ -15,6 +15,7 @@ Area to_area(const Numbers &array) {
     if (array.size() != 4)
         throw std::invalid_argument("a box has four numbers, not " + std::to_string(array.size()));
     const double *of = array.data();
+    require_all_finite(of, 4, "a box");
     return {of[0], of[1], of[2], of[3]};
 }
 
@@ -25,9 +26,26 @@ nb::object path_or_none(const std::vector<Arc> &path) {
     return nb::cast(to_table(path));
 }
 
-void check_row(std::int64_t row, std::size_t rows, std::int64_t least = 0) {
-    if (row < least || row >= static_cast<std::int64_t>(rows))
-        throw std::out_of_range("a tree has no row " + std::to_string(row));
+// The row of a tree that a caller names, -1 for none, and its pose.
+Pose check_place(const Tree &tree, std::int64_t row, const std::array<double, 3> &pose, double bound) {
+    require_index(row, -1, static_cast<std::int64_t>(tree.nodes().size()), "row");
+    require_all_finite(pose.data(), 3, "pose");
+    require_number(bound, "bound");
+    return pose_at(pose.data());
+}
+
+// What a function of an object returns, unless another thread's call works on it.
+template <class Result, class Class> auto used(Result (*function)(const Class &)) {
+    return [function](const Class &self) {
+        const InUse use(self.lock);
+        return function(self);
+    };
+}
+
+// So many cells as the keys of `cells.hpp` have room for.
+void require_cells(double cells, const char *name) {
+    if (!(cells < static_cast<double>(MOST_CELLS)))
+        throw std::invalid_argument(std::string(name) + " must be fewer than 2^20");
 }
 
 void bind_tree(nb::module_ &m) {
@@ -45,8 +63,8 @@ void bind_tree(nb::module_ &m) {
             "extend",
             [](Tree &self, Row row, const std::array<double, 3> &pose, const std::array<double, 3> &controls,
                double bound) {
-                check_row(row, self.nodes().size(), -1);
-                const Extension found = self.extend(row, pose_at(pose.data()), controls, bound);
+                const Pose from = check_place(self, row, pose, bound);
+                const Extension found = self.extend(row, from, to_controls(controls.data()), bound);
                 return nb::make_tuple(found.kept, found.cost, found.promise, found.pose.x, found.pose.y,
                                       found.pose.theta);
             },
@@ -54,19 +72,26 @@ void bind_tree(nb::module_ &m) {
         .def(
             "connect",
             [](const Tree &self, Row row, const std::array<double, 3> &pose, double bound) {
-                check_row(row, self.nodes().size(), -1);
-                const Extension found = self.connect(row, pose_at(pose.data()), bound);
+                const Extension found = self.connect(row, check_place(self, row, pose, bound), bound);
                 return nb::make_tuple(found.cost, found.promise);
             },
             nb::arg("row"), nb::arg("pose"), nb::arg("bound"))
         .def(
-            "room_at", [](const Tree &self, double x, double y, double theta) { return self.room_at({x, y, theta}); },
+            "room_at",
+            [](const Tree &self, double x, double y, double theta) {
+                for (const double number : {x, y, theta})
+                    require_finite(number, "pose");
+                return self.room_at({x, y, theta});
+            },
             nb::arg("x"), nb::arg("y"), nb::arg("theta"));
     m.def(
         "branch",
         [](const Numbers &nodes, Row node) {
             const auto rows = to_rows<Node>(nodes, "a tree");
-            check_row(node, rows.size());
+            require_index(node, 0, static_cast<Row>(rows.size()), "node");
+            for (std::size_t i = 0; i < rows.size(); ++i)
+                if (!(rows[i].parent >= -1.0 && rows[i].parent < static_cast<double>(i)))
+                    throw std::invalid_argument("the parent of node " + std::to_string(i) + " is not before it");
             std::vector<Arc> path;
             trace(rows, node, path);
             return to_table(path);
@@ -78,6 +103,9 @@ void bind_tree(nb::module_ &m) {
 template <class Search>
 nb::tuple grown(Search &search, const Problem &problem, RandomState &state, double bound, std::int64_t iterations) {
     Random &random = random_of(state);
+    require_number(bound, "bound");
+    require_count(iterations, "iterations");
+    const InUse use(search.lock);
     std::vector<Arc> path;
     std::int64_t done = 0;
     {
@@ -95,10 +123,13 @@ void bind_forest(nb::module_ &m) {
              nb::arg("box"), nb::arg("heading_length"), nb::arg("reach"))
         .def(
             "plant",
-            [](Forest &self, const Numbers &start, const Numbers &goal) { self.plant(to_pose(start), to_pose(goal)); },
+            [](Forest &self, const Numbers &start, const Numbers &goal) {
+                const InUse use(self.lock);
+                self.plant(to_pose(start), to_pose(goal));
+            },
             nb::arg("start"), nb::arg("goal"))
-        .def_prop_ro("start_tree", [](const Forest &self) { return to_table(self.start_tree()); })
-        .def_prop_ro("goal_tree", [](const Forest &self) { return to_table(self.goal_tree()); })
+        .def_prop_ro("start_tree", used(+[](const Forest &self) { return to_table(self.start_tree()); }))
+        .def_prop_ro("goal_tree", used(+[](const Forest &self) { return to_table(self.goal_tree()); }))
         .def(
             "grow",
             [](Forest &self, const Problem &problem, RandomState state, double bound, std::int64_t iterations) {
@@ -117,8 +148,8 @@ void bind_sparse_tree(nb::module_ &m) {
              }),
              nb::arg("start"), nb::arg("goal"), nb::arg("box"), nb::arg("heading_length"), nb::arg("selection"),
              nb::arg("witness"))
-        .def_prop_ro("nodes", [](const SparseTree &self) { return to_table(self.nodes()); })
-        .def_prop_ro("unused", [](const SparseTree &self) { return copied(self.unused()); })
+        .def_prop_ro("nodes", used(+[](const SparseTree &self) { return to_table(self.nodes()); }))
+        .def_prop_ro("unused", used(+[](const SparseTree &self) { return copied(self.unused()); }))
         .def(
             "grow",
             [](SparseTree &self, const Problem &problem, RandomState state, double bound, std::int64_t iterations) {
@@ -129,9 +160,17 @@ void bind_sparse_tree(nb::module_ &m) {
 
 // Lower left corner and side of the cells (3,), m, of a table.
 Grid to_grid(const Numbers &grid, std::ptrdiff_t columns, std::ptrdiff_t rows) {
-    if (grid.size() != 3 || columns < 1 || rows < 1)
-        throw std::invalid_argument("a grid has a corner, a side, and cells");
-    return {grid.data()[0], grid.data()[1], grid.data()[2], columns, rows};
+    const double *of = three_finite(grid, "a grid");
+    if (require_room(std::array{columns, rows}, "a grid") == 0)
+        throw std::invalid_argument("a grid has a cell at least");
+    return {of[0], of[1], require_positive(of[2], "the side of a grid's cells"), columns, rows};
+}
+
+std::array<double, 2> to_place(const Numbers &array) {
+    if (array.size() < 2)
+        throw std::invalid_argument("a place has two numbers, not " + std::to_string(array.size()));
+    require_all_finite(array.data(), 2, "a place");
+    return {array.data()[0], array.data()[1]};
 }
 
 Lattice to_lattice(const Shared &problem, const Numbers &start, const Numbers &middle, const Numbers &grid,
@@ -139,11 +178,11 @@ Lattice to_lattice(const Shared &problem, const Numbers &start, const Numbers &m
     const auto first = table(to_start), second = table(to_goal);
     if (first.rows != second.rows || first.columns != second.columns)
         throw std::invalid_argument("distances to the start and to the goal are of the same cells");
-    if (middle.size() < 2)
-        throw std::invalid_argument("a middle has two numbers");
     const auto cells = first.rows * first.columns;
+    for (std::ptrdiff_t i = 0; i < cells; ++i)
+        require_number(first.data[i] + second.data[i], "a distance");
     return Lattice(
-        problem, to_pose(start), {middle.data()[0], middle.data()[1]}, to_grid(grid, first.rows, first.columns),
+        problem, to_pose(start), to_place(middle), to_grid(grid, first.rows, first.columns),
         {std::vector<double>(first.data, first.data + cells), std::vector<double>(second.data, second.data + cells)});
 }
 
@@ -154,23 +193,31 @@ void bind_lattice(nb::module_ &m) {
         .def(
             "plant",
             [](Lattice &self, bool back, const Numbers &box, double side, double angle, double arc, std::int64_t room) {
+                const InUse use(self.lock);
                 if (room < 1 || (room & (room - 1)) != 0 || room > std::int64_t{1} << 22)
                     throw std::invalid_argument("there is room for a power of two of nodes up to 2^22, not for " +
                                                 std::to_string(room));
-                self.plant(back, to_area(box), {side, angle, arc}, room);
+                const Area area = to_area(box);
+                const double longer = std::max(area.xmax - area.xmin, area.ymax - area.ymin);
+                require_cells(longer / require_positive(side, "side"), "cells of the box");
+                require_cells(2.0 * PI / require_positive(angle, "angle"), "cells of a turn");
+                self.plant(back, area, {side, angle, require_positive(arc, "arc")}, room);
             },
             nb::arg("back"), nb::arg("box"), nb::arg("side"), nb::arg("angle"), nb::arg("arc"), nb::arg("room"))
         .def(
             "expand",
             [](Lattice &self, RandomState state, double bound, std::int64_t arcs) {
                 Random &random = random_of(state);
+                require_number(bound, "bound");
+                require_count(arcs, "arcs");
+                const InUse use(self.lock);
                 nb::gil_scoped_release free;
                 return self.expand(bound, arcs, random);
             },
             nb::arg("state"), nb::arg("bound"), nb::arg("arcs"))
-        .def_prop_ro("path", [](const Lattice &self) { return path_or_none(self.path()); })
-        .def_prop_ro("tried", &Lattice::tried)
-        .def_prop_ro("nodes", [](const Lattice &self) { return to_table(self.nodes()); });
+        .def_prop_ro("path", used(+[](const Lattice &self) { return path_or_none(self.path()); }))
+        .def_prop_ro("tried", used(+[](const Lattice &self) { return self.tried(); }))
+        .def_prop_ro("nodes", used(+[](const Lattice &self) { return to_table(self.nodes()); }));
     m.def(
         "floor_distances",
         [](const Scene &point, const Numbers &grid, std::ptrdiff_t columns, std::ptrdiff_t rows, double least,
@@ -178,11 +225,10 @@ void bind_lattice(nb::module_ &m) {
             const Grid cells = to_grid(grid, columns, rows);
             std::array<std::int64_t, 2> places;
             for (int k = 0; k < 2; ++k) {
-                const Numbers &place = k == 0 ? start : goal;
-                if (place.size() != 2)
-                    throw std::invalid_argument("a place has two numbers");
-                places[k] = cells.cell(place.data()[0], place.data()[1]);
+                const auto [x, y] = to_place(k == 0 ? start : goal);
+                places[k] = cells.cell(x, y);
             }
+            require_finite(least, "least");
             std::array<std::vector<double>, 2> away;
             {
                 nb::gil_scoped_release free;

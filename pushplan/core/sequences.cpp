@@ -2,6 +2,7 @@
 #include "arrays.hpp"
 
 #include <algorithm>
+#include <array>
 #include <vector>
 
 namespace pushplan {
@@ -202,6 +203,7 @@ nb::tuple cheapest_rows(const Numbers &pushes, const Numbers &changes, const Num
     const SequenceCosts costs = to_costs(pushes, changes, first);
     if (goals < 1 || goals >= costs.nodes || most < 1)
         throw std::invalid_argument("there are a start, one goal or more among the nodes, and one push or more");
+    require_room(std::array{costs.modes, costs.nodes, most}, "the table of sequences");
     Sequence found;
     {
         nb::gil_scoped_release free;
@@ -229,6 +231,7 @@ Made<double> tours_of(const std::vector<Numbers> &ways, const std::vector<Number
         require_shape(ways[k], {exits, pushes[k].shape(2)}, "table of ways");
         stops.push_back({pushes[k].shape(2), pushes[k].shape(3), ways[k].data(), pushes[k].data()});
     }
+    require_room(std::array{std::ptrdiff_t{1} << loads, exits}, "the table of tours");
     std::vector<double> tours;
     {
         nb::gil_scoped_release free;

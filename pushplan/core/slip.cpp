@@ -19,8 +19,10 @@ std::vector<Object> objects_of(const Integers &first_foot, const Numbers &loads,
     require(middle.rows == load.rows && first.size == load.rows + 1,
             "there is a load, a centre and a first foot for every object");
     std::vector<Object> objects;
+    require_all_finite(loads.data(), loads.size(), "loads");
+    require_all_finite(center.data(), center.size(), "center");
     for (std::ptrdiff_t i = 0; i < load.rows; ++i)
-        objects.push_back({static_cast<int>(first[i]), static_cast<int>(first[i + 1]), load[i][0], load[i][1],
+        objects.push_back({to_int(first[i], "first_foot"), to_int(first[i + 1], "first_foot"), load[i][0], load[i][1],
                            load[i][2], load[i][3], load[i][4], middle[i][0], middle[i][1]});
     return objects;
 }
@@ -33,7 +35,7 @@ std::vector<Piece> pieces_of(const Integers &parts, const Numbers &circles) {
     std::vector<Piece> pieces;
     for (std::ptrdiff_t p = 0; p < part.rows; ++p)
         pieces.push_back(
-            {static_cast<int>(part[p][0]), static_cast<int>(part[p][1]), static_cast<int>(part[p][2]), circle[p]});
+            {to_int(part[p][0], "parts"), to_int(part[p][1], "parts"), to_int(part[p][2], "parts"), circle[p]});
     return pieces;
 }
 
@@ -44,8 +46,8 @@ std::vector<Pair> pairs_between(const Integers &pairs, const Numbers &friction) 
     require(coefficient.size == pair.rows, "there is a friction for every pair");
     std::vector<Pair> found;
     for (std::ptrdiff_t q = 0; q < pair.rows; ++q)
-        found.push_back(
-            {static_cast<int>(pair[q][0]), static_cast<int>(pair[q][1]), static_cast<int>(pair[q][2]), coefficient[q]});
+        found.push_back({to_int(pair[q][0], "pairs"), to_int(pair[q][1], "pairs"), to_int(pair[q][2], "pairs"),
+                         require_not_negative(coefficient[q], "friction")});
     return found;
 }
 
@@ -84,8 +86,9 @@ World make_world(const Numbers &feet, const Integers &first_foot, const Numbers 
     world.corners = to_rows<Corner>(corners, "corners");
     world.pieces = pieces_of(parts, circles);
     world.pairs = pairs_between(pairs, friction);
-    world.length = length;
-    world.order.assign(own.begin(), own.end());
+    world.length = require_positive(length, "length");
+    for (const std::int64_t object : own)
+        world.order.push_back(to_int(object, "order"));
     check(world);
     return world;
 }
@@ -96,6 +99,8 @@ World with_loads(const World &world, const Numbers &friction_loads, const Number
     require(loads.size == world.plate() && of_feet.size == static_cast<std::ptrdiff_t>(world.feet.size()),
             "there is a load for every object, and for every foot");
     World changed = world;
+    for (const auto &array : {friction_loads, foot_loads, contact_frictions})
+        require_all_finite(array.data(), array.size(), "loads and frictions");
     for (std::ptrdiff_t j = 0; j < of_feet.size; ++j)
         changed.feet[j].load = of_feet[j];
     for (std::ptrdiff_t i = 0; i < loads.size; ++i) {
@@ -178,6 +183,7 @@ Simulation make_simulation(std::shared_ptr<World> world, const Numbers &object_p
 }
 
 Made<double> object_poses_of(const Simulation &simulation) {
+    const InUse use(simulation.lock);
     std::vector<Pose> poses(simulation.world->objects.size());
     for (std::size_t i = 0; i < poses.size(); ++i)
         poses[simulation.world->order[i]] = simulation.state.poses[i];
@@ -185,6 +191,7 @@ Made<double> object_poses_of(const Simulation &simulation) {
 }
 
 nb::tuple simulation_to_tuple(const Simulation &simulation) {
+    const InUse use(simulation.lock);
     const State &state = simulation.state;
     const auto memory = rows_of<double, 4>(state.memory, [](const Memory &memory) -> std::array<double, 4> {
         return {memory.force[0], memory.force[1], memory.force[2], double(memory.points)};
@@ -200,7 +207,7 @@ Simulation simulation_from_tuple(const nb::tuple &t) {
     state.twists = to_rows<Vector>(nb::cast<Numbers>(t[2]), "twists");
     state.drag = to_rows<std::array<double, 2>>(nb::cast<Numbers>(t[3]), "drag");
     for (const auto &old : to_rows<std::array<double, 4>>(nb::cast<Numbers>(t[4]), "memory"))
-        state.memory.push_back({{old[0], old[1], old[2]}, static_cast<int>(old[3])});
+        state.memory.push_back({{old[0], old[1], old[2]}, old[3] > 1.0 ? 2 : old[3] > 0.0 ? 1 : 0});
     state.steps = nb::cast<std::int64_t>(t[5]);
     const std::size_t n = world->objects.size();
     require(state.poses.size() == n + 1 && state.twists.size() == n && state.drag.size() == n &&
@@ -217,6 +224,9 @@ struct TraceArrays {
 TraceArrays march(Simulation &simulation, const Numbers &twists, double limit) {
     const auto rows = table(twists);
     require(rows.columns == 3, "twists are v_x, v_y, omega");
+    require_all_finite(twists.data(), twists.size(), "twists");
+    require_number(limit, "limit");
+    const InUse use(simulation.lock);
     Trace trace;
     {
         nb::gil_scoped_release free;
@@ -293,7 +303,11 @@ void bind_slip(nb::module_ &parent) {
         .def(MadeBy(&make_simulation), nb::arg("world"), nb::arg("object_poses"), nb::arg("plate_pose"))
         .def_prop_ro("world", [](const Simulation &simulation) { return simulation.world; })
         .def_prop_ro("object_poses", &object_poses_of)
-        .def_prop_ro("plate_pose", [](const Simulation &simulation) { return to_array(simulation.state.poses.back()); })
+        .def_prop_ro("plate_pose",
+                     [](const Simulation &simulation) {
+                         const InUse use(simulation.lock);
+                         return to_array(simulation.state.poses.back());
+                     })
         .def("march", &march, nb::arg("twists"), nb::arg("limit") = std::numeric_limits<double>::infinity())
         .def(Pickled(&simulation_to_tuple, &simulation_from_tuple));
 }

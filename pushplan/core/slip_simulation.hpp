@@ -62,6 +62,7 @@ struct Simulation {
     // Move the plate by a body twist times time and the objects with it; forces and modes stay in `work`.
     Solution step(const Twist &twist, double limit);
 
+    mutable Lock lock;
     std::shared_ptr<World> world;
     State state;
     Work work;

@@ -28,6 +28,8 @@ struct SparseRadii {
 
 class SparseTree {
   public:
+    mutable Lock lock;
+
     // A tree of the start alone, which is the first witness too; positions are drawn from the area.
     SparseTree(const Pose &start, const Pose &goal, const Area &area, const SparseRadii &radii);
 

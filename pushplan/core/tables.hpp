@@ -2,6 +2,8 @@
 // same everywhere.
 #pragma once
 
+#include "border.hpp"
+
 #include <cmath>
 #include <cstddef>
 #include <cstdint>

@@ -31,6 +31,10 @@ Made<double> rows_of(std::vector<double> &&numbers, std::ptrdiff_t columns) {
 nb::tuple bind_step_sum(const Numbers &levels, const Numbers &centers, const Numbers &widths) {
     const auto level_rows = table(levels), width_rows = table(widths);
     const auto times = row(centers);
+    for (const Numbers *array : {&levels, &centers, &widths})
+        require_all_finite(array->data(), array->size(), "a step");
+    for (std::ptrdiff_t i = 0; i < widths.size(); ++i)
+        require_not_negative(widths.data()[i], "a width");
     Pieces pieces;
     {
         nb::gil_scoped_release free;

@@ -175,6 +175,9 @@ namespace {
 nb::object transit_between(const Surroundings &around, const Wheels &wheels, const Numbers &start, const Numbers &goal,
                            const std::array<double, 4> &box, double spread, RandomState state, int iterations) {
     const Pose first = to_pose(start), last = to_pose(goal);
+    require_all_finite(box.data(), 4, "box");
+    require_finite(spread, "spread");
+    require_count(iterations, "iterations");
     const Area region{box[0], box[1], box[2], box[3]};
     Random &random = random_of(state);
     std::optional<Way> way;
@@ -191,6 +194,7 @@ Made<double> shortened_arcs(const Surroundings &around, const Wheels &wheels, co
                             RandomState state, int attempts) {
     const Pose first = to_pose(start);
     Way way = to_arcs(arcs);
+    require_count(attempts, "attempts");
     Random &random = random_of(state);
     {
         nb::gil_scoped_release free;

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 import sys
+import traceback
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -14,7 +15,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pushplan.errors import PushplanError
+from pushplan.errors import ExtensionError, PushplanError
 from pushplan.util import names
 
 if TYPE_CHECKING:
@@ -142,6 +143,35 @@ def name_of(made: Any) -> str:
     """Return `module:attribute` of a class or function, as far as it has one."""
     kind = made if hasattr(made, "__qualname__") else type(made)
     return f"{kind.__module__}:{kind.__qualname__}"
+
+
+@contextmanager
+def code_of_others(what: str) -> Iterator[None]:
+    """Turn an error of code that was added into one that names it, its file and its line.
+
+    Args:
+        what: What it is, for the message, e.g. `the planner mine:make`.
+
+    Raises:
+        ExtensionError: When the code raises anything but an error of pushplan's own.
+    """
+    try:
+        yield
+    except PushplanError:
+        raise
+    except Exception as error:
+        raise ExtensionError(f"{what} fails{_place(error)}: {type(error).__name__}: {error}") from error
+
+
+def _place(error: BaseException) -> str:
+    """Return file and line of the innermost code that is neither pushplan's nor a library's, if there is any."""
+    found = ""
+    for frame, line in traceback.walk_tb(error.__traceback__):
+        path = frame.f_code.co_filename
+        ours = frame.f_globals.get("__name__", "").partition(".")[0] == "pushplan"
+        if not ours and "site-packages" not in path and Path(path).parent != Path(traceback.__file__).parent:
+            found = f" in {path}, line {line}"
+    return found
 
 
 class MissingExtraError(PushplanError, ImportError):
