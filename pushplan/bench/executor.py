@@ -230,6 +230,8 @@ def _isolated_on_worker(spec: RunSpec, work: Work) -> Outcome:
 def _context() -> ForkServerContext:
     """Return what starts processes: they are forked from one that has loaded all that runs and `__main__` need."""
     main = getattr(sys.modules["__main__"], "__spec__", None)
+    # Python puts the working directory first on the path of the fork server, which would import a `secrets.py` there.
+    os.environ["PYTHONSAFEPATH"] = "1"
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([PRELOAD, __name__, *([main.name] if main is not None else [])])
     return context

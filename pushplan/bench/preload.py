@@ -16,6 +16,8 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a run has one processor; and forks want no other threads
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+os.environ.pop("PYTHONSAFEPATH", None)  # of this process alone; a run may start another program
+
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that wants the runs
 os.dup2(2, 1)  # standard output is for results
 atexit.register(os._exit, 0)  # without the clean-up in which OMPL's bindings list what they call leaks

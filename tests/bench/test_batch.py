@@ -180,3 +180,18 @@ def test_runs_end_with_who_wanted_them_even_when_it_is_killed(planted: Any, tmp_
             os.kill(number, 0)
             time.sleep(0.05)
         pytest.fail("the run outlives who wanted it")
+
+
+def test_modules_in_the_working_directory_are_not_those_of_the_standard_library(tmp_path: Path) -> None:
+    program = tmp_path / "elsewhere" / "program.py"
+    program.parent.mkdir()
+    program.write_text(
+        "from pushplan.bench import executor\n"
+        "executor.PRELOAD = 'secrets'\n"
+        "with executor.local_engine(1): print('done')\n"
+    )
+    for name in ("secrets", "selectors", "json"):
+        (tmp_path / f"{name}.py").write_text("open('executed', 'w').close()\n")
+    done = subprocess.run([sys.executable, program], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.stdout == "done\n", done.stderr
+    assert not (tmp_path / "executed").exists()
