@@ -31,7 +31,7 @@ from pushplan.planners.problem import build_problem, sampling_box
 from pushplan.planners.search import planners
 from pushplan.planners.search.planners import planner_named
 from pushplan.planners.search.search import Search
-from pushplan.planners.search.session import Budget, Session
+from pushplan.planners.search.session import Session, StopRule
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
 
@@ -59,7 +59,7 @@ def run(scenario: Scenario, problem: Problem, seed: int, seconds: float) -> Run:
     def improved(_: object, cost: float, __: int, spent: float) -> None:
         found.append((spent, cost))
 
-    session = Session(problem, scenario.start, Budget(seconds, stall=NEVER), seed, improved)
+    session = Session(problem, scenario.start, StopRule(seconds, stall=NEVER), seed, improved)
     Search(session, planner_named("auto")[1], sampling_box(scenario), scenario.chain.reach).run()
     return Run(
         tuple(min((cost for spent, cost in found if spent <= m * seconds), default=math.inf) for m in MARKS),

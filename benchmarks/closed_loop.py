@@ -45,7 +45,7 @@ from pushplan.bench.schema import ProblemParameters
 from pushplan.bench.store import Machine
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose, exp, log
-from pushplan.planners.planner import plan
+from pushplan.planner import plan
 from pushplan.plans.execution import wilson
 from pushplan.plans.goals import tolerance_of, worst_at_goal
 from pushplan.plans.plan import Plan

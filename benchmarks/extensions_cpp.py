@@ -29,7 +29,7 @@ from pushplan.core.search import SparseTree, Tree
 from pushplan.planners.controls import margins_to_try
 from pushplan.planners.problem import build_problem, sampling_box
 from pushplan.planners.search.form import pose_problem
-from pushplan.planners.search.session import Budget, Session
+from pushplan.planners.search.session import Session, StopRule
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Scenario
 
@@ -146,7 +146,7 @@ def python_rrt(problem: Problem, scenario: Scenario, extensions: int, seed: int)
     """CPU seconds per extension of OMPL's RRT with the propagator from the core, and the share of arcs kept."""
     ou.setLogLevel(ou.LOG_NONE)
     ou.RNG.setSeed(seed)
-    session = Session(problem, scenario.start, Budget(math.inf, stall=10**12), seed)
+    session = Session(problem, scenario.start, StopRule(math.inf, stall=10**12), seed)
     information, definition = pose_problem(session, sampling_box(scenario), scenario.chain.reach)
     definition.setGoal(Unreached(information))
     planner = oc.RRT(information)

@@ -30,7 +30,7 @@ def cases() -> Iterator[tuple[str, str, Scenario]]:
         yield "packaged", name, scenario
         for what, away in NEAR.items():
             goal = replace(scenario.goal, pose_chain=se2.compose(scenario.start, np.array(away)))
-            yield "near goals", f"{name}, {what}", replace(scenario, obstacles=(), workspace=None, goal=goal)
+            yield "near goals", f"{name}, {what}", replace(scenario.with_goal(goal), obstacles=(), workspace=None)
 
 
 def solved(scenario: Scenario, by: str) -> Plan:

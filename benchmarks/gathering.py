@@ -32,7 +32,7 @@ from scipy.stats import bootstrap
 
 from pushplan.closed_loop import run_closed_loop
 from pushplan.errors import PlanningError
-from pushplan.planners.planner import plan
+from pushplan.planner import plan
 from pushplan.plans.plan import Plan
 from pushplan.scenario.file import scenario_from_document
 from pushplan.sim.control.rest import travel_of

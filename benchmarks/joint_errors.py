@@ -26,7 +26,7 @@ from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.dynamics import dynamic_margins
 from pushplan.mechanics.perturb import Motion, aside_slides, displace
 from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
-from pushplan.planners.planner import plan
+from pushplan.planner import plan
 from pushplan.scenario.file import example_names, load_scenario, scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.sim.joint_robustness import ErrorBox, JointErrors

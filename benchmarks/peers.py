@@ -31,7 +31,7 @@ from ablation import FAMILIES, scenes
 
 from pushplan.bench.store import Machine
 from pushplan.errors import PushplanError
-from pushplan.planners.planner import Planner
+from pushplan.planner import Planner
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
 

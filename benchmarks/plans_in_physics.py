@@ -40,7 +40,7 @@ from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.perturb import with_contact_friction, with_floor_friction, with_leaning_load
-from pushplan.planners.planner import plan
+from pushplan.planner import plan
 from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names, example_text, scenario_from_document
 from pushplan.sim.physics.engine import engine

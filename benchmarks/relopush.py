@@ -40,15 +40,16 @@ from row_checks import violations
 from pushplan.bench.random_problems import scenario_yaml
 from pushplan.errors import PlanningError, ScenarioError
 from pushplan.geometry import se2
+from pushplan.planner import Planner
 from pushplan.planners.multi.graph import PushSequence
 from pushplan.planners.multi.multi_push import MultiPushSearch, free_goals
-from pushplan.planners.multi.room import Question
+from pushplan.planners.multi.room import Query
 from pushplan.planners.multi.search import Limits, search
-from pushplan.planners.planner import Planner
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.file import scenario_from_document
+from pushplan.scenario.goals import Goal, Poses
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import Goal, PolygonObstacle
+from pushplan.scenario.parts import PolygonObstacle
 from pushplan.sim.control.rest import travel_of
 from pushplan.util.arrays import FloatArray
 
@@ -309,18 +310,13 @@ def _blocks(prepared: MultiPushSearch, instance: Instance, limit: float | None) 
 
 def _scenario(stated: Scenario, instance: Instance, name: str, others: list[FloatArray]) -> Scenario:
     inner = se2.inverse(stated.chain.objects[0].pose_chain)
-    pushes = stated.pushes
-    assert pushes is not None
     x, y, theta = instance.target(name)
     turned = [np.array([x, y, theta + 0.5 * k * np.pi]) for k in range(4)]
     goals = tuple(Goal(pose, "block", se2.compose(pose, inner), 0.002, 0.0035) for pose in turned)
-    return replace(
-        stated,
-        start=se2.compose(np.array(instance.blocks[name]), inner),
-        goal=goals[0],
-        obstacles=tuple(PolygonObstacle(se2.transform_points(other, SQUARE)) for other in others),
-        pushes=replace(pushes, robot_start=instance.plate, goals=goals),
-    )
+    load = replace(stated.load, start=se2.compose(np.array(instance.blocks[name]), inner))
+    posed = stated.with_task(loads=(load,), goals=(Poses(load.name, goals),), robot_start=instance.plate)
+    standing = tuple(PolygonObstacle(se2.transform_points(other, SQUARE)) for other in others)
+    return replace(posed, obstacles=standing)
 
 
 def _row(prepared: MultiPushSearch, scenario: Scenario, began: float, straight: float, limit: float | None) -> Row:
@@ -330,7 +326,7 @@ def _row(prepared: MultiPushSearch, scenario: Scenario, began: float, straight: 
         return Row(True, time.process_time() - began)
     room = prepared.with_obstacles(scenario).room(0)
     until = time.perf_counter() + (FIRST_LIMIT if limit is None else limit)
-    question = Question(scenario.robot_start, scenario.start, goals)
+    question = Query(scenario.robot_start, scenario.start, goals)
     found = search(room, question, Limits(until, first=limit is None), seed=1).best
     spent = time.process_time() - began
     if found is None:

@@ -26,7 +26,7 @@ from pushplan.bench.random_problems import GeneratorError, generate, random_chai
 from pushplan.bench.schema import ProblemParameters
 from pushplan.bench.store import Machine
 from pushplan.errors import PushplanError
-from pushplan.planners.planner import Planner
+from pushplan.planner import Planner
 from pushplan.plans.plan import Plan
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario

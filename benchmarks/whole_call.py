@@ -19,8 +19,8 @@ import numpy as np
 
 from pushplan.bench.store import Machine
 from pushplan.geometry import se2
+from pushplan.planner import Planner, plan
 from pushplan.planners.clearance import Room
-from pushplan.planners.planner import Planner, plan
 from pushplan.plans.plan import Plan
 from pushplan.scenario.builders import box, build_scenario, plate
 from pushplan.scenario.file import load_scenario

@@ -204,8 +204,7 @@ class _Contents:
     def _rigid(self) -> Any:
         frames, scenario = self._frames, self._scenario
         pairs = [(frames.map, frames.odom, np.zeros(3)), (frames.base, PUSHER, se2.inverse(self._base))]
-        if scenario.kind == "push":
-            pairs.append((PUSHER, CHAIN, se2.inverse(scenario.pusher.plate_pose)))
+        pairs += [(PUSHER, CHAIN, se2.inverse(load.chain.pusher.plate_pose)) for load in scenario.task.held]
         return self._bag.make("tf2_msgs/TFMessage", [self._transform(*pair, 0) for pair in pairs])
 
     def _transforms(self, message: FrameTransforms, instant: int) -> Any:

@@ -236,7 +236,7 @@ class _Decoder:
         if kind is not Plan:
             return kind(**values)
         scenario, segments = self._scenario, values["segments"]
-        return kind(**values, scenario=scenario.with_row_at(segments[-1].after) if segments else scenario)
+        return kind(**values, scenario=scenario.settled(segments[-1].after) if segments else scenario)
 
 
 _Key = tuple[tuple[str, ...], str, float, tuple[str, ...]]
@@ -265,12 +265,12 @@ def load_of(
 
 
 def _load(scenario: Scenario, names: tuple[str, ...], face: str, offset: float, faces: tuple[str, ...]) -> Load:
-    if scenario.kind == "push":
+    if scenario.task.held:
         load = Load.of(scenario)
-    elif scenario.row is not None and (offset == 0.0 or len(names) > 1):
+    elif scenario.task.flush and (offset == 0.0 or len(names) > 1):
         load = _in_row(scenario, names, faces, offset)
     else:
-        base = scenario if scenario.kind == "multi-push" else scenario.alone(names[0])
+        base = scenario if scenario.task.one_load else scenario.alone(names[0])
         if face:
             load = Load.pushed_from(base, pushed_at(base.chain, face, offset), face, offset)
         else:  # near which the plate stands at first, at no face
@@ -289,7 +289,11 @@ def _in_row(scenario: Scenario, names: tuple[str, ...], faces: tuple[str, ...], 
     """
     members = []
     for name, face in zip(names, faces, strict=True):
-        own = [way for way in ways_through(scenario.bodies[name].chain.objects[0].outline) if way.across is not None]
+        own = [
+            way
+            for way in ways_through(scenario.task.by_name[name].chain.objects[0].outline)
+            if way.across is not None
+        ]
         known = [way.face for way in own]
         members.append((name, face if face in known or not known else known[0]))
     load = row_load(scenario, tuple(members))
@@ -323,8 +327,8 @@ def _placed(load: Load, plate: FloatArray, places: FloatArray, ends: FloatArray,
     )
     moved = Chain(objects, contacts, pusher_at(chain.pusher, float(plate[1])))
     interval = load.problem.interval
-    problem = replace(load.problem, chain=moved, interval=None if interval is None else interval.carried_by(moved))
-    return Load(load.links, problem)
+    carried = None if interval is None else interval.carried_by(moved)
+    return Load(load.links, load.problem.with_load(chain=moved, interval=carried))
 
 
 @cache

@@ -98,7 +98,7 @@ def _world(scenario: Scenario, scene: Scene) -> dict[str, Any]:
         "goals": [{"outline": _plain(goal.outline), "colour": goal.colour} for goal in scene.goals],
         "bodies": bodies,
         "contacts": [{"name": name, "colour": paint} for name, paint in zip(names, paints, strict=True)],
-        "resting": _contacts(scenario, Load.of(scenario)) if scenario.kind == "push" else [],
+        "resting": _contacts(scenario, Load.of(scenario)) if scenario.task.held else [],
         "reach": reach,
         "longest_arrow": longest_arrow(scenario),
         "margins": palette.MARGINS,

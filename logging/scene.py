@@ -230,8 +230,8 @@ def frame_messages(
     """
     message = FrameTransforms()
     moving = [_transform(message, WORLD, name, np.zeros(3)) for name in (PUSHER, *scenario.poses)]
-    if scenario.kind == "push":
-        _transform(message, PUSHER, CHAIN, se2.inverse(scenario.chain.pusher.plate_pose))
+    for load in scenario.task.held:
+        _transform(message, PUSHER, CHAIN, se2.inverse(load.chain.pusher.plate_pose))
     rows = np.concatenate([placed(plates)[:, None], placed(objects)], axis=1)
     for instant, places in zip(instants.tolist(), rows.tolist(), strict=True):
         seconds, nanos = divmod(instant, NANO)

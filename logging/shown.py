@@ -46,10 +46,8 @@ rates above that is 10 and 20 minutes."""
 
 def contact_names(scenario: Scenario) -> list[str]:
     """Return what the contact of each object is called: who pushes whom, or the object where that changes."""
-    if scenario.kind == "push":
-        chain = scenario.chain
-        return [chain.contact_name(k) for k in range(len(chain.contacts))]
-    return list(scenario.poses)
+    held = [load.chain.contact_name(k) for load in scenario.task.held for k in range(len(load.chain.contacts))]
+    return held or list(scenario.poses)
 
 
 def parts_of(run: Run | RecordedRun) -> list[tuple[float, float, str]]:
@@ -76,7 +74,7 @@ def pushed_at_samples(run: Run | RecordedRun, samples: IntArray) -> Iterator[tup
     for part in np.split(np.arange(len(owner)), np.flatnonzero(np.diff(owner)) + 1):
         k = int(owner[part[0]])
         load = segments[k].load if k < len(segments) and segments[k].pushes else None
-        if load is None and run.scenario.kind == "push":
+        if load is None and run.scenario.task.held:
             load = Load.of(run.scenario)
         yield load, part
 

@@ -118,12 +118,12 @@ def trajectory_document(run: Run | RecordedRun) -> dict[str, Any]:
     trajectory, base = plan.trajectory, base_in_plate(scenario)
     goals = [
         {
-            "objects": [obj.name for obj in task.chain.objects],
+            "objects": list(load.names),
             "pose": goal.pose_chain.tolist(),
             "tolerance": {"position": goal.position_tolerance, "angle": goal.angle_tolerance},
         }
-        for task in scenario.tasks
-        for goal in task.goals
+        for load in scenario.loads
+        for goal in scenario.goals.get(load.name, ())
     ]
     segments = [
         {

@@ -84,7 +84,7 @@ class _Messages:
         objects = np.stack(list(scenario.poses.values()))[None]
         for data in frame_messages(scenario, scenario.plate_start[None], objects, now):
             yield 0, schemas.TF, data
-        if scenario.kind == "push":
+        if scenario.task.held:
             shapes = LoadContacts(scenario).at(Load.of(scenario))
             for data in contact_messages(shapes, self._count, now):
                 yield 0, schemas.CONTACTS, data

@@ -1,24 +1,127 @@
-"""What a search comes to, whichever it is, and the better and better plans on the way."""
+"""The interface of every search: a question, a budget, and the outcome with the better plans on the way."""
 
 from __future__ import annotations
 
 import math
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from pushplan.core.collision import Scene
+from pushplan.errors import PlanningError
 from pushplan.planners.controls import MARGIN_SHARE, MOST_MARGIN
+from pushplan.planners.validator import Validator
+from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Improvement, Nearest
 from pushplan.plans.segment import Segment
-from pushplan.plans.settings import Observer
+from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import AUTO
 
 Segments = tuple[Segment, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What a search is asked.
+
+    Attributes:
+        scenario: As the one that the search was prepared for, but for starts, goals and the robot's place.
+        validator: For plans of that scenario.
+        previous: An earlier path of a single push, which may still do; see `Planner.plan`.
+        explain: Whether to find out why there is no plan.
+    """
+
+    scenario: Scenario
+    validator: Validator
+    previous: PushPath | None = None
+    explain: bool = True
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What a search may use up.
+
+    Attributes:
+        began: `time.perf_counter` at which the time limit began to count.
+        time_limit: Seconds.
+        seed: Of the random numbers.
+        first: Whether the first plan is enough.
+        iterations: Of the search, at most.
+        gap: Share above the lower bound that is good enough.
+    """
+
+    began: float
+    time_limit: float
+    seed: int
+    first: bool = False
+    iterations: int | None = None
+    gap: float = 0.0
+
+    @classmethod
+    def of(cls, settings: PlanSettings, began: float) -> Budget:
+        """Return what complete settings allow, counted from `time.perf_counter` being `began`."""
+        limit, seed, gap = settings.time_limit, settings.seed, settings.gap
+        if limit is None or seed is None or gap is None:
+            raise PlanningError("the settings are not complete; allowed: settings.completed(scenario)")
+        return cls(began, limit, seed, settings.first, settings.iterations, gap)
+
+    @property
+    def until(self) -> float:
+        """`time.perf_counter` at which the time is over."""
+        return self.began + self.time_limit
+
+
+class TaskSearch(ABC):
+    """Searches for plans in one scenario; what does not depend on starts and goals is prepared once."""
+
+    @property
+    @abstractmethod
+    def set_name(self) -> str:
+        """Name of the stable set that it plans in."""
+
+    @abstractmethod
+    def with_obstacles(self, scenario: Scenario) -> TaskSearch:
+        """Return the search for a scenario that differs in what stands in the room only."""
+
+    @abstractmethod
+    def search(self, question: Question, budget: Budget, observer: Observer) -> Outcome:
+        """Return the best plan that was found.
+
+        Raises:
+            PlanningError: If a start or goal is not free, or there is nothing to push.
+            EmptyStableSetError: If no contact can push a load.
+        """
+
+    def steering(self) -> Steering:
+        """Return what collision-free steering paths of a single push are made of.
+
+        Raises:
+            PlanningError: If the plate is not in contact at the start.
+        """
+        raise PlanningError("steering paths: allowed for a single push; this robot stands apart from its loads")
+
+
+@dataclass(frozen=True, eq=False)
+class Steering:
+    """Steering paths of a single push, with the first margin.
+
+    Attributes:
+        scene: The chain among what stands in the room.
+        families: (f, 3, 3) twists that the three arcs of a path may have, scaled to a cost rate of 1.
+        stable: The set that they are taken from.
+        margin: That they exceed.
+    """
+
+    scene: Scene
+    families: FloatArray
+    stable: StableSet
+    margin: float
 
 
 @dataclass(frozen=True, eq=False)

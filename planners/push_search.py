@@ -11,25 +11,25 @@ from functools import cache
 
 import numpy as np
 
-from pushplan.core.collision import Scene
 from pushplan.core.problem import Problem
 from pushplan.errors import OutOfTimeError, PlanningError
 from pushplan.geometry.se2 import pose_error
 from pushplan.planners.controls import margins_to_try
 from pushplan.planners.infeasible.bounds import lower_bound, time_bound
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
-from pushplan.planners.outcome import Improvements, Outcome, Segments
-from pushplan.planners.problem import Posing, make_objective, rejoin, sampling_box
+from pushplan.planners.outcome import Budget, Improvements, Outcome, Question, Segments, Steering, TaskSearch
+from pushplan.planners.problem import Posing, make_objective, open_scene, rejoin, sampling_box
 from pushplan.planners.search.common import Common
 from pushplan.planners.search.planners import planner_named
 from pushplan.planners.search.search import Factory, Search
-from pushplan.planners.search.session import Budget, Session
-from pushplan.planners.validator import EXACT, Validator
+from pushplan.planners.search.session import Session, StopRule
+from pushplan.planners.validator import Validator
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Nearest
 from pushplan.plans.segment import Segment
-from pushplan.plans.settings import PlanSettings
+from pushplan.plans.settings import Observer, PlanSettings
+from pushplan.scenario.goals import EXACT
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.room import placed, placement_troubles
 from pushplan.sets.force_limited_set import ForceLimitedSet
@@ -42,7 +42,7 @@ ROUNDING = 1e-9
 STALL = 42_000
 """Iterations without a better path after which planning ends, for a time limit of 1 s; they grow with its root.
 
-More are made for paths that are far above the lower bound, see `Budget.stall`.
+More are made for paths that are far above the lower bound, see `StopRule.stall`.
 
 Planning is done in a fraction of the limit as a rule, and then the same seed gives the same plan on any machine.
 """
@@ -92,7 +92,7 @@ class Attempt:
         return self.search.session
 
 
-class PushSearch:
+class PushSearch(TaskSearch):
     """Searches for one push of a load that the plate touches already; what does not depend on start and goal is kept.
 
     Args:
@@ -108,7 +108,7 @@ class PushSearch:
     """
 
     def __init__(self, load: Load, scenario: Scenario, settings: PlanSettings, posing: Posing) -> None:
-        self.load, self.posing = load, posing
+        self.load, self.posing, self._settings = load, posing, settings
         self.stable: StableSet = load.stable_set(settings.set_name)
         self.margins = margins_to_try(scenario, self.stable)
 
@@ -116,6 +116,7 @@ class PushSearch:
         """Return it for a scenario with other starts and goals, or in another room if `posing` is for that."""
         other: PushSearch = object.__new__(PushSearch)
         other.load, other.posing = self.load.with_problem(scenario), posing or self.posing
+        other._settings = self._settings
         other.stable, other.margins = self.stable, self.margins
         return other
 
@@ -124,7 +125,11 @@ class PushSearch:
         """Name of the set that is planned in."""
         return self.stable.name
 
-    def check_ends(self, scenario: Scenario, validator: Validator) -> None:
+    def with_obstacles(self, scenario: Scenario) -> PushSearch:
+        """See `TaskSearch`."""
+        return self.of(scenario, self.posing.in_room(open_scene(scenario)))
+
+    def _check_ends(self, scenario: Scenario, validator: Validator) -> None:
         """Refuse a start or a goal that is too near to something, and a goal that is the start.
 
         Raises:
@@ -141,15 +146,18 @@ class PushSearch:
         if wrong:
             raise PlanningError("; ".join(wrong))
 
-    def steering(self) -> tuple[Scene, FloatArray]:
-        """Return the scene, and the families (f, 3, 3) of twists that steering paths with the first margin are of."""
-        posed = self.load.problem.with_margin(self.margins[0])
-        return self.posing.scene(posed), self.posing.controls(posed, self.stable).families
+    def steering(self) -> Steering:
+        """See `TaskSearch`."""
+        posed, margin = self.load.problem.with_margin(self.margins[0]), self.margins[0]
+        families = self.posing.controls(posed, self.stable).families
+        return Steering(self.posing.scene(posed), families, self.stable, margin)
 
-    def rest(self, previous: PushPath, asked: Scenario) -> FloatArray | None:
+    def _rest(self, previous: PushPath, asked: Scenario) -> FloatArray | None:
         """Return the arcs of a way onto an earlier path and along its rest, None where none is free and stable."""
+        steering = self.steering()
         return rejoin(
-            *self.steering(),
+            steering.scene,
+            steering.families,
             asked.clearance,
             lambda twists: self.stable.margin(twists) > self.margins[0],
             previous,
@@ -157,58 +165,38 @@ class PushSearch:
             asked.goal.pose_chain,
         )
 
-    def search(
-        self,
-        scenario: Scenario,
-        settings: PlanSettings,
-        began: float,
-        known: FloatArray | None = None,
-        explain: bool = True,
-    ) -> Outcome:
-        """Return the best path that was found.
-
-        Args:
-            scenario: The problem.
-            settings: Complete.
-            began: `time.perf_counter` from which the time limit counts.
-            known: (k, 4) arcs of a path that is free and stable with the first margin; None where there is none.
-            explain: Whether it is to be found out why there is no path.
-
-        Raises:
-            EmptyStableSetError: When no twist that the drive can make has the first margin.
-        """
-        limit, gap = settings.time_limit, settings.gap
-        assert limit is not None
-        assert gap is not None
-        assert settings.seed is not None
-        budget = Budget(
+    def search(self, question: Question, budget: Budget, observer: Observer) -> Outcome:
+        """See `TaskSearch`."""
+        scenario, limit = question.scenario, budget.time_limit
+        self._check_ends(scenario, question.validator)
+        known = None if question.previous is None else self._rest(question.previous, scenario)
+        stop = StopRule(
             limit,
             int(STALL * math.sqrt(limit)),
-            max(gap, ROUNDING),
-            settings.first,
-            settings.iterations,
-            stop=settings.observer.cancelled,
-            explaining=min(EXPLAINING, MOST_OF_LIMIT * limit) if explain else 0.0,
+            max(budget.gap, ROUNDING),
+            budget.first,
+            budget.iterations,
+            stop=observer.cancelled,
+            explaining=min(EXPLAINING, MOST_OF_LIMIT * limit) if question.explain else 0.0,
         )
-        improvements = Improvements(settings.observer, began)
-        make = planner_named(settings.planner)[1] if settings.planner is not None else None
-        assert make is not None
-        searches = _Searches(self, scenario, make, budget, settings.seed, began, gap, improvements, known)
+        improvements = Improvements(observer, budget.began)
+        _, make = planner_named(self._settings.planner or scenario.planner.name)
+        own = self if scenario is self.load.problem else self.of(scenario)
+        searches = _Searches(own, scenario, make, stop, budget.seed, budget.began, budget.gap, improvements, known)
         try:
             attempt = searches.with_margins()
         except OutOfTimeError as error:
             reason = str(error)
             told = (reason, (Diagnosis("time", reason, False),), None)
             return Outcome((), self.margins[0], self.margins[0], 0, (), _cost, explain=lambda: told)
-        return self._outcome(attempt, searches.monitor, settings, improvements, began + limit)
+        return own._outcome(attempt, searches.monitor, budget, improvements)
 
     def _outcome(
         self,
         attempt: Attempt,
         monitor: Callable[[], InfeasibilityMonitor],
-        settings: PlanSettings,
+        budget: Budget,
         improvements: Improvements,
-        until: float,
     ) -> Outcome:
         session, posed = attempt.session, attempt.scenario
         paths = () if attempt.path is None else (attempt.path, *attempt.others)
@@ -222,7 +210,7 @@ class PushSearch:
             _cost,
             lambda found: _bound_of_objective(posed, segments, found),
             session.common.branches.ends,
-            lambda: self._explain(attempt, monitor(), settings, until - time.perf_counter()),
+            lambda: self._explain(attempt, monitor(), budget),
             session.problem.scene,
         )
 
@@ -231,21 +219,21 @@ class PushSearch:
         return (Segment.push(self.load, path, posed.poses, posed.required_margin),)
 
     def _explain(
-        self, attempt: Attempt, monitor: InfeasibilityMonitor, settings: PlanSettings, seconds: float
+        self, attempt: Attempt, monitor: InfeasibilityMonitor, budget: Budget
     ) -> tuple[str, tuple[Diagnosis, ...], Nearest | None]:
         """Find out why there is no path, and how near to the goal one ends."""
         session, posed = attempt.session, attempt.scenario
         path = session.nearest_path
         nearest = self.segments(posed, path)
-        sound = len(path.twists) > 0 and not Validator(posed).flaw_of(nearest[0], settings.set_name)
+        sound = len(path.twists) > 0 and not Validator(posed).flaw_of(nearest[0], self._settings.set_name)
         error = pose_error(path.end if sound else path.start, posed.goal.pose_chain)
-        found = diagnose(monitor, session.extensions, error, min(EXPLAINING, seconds))
+        found = diagnose(monitor, session.extensions, error, min(EXPLAINING, budget.until - time.perf_counter()))
         if isinstance(self.stable, ForceLimitedSet):
             found = (*found, Diagnosis("force", self.stable.left_out, False))
         words = "; ".join(item.text for item in found)
         if not any(item.proven for item in found):
-            allowed = "" if settings.iterations is None else f" or {settings.iterations} iterations"
-            words = f"no path found within the time limit of {settings.time_limit:g} s{allowed}: {words}"
+            allowed = "" if budget.iterations is None else f" or {budget.iterations} iterations"
+            words = f"no path found within the time limit of {budget.time_limit:g} s{allowed}: {words}"
         return words, found, Nearest(nearest if sound else (), error)
 
 
@@ -283,7 +271,7 @@ class _Searches:
     of: PushSearch
     scenario: Scenario
     make: Factory
-    budget: Budget
+    budget: StopRule
     seed: int
     began: float
     good_enough: float
@@ -363,7 +351,7 @@ class _Searches:
             session.offer(self.known)
         return Attempt(posed, self._search(posed, session))
 
-    def _session(self, posed: Scenario, problem: Problem, budget: Budget) -> Session:
+    def _session(self, posed: Scenario, problem: Problem, budget: StopRule) -> Session:
         bound = cache(lambda: lower_bound(posed, self.of.posing.controls(posed, self.of.stable).segments))
 
         def improved(path: PushPath, cost: float, iterations: int, seconds: float) -> None:

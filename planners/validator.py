@@ -11,24 +11,18 @@ import shapely
 from pushplan.geometry import se2
 from pushplan.geometry.polygon import TOUCH, find_touch, overlap_depth
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.faces import ways_through
 from pushplan.planners.clearance import Collision, Motion, Moving, Room, Standing, excess, find_collisions
 from pushplan.plans.execution import Execution
 from pushplan.plans.load import Load
-from pushplan.plans.segment import Poses, Segment
+from pushplan.plans.segment import Poses, Segment, end_of
+from pushplan.scenario.goals import EXACT
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import PolygonObstacle
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, CLOSE, PUSH, RETREAT, TRANSIT
 
-EXACT = 1e-7
-"""Largest error (m, rad) of a plan's end, or of where two segments meet, that counts as none."""
-
 STRAIGHT = 1e-9
 """What an approach or a retreat may turn or move sideways, rad or m for each m."""
-
-AT_WALL = 2e-3
-"""A row whose front is nearer to a wall than this and the clearance, m, is at it."""
 
 NEAR = 1e-3
 """Poses of an approach or a retreat that are looked at are no farther apart, m."""
@@ -63,7 +57,6 @@ class Validator:
         return (
             self._broken_joint(segments)
             or self._missed_goal(segments)
-            or self._broken_row(segments)
             or self._lost_contact(execution)
             or self._too_heavy(execution)
             or next(filter(None, self._flaws(segments, stable_set)), "")
@@ -111,73 +104,9 @@ class Validator:
         return next(filter(None, (_wrong_order(a, b) for a, b in pairwise(segments))), "")
 
     def _missed_goal(self, segments: tuple[Segment, ...]) -> str:
-        """Return that an object with a goal is not at one at the end: exactly where it is the only load."""
-        end = segments[-1].after if segments else self._scenario.poses
-        pushed = {name for s in segments if s.pushes and s.load is not None for name in s.load.names}
-        for task in self._scenario.tasks:
-            first = task.chain.objects[0]
-            load = se2.compose(end[first.name], se2.inverse(first.pose_chain))
-            stands = self._scenario.bodies or first.name not in pushed
-            if stands and any(goal.is_reached(load) for goal in task.goals):
-                continue
-            errors = [se2.pose_error(load, goal.pose_chain) for goal in task.goals]
-            if errors and not any(position <= EXACT and angle <= EXACT for position, angle in errors):
-                position, angle = min(errors, key=lambda error: error[0] + task.chain.reach * error[1])
-                who = f"'{first.name}'" if len(self._scenario.tasks) > 1 else "the path"
-                return f"{who} misses the goal by {position:.2g} m and {angle:.2g} rad"
-        return ""
-
-    def _broken_row(self, segments: tuple[Segment, ...]) -> str:
-        """Return that objects which shall stand in a row do not, or elsewhere than they shall."""
-        row = self._scenario.row
-        if row is None:
-            return ""
-        if not segments:  # objects of a scenario stand apart
-            return f"nothing brings {', '.join(row.left)} into the row"
-        end, heading = segments[-1].after, float(segments[-1].path.end[2])
-        bodies = {name: self._scenario.bodies[name].chain.objects[0] for name in row.of}
-        outlines = {name: se2.transform_points(end[name], obj.outline) for name, obj in bodies.items()}
-        order = self._scenario.row_order(end, heading)
-        if row.order == "given" and order != row.of:
-            return f"the row has the order {', '.join(order)}"
-        if set(order[len(order) - len(row.placed) :]) != set(row.placed):
-            return f"{', '.join(row.placed)} do not stand at the row's front"
-        for behind, before in pairwise(order[: len(order) - len(row.placed) + 1]):
-            touch = find_touch(outlines[behind], outlines[before])
-            depth = overlap_depth(outlines[behind], outlines[before])
-            if touch is None or len(touch) != 1 or depth > TOUCH:
-                return f"'{behind}' is not flush with '{before}' in the row"
-        ways = {name: list(ways_through(obj.outline)) for name, obj in bodies.items()}
-        rears = [se2.compose(end[order[0]], way.entry) for way in ways[order[0]]]
-        # What stood there already is where it was measured, and the rest is flush with it.
-        allowed = row.tolerance if row.placed else (EXACT, EXACT)
-        errors = [] if row.pose is None else [se2.pose_error(rear, row.pose) for rear in rears]
-        position, angle = min(errors, key=lambda error: error[0] + error[1], default=(0.0, 0.0))
-        if position > allowed[0] or angle > allowed[1]:
-            off = f"{1e3 * position:.3g} mm and {np.degrees(angle):.2g} deg off where it shall be"
-            return f"the row's rear, of '{order[0]}', is {off}"
-        fronts = [se2.compose(end[order[-1]], way.exit) for way in ways[order[-1]] if way.exit is not None]
-        at_wall = row.wall is None or any(self._is_at_wall(front, row.wall) for front in fronts)
-        if not at_wall and not row.placed:
-            return f"the row's front, of '{order[-1]}', is not at the wall"
-        return ""
-
-    def _is_at_wall(self, front: FloatArray, wall: str) -> bool:
-        """Tell whether a face with its middle and outward normal at a pose (3,) faces a wall, near to it."""
-        area = self._scenario.workspace
-        assert area is not None
-        x, y, theta = (float(value) for value in front)
-        walls = {
-            "xmin": (x - area.xmin, np.pi),
-            "xmax": (area.xmax - x, 0.0),
-            "ymin": (y - area.ymin, -0.5 * np.pi),
-            "ymax": (area.ymax - y, 0.5 * np.pi),
-        }
-        return any(
-            abs(float(se2.wrap_angle(theta - normal))) <= EXACT and away <= self._scenario.clearance + AT_WALL
-            for name, (away, normal) in walls.items()
-            if wall in (name, "any")
-        )
+        """Return in words which goal is missed at the end: the load is exactly at it where it is the only one."""
+        end = end_of(self._scenario, segments)
+        return next(filter(None, (goal.shortfall(end) for goal in self._scenario.task.goals)), "")
 
     def _lost_contact(self, execution: Execution | None) -> str:
         """Return where an execution loses a contact, empty if it does not."""
@@ -262,7 +191,7 @@ class Validator:
         case = np.repeat(np.arange(len(touched)), counts)
         spans = zip(begins, wholes, counts, strict=True)
         along = motion.at(np.concatenate([begin + np.linspace(0.0, whole, n) for begin, whole, n in spans]))
-        for part in self._scenario.tasks[0].chain.carried:
+        for part in self._scenario.loads[0].chain.carried:
             corners = along[:, None, :2] + se2.rotate(along[:, 2:], part.outline)
             for k in case[shapely.intersects(np.asarray(shapely.polygons(corners)), bodies[case])]:
                 found[touched[k][0]] = found[touched[k][0]] or part.name
@@ -270,7 +199,7 @@ class Validator:
 
     def _motion(self, segment: Segment) -> Motion:
         """Return how the frame of a segment's contact moves; where there is none, that of the first load's."""
-        chain = self._scenario.tasks[0].chain if segment.load is None or not segment.pushes else segment.load.chain
+        chain = self._scenario.loads[0].chain if segment.load is None or not segment.pushes else segment.load.chain
         if segment.pushes:
             if segment.trajectory is None:
                 return Motion.along(segment.contact_path, chain.reach)
@@ -280,10 +209,10 @@ class Validator:
 
     def _room(self, segments: tuple[Segment, ...]) -> Room:
         """Return what moves in each of some segments, and what it must not touch."""
-        chain = self._scenario.tasks[0].chain
+        chain = self._scenario.loads[0].chain
         alone = Moving.of(chain.carried)
         moving = [alone if s.load is None or not s.pushes else self._all(s.load.chain) for s in segments]
-        outlines = {obj.name: obj.outline for task in self._scenario.tasks for obj in task.chain.objects}
+        outlines = {obj.name: obj.outline for obj in self._scenario.objects}
         places: dict[tuple[str, bytes], int] = {}
         resting: list[PolygonObstacle] = []
         pairs = []

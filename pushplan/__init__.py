@@ -18,7 +18,7 @@ _HOMES = {
     "scenario.file": "load_scenario scenario_from_document scenario_from_text example_names",
     "scenario.check": "check_scenario",
     # Planning
-    "planners.planner": "plan Planner",
+    "planner": "plan Planner",
     "plans.plan": "Plan",
     "plans.segment": "Segment",
     "plans.load": "Load",
@@ -65,8 +65,8 @@ if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported with
     from pushplan.mechanics.chain import Chain as Chain
     from pushplan.mechanics.contacts import ecof as ecof
     from pushplan.mechanics.contacts import friction_wrench as friction_wrench
-    from pushplan.planners.planner import Planner as Planner
-    from pushplan.planners.planner import plan as plan
+    from pushplan.planner import Planner as Planner
+    from pushplan.planner import plan as plan
     from pushplan.plans.execution import Execution as Execution
     from pushplan.plans.load import Load as Load
     from pushplan.plans.plan import Plan as Plan

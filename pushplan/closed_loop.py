@@ -17,9 +17,9 @@ from pushplan.errors import PlanningError, PushplanError, RunLogError
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.recording import Recording, Where
 from pushplan.logging.verify import Check, check_way
-from pushplan.planners.planner import plan as plan_in
+from pushplan.planner import plan as plan_in
 from pushplan.plans.execution import Execution
-from pushplan.plans.goals import tolerance_of, with_places, worst_at_goal
+from pushplan.plans.goals import tolerance_of, worst_at_goal
 from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Event, Feedback, Replan, segments_of
@@ -79,9 +79,9 @@ class ClosedLoopRun:
     @property
     def goal_errors(self) -> tuple[float, float]:
         """How far (m) and by what angle (rad) the goal's object ends off; the worst where there are several."""
-        plans = [self.plan, *(one.result for one in self.replans if one.result is not None and one.solved)]
-        last = next((plan for plan in reversed(plans) if plan.scenario.row is not None), self.plan)
-        return worst_at_goal(with_places(self.scenario, last), self.simulated.object_poses[-1])
+        rests = [one.result for one in self.replans if one.rest and one.result is not None and one.solved]
+        last = [self.plan, *rests][-1]
+        return worst_at_goal(self.scenario.settled(last.segments[-1].after), self.simulated.object_poses[-1])
 
     @property
     def execution(self) -> Execution:
@@ -114,10 +114,8 @@ class ClosedLoopRun:
 
 def execution_of(scenario: Scenario, plan: Plan, course: SimulatedPush, feedback: Feedback) -> Execution:
     """Return a course as logs and pictures know it, without an error at the goal."""
-    if scenario.kind == "push":
-        loads: list[Load | None] = [Load.of(scenario)]
-    else:
-        loads = [s.load if s.pushes else None for s in segments_of(plan, feedback)]
+    loads: list[Load | None] = [s.load if s.pushes else None for s in segments_of(plan, feedback)]
+    loads = [Load.of(scenario)] if scenario.task.held else loads
     judge, margins = judged(loads, scenario.stability.set, course.names, course.segment, course.twists)
     return Execution(
         course.names,
@@ -289,7 +287,7 @@ def _end_of_plan(scenario: Scenario, plan: Plan, settings: ControlSettings, cour
     """Return outcome and reason of a plan that was executed whatever happened."""
     if course.jammed:
         return "jammed", JAMMED
-    placed = with_places(scenario, plan)
+    placed = scenario.settled(plan.segments[-1].after)
     tolerance = tolerance_of(placed, settings.position_tolerance, settings.angle_tolerance)
     if all(np.less_equal(worst_at_goal(placed, course.object_poses[-1]), tolerance)):
         return "arrived", ""

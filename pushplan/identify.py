@@ -55,7 +55,7 @@ def read_push(path: Path | str) -> tuple[Scenario, MeasuredPush]:
     """
     run = load_run(path)
     scenario, execution = run.scenario, run.execution
-    if scenario.kind != "push":
+    if not scenario.task.held:
         raise RunLogError(str(path), f"a run of a {scenario.kind}; only single pushes can be learned from")
     frame = se2.inverse(scenario.chain.pusher.plate_pose)
     if execution is None or execution.wrenches is None:

@@ -16,7 +16,7 @@ from pushplan.planners.controls import margins_to_try
 from pushplan.planners.problem import build_problem, sampling_box
 from pushplan.planners.search.form import information_of, pose_problem
 from pushplan.planners.search.form import push_path as path_of
-from pushplan.planners.search.session import Budget, Session
+from pushplan.planners.search.session import Session, StopRule
 from pushplan.plans.judge import planning_set
 from pushplan.plans.path import PushPath
 from pushplan.scenario.model import Scenario
@@ -45,7 +45,7 @@ def pose(scenario: Scenario, stable: str | type[StableSet] | StableSet | None = 
         stable = planning_set(scenario, None if stable is None else add_set(stable))
     scenario = scenario.with_margin(margins_to_try(scenario, stable)[0])
     session = Session(
-        build_problem(scenario, stable), scenario.start, Budget(math.inf, stall=NEVER), scenario.planner.seed
+        build_problem(scenario, stable), scenario.start, StopRule(math.inf, stall=NEVER), scenario.planner.seed
     )
     return pose_problem(session, sampling_box(scenario), scenario.chain.reach)
 

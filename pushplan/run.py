@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Unpack
 
 from pushplan.logging.recording import Recording, Where
-from pushplan.planners.planner import plan
+from pushplan.planner import plan
 from pushplan.planners.search.planners import planner_named
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Run

@@ -13,7 +13,7 @@ import numpy as np
 from pushplan.errors import PlanningError, PushplanError, RunLogError
 from pushplan.logging.recording import Recording, Where
 from pushplan.logging.verify import Check
-from pushplan.planners.planner import plan
+from pushplan.planner import plan
 from pushplan.plans.execution import TrialEnd
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty

@@ -122,7 +122,7 @@ class Follower:
         if not 0.0 < period < 1.0:
             raise PushplanError(f"period is {period} s; allowed: above 0 and below 1")
         self.plan, self.trajectory, self.speed = plan, plan.trajectory, speed
-        goals = [task.goals[0] for task in plan.scenario.tasks if task.goals]
+        goals = [goals[0] for goals in plan.scenario.goals.values()]
         tolerance = (min(g.position_tolerance for g in goals), min(g.angle_tolerance for g in goals))
         self._period, self._slipped, self._off = period, slipped, tolerance if off is None else off
         self._steering = Steering(plan)

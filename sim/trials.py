@@ -43,13 +43,9 @@ def sampled_world(scenario: Scenario, uncertainty: TrialUncertainty | None, rng:
     """
     world = World.from_scenario(scenario)
     off = uncertainty or TrialUncertainty()
-    stated = (
-        [(scenario.interval, scenario.contact_friction)]
-        if not scenario.bodies
-        else [(body.interval, body.contact_friction) for body in scenario.bodies.values()]
-    )
     drawn = []
-    for one, (interval, frictions) in zip(world.stacks, stated, strict=True):
+    for one, load in zip(world.stacks, scenario.loads, strict=True):
+        interval, frictions = load.interval, load.contact_friction
         if uncertainty is None and interval is not None:
             one = _within_intervals(one, interval, frictions, rng)
         else:

@@ -14,6 +14,7 @@ from pushplan.geometry.se2 import compose, relative, wrap_angle
 from pushplan.mechanics import perturb
 from pushplan.mechanics.chain import PLATE, Chain, PushedObject
 from pushplan.mechanics.support import Support
+from pushplan.scenario.goals import Row
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Obstacle, Workspace
 from pushplan.util.arrays import FloatArray, frozen
@@ -75,13 +76,14 @@ class World:
     @classmethod
     def from_scenario(cls, scenario: Scenario) -> World:
         """Return the world as the scenario states it; of intervals, the middle of loads and the lowest friction."""
-        first, *beside = (cls.from_chain(task.chain, task.start) for task in scenario.tasks)
+        first, *beside = (cls.from_chain(load.chain, load.start) for load in scenario.loads)
+        rows = [goal for goal in scenario.task.goals if isinstance(goal, Row)]
         return replace(
             first,
-            other_friction=first.other_friction if scenario.row is None else scenario.row.friction[0],
+            other_friction=rows[0].friction[0] if rows else first.other_friction,
             obstacles=scenario.obstacles,
             workspace=scenario.workspace,
-            plate=None if scenario.pushes is None else scenario.plate_start,
+            plate=None if scenario.task.held else scenario.plate_start,
             beside=tuple(beside),
         )
 
@@ -97,7 +99,7 @@ class World:
                 f"the world has the objects {', '.join(self.names)}, and the plan {', '.join(wanted)}; "
                 "World.from_scenario(scenario) makes one that fits"
             )
-        if (self.plate is None) != (scenario.pushes is None):
+        if (self.plate is None) != bool(scenario.task.held):
             raise PushplanError(
                 f"the plan is a {scenario.kind}, and the world says otherwise of where the plate is at the "
                 "beginning; World.from_scenario(scenario) makes one that fits"

@@ -12,22 +12,16 @@ from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
 from pushplan.plans.segment import Segment
 from pushplan.plans.trajectory import SAMPLE_RATE, Trajectory
+from pushplan.scenario.goals import Goal
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import Goal
 
 
 def push_of(chain: Chain, trajectory: Trajectory) -> Plan:
     """Return the plan of one push on an empty floor, its goal where it ends."""
     end = trajectory.break_poses[-1]
-    scenario: Scenario = replace(
-        pushplan.load_scenario("one-box"),
-        chain=chain,
-        start=trajectory.start,
-        goal=Goal(end, None, end, 1e-3, 1e-2),
-        obstacles=(),
-        workspace=None,
-        contact_friction=None,
-    )
+    scenario = pushplan.load_scenario("one-box")
+    load = replace(scenario.load, chain=chain, start=trajectory.start, contact_friction=None)
+    scenario = replace(scenario.push_of(load, Goal.of_chain(end, (1e-3, 1e-2))), obstacles=(), workspace=None)
     path = PushPath(trajectory.start, np.array([[1.0, 0.0, 0.0]]), np.array([1.0]))
     push = Segment.push(Load.of(scenario), path, scenario.poses, 0.0)
     push = replace(push, trajectory=trajectory.of_frame(chain.pusher.plate_pose))
@@ -49,15 +43,13 @@ def plain(scenario: Scenario) -> Scenario:
 
     Its paths are the hardest to time: few metres, sharp corners, twists on the boundary of the stable set.
     """
-    pusher, stated = scenario.chain.pusher, scenario.stated["pusher"]
+    pusher, stated = scenario.chain.pusher, scenario.load.stated["pusher"]
     limits = replace(pusher.limits, contact="quasi-static")
     words = {**stated, "limits": {**stated["limits"], "contact": "quasi-static"}}
-    return replace(
-        scenario.with_margin(0.0).with_planner(cost="travel", arc_price=ARC_PRICE),
-        chain=replace(scenario.chain, pusher=replace(pusher, limits=limits)),
-        trajectory="exact",
-        stated={**scenario.stated, "pusher": words},
-    )
+    chain = replace(scenario.chain, pusher=replace(pusher, limits=limits))
+    ranked = scenario.with_margin(0.0).with_planner(cost="travel", arc_price=ARC_PRICE)
+    ranked = ranked.with_load(chain=chain, stated={**scenario.load.stated, "pusher": words})
+    return replace(ranked, trajectory="exact")
 
 
 def load_plain(name: str) -> Scenario:

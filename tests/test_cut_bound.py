@@ -12,12 +12,12 @@ from pushplan.bench.random_problems import generate
 from pushplan.bench.schema import ProblemParameters
 from pushplan.core.problem import find_words
 from pushplan.geometry import se2
+from pushplan.planner import plan
 from pushplan.planners.controls import steering_families
 from pushplan.planners.infeasible.bounds import lower_bound, time_bound
 from pushplan.planners.infeasible.cut_bound import _highest, _Parts, cut_bound
 from pushplan.planners.infeasible.turn_bound import TRAVEL
 from pushplan.planners.infeasible.ways import find_cuts
-from pushplan.planners.planner import plan
 from pushplan.planners.problem import Posing
 from pushplan.plans.path import PushPath
 from pushplan.scenario.file import example_names, load_scenario, scenario_from_text
@@ -131,7 +131,7 @@ def test_no_word_of_a_car_beats_what_costates_prove() -> None:
     """And those that are found nearly reach it where no loop is needed."""
     scenario, rng, shares = load_scenario("free-space"), np.random.default_rng(2), []
     for pose in rng.uniform([-3.0, -3.0, -3.0], [3.0, 3.0, 3.0], (20, 3)):
-        posed = replace(scenario, goal=replace(scenario.goal, pose_chain=pose))
+        posed = scenario.with_goal(replace(scenario.goal, pose_chain=pose))
         word = float(find_words(steering_families(CAR)[0], posed.start, pose)[:, 0].min())
         parts = _Parts(posed, CAR, [], 2.0 * word, TRAVEL)
         for costates in costates_in_circle(rng, 20):

@@ -11,10 +11,10 @@ from plans_of import load_plain, plain
 import pushplan
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
+from pushplan.planner import plan
 from pushplan.planners.controls import drive_radii, straight_pushes
 from pushplan.planners.infeasible import pockets as pocket
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose, passage_faults
-from pushplan.planners.planner import plan
 from pushplan.planners.problem import build_problem
 from pushplan.plans.plan import CAUSES, Diagnosis, Plan
 from pushplan.scenario.builders import box, build_scenario, plate
@@ -110,7 +110,7 @@ def test_no_turning_and_a_goal_beside_the_straight_pushes_is_proven() -> None:
     for direction, expected in ((1.05 * edge, ["direction"]), (0.95 * edge, [])):
         away = 0.5 * np.array([np.cos(direction), np.sin(direction), 0.0])
         goal = replace(scenario.goal, pose_chain=scenario.start + away)
-        found = diagnosed(replace(scenario, goal=goal, obstacles=()), segments)
+        found = diagnosed(replace(scenario.with_goal(goal), obstacles=()), segments)
         assert [item.cause for item in found if item.proven] == expected
         words = f"straight pushes go {np.degrees(-edge):.4g} to {np.degrees(edge):.4g} deg"
         assert [words in item.text for item in found if item.proven] == [True] * len(expected)

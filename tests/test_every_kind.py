@@ -126,7 +126,7 @@ def test_the_validator_refuses_what_is_spoiled(kind: str) -> None:
     assert judge.flaw(spoiled, None) != ""
     last = max(k for k, segment in enumerate(segments) if segment.pushes)
     assert judge.flaw(segments[:last], None) != ""
-    never = "nothing brings" if kind == "gathering" else "misses the goal"
+    never = "is not flush" if kind == "gathering" else "misses the goal"
     assert never in judge.flaw((), None)
 
 

@@ -13,7 +13,7 @@ from ros2_stand_ins import Messages, Robot, install
 
 import pushplan
 from pushplan.geometry import se2
-from pushplan.planners.planner import plan
+from pushplan.planner import plan
 from pushplan.plans.plan import Plan
 from pushplan.sim.follower import Command, Follower, FollowerState
 from pushplan.util.arrays import FloatArray

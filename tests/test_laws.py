@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from conftest import there
 
-from pushplan.planners.planner import plan
+from pushplan.planner import plan
 from pushplan.planners.timing.blending import time_segments
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath, cost_rate

@@ -11,10 +11,10 @@ from plans_of import load_plain
 import pushplan.planners.infeasible.ways as ways
 from pushplan.core.problem import find_words
 from pushplan.geometry import se2
+from pushplan.planner import plan
 from pushplan.planners.controls import control_segments, steering_families
 from pushplan.planners.infeasible.bounds import lower_bound
 from pushplan.planners.infeasible.turn_bound import turn_bound
-from pushplan.planners.planner import plan
 from pushplan.planners.problem import Posing
 from pushplan.plans.path import TURN_WEIGHT, PushPath
 from pushplan.scenario.file import example_names, load_scenario, scenario_from_text
@@ -128,7 +128,7 @@ def test_no_word_of_a_car_beats_the_bound_and_some_reach_it(away: float) -> None
 def test_paths_to_near_goals_nearly_reach_the_bound(goal: tuple[float, float, float]) -> None:
     scenario = load_scenario("feet").with_planner(cost="travel", arc_price=0.0)
     near = replace(scenario.goal, pose_chain=se2.compose(scenario.start, np.array(goal)))
-    empty = replace(scenario, obstacles=(), workspace=None, goal=near)
+    empty = replace(scenario.with_goal(near), obstacles=(), workspace=None)
     result = plan(empty, seed=1, time_limit=60.0, iterations=20_000)
     assert 0.0 <= there(result.gap) < 0.1
 

@@ -16,8 +16,8 @@ from pushplan.geometry import se2
 from pushplan.geometry.polygon import find_touch
 from pushplan.mechanics.chain import Chain, Drive
 from pushplan.mechanics.support import FeetSupport, UnknownSupport
+from pushplan.planner import plan
 from pushplan.planners.controls import HALVINGS, MOST_MARGIN, automatic_margin
-from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import MOST_ANGLE, MOST_SHARE, USED_UP, Robustness
 from pushplan.plans.trajectory import Trajectory

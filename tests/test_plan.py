@@ -17,8 +17,8 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics import dynamic_margins
 from pushplan.mechanics.intervals import IntervalChain
+from pushplan.planner import Planner, plan
 from pushplan.planners.clearance import find_collision
-from pushplan.planners.planner import Planner, plan
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.validator import Validator
@@ -29,8 +29,9 @@ from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import load_scenario
+from pushplan.scenario.goals import Goal
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import Goal, PolygonObstacle
+from pushplan.scenario.parts import PolygonObstacle
 from pushplan.sets.named import stable_set, stable_set_over
 from pushplan.sim.kinematic import execute
 from pushplan.util.names import PLANNERS
@@ -94,7 +95,7 @@ def planner(clutter: Scenario) -> Planner:
 
 
 def _between(scenario: Scenario, start: np.ndarray, goal: np.ndarray) -> Scenario:
-    return replace(scenario, start=start, goal=Goal(goal, None, goal, 0.002, 0.003))
+    return scenario.with_load(start=start).with_goal(Goal.of_chain(goal, (0.002, 0.003)))
 
 
 def test_a_plan_is_the_first_plan_of_its_own_scenario(planner: Planner, clutter: Scenario) -> None:

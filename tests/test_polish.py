@@ -17,12 +17,12 @@ import pushplan
 from pushplan.core.improve import objective_value, shorten, vary
 from pushplan.core.problem import REST_TO_REST, Objective, Problem
 from pushplan.geometry import se2
+from pushplan.planner import plan
 from pushplan.planners.clearance import find_collision
-from pushplan.planners.planner import plan
 from pushplan.planners.problem import build_problem, sampling_box, travel_objective
 from pushplan.planners.search.planners import Auto
 from pushplan.planners.search.search import Search
-from pushplan.planners.search.session import Budget, Session
+from pushplan.planners.search.session import Session, StopRule
 from pushplan.planners.timing.arc_limits import ArcLimits, arc_limits
 from pushplan.planners.timing.exact_timing import rest_to_rest
 from pushplan.plans.path import PushPath
@@ -41,7 +41,7 @@ def _posed(name: str) -> tuple[Scenario, Problem]:
 
 
 def _first_path(scenario: Scenario, problem: Problem, seed: int) -> FloatArray:
-    session = Session(problem, scenario.start, Budget(60.0, first=True), seed)
+    session = Session(problem, scenario.start, StopRule(60.0, first=True), seed)
     if not session.finished:
         Search(session, Auto, sampling_box(scenario), scenario.chain.reach).run()
     return there(session.best.arcs)

@@ -18,13 +18,13 @@ from pushplan.core.search import Lattice, SparseTree
 from pushplan.errors import EmptyStableSetError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
+from pushplan.planner import plan
 from pushplan.planners.controls import control_segments, segment_ends, steering_families
-from pushplan.planners.planner import plan
 from pushplan.planners.problem import build_problem, sampling_box
 from pushplan.planners.scene import flatten
 from pushplan.planners.search.bottlenecks import Extent
 from pushplan.planners.search.planners import LatticeRounds, floor_of, middle_of
-from pushplan.planners.search.session import Budget, Session
+from pushplan.planners.search.session import Session, StopRule
 from pushplan.plans.path import cost_rate
 from pushplan.scenario.builders import box, build_scenario, plate
 from pushplan.scenario.model import Scenario
@@ -44,7 +44,7 @@ def problem(scenario: Scenario) -> Problem:
 
 
 def _session(problem: Problem, scenario: Scenario, seed: int = 1) -> Session:
-    return Session(problem, scenario.start, Budget(60.0, stall=10**9), seed)
+    return Session(problem, scenario.start, StopRule(60.0, stall=10**9), seed)
 
 
 def _searched(problem: Problem, scenario: Scenario, back: int, bound: float = math.inf) -> tuple[Lattice, float]:

@@ -80,7 +80,7 @@ def test_what_was_dragged_is_where_the_saved_scenario_has_it(
     saved = pushplan.load_scenario(file)
     for key, pose in Draft.of(saved).poses.items():
         np.testing.assert_allclose(pose, draft.poses[key], atol=1e-9, err_msg=key)
-    before, after = ([goal for task in one.tasks for goal in task.goals] for one in (scenarios[kind], saved))
+    before, after = ([goal for goals in one.goals.values() for goal in goals] for one in (scenarios[kind], saved))
     assert [goal.position_tolerance for goal in before] == [goal.position_tolerance for goal in after]
 
 
@@ -96,11 +96,11 @@ def test_every_stage_of_an_answer_leads_from_the_dragged_start_to_the_dragged_go
         stages = asked.ask(draft, "path"), timed, asked.ask(draft, "polished", lambda: False)
     for answer in stages:
         assert answer.solved, answer.findings
-        for task in there(answer.scenario).tasks:
+        for load in there(answer.scenario).loads:
             after = there(answer.plan).segments[-1].after
-            ends = [goal.pose_chain for goal in task.goals]
-            places = [se2.compose(end, task.chain.objects[0].pose_chain) for end in ends]
-            away = [np.hypot(*(after[task.chain.objects[0].name] - p)[:2]) for p in places]
+            ends = [goal.pose_chain for goal in there(answer.scenario).goals.get(load.name, ())]
+            places = [se2.compose(end, load.chain.objects[0].pose_chain) for end in ends]
+            away = [np.hypot(*(after[load.name] - p)[:2]) for p in places]
             assert min(away, default=0.0) < 5e-3
     assert there(timed.plan).robustness is not None
     assert (timed.stable is None) == (kind != "push")

@@ -20,7 +20,7 @@ import pushplan
 from pushplan.closed_loop import run_closed_loop
 from pushplan.drawing.sets import plot_stable_sets
 from pushplan.errors import PushplanError
-from pushplan.planners.planner import Planner
+from pushplan.planner import Planner
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty
 from pushplan.plans.settings import PlanSettings

@@ -157,11 +157,11 @@ def wrongly_solved(run: RecordedRun) -> str:
     if execution is None or execution.loss is not None:
         return "solved, and not executed to its end"
     first = 0
-    for task in scenario.tasks:
-        names = [obj.name for obj in task.chain.objects]
+    for load in scenario.loads:
+        names, goals = list(load.names), scenario.goals.get(load.name)
         ends = execution.objects[-1, first : first + len(names)]
         first += len(names)
-        if task.goals and not any(_reached(goal, ends, task.chain.places, names) for goal in task.goals):
+        if goals and not any(_reached(goal, ends, load.chain.places, names) for goal in goals):
             return f"solved, and {', '.join(names)} not at the goal"
     return _collision(run)
 

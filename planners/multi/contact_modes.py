@@ -92,9 +92,8 @@ def find_modes(scenario: Scenario, settings: PlanSettings) -> tuple[ContactMode,
     Raises:
         EmptyStableSetError: When there are none.
     """
-    assert scenario.pushes is not None
     found, why = [], []
-    for place in places(scenario.chain, scenario.pushes.faces, scenario.pushes.offsets):
+    for place in places(scenario.chain, scenario.transport.faces, scenario.transport.offsets):
         try:
             found.append(ContactMode.of(scenario, place, settings))
         except (EmptyStableSetError, ChainError, TippingError) as error:

@@ -29,12 +29,12 @@ from pushplan.planners.multi.multi_push import MultiPushSearch, plan_cost
 from pushplan.planners.multi.row_steps import Chance, Node, Steps
 from pushplan.planners.multi.search import Limits
 from pushplan.planners.multi.transfers import Piece, Situation, find_transfer
-from pushplan.planners.outcome import Improvements, Outcome, Segments
+from pushplan.planners.outcome import Budget, Improvements, Outcome, Question, Segments, TaskSearch
 from pushplan.plans.plan import Diagnosis, Nearest
 from pushplan.plans.segment import Poses, Segment
-from pushplan.plans.settings import PlanSettings
+from pushplan.plans.settings import Observer, PlanSettings
+from pushplan.scenario.goals import Goal
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import Goal
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, AUTO, RETREAT
 
@@ -48,11 +48,11 @@ LEVELS = 3
 """Margins that are tried, each half of the one before."""
 
 
-class GatheringSearch:
+class GatheringSearch(TaskSearch):
     """Searches for the way to bring objects into a row; stable sets are kept.
 
     Args:
-        scenario: With a `row`.
+        scenario: With a row.
         settings: Complete.
         hands: What is known of the objects already.
     """
@@ -70,37 +70,26 @@ class GatheringSearch:
         """Return it for a scenario that differs in what stands in the room."""
         return GatheringSearch(scenario, self.settings, self.hands.among(scenario))
 
-    def search(self, settings: PlanSettings, began: float) -> Outcome:
-        """Return the best plan that was found.
-
-        Args:
-            settings: Complete.
-            began: `time.perf_counter` from which the time limit counts.
-
-        Raises:
-            PlanningError: When nothing can push one of the objects, or the row fits nowhere.
-        """
-        scenario, limit = self.scenario, settings.time_limit
-        assert limit is not None
-        assert settings.seed is not None
-        until = began + limit
-        improvements = Improvements(settings.observer, began)
-        hands, floor = self.hands, Floor(scenario, settings.seed)
+    def search(self, question: Question, budget: Budget, observer: Observer) -> Outcome:
+        """See `TaskSearch`."""
+        scenario = self.scenario
+        improvements = Improvements(observer, budget.began)
+        hands, floor = self.hands, Floor(scenario, budget.seed)
         self._require_pushable()
         proof = self._proof()
         if proof is not None:
             return Outcome.without_plan(proof, hands.least_margin(()))
-        beams = _Beams(Steps(hands, floor), settings, until, improvements)
+        beams = _Beams(Steps(hands, floor), budget, observer, improvements)
         best = beams.search(WIDTHS[:AT_FIRST])
         tried = [beams]
         while not best and hands.level + 1 < min(hands.levels, LEVELS) and not beams.over():
             hands = hands.lower()
-            beams = _Beams(Steps(hands, floor), settings, until, improvements)
+            beams = _Beams(Steps(hands, floor), budget, observer, improvements)
             tried.append(beams)
             best = beams.search(WIDTHS[:AT_FIRST])
         if not best:
             best, beams = _with_one_moved_first(tried)
-        if not (best and settings.first):
+        if not (best and budget.first):
             best = beams.search(WIDTHS[AT_FIRST:]) or best
         return Outcome(
             (best,) if best else (),
@@ -109,20 +98,18 @@ class GatheringSearch:
             floor.looked_at,
             tuple(improvements.found),
             lambda segments: plan_cost(scenario, segments),
-            explain=lambda: _explanation(beams, limit),
+            explain=lambda: _explanation(beams, budget.time_limit),
             usual_margin=MARGIN,
             remarks=_not_gathered(best, beams),
         )
 
     def _proof(self) -> Diagnosis | None:
         """Return the proof that the robot reaches no object, or not one of the row."""
-        scenario = self.scenario
-        assert scenario.row is not None
-        assert scenario.pushes is not None
-        away, poses = [-scenario.pushes.approach, 0.0, 0.0], scenario.poses
+        scenario, row, poses = self.scenario, self.scenario.transport.row, self.scenario.poses
+        away = [-scenario.transport.approach, 0.0, 0.0]
         outlines = {
-            name: [se2.transform_points(poses[name], obj.outline) for obj in body.chain.objects]
-            for name, body in scenario.bodies.items()
+            load.name: [se2.transform_points(poses[load.name], obj.outline) for obj in load.chain.objects]
+            for load in scenario.loads
         }
         faces = {
             name: np.array(
@@ -132,9 +119,9 @@ class GatheringSearch:
                     if other == name
                 ]
             )
-            for name in scenario.row.left
+            for name in row.left
         }
-        return beyond_reach(scenario.alone(scenario.row.of[0]), outlines, faces, scenario.row.left)
+        return beyond_reach(scenario.alone(row.of[0]), outlines, faces, row.left)
 
     def _require_pushable(self) -> None:
         """Refuse a row of which an object cannot be pushed at all.
@@ -142,8 +129,7 @@ class GatheringSearch:
         Raises:
             PlanningError: With the reason.
         """
-        assert self.scenario.row is not None
-        for name in self.scenario.row.left:
+        for name in self.scenario.transport.row.left:
             ways = [member for member in self.hands.ways if member[0] == name]
             if not any(self.hands.hand((member,)) for member in ways):
                 why = self.hands.why.get(name, "the plate fits on none of the faces that it may choose")
@@ -155,15 +141,15 @@ class _Beams:
 
     Args:
         steps: From where the robot holds nothing.
-        settings: Complete.
-        until: `time.perf_counter` at which it is over.
+        budget: Of the search.
+        observer: Asked whether to end at once.
         improvements: Told of better plans.
     """
 
-    def __init__(self, steps: Steps, settings: PlanSettings, until: float, improvements: Improvements) -> None:
-        self.steps, self._settings, self._until = steps, settings, until
-        self._improvements = improvements
-        self._most = settings.iterations or math.inf
+    def __init__(self, steps: Steps, budget: Budget, observer: Observer, improvements: Improvements) -> None:
+        self.steps, self._budget, self._until = steps, budget, budget.until
+        self._observer, self._improvements = observer, improvements
+        self._most = budget.iterations or math.inf
         self._turn = self._until, self._most
         self.best = math.inf
         self._one_by_one = math.inf
@@ -171,14 +157,14 @@ class _Beams:
 
     def with_one_moved(self) -> Iterator[_Beams]:
         """Yield beams that begin with an object that is moved first."""
-        for steps in with_one_moved(self.steps, self._settings, self._until):
-            yield _Beams(steps, self._settings, self._until, self._improvements)
+        for steps in with_one_moved(self.steps, self._budget, self._observer):
+            yield _Beams(steps, self._budget, self._observer, self._improvements)
 
     def over(self, turn: bool = False) -> bool:
         """Whether there is no more time, or no more of a turn."""
         until, most = self._turn if turn else (self._until, self._most)
         spent = self.steps.floor.looked_at >= most or time.perf_counter() >= until
-        return spent or self._settings.observer.cancelled()
+        return spent or self._observer.cancelled()
 
     def _half(self) -> tuple[float, float]:
         """Return until when, and how many pushes and transits looked at, half of what is left lasts."""
@@ -208,7 +194,7 @@ class _Beams:
                     self._one_by_one = end.cost
                 if end is not None and end.cost < self.best:
                     found = self._taken(end)
-                if self.over() or (found and self._settings.first):
+                if self.over() or (found and self._budget.first):
                     return found
             if not truncated:
                 break
@@ -376,31 +362,30 @@ EFFORT = 3
 """Batches of poses that the search for a place may take."""
 
 
-def with_one_moved(steps: Steps, settings: PlanSettings, until: float) -> Iterator[Steps]:
+def with_one_moved(steps: Steps, budget: Budget, observer: Observer) -> Iterator[Steps]:
     """Yield the steps once an object was moved: the least accessible ones first.
 
     Args:
         steps: From where everything is.
-        settings: Complete.
-        until: `time.perf_counter` at which it is over.
+        budget: Of the search.
+        observer: Asked whether to end at once.
     """
     scenario = steps.scenario
-    assert settings.seed is not None
-    names = tuple(scenario.bodies)
-    poses = np.array([body.start for body in scenario.bodies.values()])
+    names = tuple(load.name for load in scenario.loads)
+    poses = np.array([load.start for load in scenario.loads])
     now = Situation(steps.begin.plate, poses, frozenset())
-    limits = Limits(until, first=True, iterations=EFFORT, stop=settings.observer.cancelled)
+    limits = Limits(budget.until, first=True, iterations=EFFORT, stop=observer.cancelled)
     resting = tuple(Piece(name, MultiPushSearch(scenario.alone(name), ()), ()) for name in names)
     for name in steps.least_accessible():
         k = names.index(name)
         try:
-            moved = Piece(name, MultiPushSearch.of(_set_aside(scenario.alone(name)), settings), ())
+            moved = Piece(name, MultiPushSearch.of(_set_aside(scenario.alone(name)), steps.hands.settings), ())
             goals = _places(moved, poses[k])
         except EmptyStableSetError:
             continue
         pieces = (*resting[:k], moved, *resting[k + 1 :])
         for _ in range(TRIES):
-            found = find_transfer(pieces, now, k, limits, settings.seed, goals, delivers=False) if goals else None
+            found = find_transfer(pieces, now, k, limits, budget.seed, goals, delivers=False) if goals else None
             if found is None:
                 break
             steps.floor.looked_at += found.found.looked_at
@@ -411,12 +396,11 @@ def with_one_moved(steps: Steps, settings: PlanSettings, until: float) -> Iterat
 
 def _set_aside(alone: Scenario) -> Scenario:
     """Return the problem of an object whose faces the plate may also take with one of its ends at theirs."""
-    assert alone.pushes is not None
     plate = float(np.ptp(alone.chain.pusher.outline[:, 1]))
     over = {0.5 * (plate - way.length) for way in ways_through(alone.chain.objects[0].outline)}
     aside = sorted(round(one, 9) for one in over if one > 0.0)
-    offsets = dict.fromkeys((*alone.pushes.offsets, *(sign * one for one in aside for sign in (1.0, -1.0))))
-    return replace(alone, pushes=replace(alone.pushes, offsets=tuple(offsets)))
+    offsets = dict.fromkeys((*alone.transport.offsets, *(sign * one for one in aside for sign in (1.0, -1.0))))
+    return alone.with_task(offsets=tuple(offsets))
 
 
 def _places(piece: Piece, pose: FloatArray) -> tuple[Goal, ...]:

@@ -14,7 +14,7 @@ from pushplan.core.pushes import PackedMode, approaches_are_free, find_passings,
 from pushplan.core.sequences import cheapest_sequence
 from pushplan.core.transit import find_transit, shortened
 from pushplan.geometry import se2
-from pushplan.planners.multi.room import DETOUR, PushRoom, Question, lower_bounds
+from pushplan.planners.multi.room import DETOUR, PushRoom, Query, lower_bounds
 from pushplan.planners.problem import sampling_box
 from pushplan.plans.path import TURN_WEIGHT
 from pushplan.util.arrays import FloatArray
@@ -84,19 +84,18 @@ class Graph:
 
     Args:
         room: Robot, load and contacts.
-        question: From where to where.
+        query: From where to where.
         seed: Of the random numbers.
     """
 
-    def __init__(self, room: PushRoom, question: Question, seed: int) -> None:
-        assert room.scenario.pushes is not None
-        self._room, self._question, self._pushes = room, question, room.scenario.pushes
+    def __init__(self, room: PushRoom, query: Query, seed: int) -> None:
+        self._room, self._query, self._pushes = room, query, room.scenario.transport
         self._state = np.array([seed], dtype=np.uint64)
         self._box = sampling_box(room.scenario)
-        self.goals = len(question.goals)
+        self.goals = len(query.goals)
         self.contacts = len(room.contacts)
         nothing = np.zeros((self.contacts, self.goals))
-        self._cost_to_go = nothing if question.cost_to_go is None else question.cost_to_go
+        self._cost_to_go = nothing if query.cost_to_go is None else query.cost_to_go
         self.poses = np.zeros((0, 3))
         m = self.contacts
         self._push = np.zeros((m, 0, 0))
@@ -106,9 +105,9 @@ class Graph:
         self._known_pushes: dict[tuple[int, int, int], FloatArray] = {}
         self._known_transits: dict[Change, FloatArray] = {}
         self.looked_at = 0
-        self.leaves = np.array([settles(c.scene, c.packed, question.load) for c in room.contacts])
+        self.leaves = np.array([settles(c.scene, c.packed, query.load) for c in room.contacts])
         self.changes = self._changed(room.shortest)
-        self.add(np.concatenate([question.load[None], question.goals]), np.inf)
+        self.add(np.concatenate([query.load[None], query.goals]), np.inf)
         self.begins, self.ends = self._can_begin[:, 0], self._can_end[:, 1:]
         self._first = np.array([self._assumed(k) for k in range(m)])
         least = float(self._first.min()) + self._pushes.settle + self._weighed(self._pushes.retreat)
@@ -117,7 +116,7 @@ class Graph:
     def _assumed(self, taken: int) -> float:
         """The least that the way to a first push can cost: as the crow flies."""
         goal = self._room.contacts[taken].packed.robot_at(self.poses[0], self._pushes.approach)
-        return self._weighed(float(np.hypot(*(goal - self._question.robot)[:2])) + self._pushes.approach)
+        return self._weighed(float(np.hypot(*(goal - self._query.robot)[:2])) + self._pushes.approach)
 
     def _weighed(self, way: float) -> float:
         return self._pushes.transit_weight * way
@@ -170,7 +169,7 @@ class Graph:
 
     def lower_bounds(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what no plan costs less than until the load is at poses (k, 3), and from there with what follows."""
-        to, on = lower_bounds(self._room, self._question, poses)
+        to, on = lower_bounds(self._room, self._query, poses)
         return to, on + self._cost_to_go.min(initial=np.inf)
 
     @property
@@ -220,9 +219,9 @@ class Graph:
 
     def end_near(self, best: PushSequence) -> PushSequence:
         """Return a plan that ends within a goal's tolerance where one of its pushes, or another first one, can."""
-        if not self._question.within.all():
+        if not self._query.within.all():
             return best
-        near, firsts = NearGoals(self._room, self._question), self._first_steps(best.cost)
+        near, firsts = NearGoals(self._room, self._query), self._first_steps(best.cost)
         starts: list[tuple[tuple[Step, ...], Step]] = [((), first) for first in firsts]
         starts += [(best.steps[:k], step) for k, step in enumerate(best.steps) if k]
         for before, step in starts:
@@ -239,7 +238,7 @@ class Graph:
 
     def _first_steps(self, below: float) -> Iterator[Step]:
         """Yield a step of no length for each contact to which the robot has a way, and which may cost less."""
-        within = self._question.within
+        within = self._query.within
         least = float(self._on[0]) - self._weighed(self._pushes.approach) - within[0] - TURN_WEIGHT * within[1]
         for k in np.flatnonzero(self.begins & self.leaves):
             if self._first[k] + least >= below:
@@ -249,7 +248,7 @@ class Graph:
                 self._look_at_transit(change)
             if change in self._known_transits:
                 way = self._known_transits[change]
-                yield Step(int(k), load, load, self._question.robot, way, np.zeros((0, 4)), 0.0)
+                yield Step(int(k), load, load, self._query.robot, way, np.zeros((0, 4)), 0.0)
 
     def _cost(self, steps: tuple[Step, ...]) -> float:
         """What pushes cost in all, m."""
@@ -308,7 +307,7 @@ class Graph:
         """Return where the robot's frame (3,) is before it drives to a contact."""
         v, left, _ = change
         if left == FIRST:
-            return self._question.robot
+            return self._query.robot
         first = self._room.contacts[left].packed
         return first.robot_at(self.poses[v], first.retreat)
 
@@ -343,13 +342,13 @@ class NearGoals:
 
     Args:
         room: Robot, load and contacts.
-        question: With goals, and how far from them a plan may end.
+        query: With goals, and how far from them a plan may end.
     """
 
-    def __init__(self, room: PushRoom, question: Question) -> None:
-        self._room, self._within = room, question.within
+    def __init__(self, room: PushRoom, query: Query) -> None:
+        self._room, self._within = room, query.within
         self._inner = room.scenario.chain.objects[0].pose_chain
-        self._goals = se2.compose(question.goals, self._inner)
+        self._goals = se2.compose(query.goals, self._inner)
         grid = se2.compose(self._goals[:, None], self._within[[0, 0, 1]] * BESIDE).reshape(-1, 3)
         self._grid = se2.compose(grid, se2.inverse(self._inner))
         self._prices = np.full(len(grid), DETOUR)

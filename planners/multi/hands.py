@@ -135,8 +135,6 @@ class Hands:
     """
 
     def __init__(self, scenario: Scenario, settings: PlanSettings, level: int = 0) -> None:
-        assert scenario.row is not None
-        assert scenario.pushes is not None
         self.scenario, self.settings, self.level = scenario, settings, level
         self.ways: dict[Member, Through] = {}
         self.forms: dict[Member, int] = {}
@@ -147,11 +145,11 @@ class Hands:
         self._sure: dict[tuple[int, ...], bool] = {}
         self.unsure: dict[str, None] = {}
         keys: dict[bytes, int] = {}
-        for name in scenario.row.of:
-            obj = scenario.bodies[name].chain.objects[0]
+        for name in scenario.transport.row.of:
+            obj = scenario.task.by_name[name].chain.objects[0]
             even = isinstance(obj.support, UniformSupport)  # which its outline and its centre tell all of
             load = obj.support.cells() if obj.support.known and not even else (obj.support.hull,)
-            for way in ways_through(obj.outline, scenario.pushes.faces):
+            for way in ways_through(obj.outline, scenario.transport.faces):
                 key = b"".join(_form(scenario, name, way, load))
                 self.ways[name, way.face] = way
                 self.forms[name, way.face] = keys.setdefault(key, len(keys))
@@ -211,9 +209,8 @@ class Hands:
 
         kind, hand = tuple(self.forms[member] for member in members), self.hand(members)
         assert hand is not None
-        assert self.scenario.row is not None
         if kind not in self._sure:
-            chain, other = self.load(members).chain, self.scenario.row.friction[0]
+            chain, other = self.load(members).chain, self.scenario.transport.row.friction[0]
             self._sure[kind] = closes(chain, SHORT, hand.packed.settle, other)
         if not self._sure[kind]:
             self._hands[kind] = None
@@ -255,7 +252,7 @@ class Hands:
 
 def _form(scenario: Scenario, name: str, way: Through, load: tuple[FloatArray, ...]) -> Iterator[bytes]:
     """Yield what makes an object, pushed through a face, the same as another, but for its name."""
-    body = scenario.bodies[name]
+    body = scenario.task.by_name[name]
     obj, into = body.chain.objects[0], se2.inverse(way.entry)
     support = obj.support
 
@@ -290,7 +287,7 @@ class Floor:
 
     def __post_init__(self) -> None:
         scenario = self.scenario
-        alone = scenario.alone(next(iter(scenario.bodies)))
+        alone = scenario.alone(scenario.loads[0].name)
         plate = se2.inverse(alone.chain.pusher.plate_pose)
         self._carried = [
             se2.transform_points(plate, part)
@@ -303,9 +300,7 @@ class Floor:
         polygons, self._discs = obstacles_of(scenario)
         self._fixed = list(convex_pieces(polygons))
         self._walls = np.array(walls_of(scenario), dtype=np.float64)
-        self._outlines = {
-            name: list(convex_pieces([body.chain.objects[0].outline])) for name, body in scenario.bodies.items()
-        }
+        self._outlines = {load.name: list(convex_pieces([load.chain.objects[0].outline])) for load in scenario.loads}
         self.box = sampling_box(alone)
         random = np.random.default_rng(self.seed)
         low, high = np.array(self.box[:2]), np.array(self.box[2:])

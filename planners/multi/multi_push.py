@@ -16,13 +16,13 @@ from pushplan.planners.infeasible.diagnosis import beyond_reach
 from pushplan.planners.infeasible.ways import near_to
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes
 from pushplan.planners.multi.graph import PushSequence
-from pushplan.planners.multi.room import AHEAD, Contact, PushRoom, Question
+from pushplan.planners.multi.room import AHEAD, Contact, PushRoom, Query
 from pushplan.planners.multi.search import Found, Limits, search
-from pushplan.planners.outcome import Improvements, Outcome, Segments
+from pushplan.planners.outcome import Budget, Improvements, Outcome, Question, Segments, TaskSearch
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Nearest
 from pushplan.plans.segment import Poses, Segment
-from pushplan.plans.settings import PlanSettings
+from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.one_load import troubles_at
 from pushplan.sets.force_limited_set import too_heavy_ahead
@@ -35,7 +35,7 @@ PATIENCE = 0.5
 BOXED_IN = "boxed in"
 
 
-class MultiPushSearch:
+class MultiPushSearch(TaskSearch):
     """Searches for several pushes of one load; what does not depend on start and goals is kept.
 
     Args:
@@ -112,52 +112,34 @@ class MultiPushSearch:
 
     def plates_before(self, load: FloatArray) -> FloatArray:
         """Return the poses (k, 3) of the plate before each contact, with the load at a pose (3,)."""
-        pushes, plate = self.scenario.pushes, self.scenario.chain.pusher.plate_pose
-        assert pushes is not None
+        pushes, plate = self.scenario.transport, self.scenario.chain.pusher.plate_pose
         robots = [se2.compose(mode.place.contact, mode.robot) for mode in self.modes]
         before = se2.compose(se2.compose(load, np.array(robots)), [-pushes.approach, 0.0, 0.0])
         return np.asarray(se2.compose(before, plate))
 
-    def search(self, settings: PlanSettings, began: float) -> Outcome:
-        """Return the best plan that was found.
-
-        Args:
-            settings: Complete.
-            began: `time.perf_counter` from which the time limit counts.
-
-        Raises:
-            PlanningError: When no goal is free, or the load is at one already.
-            EmptyStableSetError: When no contact can be used.
-        """
-        scenario = self.scenario
-        limit, gap = settings.time_limit, settings.gap
-        assert limit is not None
-        assert gap is not None
-        assert settings.seed is not None
+    def search(self, question: Question, budget: Budget, observer: Observer) -> Outcome:
+        """See `TaskSearch`."""
+        if question.scenario is not self.scenario:
+            return self.asked(question.scenario).search(question, budget, observer)
+        scenario, began, limit = self.scenario, budget.began, budget.time_limit
         goals = free_goals(scenario)
         proof = self._proof()
         if proof is not None:
             return Outcome.without_plan(proof, min(mode.margin(self.levels - 1) for mode in self.modes))
-        improvements = Improvements(settings.observer, began)
+        improvements = Improvements(observer, began)
         share = 0.0
         for level in range(self.levels):
             last = level + 1 == self.levels
             share = 1.0 if last else share + PATIENCE * (1.0 - share)
             room = self.room(level)
-            question = Question(backed_off(room, scenario), np.array(scenario.start), goals)
-            limits = Limits(
-                began + limit,
-                began + share * limit,
-                settings.first,
-                settings.iterations,
-                gap,
-                settings.observer.cancelled,
-            )
+            query = Query(backed_off(room, scenario), np.array(scenario.start), goals)
+            patience = began + share * limit
+            limits = Limits(budget.until, patience, budget.first, budget.iterations, budget.gap, observer.cancelled)
 
             def improved(best: PushSequence, looked_at: int, room: PushRoom = room) -> None:
                 improvements.add(best.cost, looked_at, self.segments(room, best, scenario.poses))
 
-            found = search(room, question, limits, settings.seed, improved)
+            found = search(room, query, limits, budget.seed, improved)
             if found.best is not None or limits.over(0):
                 break
         candidates = () if found.best is None else (self.segments(room, found.best, scenario.poses),)
@@ -168,7 +150,7 @@ class MultiPushSearch:
             tuple(improvements.found),
             lambda segments: plan_cost(scenario, segments),
             found.lower_bound,
-            explain=lambda: _explanation(room, question, found, limit),
+            explain=lambda: _explanation(room, query, found, limit),
         )
 
     def _proof(self) -> Diagnosis | None:
@@ -186,8 +168,7 @@ class MultiPushSearch:
             before: Where all bodies are at the beginning.
         """
         scenario = room.scenario
-        pushes, plate = scenario.pushes, scenario.chain.pusher.plate_pose
-        assert pushes is not None
+        pushes, plate = scenario.transport, scenario.chain.pusher.plate_pose
         at = backed_off(room, scenario)
         found: list[Segment] = []
         away = float(np.linalg.norm(scenario.robot_start[:2] - at[:2]))
@@ -239,8 +220,7 @@ def plan_cost(scenario: Scenario, segments: Segments) -> float:
 
     What a load costs counts for itself: no change of the contact is paid for where another load is taken.
     """
-    pushes = scenario.pushes
-    assert pushes is not None
+    pushes = scenario.transport
     cost, before = 0.0, None
     for segment in segments:
         if not segment.pushes or segment.load is None:
@@ -258,10 +238,9 @@ def free_goals(scenario: Scenario) -> FloatArray:
     Raises:
         PlanningError: When there are none, or the load is at one already.
     """
-    assert scenario.pushes is not None
     free: list[FloatArray] = []
     wrong: list[str] = []
-    for goal in scenario.pushes.goals:
+    for goal in scenario.goals[scenario.load.name]:
         if max(se2.pose_error(scenario.start, goal.pose_chain)) < 1e-7:
             raise PlanningError("the load is at a goal already: there is nothing to push")
         there = list(troubles_at(scenario, goal.pose_chain, "goal"))
@@ -276,17 +255,16 @@ def free_goals(scenario: Scenario) -> FloatArray:
 def backed_off(room: PushRoom, scenario: Scenario) -> FloatArray:
     """Return where the robot's frame (3,) is once it is clear of the load: it backs off where it is near at first."""
     robot = scenario.robot_start
-    assert scenario.pushes is not None
     enough = max(scenario.clearance, TRANSIT_CLEARANCE) + SLACK
     gap = separations(room.load, se2.relative(scenario.start, robot)[None], enough)[0]
-    return robot if gap >= enough else se2.compose(robot, [-scenario.pushes.retreat, 0.0, 0.0])
+    return robot if gap >= enough else se2.compose(robot, [-scenario.transport.retreat, 0.0, 0.0])
 
 
 def _explanation(
-    room: PushRoom, question: Question, found: Found, limit: float
+    room: PushRoom, query: Query, found: Found, limit: float
 ) -> tuple[str, tuple[Diagnosis, ...], Nearest | None]:
     """Return why a search found nothing, most certain first."""
-    told = sorted(_reasons(room, question, found), key=lambda reason: not reason.proven)
+    told = sorted(_reasons(room, query, found), key=lambda reason: not reason.proven)
     if not told:
         text = f"the search was not over after {found.looked_at} pushes and transits"
         told = [Diagnosis("time", text, False)]
@@ -296,17 +274,17 @@ def _explanation(
     return words, tuple(told), None
 
 
-def _reasons(room: PushRoom, question: Question, found: Found) -> Iterator[Diagnosis]:
+def _reasons(room: PushRoom, query: Query, found: Found) -> Iterator[Diagnosis]:
     usable = [contact for contact, begins in zip(room.contacts, found.begins, strict=True) if begins]
     if not usable:
         what = "at the start, the robot has no room to drive up to any face that it may push"
-        yield _no_room(room, question.load[None], what)
+        yield _no_room(room, query.load[None], what)
         return
     faces = ", ".join(dict.fromkeys(contact.mode.place.face for contact in usable))
     if not (found.begins & found.leaves).any():
         what = f"at the start, the robot can drive up to {faces} only, and from there the load is against something"
         # If every settling push ends in something, no longer one is free either.
-        settled = [(contact, _settled(contact, question)) for contact in usable]
+        settled = [(contact, _settled(contact, query)) for contact in usable]
         against = all(separations(contact.scene, pose[None], 1.0)[0] <= 0.0 for contact, pose in settled)
         ahead = [area_at(contact.mode.load.problem.chain.bodies, pose) for contact, pose in settled]
         around = near_to(room.scenario.obstacles, ahead, room.scenario.clearance)
@@ -314,7 +292,7 @@ def _reasons(room: PushRoom, question: Question, found: Found) -> Iterator[Diagn
         return
     if not found.ends.any():
         what = "at the goal, the robot has no room to push the load there from any face, and to back off"
-        yield _no_room(room, question.goals, what)
+        yield _no_room(room, query.goals, what)
         return
     if not found.arrives:
         what = f"the robot found no transit to where it would push first ({faces})"
@@ -333,9 +311,9 @@ def _no_room(room: PushRoom, loads: FloatArray, what: str) -> Diagnosis:
     return Diagnosis(BOXED_IN, what, _all_taken(room, loads), blocking=around)
 
 
-def _settled(contact: Contact, question: Question) -> FloatArray:
+def _settled(contact: Contact, query: Query) -> FloatArray:
     """Return the pose (3,) of the chain after its settling push from the start."""
-    pose = se2.compose(question.load, contact.packed.contact)
+    pose = se2.compose(query.load, contact.packed.contact)
     return se2.compose(pose, se2.exp(contact.packed.settle * contact.packed.settling))
 
 

@@ -24,8 +24,10 @@ from shapely.geometry.base import BaseGeometry
 from pushplan.planners.multi.search import Limits
 from pushplan.planners.multi.tours import Tours
 from pushplan.planners.multi.transfers import Piece, Situation, Transfer, find_transfer, situation_after
-from pushplan.plans.settings import PlanSettings
-from pushplan.scenario.parts import Goal, Workspace
+from pushplan.planners.outcome import Budget
+from pushplan.plans.settings import Observer
+from pushplan.scenario.goals import Goal
+from pushplan.scenario.parts import Workspace
 from pushplan.util.arrays import FloatArray
 
 STAGES = (
@@ -103,17 +105,17 @@ class Order:
 
     Args:
         pieces: All that can be pushed.
-        settings: Complete.
+        budget: Of the search.
+        observer: Asked whether to end at once.
         until: `time.perf_counter` at which it is over.
 
     Attributes:
         looked_at: Transfers that were searched for.
     """
 
-    def __init__(self, pieces: tuple[Piece, ...], settings: PlanSettings, until: float) -> None:
-        assert settings.seed is not None
-        self._pieces, self._seed, self._until = pieces, settings.seed, until
-        self._cancelled, self._most = settings.observer.cancelled, settings.iterations or math.inf
+    def __init__(self, pieces: tuple[Piece, ...], budget: Budget, observer: Observer) -> None:
+        self._pieces, self._seed, self._until = pieces, budget.seed, budget.until
+        self._cancelled, self._most = observer.cancelled, budget.iterations or math.inf
         self._patience = STAGES[0][0]
         self._known: dict[tuple[object, ...], Transfer | None] = {}
         self._tours: Tours | None = None
@@ -259,10 +261,9 @@ class Order:
 
         def way(piece: int) -> float:
             own = self._pieces[piece]
-            pushes, start = own.search.scenario.pushes, now.poses[piece]
-            assert pushes is not None
+            weight, start = own.search.scenario.transport.transit_weight, now.poses[piece]
             push = min(math.hypot(*(goal.pose_chain - start)[:2]) for goal in own.goals)
-            return pushes.transit_weight * math.hypot(*(start - now.plate)[:2]) + push
+            return weight * math.hypot(*(start - now.plate)[:2]) + push
 
         return sorted(sorted(now.left), key=way)
 
@@ -348,10 +349,10 @@ class Order:
         """Return places for a piece that no goal needs, nearest first: along straight pushes, and around it."""
         own, pose = self._pieces[piece], now.poses[piece]
         taken = self._taken(now, piece)
-        tolerance = own.search.scenario.goal
+        tolerance = own.search.scenario.goal.tolerance
         places = [p for p in (*own.pushed_straight(pose, AWAY), *self._scattered(pose)) if _is_free(own, p, taken)]
         nearest = sorted(places, key=lambda p: math.hypot(*(p - pose)[:2]))[:MOST_PLACES]
-        return tuple(Goal(p, None, p, tolerance.position_tolerance, tolerance.angle_tolerance) for p in nearest)
+        return tuple(Goal.of_chain(p, tolerance) for p in nearest)
 
     def _taken(self, now: Situation, piece: int) -> BaseGeometry:
         """What other pieces cover, where they are and where those that are left shall go."""

@@ -14,19 +14,19 @@ from pushplan.planners.infeasible.diagnosis import beyond_reach
 from pushplan.planners.multi.multi_push import MultiPushSearch, least_margins, plan_cost
 from pushplan.planners.multi.order import Order
 from pushplan.planners.multi.transfers import Piece, Situation, Transfer
-from pushplan.planners.outcome import Improvements, Outcome, Segments
+from pushplan.planners.outcome import Budget, Improvements, Outcome, Question, Segments, TaskSearch
 from pushplan.plans.plan import Diagnosis, Nearest
 from pushplan.plans.segment import Poses
-from pushplan.plans.settings import PlanSettings
+from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.build import overlapping_goals
 from pushplan.scenario.model import Scenario
 
 
-class RearrangementSearch:
+class RearrangementSearch(TaskSearch):
     """Searches for an order of several objects; what is known of each of them is kept.
 
     Args:
-        scenario: With `bodies`.
+        scenario: With a goal of its own for each load that has one.
         pieces: All of them.
     """
 
@@ -46,15 +46,15 @@ class RearrangementSearch:
             PlanningError: When two bodies cannot be at their goals together.
             EmptyStableSetError: When no contact can push one of the bodies.
         """
-        wrong = overlapping_goals({name: scenario.alone(name) for name in scenario.goals})
+        wrong = overlapping_goals(scenario)
         if wrong:
             raise PlanningError("; ".join(wrong.values()))
         pieces, known = [], dict[str, MultiPushSearch]()
-        for name, body in scenario.bodies.items():
-            alone, twin = scenario.alone(name), known.get(body.kind)
+        for load in scenario.loads:
+            alone, twin = scenario.alone(load.name), known.get(load.kind)
             search = MultiPushSearch.of(alone, settings) if twin is None else twin.of_twin(alone)
-            known.setdefault(body.kind, search)
-            pieces.append(Piece(name, search, body.goals))
+            known.setdefault(load.kind, search)
+            pieces.append(Piece(load.name, search, scenario.goals.get(load.name, ())))
         return cls(scenario, tuple(pieces))
 
     def with_obstacles(self, scenario: Scenario) -> RearrangementSearch:
@@ -67,36 +67,25 @@ class RearrangementSearch:
             ),
         )
 
-    def search(self, settings: PlanSettings, began: float) -> Outcome:
-        """Return the best plan that was found.
-
-        Args:
-            settings: Complete.
-            began: `time.perf_counter` from which the time limit counts.
-
-        Raises:
-            PlanningError: When every object is at its goal already.
-        """
-        scenario, seed, limit = self.scenario, settings.seed, settings.time_limit
-        assert scenario.pushes is not None
-        assert seed is not None
-        assert limit is not None
-        poses = np.array([scenario.bodies[piece.name].start for piece in self.pieces])
+    def search(self, question: Question, budget: Budget, observer: Observer) -> Outcome:
+        """See `TaskSearch`."""
+        scenario = self.scenario
+        poses = np.array([scenario.task.by_name[piece.name].start for piece in self.pieces])
         left = frozenset(k for k, piece in enumerate(self.pieces) if piece.goals and not piece.is_at_goal(poses[k]))
         if not left:
             raise PlanningError("every object is at a goal already: there is nothing to push")
-        now, until = Situation(scenario.pushes.robot_start, poses, left), began + limit
+        now = Situation(scenario.transport.robot_start, poses, left)
         modes = [mode for piece in self.pieces for mode in piece.search.modes]
         proof = self._proof(now)
         if proof is not None:
             return Outcome.without_plan(proof, min(mode.margin(0) for mode in modes))
-        improvements = Improvements(settings.observer, began)
-        order = Order(self.pieces, settings, until)
+        improvements = Improvements(observer, budget.began)
+        order = Order(self.pieces, budget, observer)
         transfers = order.find(now)
         candidates: tuple[Segments, ...] = ()
         if transfers is not None:
             candidates = (self._take(transfers, order.looked_at, improvements),)
-            if not settings.first:
+            if not budget.first:
                 cheaper = order.cheaper(now, transfers)
                 if cheaper is not transfers:
                     candidates = (self._take(cheaper, order.looked_at, improvements),)
@@ -106,7 +95,7 @@ class RearrangementSearch:
             order.looked_at,
             tuple(improvements.found),
             lambda segments: plan_cost(scenario, segments),
-            explain=lambda: self._explanation(now, limit),
+            explain=lambda: self._explanation(now, budget.time_limit),
         )
 
     def _proof(self, now: Situation) -> Diagnosis | None:

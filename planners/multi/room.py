@@ -121,7 +121,7 @@ class PushRoom:
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
+class Query:
     """From where to where.
 
     Attributes:
@@ -139,14 +139,13 @@ class Question:
     cost_to_go: FloatArray | None = None
 
 
-def lower_bounds(room: PushRoom, question: Question, through: FloatArray) -> tuple[FloatArray, FloatArray]:
+def lower_bounds(room: PushRoom, query: Query, through: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return what no plan costs less than until the load is at poses (k, 3), (k,), and from there on, m."""
-    pushes = room.scenario.pushes
-    assert pushes is not None
+    pushes = room.scenario.transport
     contacts = np.array([contact.packed.contact[:2] for contact in room.contacts])
     middle = contacts.mean(axis=0)
     faster = max(1.0, float(np.linalg.norm(contacts - middle, axis=1).max()) / TURN_WEIGHT)
-    poses = np.concatenate([question.load[None], through, question.goals])
+    poses = np.concatenate([query.load[None], through, query.goals])
     start, between, goals = np.split(se2.compose(poses, [*middle, 0.0]), [1, 1 + len(through)])
     alone = pushes.transit_weight * (pushes.approach + pushes.retreat)
     return _bounds(start, between, faster)[0], _bounds(between, goals, faster).min(axis=1) + alone
@@ -214,8 +213,7 @@ def _with_body(room: Scene, scenario: Scenario) -> Scene:
 
 def packed_mode(mode: ContactMode, margin: float, scenario: Scenario) -> PackedMode | None:
     """Return a mode for the core; None where it can push nothing straight ahead with the margin."""
-    pushes = scenario.pushes
-    assert pushes is not None
+    pushes = scenario.transport
     try:
         settling = mode.settling(margin)
     except EmptyStableSetError:

@@ -37,8 +37,7 @@ class RowPlace:
 
 def row_places(scenario: Scenario, hands: Hands) -> tuple[RowPlace, ...]:
     """Return the places that the row may have; none where it may stand anywhere."""
-    row = scenario.row
-    assert row is not None
+    row = scenario.transport.row
     if row.pose is not None:
         return tuple(
             RowPlace(se2.compose(row.pose, [length, 0.0, 0.0]), np.asarray(row.pose))
@@ -60,10 +59,9 @@ def front_of_placed(scenario: Scenario, hands: Hands) -> tuple[FloatArray, str]:
     Raises:
         PlanningError: When the rearmost one has no face to be pushed at on that side.
     """
-    row, poses = scenario.row, scenario.poses
-    assert row is not None
+    row, poses, loads = scenario.transport.row, scenario.poses, scenario.task.by_name
     heading = _heading(scenario)
-    last = next(name for name in scenario.row_order(poses, heading) if name in row.placed)
+    last = next(name for name in row.order_at(loads, poses, heading) if name in row.placed)
     rears = [se2.compose(poses[last], way.entry) for (name, _), way in hands.ways.items() if name == last]
     off = [abs(float(se2.wrap_angle(rear[2] - heading))) for rear in rears]
     if not off or min(off) > ASKEW:
@@ -74,8 +72,7 @@ def front_of_placed(scenario: Scenario, hands: Hands) -> tuple[FloatArray, str]:
 
 def _heading(scenario: Scenario) -> float:
     """Return the direction of a row of which some are placed, rad: towards the wall that they are nearest to."""
-    row = scenario.row
-    assert row is not None
+    row = scenario.transport.row
     if row.pose is not None:
         return float(row.pose[2])
     there = np.array([scenario.poses[name][:2] for name in row.placed])
@@ -88,11 +85,9 @@ def _heading(scenario: Scenario) -> float:
 
 def _walls(scenario: Scenario) -> list[tuple[FloatArray, FloatArray, float]]:
     """Return the lines on which a row's front may be at a wall: both ends (2,), and the heading towards it, rad."""
-    row, area = scenario.row, scenario.workspace
-    assert row is not None
-    if row.wall is None:
+    row, area = scenario.transport.row, scenario.workspace
+    if row.wall is None or area is None:
         return []
-    assert area is not None
     kept = scenario.clearance + BESIDE_A_WALL
     sides = {
         "xmin": ([area.xmin + kept, area.ymin], [area.xmin + kept, area.ymax], math.pi),

@@ -100,9 +100,7 @@ class Steps:
         starts: Poses | None = None,
     ) -> None:
         scenario = hands.scenario
-        assert scenario.row is not None
-        assert scenario.pushes is not None
-        self.scenario, self.row, self.choice = scenario, scenario.row, scenario.pushes
+        self.scenario, self.row, self.choice = scenario, scenario.transport.row, scenario.transport
         self.hands, self.floor, self.before = hands, floor, before
         self.starts = scenario.poses if starts is None else starts
         self.begin = self._first() if begin is None else begin

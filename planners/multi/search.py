@@ -14,7 +14,7 @@ from pushplan.core.pushes import PackedMode
 from pushplan.core.samples import descend, pushed_at_random, random_descent
 from pushplan.geometry import se2
 from pushplan.planners.multi.graph import Graph, PushSequence
-from pushplan.planners.multi.room import PushRoom, Question
+from pushplan.planners.multi.room import PushRoom, Query
 from pushplan.planners.problem import sampling_box
 from pushplan.util.arrays import BoolArray, FloatArray
 
@@ -72,7 +72,7 @@ class Sampler:
 
     Args:
         room: Robot, load and contacts.
-        question: From where to where.
+        query: From where to where.
         changes: (m, m) the least that changes of the contact cost, m.
         firsts: (m,) whether a contact can be pushed at first.
         lasts: (m, g) whether the robot can back off from it at a goal.
@@ -80,13 +80,12 @@ class Sampler:
     """
 
     def __init__(
-        self, room: PushRoom, question: Question, changes: FloatArray, firsts: BoolArray, lasts: BoolArray, seed: int
+        self, room: PushRoom, query: Query, changes: FloatArray, firsts: BoolArray, lasts: BoolArray, seed: int
     ) -> None:
-        assert room.scenario.pushes is not None
-        self._question, self._changes = question, changes
+        self._query, self._changes = query, changes
         self._firsts, self._lasts = np.flatnonzero(firsts), np.flatnonzero(lasts.any(axis=1))
         self._modes = [contact.packed for contact in room.contacts]
-        self._box, self._most = np.array(sampling_box(room.scenario)), room.scenario.pushes.most
+        self._box, self._most = np.array(sampling_box(room.scenario)), room.scenario.transport.most
         self._random = np.random.default_rng(seed)
         self._state = np.array([seed], dtype=np.uint64)
 
@@ -126,19 +125,19 @@ class Sampler:
     def _pushed(self) -> FloatArray:
         """A pose that a random push leads to from the start, or from which one leads to a goal."""
         back = self._random.random() < 0.5
-        goals = self._question.goals
-        pose = goals[self._random.integers(len(goals))] if back else self._question.load
+        goals = self._query.goals
+        pose = goals[self._random.integers(len(goals))] if back else self._query.load
         contact = int(self._random.choice(self._lasts if back else self._firsts))
         return pushed_at_random(self._modes[contact], pose, -1.0 if back else 1.0, self._state)
 
     def _descended(self, below: float) -> list[FloatArray]:
         """The poses between pushes where one of 12 descents ends that costs less than `below`, or one at random."""
-        question = self._question
+        query = self._query
         for _ in range(12):
             poses = random_descent(
                 self._modes,
-                question.load,
-                question.goals,
+                query.load,
+                query.goals,
                 self._firsts,
                 self._lasts,
                 self._most,
@@ -221,7 +220,7 @@ class Limits:
 
 def search(
     room: PushRoom,
-    question: Question,
+    query: Query,
     limits: Limits,
     seed: int,
     improved: Callable[[PushSequence, int], None] | None = None,
@@ -230,18 +229,18 @@ def search(
 
     Args:
         room: Robot, load and contacts.
-        question: From where to where.
+        query: From where to where.
         limits: When to end.
         seed: Of the random numbers.
         improved: Called with every better plan and the pushes and ways looked at so far.
     """
     began = time.perf_counter()
     modes = [contact.packed for contact in room.contacts]
-    graph = Graph(room, question, seed)
+    graph = Graph(room, query, seed)
     sampler: Sampler | None = None  # most first plans need none
     best: PushSequence | None = None
     first: float | None = None
-    batches, waiting = 0, question.goals[:0]
+    batches, waiting = 0, query.goals[:0]
     while True:
         below = math.inf if best is None else best.cost - 1e-6  # the smallest saving that counts, m
         found = graph.cheapest(below, partial(limits.over, batches - 1, best is None))
@@ -257,16 +256,16 @@ def search(
             break
         below = math.inf if best is None else best.cost - 1e-6
         if batches == 0:
-            poses = _shortest_first(graph, crossings(question.load, question.goals, modes))
+            poses = _shortest_first(graph, crossings(query.load, query.goals, modes))
             poses, waiting = poses[:CROSSINGS], poses[CROSSINGS:]
         elif len(waiting):
             poses, waiting = waiting, waiting[:0]
         else:
             firsts = graph.begins & graph.leaves
-            sampler = sampler or Sampler(room, question, graph.changes, firsts, graph.ends, seed)
+            sampler = sampler or Sampler(room, query, graph.changes, firsts, graph.ends, seed)
             poses = sampler.draw(12, best)
         if batches and len(graph.poses) + len(poses) > MOST_POSES:
-            looked_at, graph = graph.looked_at, Graph(room, question, seed + batches)
+            looked_at, graph = graph.looked_at, Graph(room, query, seed + batches)
             graph.looked_at += looked_at
             poses = np.array([*poses, *(step.after for step in best.steps[:-1])]) if best is not None else poses
         graph.add(poses, below)

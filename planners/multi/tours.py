@@ -94,8 +94,10 @@ class Ends:
         places = np.column_stack([exits[:, :2], np.cos(exits[:, 2]), np.sin(exits[:, 2])]).round(6) + 0.0
         _, kept, place = np.unique(places, axis=0, return_index=True, return_inverse=True)
         every = np.ones((len(modes), len(goals)), dtype=np.bool_)
-        pushes, alone = room.scenario.pushes, push_costs([rooms.robot(piece, None)], contacts, pose, goals, every)[0]
-        assert pushes is not None
+        pushes, alone = (
+            room.scenario.transport,
+            push_costs([rooms.robot(piece, None)], contacts, pose, goals, every)[0],
+        )
         ends = pushes.transit_weight * (pushes.approach + pushes.retreat)
         most = HARD + min(float(alone.min()) + ends, float(np.hypot(*(goals - pose)[:, :2].T).min()) + HARD)
         among = {
@@ -172,6 +174,6 @@ class Tours:
     def _drives(self, plates: FloatArray, piece: int) -> FloatArray:
         """What the ways from poses (k, 3) of the plate to the entries of a body cost, (k, m), m."""
         room = self._pieces[piece].search.room(0)
-        assert room.scenario.pushes is not None
         starts = se2.compose(plates, se2.inverse(room.scenario.chain.pusher.plate_pose))
-        return room.scenario.pushes.transit_weight * shortest_drives(room.wheels, starts, self._ends[piece].entries)
+        weight = room.scenario.transport.transit_weight
+        return weight * shortest_drives(room.wheels, starts, self._ends[piece].entries)

@@ -13,11 +13,12 @@ from shapely.geometry.base import BaseGeometry
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.multi.multi_push import MultiPushSearch, backed_off, free_goals
-from pushplan.planners.multi.room import TOLERANCE_USED, PushRoom, Question
+from pushplan.planners.multi.room import TOLERANCE_USED, PushRoom, Query
 from pushplan.planners.multi.search import Found, Limits, search
 from pushplan.planners.outcome import Segments
-from pushplan.plans.segment import Poses
-from pushplan.scenario.parts import Goal, PolygonObstacle
+from pushplan.plans import segment as plans
+from pushplan.scenario.goals import Goal, Poses
+from pushplan.scenario.parts import PolygonObstacle
 from pushplan.util.arrays import FloatArray, frozen
 
 SAME = 1e-6
@@ -149,7 +150,7 @@ class Transfer:
         robot = mode.robot_at(self.end, mode.retreat)
         return se2.compose(robot, self.search.scenario.chain.pusher.plate_pose)
 
-    def segments(self, before: Poses) -> Segments:
+    def segments(self, before: plans.Poses) -> Segments:
         """Return its segments with all bodies where they are before it."""
         assert self.found.best is not None
         return self.search.segments(self.room, self.found.best, before)
@@ -188,15 +189,10 @@ def find_transfer(
         cost_to_go: Returns what comes after it costs, m, (k,) for poses (k, 3) of the plate; None: nothing.
     """
     own = pieces[piece].search.scenario
-    assert own.pushes is not None
     others = (one for k, other in enumerate(pieces) if k != piece for one in other.obstacles(now.poses[k]))
-    scenario = replace(
-        own,
-        start=now.poses[piece],
-        goal=goals[0],
-        obstacles=(*own.obstacles, *others),
-        pushes=replace(own.pushes, robot_start=now.plate, goals=goals),
-    )
+    load = replace(own.load, start=now.poses[piece])
+    task = replace(own.transport, loads=(load,), goals=(Poses(load.name, goals),), robot_start=now.plate)
+    scenario = replace(own, task=task, obstacles=(*own.obstacles, *others))
     try:
         free = free_goals(scenario)
     except PlanningError:
@@ -209,8 +205,8 @@ def find_transfer(
     after = (
         None if cost_to_go is None else cost_to_go(plates_after(room, free)).reshape(len(room.contacts), len(free))
     )
-    question = Question(backed_off(room, scenario), np.array(scenario.start), free, within, after)
-    found = search(room, question, limits, seed)
+    query = Query(backed_off(room, scenario), np.array(scenario.start), free, within, after)
+    found = search(room, query, limits, seed)
     return None if found.best is None else Transfer(piece, searching, room, found, delivers)
 
 

@@ -16,7 +16,7 @@ from pushplan.util.arrays import FloatArray
 
 
 @dataclass(frozen=True)
-class Budget:
+class StopRule:
     """When a planner stops.
 
     Attributes:
@@ -150,7 +150,7 @@ class Session:
         self,
         problem: Problem,
         start: FloatArray,
-        budget: Budget,
+        budget: StopRule,
         seed: int,
         on_progress: Callable[[PushPath, float, int, float], None] | None = None,
         hopeless: Callable[[float], bool] | None = None,

@@ -144,7 +144,7 @@ def perform(spec: RunSpec, folder: Path) -> Outcome:
 
 def _trial_success(done: Run, spec: RunSpec, watch: Stopwatch) -> float | None:
     """Return the share of sampled worlds in which a plan arrives; None without a plan or known loads."""
-    known = all(task.chain.loads_known for task in done.scenario.tasks)
+    known = all(load.chain.loads_known for load in done.scenario.loads)
     if done.plan.trajectory is None or not known:
         return None
     with watch("trials"):
@@ -242,7 +242,7 @@ def validation_error(plan: Plan, execution: Execution) -> str:
         if smallest <= 0.0:
             return f"the smallest margin with inertia is {smallest:.3g}; it must be above 0"
     position, angle = execution.goal_error
-    goals = [goal for task in scenario.tasks for goal in task.goals]
+    goals = [goal for goals in scenario.goals.values() for goal in goals]
     allowed = min(goal.position_tolerance for goal in goals), min(goal.angle_tolerance for goal in goals)
     if not (position <= allowed[0] and angle <= allowed[1]):
         return f"the goal is missed by {position:.2g} m and {angle:.2g} rad"
@@ -257,7 +257,7 @@ def clearance(scenario: Scenario, execution: Execution) -> float | None:
     """
     if not scenario.obstacles and scenario.workspace is None:
         return None
-    chain = scenario.tasks[0].chain
+    chain = scenario.loads[0].chain
     moving = [(compose(execution.poses, inverse(chain.pusher.plate_pose)), chain.carried)]
     outlines = {obj.name: obj.outline for obj in scenario.objects}
     for k, name in enumerate(execution.names):

@@ -18,8 +18,8 @@ from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY, PLATE, PushedObject, Pusher
 from pushplan.mechanics.heights import tipping_room
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
+from pushplan.scenario.goals import Row
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import Row
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import KNOWN_LOAD_SETS
 
@@ -39,7 +39,7 @@ def check(console: Console, scenario: str, maps: tuple[Path, ...], plot: Path | 
     with p.code_of(scenario, console.note, no_code):
         stated = load_scenario(scenario, maps)
         questions = ask(stated, console)
-        if stated.kind == "rearrangement":
+        if not stated.task.one_load:
             return _check_rearrangement(stated, plot, console)
         console.say((stated.name, "bold"))
         understood = document(stated)
@@ -82,7 +82,7 @@ def require_pushable(scenario: Scenario) -> None:
     from pushplan.scenario.check import check_scenario
 
     findings = check_scenario(scenario)
-    if not findings and scenario.pushes is None and scenario.origin is not None:
+    if not findings and scenario.task.held and scenario.origin is not None:
         try:
             planning_set(scenario, None)
         except EmptyStableSetError as error:
@@ -128,7 +128,7 @@ def document(scenario: Scenario) -> dict[str, Any]:
             for k, contact in enumerate(chain.contacts)
         ],
         "uncertainty": scenario.uncertainty.model_dump(),
-        "snapped": None if scenario.snapping is None else asdict(scenario.snapping),
+        "snapped": None if scenario.load.snapping is None else asdict(scenario.load.snapping),
         "start": _place(scenario, scenario.start),
         "goal": _place(scenario, scenario.goal.pose_chain),
     }
@@ -150,7 +150,7 @@ def rows(scenario: Scenario, found: Mapping[str, Any]) -> Rows:
     if scenario.uncertainty.load > 0.0 and chosen not in KNOWN_LOAD_SETS:
         what = f"load is not counted: the set {chosen!r} holds for every pressure with the stated centre, "
         rows.append(("uncertainty", f"{what}and takes that centre as it is"))
-    if (snapping := scenario.snapping) is not None:
+    if (snapping := scenario.load.snapping) is not None:
         for moved in snapping.objects:
             by = f"{1e3 * moved.gap:.3g} mm and {degrees(moved.turn):.3g} deg"
             rows.append((f"snapped {moved.name}", f"by {by} onto {moved.onto}"))
@@ -276,25 +276,24 @@ def _check_rearrangement(scenario: Scenario, plot: Path | None, console: Console
     from pushplan.planners.multi.contact_modes import find_modes
     from pushplan.plans.settings import PlanSettings
 
-    alone = {name: scenario.alone(name) for name in scenario.bodies}
-    first = next(iter(alone.values()))
+    first = scenario.alone(scenario.loads[0].name)
     rows, found = [("file", str(first.path))], []
-    for name, one in alone.items():
+    aims = {name: goal.aim(name) for goal in scenario.task.goals for name in goal.names}
+    idle = "stays where it is" if scenario.task.flush else "is moved where it is in the way"
+    for one in scenario.each_alone():
+        name = one.load.name
         with console.working(f"looking at the contacts of {name}"):
             require_pushable(one)
             modes = find_modes(one, PlanSettings().completed(one))
             faces = list(dict.fromkeys(mode.place.face for mode in modes))
-        goals = len(scenario.bodies[name].goals)
-        aim = f"goes to {'its goal' if goals == 1 else f'one of {goals} goals'}"
-        aim = aim if goals else "is moved where it is in the way"
-        if scenario.row is not None:
-            aim = "goes into the row" if name in scenario.row.of else "stays where it is"
         understood = document(one)
-        rows += [*object_rows(one, 0, understood), ("", f"{aim}, can be pushed at {', '.join(faces)}")]
-        found.append({**understood, "goals": goals, "faces": faces})
+        rows += [
+            *object_rows(one, 0, understood),
+            ("", f"{aims.get(name, idle)}, can be pushed at {', '.join(faces)}"),
+        ]
+        found.append({**understood, "goals": len(scenario.goals.get(name, ())), "faces": faces})
     rows += [*pusher_rows(first.chain.pusher), ("workspace", workspace_text(first))]
-    if scenario.row is not None:
-        rows.append(("row", _row_text(scenario.row)))
+    rows += [("row", _row_text(goal)) for goal in scenario.task.goals if isinstance(goal, Row)]
     if plot is not None:
         with console.working(f"drawing {plot}"):
             from pushplan.drawing.plans import plot_scenario
@@ -303,6 +302,6 @@ def _check_rearrangement(scenario: Scenario, plot: Path | None, console: Console
     console.say((f"{scenario.name}  (rearrangement)", "bold"))
     console.table(rows)
     console.say(("no errors", "green"))
-    movable = [name for name in scenario.bodies if name not in scenario.goals and scenario.row is None]
+    movable = [] if scenario.task.flush else [load.name for load in scenario.loads if load.name not in aims]
     console.emit({"scenario": scenario.name, "objects": found, "movable": movable})
     return 0

@@ -114,7 +114,7 @@ def _prepare(scenario: Scenario, search: dict[str, Any], physics: bool, console:
         del pushplan
         chosen = add_set(search["stable_set"] or scenario.stability.set)
         kept = scenario.stability.margin if search["margin"] is None else search["margin"]
-        for one in [scenario.alone(name) for name in scenario.bodies] or [scenario]:
+        for one in scenario.each_alone():
             stability = one.stability.model_copy(update={"set": chosen, "margin": kept})
             require_pushable(replace(one, stability=stability))
 

@@ -174,7 +174,7 @@ def _tell(done: ClosedLoopRun, page: Path | None, incomplete: IncompleteLogError
     position, angle = done.goal_errors
     console.say((done.scenario.name, "bold"), f": {done.outcome}{f': {done.reason}' if done.reason else ''}")
     of = "worst object"
-    if not done.scenario.bodies and done.scenario.goal.of is not None:
+    if done.scenario.task.one_load and done.scenario.goal.of is not None:
         of = done.scenario.goal.of
     rows = [(f"{event.time:.2f} s", f"{event.kind}: {event.text}") for event in done.events]
     rows.append(("goal error", f"{length_text(position)}, {angle_text(angle)} ({of})"))

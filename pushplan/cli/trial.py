@@ -159,7 +159,7 @@ def _rows(trials: Trials) -> list[tuple[str, str]]:
 
     position, angle = _percentiles(trials)
     scenario = trials.scenario
-    of = None if scenario.bodies else scenario.goal.of
+    of = scenario.goal.of if scenario.task.one_load else None
     of = "worst object" if of is None else of
     failed = ", ".join(f"{name} {count}" for name, count in trials.first_failures.items())
     uncertainty = (trials.uncertainty or TrialUncertainty()).words

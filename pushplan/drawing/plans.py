@@ -92,7 +92,7 @@ def plot_plan(
     events = tuple(events)
     scene = Scene.of(plan.scenario, plan, execution, events)
     view = view_of(scene.window)
-    if "floor" in panels and not (plan.solved or plan.scenario.kind == "push" or len(plan.why_not) > 1):
+    if "floor" in panels and not (plan.solved or plan.scenario.task.held or len(plan.why_not) > 1):
         panels = ("floor",)  # there are no pushes to list, and nothing more to tell
     width = float(_HEIGHT * view.size[0] / view.size[1]) if "floor" in panels else 0.0
     side = _LEFT + (width + _GAP if width else 0.0)
@@ -105,7 +105,7 @@ def plot_plan(
         said += [plan.force_words] if plan.force_limit is not None else []
         low = draw_footer(figure, _LEFT, keys, "; ".join(filter(None, said)) if plan.solved else "") + 0.15
         steps = None
-        if "steps" in panels and plan.scenario.kind == "rearrangement":
+        if "steps" in panels and not plan.scenario.task.one_load:
             steps = _Steps.of(scene, view, full - _LEFT - _RIGHT)
         bottom = low + (0.0 if steps is None else steps.height) + _AXIS - 0.15
         over = 0.24 if beside and not (plan.solved and width) else 0.0  # above the titles of what is beside
@@ -129,7 +129,7 @@ def plot_plan(
             above += _tell_more(figure, side, bottom, plan)
         if "set" in panels:
             column = axes_at(figure, side, above, _SIDE, bottom + tall - above)
-            if plan.scenario.kind == "push":
+            if plan.scenario.task.held:
                 draw_set(column, plan.scenario.chain, plan.scenario.stable_set(plan.stable_set or None))
             else:
                 _list_pushes(column, scene, plan)

@@ -332,11 +332,12 @@ def _bodies(scenario: Scenario) -> Iterator[Body]:
 def _goals(scenario: Scenario, colours: dict[str, str]) -> Iterator[Fixed]:
     """Yield each goal once: turned by its symmetry an object covers itself, and dashes over dashes make a line."""
     seen: set[tuple[str, frozenset[tuple[float, ...]]]] = set()
-    for goal, objects in ((goal, task.chain.objects) for task in scenario.tasks for goal in task.goals):
-        for obj in objects:
+    each = ((load, goal) for load in scenario.loads for goal in scenario.goals.get(load.name, ()))
+    for load, goal in each:
+        for obj in load.chain.objects:
             outline = se2.transform_points(goal.pose_chain, obj.outline_chain)
             key = obj.name, frozenset(map(tuple, outline.round(_SAME).tolist()))
-            if key not in seen and (obj.name in goal.objects or not goal.objects):
+            if key not in seen:
                 seen.add(key)
                 yield Fixed(obj.name, outline, colours[obj.name])
 

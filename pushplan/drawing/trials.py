@@ -25,8 +25,8 @@ from pushplan.util.printable import cut
 if TYPE_CHECKING:
     from pushplan.plans.execution import TrialEnd
     from pushplan.plans.plan import Plan
+    from pushplan.scenario.goals import Goal
     from pushplan.scenario.model import Scenario
-    from pushplan.scenario.parts import Goal
     from pushplan.util.arrays import FloatArray
 
 # The layout, in inches.
@@ -90,13 +90,12 @@ def _draw_ends(axes: Axes, scenario: Scenario, ends: Sequence[TrialEnd]) -> None
 
 def _shown(scenario: Scenario) -> tuple[int, Goal, FloatArray]:
     """Return which object is looked at closely, its goal, and its place (3,) there: the goal's, or the last one."""
-    last = max(k for k, task in enumerate(scenario.tasks) if task.goals)
-    task = scenario.tasks[last]
-    goal = task.goals[0]
-    own = [obj.name for obj in task.chain.objects]
-    i = len(own) - 1 if goal.of is None else own.index(goal.of)
-    before = sum(len(one.chain.objects) for one in scenario.tasks[:last])
-    return before + i, goal, compose(goal.pose_chain, task.chain.places[i])
+    last = max(k for k, load in enumerate(scenario.loads) if load.name in scenario.goals)
+    load = scenario.loads[last]
+    goal = scenario.goals[load.name][0]
+    i = len(load.names) - 1 if goal.of is None else load.names.index(goal.of)
+    before = sum(len(one.names) for one in scenario.loads[:last])
+    return before + i, goal, compose(goal.pose_chain, load.chain.places[i])
 
 
 def _draw_close(axes: Axes, scenario: Scenario, ends: Sequence[TrialEnd]) -> None:

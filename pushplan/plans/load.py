@@ -20,8 +20,8 @@ from pushplan.geometry.polygon import find_touch
 from pushplan.mechanics.chain import PLATE, Chain, Contact
 from pushplan.mechanics.faces import Place, Through, face_name, pushed_from, ways_through
 from pushplan.mechanics.intervals import IntervalChain
+from pushplan.scenario.loads import PlacedLoad
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import PlacedObject
 from pushplan.util.arrays import FloatArray, frozen
 
 if TYPE_CHECKING:
@@ -99,21 +99,18 @@ class Load:
             face: Its name.
             offset: Of the plate's middle on it, m.
         """
-        interval = None if scenario.interval is None else scenario.interval.carried_by(chain)
-        problem = replace(scenario, chain=chain, interval=interval, contact_friction=None, pushes=None)
-        return cls.of(problem, face, offset)
+        own = scenario.load
+        interval = None if own.interval is None else own.interval.carried_by(chain)
+        pushed = replace(own, chain=chain, interval=interval, contact_friction=None)
+        return cls.of(scenario.push_of(pushed, scenario.goal), face, offset)
 
     def of_twin(self, scenario: Scenario) -> Load:
         """Return the load of an object that differs from this load's only one in name and place; sets are shared."""
         name, interval = scenario.chain.objects[0].name, self.problem.interval
         chain = replace(self.chain, objects=(replace(self.chain.objects[0], name=name),))
-        problem = replace(
-            scenario,
-            chain=chain,
-            interval=None if interval is None else replace(interval, chain=chain),
-            contact_friction=None,
-            pushes=None,
-        )
+        interval = None if interval is None else replace(interval, chain=chain)
+        pushed = replace(scenario.load, chain=chain, interval=interval, contact_friction=None)
+        problem = scenario.push_of(pushed, scenario.goal)
         return Load((replace(self.links[0], object=name),), problem, self.sets)
 
     def with_problem(self, problem: Scenario) -> Load:
@@ -185,7 +182,7 @@ Member = tuple[str, str]
 """Name of an object, and the face of it, in its own frame, through which it is pushed."""
 
 
-def way_through(body: PlacedObject, face: str) -> Through:
+def way_through(body: PlacedLoad, face: str) -> Through:
     """Return a face of an object by its name.
 
     Raises:
@@ -203,14 +200,14 @@ def row_load(scenario: Scenario, members: Sequence[Member]) -> Load:
     """Return the load of objects that stand flush in a row, their faces' middles on one another.
 
     Args:
-        scenario: With a `row`.
+        scenario: With a row.
         members: From the plate outward; the plate pushes at the middle of the first one's face.
 
     Raises:
         ChainError: When one has no such face, or nothing in front of it that could push the next one.
     """
-    assert scenario.row is not None
-    bodies = [scenario.bodies[name] for name, _ in members]
+    row = scenario.transport.row
+    bodies = [scenario.task.by_name[name] for name, _ in members]
     ways = [way_through(body, face) for body, (_, face) in zip(bodies, members, strict=True)]
     first = _taken_alone(bodies[0], members[0][1])
     objects, contacts = [first.objects[0]], [first.contacts[0]]
@@ -226,32 +223,27 @@ def row_load(scenario: Scenario, members: Sequence[Member]) -> Load:
         touch = find_touch(objects[-2].outline_chain, objects[-1].outline_chain)
         if touch is None or len(touch) != 1:
             raise ChainError(f"{before!r} does not touch {name!r} along one line there")
-        contacts.append(Contact(touch[0][0], touch[0][1], scenario.row.friction[0], k, k - 1))
+        contacts.append(Contact(touch[0][0], touch[0][1], row.friction[0], k, k - 1))
         links.append(Link(name, before, ways[k].face, 0.0))
     chain = Chain(tuple(objects), tuple(contacts), first.pusher)
     stated = [
         {**body.stated["objects"][0], "pose": place.tolist()}
         for body, place in zip(bodies, chain.places, strict=True)
     ]
-    problem = replace(
-        scenario.alone(members[0][0]),
-        chain=chain,
-        interval=_intervals(bodies, chain),
-        contact_friction=None,
-        pushes=None,
-        stated={**bodies[0].stated, "objects": stated, "contacts": scenario.stated["contacts"]},
-    )
-    return Load(tuple(links), problem)
+    alone, interval = scenario.alone(members[0][0]), _intervals(bodies, chain)
+    whole = {**bodies[0].stated, "objects": stated, "contacts": scenario.transport.contacts}
+    pushed = replace(bodies[0], chain=chain, interval=interval, contact_friction=None, stated=whole)
+    return Load(tuple(links), alone.push_of(pushed, alone.goal))
 
 
 @lru_cache(maxsize=64)
-def _taken_alone(body: PlacedObject, face: str) -> Chain:
+def _taken_alone(body: PlacedLoad, face: str) -> Chain:
     """Return an object with the plate at the middle of a face; all loads that begin with it begin so."""
     at = se2.compose(body.chain.places[0], way_through(body, face).entry)
     return pushed_from(body.chain, Place((0,), face, 0.0, at, at))
 
 
-def _intervals(bodies: Sequence[PlacedObject], chain: Chain) -> IntervalChain | None:
+def _intervals(bodies: Sequence[PlacedLoad], chain: Chain) -> IntervalChain | None:
     """Return the chain with the intervals of its objects; None when all of them are numbers."""
     if all(body.interval is None for body in bodies):
         return None

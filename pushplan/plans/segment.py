@@ -17,7 +17,8 @@ from pushplan.geometry import se2
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory
-from pushplan.scenario.parts import Goal, Obstacle, PolygonObstacle
+from pushplan.scenario.goals import End, Goal
+from pushplan.scenario.parts import Obstacle, PolygonObstacle
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, CLOSE, PUSH, SEGMENT_KINDS
 
@@ -130,23 +131,38 @@ class Segment:
         if own is scenario:
             return own.with_margin(self.margin)
         end = self.contact_path.end
-        goal = Goal(end, None, end, own.goal.position_tolerance, own.goal.angle_tolerance)
+        pushed = replace(own.load, start=self.contact_path.start)
         return replace(
-            own.with_margin(self.margin),
-            start=self.contact_path.start,
-            goal=goal,
+            own.with_margin(self.margin).push_of(pushed, Goal.of_chain(end, own.goal.tolerance)),
             workspace=scenario.workspace,
             obstacles=(*scenario.obstacles, *standing_obstacles(scenario, self.standing(), (self.onto,))),
             clearance=scenario.clearance,
             trajectory=scenario.trajectory,
-            pushes=None,
             name=f"{scenario.name}: {self.load.face}",
         )
 
+    @property
+    def pushed(self) -> tuple[str, ...]:
+        """Names of the objects that are pushed."""
+        return self.load.names if self.pushes and self.load is not None else ()
+
     def standing(self) -> dict[str, FloatArray]:
         """Return where the bodies are that rest during the segment."""
-        moving = self.load.names if self.pushes and self.load is not None else ()
-        return {name: pose for name, pose in self.before.items() if name not in moving}
+        return {name: pose for name, pose in self.before.items() if name not in self.pushed}
+
+
+def end_of(scenario: Scenario, segments: tuple[Segment, ...]) -> End:
+    """Return where segments leave everything, as goals see it: a load that is the only one is exactly at its goal."""
+    last = segments[-1] if segments else None
+    pushed = {name for segment in segments for name in segment.pushed}
+    return End(
+        scenario.task.by_name,
+        scenario.poses if last is None else last.after,
+        float(scenario.plate_start[2] if last is None else last.path.end[2]),
+        scenario.workspace,
+        scenario.clearance,
+        frozenset(load.name for load in scenario.loads if load.name in pushed and len(scenario.loads) == 1),
+    )
 
 
 def standing_obstacles(scenario: Scenario, poses: Poses, leave_out: Collection[str]) -> tuple[Obstacle, ...]:

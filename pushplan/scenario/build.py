@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from itertools import combinations, product
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import shapely
@@ -14,10 +13,18 @@ from pushplan.geometry.polygon import TOUCH, overlap_depth
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.faces import ways_through
 from pushplan.scenario.chain import build_bodies, check_differ, widened
+from pushplan.scenario.goals import Poses, Row, TaskGoal
 from pushplan.scenario.layout import millimetres, outline_of
-from pushplan.scenario.model import NotOneLoad, Scenario
-from pushplan.scenario.one_load import check_pushes, check_room_for_inertia, one_load, pushes_of, shared, turned_goals
-from pushplan.scenario.parts import PlacedObject, Row
+from pushplan.scenario.loads import PlacedLoad
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.one_load import (
+    check_pushes,
+    check_room_for_inertia,
+    one_load,
+    shared,
+    transport_of,
+    turned_goals,
+)
 from pushplan.scenario.room import Attachments, placed, placement_troubles
 from pushplan.scenario.schema import GatheringFile, GoalPose, ObjectGoal, RearrangementFile
 from pushplan.scenario.source import Place, Source, shorten
@@ -44,29 +51,23 @@ def _rearrangement(source: Source, attachments: Attachments) -> Scenario | None:
     if file is None or not _names_are_known(file, source):
         return None
     check_room_for_inertia(file, source)
-    common, pushes = shared(file, source, attachments), pushes_of(file, (), source)
+    common = shared(file, source, attachments)
     found = {obj.name: _placed_object(file, i, attachments, source) for i, obj in enumerate(file.objects)}
-    bodies = {name: body for name, body in found.items() if body is not None}
-    if not bodies:
+    loads = tuple(load for load in found.values() if load is not None)
+    if not loads:
         return None
-    stated = {**next(iter(bodies.values())).stated, "contacts": file.contacts.model_dump(exclude_none=True)}
-    del stated["objects"]
-    scenario = Scenario(
-        **common,
-        **{what: cast(Any, NotOneLoad(what, bodies)) for what in ("chain", "start", "goal")},
-        stated=stated,
-        pushes=pushes,
-        bodies=bodies,
-        row=_row(file, source),
-    )
+    goals = (_row(file, source),) if isinstance(file, GatheringFile) else _poses(file, loads)
+    scenario = Scenario(**common, task=transport_of(file, loads, goals, source))
     for i, name in enumerate(found):
-        if name in bodies:
+        if found[name] is not None:
             part = _part_of(source, i, name)
             check_pushes(scenario.alone(name), ("goal", "pose"), part)
             source.take(part)
     if not source.findings:
         _check_apart(scenario, source)
-        _check_row(scenario, source)
+        for goal in scenario.task.goals:
+            if isinstance(goal, Row):
+                _check_row(scenario, goal, source)
     return scenario
 
 
@@ -85,10 +86,17 @@ def _names_are_known(file: RearrangementFile, source: Source) -> bool:
     return not source.findings
 
 
-def _row(file: RearrangementFile, source: Source) -> Row | None:
-    """Return the row that a file asks for, None where objects have goals of their own."""
-    if not isinstance(file, GatheringFile):
-        return None
+def _poses(file: RearrangementFile, loads: tuple[PlacedLoad, ...]) -> tuple[TaskGoal, ...]:
+    """Return the goals that a file states for objects, by themselves."""
+    found = []
+    for load in (load for load in loads if load.name in file.goals):
+        stated = _goals_of(file.goals[load.name], load.name)
+        found.append(Poses(load.name, tuple(goal for one in stated for goal in turned_goals(one, load.chain))))
+    return tuple(found)
+
+
+def _row(file: GatheringFile, source: Source) -> Row:
+    """Return the row that a file asks for."""
     stated, friction = file.goals.row, widened(file).contacts.friction
     names = [obj.name for obj in file.objects]
     if friction is None:
@@ -143,7 +151,7 @@ def _part_of(source: Source, i: int, name: str) -> Source:
     return source.moved(moved)
 
 
-def _placed_object(file: RearrangementFile, i: int, attachments: Attachments, source: Source) -> PlacedObject | None:
+def _placed_object(file: RearrangementFile, i: int, attachments: Attachments, source: Source) -> PlacedLoad | None:
     obj, part = file.objects[i], _part_of(source, i, file.objects[i].name)
     between = tuple(pair for pair in file.contacts.between if set(pair.objects) == {obj.name, PUSHER})
     pose = _on_the_plate(outline_of(obj.shape))
@@ -158,10 +166,8 @@ def _placed_object(file: RearrangementFile, i: int, attachments: Attachments, so
     source.take(part)
     if bodies is None:
         return None
-    aimed = not isinstance(file, GatheringFile) and obj.name in file.goals
-    goals = _goals_of(file.goals[obj.name], obj.name) if aimed else ()
-    turned = tuple(goal for one in goals for goal in turned_goals(one, bodies.chain))
-    return PlacedObject(pose=np.array(obj.pose), goals=turned, **vars(bodies))
+    start = se2.compose(np.array(obj.pose), se2.inverse(bodies.chain.objects[0].pose_chain))
+    return PlacedLoad(**{**vars(bodies), "start": start, "stated": {**bodies.stated, "pose": obj.pose}})
 
 
 def _on_the_plate(outline: FloatArray) -> tuple[float, ...] | None:
@@ -183,21 +189,20 @@ def _goals_of(stated: Any, name: str) -> tuple[GoalPose, ...]:
     return tuple(goal for one in stated for goal in _goals_of(one, name))
 
 
-def _check_row(scenario: Scenario, source: Source) -> None:
+def _check_row(scenario: Scenario, row: Row, source: Source) -> None:
     """Report a row that fits in no order and with no faces, with the robot behind it, where it shall stand."""
-    row = scenario.row
-    if row is None or scenario.pushes is None or (row.pose is None and row.wall is None):
+    if row.pose is None and row.wall is None:
         return
-    length, faces = 0.0, scenario.pushes.faces
+    length, faces, loads = 0.0, scenario.transport.faces, scenario.task.by_name
     for i, name in enumerate(row.of):
-        outline = scenario.bodies[name].chain.objects[0].outline
+        outline = loads[name].chain.objects[0].outline
         depths = [way.across[0] for way in ways_through(outline, faces) if way.across is not None]
         if not depths:
             what = f"'{name}' has no face to be pushed at that is parallel to one opposite: it stands in no row"
             source.error(("goals", "row", "of", i), what)
             return
         length += float(min(depths))
-    chain = scenario.bodies[row.of[0]].chain
+    chain = loads[row.of[0]].chain
     plate = float(chain.pusher.plate_pose[0])
     behind = plate - min(float(body.outline[:, 0].min()) for body in chain.carried)
     area = scenario.workspace
@@ -220,35 +225,31 @@ def _check_row(scenario: Scenario, source: Source) -> None:
 
 def _check_apart(scenario: Scenario, source: Source) -> None:
     """Report objects that touch one another at first, and those that cannot all be at their goals."""
-    names, kept = list(scenario.bodies), scenario.clearance
-    standing = {name: _area(body.chain, body.start) for name, body in scenario.bodies.items()}
+    loads, kept = scenario.task.by_name, scenario.clearance
+    names = list(loads)
+    standing = {name: _area(load.chain, load.start) for name, load in loads.items()}
     for one, other in combinations(names, 2):
         gap = float(standing[one].distance(standing[other]))
         if gap < kept:
-            there = (_outlines(scenario.bodies[name].chain, scenario.bodies[name].start) for name in (one, other))
+            there = (_outlines(loads[name].chain, loads[name].start) for name in (one, other))
             depth = max(overlap_depth(a, b) for a, b in product(*there))
             where = f"overlaps '{one}' by {millimetres(depth)}" if depth else f"is {millimetres(gap)} from '{one}'"
             what = f"'{other}' {where}; allowed: at least {millimetres(kept)} apart"
             source.error(("objects", names.index(other), "pose"), what)
-    for name, what in overlapping_goals({name: scenario.alone(name) for name in scenario.goals}).items():
+    for name, what in overlapping_goals(scenario).items():
         source.error(("goals", name), what)
 
 
-def overlapping_goals(scenarios: Mapping[str, Scenario]) -> dict[str, str]:
-    """Return in words which objects cannot be at their goals together with another, by the name of the later one.
-
-    Args:
-        scenarios: The problem of each object that has goals, alone in the room, by its name.
-    """
-    ends, found = dict[str, list[shapely.MultiPolygon]](), dict[str, str]()
-    for name, scenario in scenarios.items():  # at each goal, and at the start where that reaches one
-        goals = (scenario.goal,) if scenario.pushes is None else scenario.pushes.goals
+def overlapping_goals(scenario: Scenario) -> dict[str, str]:
+    """Return in words which loads cannot be at their goals together with another, by the name of the later one."""
+    ends, found, kept = dict[str, list[shapely.MultiPolygon]](), dict[str, str](), scenario.clearance
+    for name, goals in scenario.goals.items():  # at each goal, and at the start where that reaches one
+        load = scenario.task.by_name[name]
         poses = [goal.pose_chain for goal in goals]
-        poses += [scenario.start for goal in goals if goal.is_reached(scenario.start)]
-        ends[name] = [_area(scenario.chain, pose) for pose in poses]
+        poses += [load.start for goal in goals if goal.is_reached(load.start)]
+        ends[name] = [_area(load.chain, pose) for pose in poses]
     for one, other in combinations(ends, 2):
         gap = max(float(a.distance(b)) for a in ends[one] for b in ends[other])
-        kept = scenarios[other].clearance
         if gap < kept:
             found[other] = (
                 f"at their goals, '{one}' and '{other}' are {millimetres(gap)} apart; "

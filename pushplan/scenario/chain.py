@@ -24,7 +24,7 @@ from pushplan.mechanics.support import (
 from pushplan.scenario import bodies, schema
 from pushplan.scenario.contacts import find_segments, make_contacts
 from pushplan.scenario.layout import Layout, Part, describe_overlap, lay_out, outline_of
-from pushplan.scenario.parts import Bodies
+from pushplan.scenario.loads import Bodies
 from pushplan.scenario.schema import RoomFile
 from pushplan.scenario.source import Source
 from pushplan.scenario.units import Span, lowest, middle

@@ -29,7 +29,7 @@ def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
         what = f"'{scenario.stability.set}' needs to know how loads rest on the floor, which is not stated for "
         what += f"{', '.join(map(repr, unknown))}; allowed: {others}, or a support with known loads"
         return (_finding(scenario, ("stability", "set"), what),)
-    if scenario.pushes is not None:
+    if not scenario.task.held:
         return ()
     from pushplan.sets.known_load_sets import emptiness
 

@@ -17,7 +17,7 @@ from pushplan.errors import ChainError
 from pushplan.geometry import se2
 from pushplan.geometry.polygon import SHORTEST_CONTACT, TOUCH, find_touch, overlap_depth, simple_polygon
 from pushplan.scenario.bodies import BoxShape, PolygonShape
-from pushplan.scenario.parts import Snapped, Snapping
+from pushplan.scenario.loads import Snapped, Snapping
 from pushplan.scenario.schema import Snap
 from pushplan.scenario.source import Source
 from pushplan.util.arrays import FloatArray

@@ -1,121 +1,72 @@
-"""A push problem: a chain, where it stands, where it shall go, and what is in the way."""
+"""A scenario: what stands in the room, the task, and the settings."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
-import math
-from collections.abc import Iterable, Iterator, Mapping
-from copy import deepcopy
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from pushplan.errors import ChainError, PushplanError
-from pushplan.geometry import polygon, se2
+from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, PushedObject, Pusher, outline_of_all
 from pushplan.mechanics.intervals import IntervalChain
-from pushplan.scenario.parts import (
-    DEFAULT_TOLERANCE,
-    Goal,
-    Obstacle,
-    PlacedObject,
-    Pushes,
-    Row,
-    Snapping,
-    Task,
-    Workspace,
-)
-from pushplan.scenario.schema import PlannerSettings, PushChoice, StabilitySettings, Uncertainty
+from pushplan.scenario.goals import Goal, Poses
+from pushplan.scenario.loads import PlacedLoad
+from pushplan.scenario.parts import Obstacle, Workspace
+from pushplan.scenario.schema import PlannerSettings, StabilitySettings, Uncertainty
 from pushplan.scenario.source import Source
+from pushplan.scenario.task import Push, Task, Transport
 from pushplan.util import names
-from pushplan.util.arrays import FloatArray, frozen
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from pushplan.sets.stable_set import StableSet
 
-
-class NotOneLoadError(PushplanError, AttributeError):
-    """What is asked of one load is asked of a scenario whose objects stand apart."""
-
-
-class NotOneLoad:
-    """Stands for chain, start and goal of a scenario whose objects stand apart: whoever uses it is told so.
-
-    Args:
-        what: `chain`, `start` or `goal`.
-        names: Of the objects.
-    """
-
-    def __init__(self, what: str, names: Iterable[str]) -> None:
-        self._what, self._names = what, tuple(names)
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        raise self._error()
-
-    def __array__(self, *_: object, **__: object) -> FloatArray:
-        raise self._error()
-
-    def __iter__(self) -> Iterator[float]:
-        raise self._error()
-
-    def __getitem__(self, _: object) -> float:
-        raise self._error()
-
-    def _error(self) -> NotOneLoadError:
-        known = ", ".join(f"'{name}'" for name in self._names)
-        return NotOneLoadError(
-            f"the objects of the scenario stand apart, and no {self._what} for all; "
-            f"allowed: scenario.alone(name), the name one of {known}"
-        )
+MOVED = {
+    "pushes": "scenario.transport",
+    "bodies": "scenario.loads",
+    "row": "scenario.transport.row",
+    "tasks": "scenario.loads and scenario.goals",
+    "stated": "scenario.load.stated",
+    "snapping": "scenario.load.snapping",
+    "with_row_at": "scenario.settled",
+    "row_order": "scenario.transport.row.order_at",
+}
+"""Attributes of earlier versions, and where their content is now."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """A push problem, checked and resolved; equal to another when it states the same problem.
+    """A planning problem, checked and resolved; equal to another when it states the same problem.
 
-    It is for one load, which the plate touches (`kind` is push) or which stands anywhere (multi-push), or for several
-    objects that stand apart (rearrangement). These are `bodies`, and have no chain, start and goal in common.
+    Properties such as `chain`, `start` and `goal` are those of the load, where the task has one.
 
     Attributes:
         name: For people.
         path: The file that it was read from.
         source: The bytes of that file.
-        origin: The file as it was read, for messages about places in it; None where there is none.
-        chain: The objects, their contacts and the pusher. Where the file states an interval, the middle stands for a
-            load or floor friction, and the lowest value for a contact friction.
+        task: The loads with their goals, and where the robot is: a `Push` or a `Transport`.
         floor_friction: Coefficient, or interval, between the floor and objects that do not state their own.
-        start: (3,) pose of the chain frame in the world.
-        goal: Where to bring the chain.
-        workspace: Where the chain may be; None leaves it free to go anywhere.
+        workspace: Where robot and objects may be; None leaves them free to go anywhere.
         obstacles: What is in the way.
-        clearance: Distance that pusher and objects keep from obstacles and walls, m.
+        clearance: Distance that robot and objects keep from obstacles and walls, m.
         stability: The stable set and the margin to keep.
         planner: How to search.
         trajectory: How to time the path, one of `names.TRAJECTORIES`.
         attachments: Bytes of the files that the scenario refers to, by the name that it uses.
-        stated: What the file states of objects, contacts, pusher and robot, with all defaults filled in.
-        interval: The chain with the intervals of masses, loads and floor frictions; None when all are numbers.
-        uncertainty: The shares that made intervals of stated numbers; `interval` and `chain` hold these.
-        contact_friction: (n, 2) least and largest coefficient of every contact; None stands for the chain's.
-        snapping: How measured poses were moved onto their contacts; None when the file does not ask for it.
-        pushes: Where the robot is when several pushes are asked for, and how to choose them; None stands for one push
-            with the plate in contact.
-        bodies: The objects that stand apart, by name; none where there is one load.
-        row: What some of `bodies` shall stand in; None where each has goals of its own. Only a plan says which place
-            in it each one has, see `with_row_at`.
+        uncertainty: The shares that made intervals of stated numbers; the loads hold these.
+        origin: The file as it was read, for messages about places in it; None where there is none.
     """
 
     name: str
     path: Path
     source: bytes
-    chain: Chain
+    task: Task
     floor_friction: float | tuple[float, float]
-    start: FloatArray
-    goal: Goal
     workspace: Workspace | None = None
     obstacles: tuple[Obstacle, ...] = ()
     clearance: float = names.COLLISION_CLEARANCE
@@ -123,108 +74,127 @@ class Scenario:
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     trajectory: str = names.DEFAULT_TRAJECTORY
     attachments: Mapping[str, bytes] = field(default_factory=dict)
-    stated: Mapping[str, Any] = field(default_factory=dict)
-    interval: IntervalChain | None = None
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
-    contact_friction: FloatArray | None = None
-    snapping: Snapping | None = None
-    pushes: Pushes | None = None
-    bodies: Mapping[str, PlacedObject] = field(default_factory=dict)
-    row: Row | None = None
     origin: Source | None = field(default=None, repr=False)
 
-    def __post_init__(self) -> None:
-        if not self.bodies:
-            object.__setattr__(self, "start", frozen(self.start, (3,), "start"))
+    if not TYPE_CHECKING:  # type checkers report the names themselves
+
+        def __getattr__(self, name: str) -> Any:
+            """Say where an attribute of earlier versions is now."""
+            if name in MOVED:
+                raise AttributeError(f"Scenario.{name} is {MOVED[name]} now")
+            raise AttributeError(f"'Scenario' has no attribute {name!r}")
 
     def __repr__(self) -> str:
         """Say what it is in a line."""
-        names = list(self.bodies) or [obj.name for obj in self.chain.objects]
-        return f"<Scenario {self.name!r}: {self.kind} of {', '.join(names)}>"
+        return f"<Scenario {self.name!r}: {self.kind} of {', '.join(self.poses)}>"
+
+    # --- the task ---
 
     @property
-    def kind(self) -> Literal["push", "multi-push", "rearrangement"]:
-        """What is asked for: one push, several pushes of one load, or several objects each to a goal of its own."""
-        if self.bodies:
-            return "rearrangement"
-        return "push" if self.pushes is None else "multi-push"
+    def kind(self) -> str:
+        """What messages call the task: `push`, `multi-push` (one load) or `rearrangement` (several)."""
+        return self.task.kind
+
+    @property
+    def loads(self) -> tuple[PlacedLoad, ...]:
+        """All loads."""
+        return self.task.loads
 
     @property
     def goals(self) -> dict[str, tuple[Goal, ...]]:
-        """The goals of each of `bodies` that has any; any of an object's goals will do."""
-        return {name: body.goals for name, body in self.bodies.items() if body.goals}
+        """The poses that each load may be brought to, any of which will do, by name; only loads that have any."""
+        return self.task.candidates
 
-    def with_row_at(self, poses: Mapping[str, FloatArray]) -> Scenario:
-        """Return the scenario with goals for the objects of its row: the poses (3,) that a plan has them at.
-
-        A plan for some of them, as replans are, says nothing of the row.
-        """
-        if self.row is None or not set(self.row.of) <= set(poses):
-            return self
-        bodies = dict(self.bodies)
-        for name in self.row.of:
-            body = bodies[name]
-            obj, goals = body.chain.objects[0], []
-            for turn in polygon.symmetries(obj.outline):  # a row that looks the same is the same
-                pose = se2.compose(poses[name], turn)
-                there = se2.compose(pose, se2.inverse(obj.pose_chain))
-                goals.append(Goal(pose, name, there, *self.row.tolerance))
-            bodies[name] = dataclasses.replace(body, goals=tuple(goals))
-        return dataclasses.replace(self, bodies=bodies)
-
-    def row_order(self, poses: Mapping[str, FloatArray], heading: float) -> tuple[str, ...]:
-        """Return the objects of the row, from its rear to its front, where they stand at poses (3,).
-
-        Args:
-            poses: By name.
-            heading: Direction in the world that the row is pushed along, rad.
-        """
-        assert self.row is not None
-        ahead = [math.cos(heading), math.sin(heading)]
-
-        def front(name: str) -> float:
-            outline = self.bodies[name].chain.objects[0].outline
-            return float((se2.transform_points(poses[name], outline) @ ahead).max())
-
-        return tuple(sorted(self.row.of, key=front))
-
-    def alone(self, name: str) -> Scenario:
-        """Return the problem of one of `bodies`, alone in the same room.
-
-        One without goals has its own place for a goal.
+    @property
+    def load(self) -> PlacedLoad:
+        """The load, where there is one.
 
         Raises:
-            ChainError: When no object has that name.
+            NotOneLoadError: If there are several.
         """
-        if name not in self.bodies or self.pushes is None:
-            raise ChainError(f"no object is called {name!r}; there are {', '.join(self.bodies)}")
+        return self.task.load
+
+    @property
+    def chain(self) -> Chain:
+        """The chain of the load. See `load`."""
+        return self.load.chain
+
+    @property
+    def start(self) -> FloatArray:
+        """(3,) pose of the load's chain frame in the world. See `load`."""
+        return self.load.start
+
+    @property
+    def goal(self) -> Goal:
+        """The first goal of the load. See `load`."""
+        return self.goals[self.load.name][0]
+
+    @property
+    def interval(self) -> IntervalChain | None:
+        """The load's chain with its intervals; None when all are numbers. See `load`."""
+        return self.load.interval
+
+    @property
+    def contact_friction(self) -> FloatArray | None:
+        """(n, 2) least and largest coefficient of every contact; None stands for the chain's. See `load`."""
+        return self.load.contact_friction
+
+    @property
+    def transport(self) -> Transport:
+        """The task, where the robot stands anywhere.
+
+        Raises:
+            PushplanError: If the plate is in contact at the start.
+        """
+        if isinstance(self.task, Transport):
+            return self.task
+        raise PushplanError("the scenario asks for one push with the plate in contact: it has no robot.start")
+
+    def with_task(self, **changes: Any) -> Scenario:
+        """Return the scenario with other fields in its task."""
+        return dataclasses.replace(self, task=dataclasses.replace(self.task, **changes))
+
+    def with_load(self, **changes: Any) -> Scenario:
+        """Return the scenario with other fields in its load. See `load`."""
+        return self.with_task(loads=(dataclasses.replace(self.load, **changes),))
+
+    def with_goal(self, goal: Goal) -> Scenario:
+        """Return the scenario with another goal for its load. See `load`."""
+        return self.with_task(goals=(Poses(self.load.name, (goal,)),))
+
+    def push_of(self, load: PlacedLoad, goal: Goal | None = None) -> Scenario:
+        """Return the push problem of a load with the plate in contact, in the same room with the same settings."""
+        return dataclasses.replace(self, task=Push.of(load, goal))
+
+    def settled(self, poses: Mapping[str, FloatArray]) -> Scenario:
+        """Return the scenario once a plan has said where objects end: at poses (3,) by name."""
+        goals = tuple(goal.settled(self.task.by_name, poses) for goal in self.task.goals)
+        same = all(one is other for one, other in zip(goals, self.task.goals, strict=True))
+        return self if same else self.with_task(goals=goals)
+
+    def alone(self, name: str) -> Scenario:
+        """Return the problem of one load, alone in the same room.
+
+        A load without goals has its own place for a goal.
+
+        Raises:
+            ChainError: When no load has that name.
+        """
+        if name not in self.task.by_name:
+            raise ChainError(f"no object is called {name!r}; there are {', '.join(self.task.by_name)}")
         if name not in self._alone:
-            self._alone[name] = self._made_alone(name, self.pushes)
+            one = dataclasses.replace(self, source=b"", origin=None, task=self.transport.alone(name))
+            self._alone[name] = dataclasses.replace(one, source=one.to_json().encode())
         return self._alone[name]
+
+    def each_alone(self) -> list[Scenario]:
+        """Return the problem of each load by itself: the scenario where it is of one load."""
+        return [self] if self.task.one_load else [self.alone(load.name) for load in self.loads]
 
     @cached_property
     def _alone(self) -> dict[str, Scenario]:
         return {}
-
-    def _made_alone(self, name: str, pushes: Pushes) -> Scenario:
-        body = self.bodies[name]
-        start = body.start
-        goals = body.goals or (Goal(body.pose, name, start, *DEFAULT_TOLERANCE),)
-        one = dataclasses.replace(
-            self,
-            source=b"",
-            origin=None,
-            chain=body.chain,
-            start=start,
-            goal=goals[0],
-            stated=body.stated,
-            interval=body.interval,
-            contact_friction=body.contact_friction,
-            pushes=dataclasses.replace(pushes, goals=goals),
-            bodies={},
-            row=None,
-        )
-        return dataclasses.replace(one, source=one.to_json().encode())
 
     def stable_set(self, name: str | None = None) -> StableSet:
         """Return the stable set of the chain; where the file states intervals, the one that holds for all of them.
@@ -243,53 +213,42 @@ class Scenario:
     @property
     def pusher(self) -> Pusher:
         """The plate and the robot that carries it."""
-        return self.tasks[0].chain.pusher
+        return self.loads[0].chain.pusher
 
     @property
     def footprint(self) -> FloatArray:
         """(v, 2) outline of all that moves with the robot, in the frame of its base, m, counter-clockwise.
 
-        That is robot and plate and, of a single push, the objects, which the plate never leaves.
+        That is robot and plate, and the objects that the plate touches at the start: it never leaves them.
         """
-        chain = self.tasks[0].chain
-        around = outline_of_all(chain.bodies if self.kind == "push" else chain.carried)
-        return se2.transform_points(se2.inverse(chain.pusher.base_pose), around)
+        parts = [body for load in self.task.held for body in load.chain.bodies] or list(self.loads[0].chain.carried)
+        return se2.transform_points(se2.inverse(self.pusher.base_pose), outline_of_all(tuple(parts)))
 
     @property
     def has_intervals(self) -> bool:
         """Whether masses, loads or floor frictions are intervals."""
-        return any(body.interval is not None for body in self.bodies.values()) or self.interval is not None
+        return any(load.interval is not None for load in self.loads)
 
     @property
     def states_intervals(self) -> bool:
         """Whether contact frictions, masses, loads or floor frictions are intervals."""
-        frictions = [self.contact_friction, *(body.contact_friction for body in self.bodies.values())]
+        frictions = [load.contact_friction for load in self.loads]
         return self.has_intervals or any(f is not None and bool((f[:, 0] < f[:, 1]).any()) for f in frictions)
 
     @cached_property
-    def tasks(self) -> tuple[Task, ...]:
-        """What has to be brought where, one for each load that is pushed on its own."""
-        if self.bodies:
-            return tuple(Task(body.chain, body.start, body.goals) for body in self.bodies.values())
-        goals = (self.goal,) if self.pushes is None else self.pushes.goals
-        return (Task(self.chain, self.start, goals),)
-
-    @property
     def objects(self) -> tuple[PushedObject, ...]:
         """All objects, in the order of `poses`."""
-        return tuple(obj for task in self.tasks for obj in task.chain.objects)
+        return tuple(obj for load in self.loads for obj in load.chain.objects)
 
     @property
     def poses(self) -> dict[str, FloatArray]:
         """(3,) poses of all objects' own frames in the world before anything moves, by name."""
-        return {name: pose for task in self.tasks for name, pose in task.poses(task.start).items()}
+        return {name: pose for load in self.loads for name, pose in load.poses().items()}
 
     @property
     def plate_start(self) -> FloatArray:
         """(3,) pose of the plate frame in the world before anything moves."""
-        if self.pushes is not None:
-            return self.pushes.robot_start
-        return se2.compose(self.start, self.chain.pusher.plate_pose)
+        return self.task.plate_start
 
     @property
     def required_margin(self) -> float:
@@ -309,9 +268,7 @@ class Scenario:
         Raises:
             PushplanError: Where one push is asked for, with the plate in contact.
         """
-        if self.pushes is None:
-            raise PushplanError("the scenario asks for one push: it has no robot.start")
-        return se2.compose(self.pushes.robot_start, se2.inverse(self.chain.pusher.plate_pose))
+        return se2.compose(self.transport.robot_start, se2.inverse(self.pusher.plate_pose))
 
     def with_margin(self, margin: float | Literal["auto"]) -> Scenario:
         """Return the scenario with another `stability.margin`."""
@@ -330,24 +287,22 @@ class Scenario:
 
         All numbers are SI and finite; every object has its pose. Read again, it gives an equal scenario.
         """
-        # Shares stay shares: what they stand for is made of them again. Of several pushes only some settings bear.
+        # Shares stay shares: what they stand for is made of them again.
         shares, planner, area = self.uncertainty.model_dump(), self.planner.model_dump(), self.workspace
-        if self.pushes is not None:
-            planner = {key: planner[key] for key in ("time_limit", "seed", "gap")}
+        kept = self.task.planner_keys
         room = {} if area is None else {"workspace": {"x": [area.xmin, area.xmax], "y": [area.ymin, area.ymax]}}
         return {
             "format": names.SCENARIO_FORMAT,
             "name": self.name,
             "floor": {"friction": self.floor_friction},
             **({"uncertainty": shares} if any(shares.values()) else {}),
-            **_resolved_bodies(self),
-            **_resolved_task(self),
+            **self.task.document(),
             **room,
             "obstacles": [obstacle.document() for obstacle in self.obstacles],
             "clearance": self.clearance,
             "stability": self.stability.model_dump(),
             "trajectory": self.trajectory,
-            "planner": planner,
+            "planner": {key: value for key, value in planner.items() if kept is None or key in kept},
         }
 
     def to_json(self) -> str:
@@ -366,49 +321,3 @@ class Scenario:
 
     def __hash__(self) -> int:
         return hash((self.name, self.floor_friction))
-
-
-def _resolved_bodies(scenario: Scenario) -> dict[str, Any]:
-    """Return objects, contacts, pusher and robot, and where they are."""
-    stated = deepcopy(dict(scenario.stated))
-    if scenario.pushes is not None:
-        stated["robot"] = {**stated.get("robot", {}), "start": scenario.pushes.robot_start.tolist()}
-    if not scenario.bodies:
-        return {**stated, "start": scenario.start.tolist()}
-    objects = []
-    for body in scenario.bodies.values():
-        (obj,) = deepcopy(body.stated["objects"])
-        del obj["offset"]
-        objects.append({**obj, "pose": body.pose.tolist()})
-    return {**stated, "objects": objects}
-
-
-def _resolved_task(scenario: Scenario) -> dict[str, Any]:
-    """Return goals and pushes; which contacts these may choose is among what the file states of the pusher."""
-    pushes = scenario.pushes
-    if pushes is None:
-        return {"goal": _resolved_goal(scenario.goal)}
-    choice = {"pushes": {name: getattr(pushes, name) for name in PushChoice.model_fields}}
-    if not scenario.bodies:
-        return {"goal": [_resolved_goal(goal) for goal in pushes.goals], **choice}
-    if scenario.row is not None:
-        return {"goals": {"row": _resolved_row(scenario.row)}, "gather": scenario.row.gather, **choice}
-    goals = {name: [_resolved_goal(goal) for goal in goals] for name, goals in scenario.goals.items()}
-    for goal in (goal for several in goals.values() for goal in several):
-        del goal["of"]
-    return {"goals": goals, **choice}
-
-
-def _resolved_row(row: Row) -> dict[str, Any]:
-    place: dict[str, Any] = {"anywhere": True} if row.wall is None else {"wall": row.wall}
-    if row.pose is not None:
-        place = {"pose": row.pose.tolist()}
-    tolerance = {"position": row.tolerance[0], "angle": row.tolerance[1]}
-    found = {"of": list(row.of), **place, "order": row.order, "tolerance": tolerance}
-    return {**found, "placed": list(row.placed)} if row.placed else found
-
-
-def _resolved_goal(goal: Goal) -> dict[str, Any]:
-    of = {} if goal.of is None else {"of": goal.of}
-    tolerance = {"position": goal.position_tolerance, "angle": goal.angle_tolerance}
-    return {"pose": goal.pose.tolist(), **of, "tolerance": tolerance}

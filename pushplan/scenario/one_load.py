@@ -15,12 +15,14 @@ from pushplan.geometry.polygon import overlap_depth
 from pushplan.mechanics.chain import Body, BodyKind, Chain
 from pushplan.scenario import schema
 from pushplan.scenario.chain import build_bodies
+from pushplan.scenario.goals import Goal, Poses, TaskGoal
 from pushplan.scenario.layout import millimetres
+from pushplan.scenario.loads import PlacedLoad
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import Goal, Pushes
 from pushplan.scenario.room import Attachments, build_surroundings, placed, placement_troubles
 from pushplan.scenario.schema import GoalPose, RearrangementFile, RoomFile, ScenarioFile
 from pushplan.scenario.source import Place, Source
+from pushplan.scenario.task import Push, Transport
 from pushplan.scenario.validation import salvage, unknown_object, validate
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import DEFAULT_PLANNER, RANKED_BY, TRANSIT_CLEARANCE
@@ -81,17 +83,15 @@ def one_load(source: Source, attachments: Attachments) -> Scenario | None:
         return None
     check_room_for_inertia(file, source)
     _check_for_several_only(file, source)
+    load = PlacedLoad(start=np.array(file.start), **vars(bodies))
     goals = tuple(goal for one in stated.values() for goal in turned_goals(one, bodies.chain))
-    scenario = Scenario(
-        **shared(file, source, attachments),
-        **vars(bodies),
-        start=np.array(file.start),
-        goal=goals[0],
-        pushes=pushes_of(file, goals, source),
-    )
+    several = file.robot.start is not None
+    goal = Poses(load.name, goals)
+    task = transport_of(file, (load,), (goal,), source) if several else Push((load,), (goal,))
+    scenario = Scenario(**shared(file, source, attachments), task=task)
     if doubtful & {"workspace", "obstacles", "clearance"}:
         return None
-    if scenario.pushes is None:
+    if not several:
         for what, place, pose in (
             ("start", ("start",), scenario.start),
             ("goal", ("goal", "pose"), scenario.goal.pose_chain),
@@ -153,10 +153,11 @@ def _check_for_several_only(file: ScenarioFile, source: Source) -> None:
         source.error(place, what, at_key=True)
 
 
-def pushes_of(file: RoomFile, goals: tuple[Goal, ...], source: Source) -> Pushes | None:
-    """Return what several pushes start from and may choose, or None where one push is asked for."""
-    if file.robot.start is None:
-        return None
+def transport_of(
+    file: RoomFile, loads: tuple[PlacedLoad, ...], goals: tuple[TaskGoal, ...], source: Source
+) -> Transport:
+    """Return the transport of loads: from where the robot starts, and which contacts it may choose."""
+    assert file.robot.start is not None  # a file of several objects has one
     for name in sorted(file.planner.model_fields_set - _OF_SEVERAL):
         what = "is for a single push; multi-push plans (robot.start) are weighed by what 'pushes' says"
         source.error(("planner", name), what, at_key=True)
@@ -167,23 +168,24 @@ def pushes_of(file: RoomFile, goals: tuple[Goal, ...], source: Source) -> Pushes
     if isinstance(file, RearrangementFile) and "transit_weight" not in choice.model_fields_set:
         choice = choice.model_copy(update={"transit_weight": 1.0})  # half of the way is from one object to the next
     faces = None if plate.faces in (None, "all") else tuple(plate.faces)
-    return Pushes(np.array(file.robot.start), goals, faces, plate.offsets or (0.0,), **choice.model_dump())
+    contacts = file.contacts.model_dump(exclude_none=True)
+    offsets = plate.offsets or (0.0,)
+    return Transport(loads, goals, np.array(file.robot.start), contacts, faces, offsets, **choice.model_dump())
 
 
 def check_pushes(scenario: Scenario, goal: Place, source: Source) -> None:
     """Report what cannot be several pushes: short paths, what is not free at first, or at any goal, for the first."""
-    pushes = scenario.pushes
-    assert pushes is not None
+    task = scenario.transport
     for name in ("approach", "retreat"):
         kept = max(scenario.clearance, TRANSIT_CLEARANCE)
         least = kept + _NEAREST
-        if getattr(pushes, name) < least:
+        if getattr(task, name) < least:
             why = f"the robot keeps {kept:.6g} m from the objects when it drives on"
-            what = f"is {getattr(pushes, name):.6g} m, and {why}; allowed: at least {least:.6g}"
+            what = f"is {getattr(task, name):.6g} m, and {why}; allowed: at least {least:.6g}"
             source.error(("pushes", name), what)
     for place, what in troubles_at_first(scenario):
         source.error(place, what)
-    taken = [list(troubles_at(scenario, one.pose_chain, "goal")) for one in pushes.goals]
+    taken = [list(troubles_at(scenario, one.pose_chain, "goal")) for one in scenario.goals[scenario.load.name]]
     if all(taken):
         for what in taken[0]:
             source.error(goal, what)

@@ -12,7 +12,7 @@ from pydantic.json_schema import models_json_schema
 
 from pushplan.scenario import bodies as b
 from pushplan.scenario import fields as t
-from pushplan.scenario.parts import DEFAULT_TOLERANCE, TOLERANCE_OF_SEVERAL
+from pushplan.scenario.goals import DEFAULT_TOLERANCE, TOLERANCE_OF_SEVERAL
 from pushplan.scenario.units import fault
 from pushplan.util import names
 

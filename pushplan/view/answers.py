@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from pushplan.errors import EmptyStableSetError, PlanningError, ScenarioError
-from pushplan.planners.planner import Planner
+from pushplan.planner import Planner
 from pushplan.plans.plan import Plan
 from pushplan.plans.settings import Observer
 from pushplan.scenario.model import Scenario
@@ -88,28 +88,29 @@ class Answers:
         observer = Observer(self._observer.message, cancelled=stop) if stop is not None else self._observer
         try:
             planner = self._for(draft, scenario)
-            goals = np.array([goal.pose_chain for goal in scenario.tasks[0].goals]).reshape(-1, 3)
-            one = kind != "rearrangement"
+            load = scenario.load if scenario.task.one_load else None
+            goals = None if load is None else np.array([goal.pose_chain for goal in scenario.goals[load.name]])
             ask = partial(
                 planner.plan,
-                scenario.start if one else None,
-                goals if one else None,
-                robot=draft.poses[ROBOT] if kind == "multi-push" else None,
+                None if load is None else load.start,
+                goals,
+                robot=None if load is None else draft.poses.get(ROBOT),
                 timed=stage != "path",
                 observer=observer,
             )
-            plan = ask(time_limit=SHORTENING, explain=False) if first and kind == "push" else None
+            held = scenario.task.held
+            plan = ask(time_limit=SHORTENING, explain=False) if first and held else None
             if plan is None or not plan.solved:
                 limit = (SEARCH if first else POLISHING)[kind]
                 plan = ask(time_limit=limit, explain=stage != "path", first=first)
         except (EmptyStableSetError, PlanningError) as error:
             return Answer(draft, scenario, None, None, (str(error),), stage)
-        stable = planner.stable if kind == "push" else None
+        stable = planner.stable if held else None
         return Answer(draft, scenario, stable, plan, tuple(plan.why_not), stage)
 
     def _for(self, draft: Draft, scenario: Scenario) -> Planner:
         """Return what plans for the draft's load in its room; where objects stand apart, all is prepared again."""
-        if scenario.kind == "rearrangement":
+        if not scenario.task.one_load:
             return Planner(scenario, observer=self._observer)
         if not np.array_equal(self._slides, draft.slides):
             self._planner = Planner(scenario, observer=self._observer)

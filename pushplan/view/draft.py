@@ -13,6 +13,7 @@ import yaml
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PLATE
 from pushplan.scenario.file import scenario_from_document
+from pushplan.scenario.goals import Row
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import CircleObstacle, Obstacle, PolygonObstacle
 from pushplan.util.arrays import FloatArray, frozen
@@ -55,19 +56,19 @@ class Draft:
     def of(cls, scenario: Scenario) -> Self:
         """Return a scenario with nothing moved yet."""
         poses: dict[str, FloatArray] = {}
-        if scenario.kind == "rearrangement":
-            poses |= {f"{START}/{name}": body.pose for name, body in scenario.bodies.items()}
-            if scenario.row is None:
-                poses |= {f"{GOAL}/{name}": goals[0].pose for name, goals in scenario.goals.items()}
-            elif scenario.row.pose is not None:
-                poses[f"{GOAL}/row"] = scenario.row.pose
+        task = scenario.task
+        if task.one_load:
+            poses |= {START: scenario.start, GOAL: scenario.goal.pose_chain}
         else:
-            poses |= {START: scenario.start, GOAL: scenario.tasks[0].goals[0].pose_chain}
-        if scenario.pushes is not None:
-            poses[ROBOT] = scenario.pushes.robot_start
+            poses |= {f"{START}/{load.name}": load.pose for load in scenario.loads}
+            poses |= {f"{GOAL}/{name}": goals[0].pose for name, goals in scenario.goals.items()}
+            rows = (goal for goal in task.goals if isinstance(goal, Row))
+            poses |= {f"{GOAL}/row": row.pose for row in rows if row.pose is not None}
+        if not task.held:
+            poses[ROBOT] = scenario.plate_start
         for k, obstacle in enumerate(scenario.obstacles):
             poses[f"obstacle/{k}"] = np.array([*obstacle.box.mean(axis=0), 0.0])
-        return cls(scenario, poses, np.zeros(len(scenario.chain.objects) if scenario.kind == "push" else 0))
+        return cls(scenario, poses, np.zeros(sum(len(load.names) for load in task.held)))
 
     def moved(self, key: str, pose: FloatArray) -> Self:
         """Return the draft with something elsewhere."""
@@ -116,19 +117,17 @@ class Draft:
     def document(self) -> dict[str, Any]:
         """Return the draft in the form of a scenario file, nothing left open."""
         document = self.original.resolved()
-        if self.original.kind == "rearrangement":
+        if self.original.task.one_load:
+            self._move_load(document)
+        else:
             for stated in document["objects"]:
                 stated["pose"] = self.poses[f"{START}/{stated['name']}"].tolist()
-            row = document["goals"] if self.original.row is not None else {}
             if f"{GOAL}/row" in self.poses:
-                row["row"]["pose"] = self.poses[f"{GOAL}/row"].tolist()
-            for name, goals in document["goals"].items() if not row else ():
-                first = self.original.goals[name][0].pose
-                for goal in goals:
-                    pose = se2.compose(self.poses[f"{GOAL}/{name}"], se2.relative(first, goal["pose"]))
+                document["goals"]["row"]["pose"] = self.poses[f"{GOAL}/row"].tolist()
+            for name, goals in self.original.goals.items():
+                for goal in document["goals"][name]:
+                    pose = se2.compose(self.poses[f"{GOAL}/{name}"], se2.relative(goals[0].pose, goal["pose"]))
                     goal["pose"] = pose.tolist()
-        else:
-            self._move_load(document)
         if ROBOT in self.poses:
             document["robot"]["start"] = self.poses[ROBOT].tolist()
         document["obstacles"] = [obstacle.document() for obstacle in self.obstacles]
@@ -142,8 +141,8 @@ class Draft:
             document["objects"][0]["offset"] += float(self.shifts[0, 1])
         document["start"] = se2.compose(self.poses[START], np.array([*self.frame, 0.0])).tolist()
         goals = document["goal"] if isinstance(document["goal"], list) else [document["goal"]]
-        chain, first = self.original.chain, self.original.tasks[0].goals[0].pose_chain
-        for stated, goal in zip(goals, self.original.tasks[0].goals, strict=True):
+        chain, first = self.original.chain, self.original.goal.pose_chain
+        for stated, goal in zip(goals, self.original.goals[self.original.load.name], strict=True):
             pose = se2.compose(self.poses[GOAL], se2.relative(first, goal.pose_chain))
             if goal.of is not None:
                 pose = se2.compose(pose, document["objects"][chain.index_of(goal.of)]["pose"])

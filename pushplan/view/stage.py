@@ -52,7 +52,7 @@ class Stage:
         self._drawn: dict[str, Any] = {}
         self._handles: dict[str, tuple[Any, Moved]] = {}
         self._obstacles: list[tuple[Any, str]] = []
-        self.handle_size = 0.8 * max(task.chain.reach for task in draft.original.tasks)
+        self.handle_size = 0.8 * max(load.chain.reach for load in draft.original.loads)
         scene.set_up_direction("+z")
         # Without a graphics card shadows cost most of the time; viser's lights, standard material and grid cost
         # half of the rest (a picture took 44 ms, and takes 26, on two cores).

@@ -268,7 +268,7 @@ class Window:
     def _look_at_all(self) -> None:
         window = Scene.of(self.draft.original).window
         x, y = 0.5 * (window.xmin + window.xmax), 0.5 * (window.ymin + window.ymax)
-        reach = max(task.chain.reach for task in self.draft.original.tasks)
+        reach = max(load.chain.reach for load in self.draft.original.loads)
         away = 0.95 * max(float(window.size.max()), 4.0 * reach)
         self.server.initial_camera.position = (x, y - 1e-3 * away, away)  # from above: the plane is dragged in
         self.server.initial_camera.look_at = (x, y, 0.0)

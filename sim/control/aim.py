@@ -10,7 +10,7 @@ import numpy as np
 from pushplan.geometry.se2 import compose, inverse, rotate, wrap_angle
 from pushplan.mechanics.chain import Chain
 from pushplan.planners.multi.room import TOLERANCE_USED
-from pushplan.scenario.parts import Goal
+from pushplan.scenario.goals import Goal
 from pushplan.util.arrays import FloatArray, IntArray
 
 FINER = (1.0, 1.0, 1.0, 0.5, 0.25, 0.125)

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from pushplan.geometry.se2 import compose, exp, inverse, log, relative, twist_of
 from pushplan.planners.timing.blending import time_segments
-from pushplan.plans.goals import with_places, worst_at_goal
+from pushplan.plans.goals import worst_at_goal
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
@@ -89,7 +89,7 @@ class Controller:
         scenario, plan = (what.scenario, what) if isinstance(what, Plan) else (what, plan)
         settings = DEFAULTS if settings is None else settings
         plan, self._replanner = first_plan(scenario, plan, settings, observer)
-        scenario = with_places(scenario, plan)
+        scenario = scenario.settled(plan.segments[-1].after)
         self.scenario, self.plan, self.settings = scenario, plan, settings
         self._observer, self._obstacles = observer, scenario.obstacles
         self._phase, self.reason = Phase.PUSHING if plan.segments[0].pushes else Phase.LOOKING, ""
@@ -367,7 +367,7 @@ class Controller:
             way = f"{self._odometry.travel:.1f} m of {self._most:.1f} m were driven"
             self._give_up(f"{why}; {way}, and the rest takes {travel_of(result.segments):.1f} m")
             return
-        self.scenario = with_places(self.scenario, result)
+        self.scenario = self.scenario.settled(result.segments[-1].after)
         self._delivered.aim_at(self.scenario)
         self._tell("replan", f"{result.cost:.3f} m in {result.duration:.1f} s: {why}")
         legs = [] if result.segments[0].kind == RETREAT else self._legs_to_next()
@@ -386,7 +386,7 @@ class Controller:
             most = min(self.settings.most(segment.path.travel), self._spare(self._at + 1))
             job = push_job(self._planned, segment, self._plate, poses, self._obstacles, tolerance, most)
             # What stands in a row is hardly pushed in another way.
-            lowers = self.scenario.row is not None and self.scenario.stability.margin == AUTO
+            lowers = self.scenario.task.flush and self.scenario.stability.margin == AUTO
             replanner = Replanner(job.scenario, self.settings, self._observer, lowers)
         else:
             job = PushJob(self.scenario, self.plan, self._standing.columns(load.names), self._most)

@@ -87,24 +87,24 @@ def push_job(
     """
     scenario, load = plan.scenario, segment.load
     assert load is not None
-    assert scenario.pushes is not None
     problem, last = segment.problem(scenario), is_last(plan, segment)
     position, turn = tolerance if last else (PASSING * value for value in tolerance)
     will_do = position, turn
     after = plan.segments[plan.segments.index(segment) + 1 :][:1]
     if not last and any(one.onto and is_last(plan, one) for one in after):  # it leads up to a close
         position, turn = tolerance[0], SQUARE * tolerance[1]
-    of = scenario.goal.of if last and not scenario.bodies else None
+    goals = scenario.goals.get(load.names[0], ()) if len(load.names) > 1 else ()  # else the object is the load
+    of = goals[0].of if last and goals else None
     goal = replace(problem.goal, of=of, position_tolerance=position, angle_tolerance=turn)
     around = (*obstacles, *standing_obstacles(scenario, poses, (*load.names, segment.onto)))
-    problem = replace(problem, goal=goal, obstacles=around)
+    problem = replace(problem.push_of(problem.load, goal), obstacles=around)
     length = straight_onto(segment, plate, poses, tolerance) if segment.onto else None
     return PushJob(
         problem,
         alone(plan, replace(segment, load=load.with_problem(problem))),
         [list(scenario.poses).index(name) for name in load.names],
         most,
-        scenario.pushes.settle if length is None else length,
+        scenario.transport.settle if length is None else length,
         will_do=will_do,
         straight=length is not None,
         onto=segment.onto,

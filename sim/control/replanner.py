@@ -13,9 +13,9 @@ from pushplan.geometry.se2 import compose, pose_error
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.perturb import slid, with_contact_friction
+from pushplan.planner import Planner, plan
 from pushplan.planners.clearance import find_collision
 from pushplan.planners.multi.room import DETOUR
-from pushplan.planners.planner import Planner, plan
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Replan
@@ -323,29 +323,26 @@ def cautious(scenario: Scenario, share: float, room: float = 0.0) -> Scenario:
         room: Clearance to keep at least, m.
     """
     scenario = replace(scenario, clearance=max(scenario.clearance, room))
-    if share == 0.0 or scenario.interval is not None:
-        return scenario
-    if scenario.bodies:
-        row, bodies = scenario.row, dict(scenario.bodies)
-        for name, body in bodies.items():
-            if body.interval is None:
-                bodies[name] = replace(body, chain=with_contact_friction(body.chain, 1.0 - share))
-        if row is not None:
-            row = replace(row, friction=((1.0 - share) * row.friction[0], row.friction[1]))
-        return replace(scenario, bodies=bodies, row=row)
-    chain = with_contact_friction(scenario.chain, 1.0 - share)
-    if scenario.stability.set not in INTERVAL_SETS:
-        return replace(scenario, chain=chain)
+    least = 1.0 - share
+    loads = tuple(
+        load if load.interval is not None else replace(load, chain=with_contact_friction(load.chain, least))
+        for load in scenario.loads
+    )
+    goals = tuple(goal.with_friction(least) for goal in scenario.task.goals)
+    less = scenario if share == 0.0 else scenario.with_task(loads=loads, goals=goals)
+    if share == 0.0 or len(loads) > 1 or scenario.interval is not None or scenario.stability.set not in INTERVAL_SETS:
+        return less
+    chain = less.chain
     spans = {
         obj.name: ((1.0 - share) * obj.floor_friction, (1.0 + share) * obj.floor_friction) for obj in chain.objects
     }
-    return replace(scenario, chain=chain, interval=IntervalChain.from_ranges(chain, floor_friction=spans))
+    return less.with_load(interval=IntervalChain.from_ranges(chain, floor_friction=spans))
 
 
 def with_chain(scenario: Scenario, chain: Chain) -> Scenario:
     """Return the scenario with another chain; where it states intervals, they hold for that."""
     interval = None if scenario.interval is None else replace(scenario.interval, chain=chain)
-    return replace(scenario, chain=chain, interval=interval)
+    return scenario.with_load(chain=chain, interval=interval)
 
 
 def first_plan(
@@ -358,7 +355,7 @@ def first_plan(
         SupportError: When the load under an object is not known.
     """
     SlipSimulator(World.from_scenario(scenario))  # before anything takes long: loads have to be known
-    replanner = Replanner(scenario, settings, observer) if scenario.kind == "push" else None
+    replanner = Replanner(scenario, settings, observer) if scenario.task.held else None
     found = given
     if found is None:
         found = plan(scenario, observer=observer) if replanner is None else replanner.first()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -11,18 +10,17 @@ import numpy as np
 
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose, inverse, pose_error
+from pushplan.planner import Planner
 from pushplan.planners.multi.room import AHEAD, find_drive
-from pushplan.planners.planner import Planner
 from pushplan.planners.timing.blending import time_segments
-from pushplan.plans.goals import in_row
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Replan
-from pushplan.plans.segment import Poses, Segment, standing_obstacles
+from pushplan.plans.segment import Poses, Segment, end_of, standing_obstacles
 from pushplan.plans.settings import Margin, Observer, PlanSettings
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import Goal, Obstacle
+from pushplan.scenario.parts import Obstacle
 from pushplan.sim.control.replanner import OFTEN, cautious
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, AUTO, TRANSIT
@@ -79,16 +77,13 @@ def legs_to(
     off, away = (pose_error(contact, segments[k].contact_path.start), pose_error(plate, segments[begin].path.start))
     if all(e <= m for e, m in zip((*off, *away), (*near, *SAME), strict=True)):
         return [(i, segments[i]) for i in range(begin, k)]
-    pushes = scenario.pushes
-    assert pushes is not None
+    pushes = scenario.transport
     around = (*obstacles, *standing_obstacles(scenario, poses, load.names))
     problem = replace(
-        load.problem,
+        load.problem.push_of(replace(load.problem.load, start=contact)),
         obstacles=around,
         workspace=scenario.workspace,
         clearance=scenario.clearance,
-        start=contact,
-        goal=Goal(contact, None, contact, 0.0, 0.0),
     )
     robot = compose(plate, load.frame_plate)
     arcs = find_drive(problem, contact, robot, pushes.approach, plan.seed)
@@ -125,13 +120,8 @@ class RestPlanner:
     ) -> None:
         self._scenario, self._friction, self._observer = scenario, friction, observer
         self._wary = False
-        self._row = scenario.row
-        if self._row is not None:  # the places of its objects are those that the plan gave them
-            last = plan.segments[-1]
-            order = scenario.row_order(last.after, float(last.path.end[2]))
-            # A row goes on from what stands there.
-            off = in_row(scenario, tolerance)
-            self._row = replace(self._row, of=order, order="given", tolerance=off)
+        end = end_of(scenario, plan.segments)
+        self._goals = tuple(goal.resumed(end, tolerance) for goal in scenario.task.goals)
 
     def plan(
         self,
@@ -163,15 +153,16 @@ class RestPlanner:
         for friction, margin in [(self._friction, None), *levels] if self._wary else levels:
             try:
                 asked = cautious(self._asked(plate, poses, obstacles, delivered), friction)
+                several = not asked.task.one_load
                 settings = PlanSettings(
-                    first=bool(asked.bodies),
+                    first=several,
                     time_limit=TIME_LIMIT,
-                    iterations=None if asked.bodies else BATCHES,
+                    iterations=None if several else BATCHES,
                     seed=seed,
                     margin=margin,
                     observer=self._observer,
                 )
-                result = Planner(asked, settings=settings).plan(first=bool(asked.bodies), explain=False)
+                result = Planner(asked, settings=settings).plan(first=several, explain=False)
                 reason = result.reason
             except PushplanError as error:
                 result, reason = None, str(error)
@@ -184,29 +175,14 @@ class RestPlanner:
         """What pushes are planned with, one after the other; a row asks for margins of its own."""
         stated = self._scenario.stability.margin
         usual = 0.0 if stated == AUTO else float(stated)
-        return (CAREFUL, None) if usual < CAREFUL and self._row is None else (None,)
+        return (CAREFUL, None) if usual < CAREFUL and not self._scenario.task.flush else (None,)
 
     def _asked(
         self, plate: FloatArray, poses: Poses, obstacles: tuple[Obstacle, ...], delivered: frozenset[str]
     ) -> Scenario:
         """Return the scenario with everything where it is now."""
-        scenario = self._scenario
-        assert scenario.pushes is not None
-        pushes = replace(scenario.pushes, robot_start=plate)
-        if not scenario.bodies:
-            first = scenario.chain.objects[0]
-            start = compose(poses[first.name], inverse(first.pose_chain))
-            return replace(scenario, start=start, pushes=pushes, obstacles=obstacles)
-        bodies, row = {}, self._row
-        if row is not None:
-            front = itertools.takewhile(lambda name: name in delivered, reversed(row.of))
-            row = replace(row, placed=tuple(front)[::-1])
-        for name, body in scenario.bodies.items():
-            bodies[name] = replace(body, pose=poses[name])
-            if row is not None and name in row.of:
-                bodies[name] = replace(bodies[name], goals=())
-            elif name in delivered:
-                there, goal = bodies[name].start, body.goals[0]
-                stay = replace(goal, pose=there, of=None, pose_chain=there)
-                bodies[name] = replace(bodies[name], goals=(stay,))
-        return replace(scenario, bodies=bodies, row=row, pushes=pushes, obstacles=obstacles)
+        loads = tuple(replace(load, start=load.start_for(poses[load.name])) for load in self._scenario.loads)
+        by_name = {load.name: load for load in loads}
+        goals = tuple(goal.remaining(by_name, delivered) for goal in self._goals)
+        asked = self._scenario.with_task(loads=loads, goals=goals, robot_start=plate)
+        return replace(asked, obstacles=obstacles)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from pushplan.geometry.se2 import pose_error, wrap_angle
-from pushplan.plans.goals import errors_at_goal, in_row, tolerance_of
+from pushplan.plans.goals import errors_at_goal, tolerance_of
 from pushplan.plans.segment import Poses
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.departures import SLOW
@@ -139,13 +139,15 @@ class Deliveries:
     def left(self) -> set[str]:
         """Return the objects that have to be pushed yet; one that was delivered and moved is one of them."""
         standing, settings = self._standing, self._settings
-        wanted = set()
-        for task in self._scenario.tasks:
-            for goal in task.goals:
-                wanted |= set(goal.objects or (obj.name for obj in task.chain.objects))
-        most = np.array(in_row(self._scenario, self.tolerance))
-        if self._scenario.row is not None and wanted - set(self._there):
-            most[1] *= TURNED  # what is pushed flush onto it turns it
+        wanted = set[str]()
+        for name in self._scenario.goals:
+            wanted |= set(self._scenario.task.by_name[name].names)
+        most = dict[str, FloatArray]()
+        for goal in self._scenario.task.goals:
+            allowed = np.array(goal.slack(self.tolerance))
+            if goal.flush and wanted - set(self._there):
+                allowed[1] *= TURNED  # what is pushed flush onto it turns it
+            most |= {name: allowed for load in goal.names for name in self._scenario.task.by_name[load].names}
         errors = errors_at_goal(self._scenario, standing.poses)
         slack = settings.position_slack, settings.angle_slack
         for name, error in zip(standing.names, errors, strict=True):
@@ -154,6 +156,6 @@ class Deliveries:
                 continue
             if np.isnan(before[0]):
                 self._there[name] = pose
-            elif (np.array(pose_error(pose, before)) > slack).any() and (error > most).any():
+            elif (np.array(pose_error(pose, before)) > slack).any() and (error > most[name]).any():
                 del self._there[name]
         return wanted - set(self._there)

@@ -147,7 +147,7 @@ def quasi_static(plan: Plan) -> Plan:
     """Return the plan with inertia left out of its scenario."""
     chain = plan.scenario.chain
     still = replace(chain.pusher, limits=replace(chain.pusher.limits, contact="quasi-static"))
-    return replace(plan, scenario=replace(plan.scenario, chain=replace(chain, pusher=still)))
+    return replace(plan, scenario=plan.scenario.with_load(chain=replace(chain, pusher=still)))
 
 
 def test_an_execution_that_slips_with_inertia_is_no_solution(done: Run) -> None:

@@ -15,12 +15,13 @@ import pushplan
 from pushplan.geometry.se2 import compose, exp, inverse, relative, transform_points, twist_of
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.perturb import slid
+from pushplan.planner import Planner
+from pushplan.planner import plan as plan_in
 from pushplan.planners.clearance import find_collision
-from pushplan.planners.planner import Planner
-from pushplan.planners.planner import plan as plan_in
 from pushplan.plans.path import cost_rate
 from pushplan.plans.settings import Observer
-from pushplan.scenario.parts import CircleObstacle, Goal
+from pushplan.scenario.goals import Goal
+from pushplan.scenario.parts import CircleObstacle
 from pushplan.sim.control.aim import Aim
 from pushplan.sim.control.closing import GAP, ClosingPush, Closings, contacts_at
 from pushplan.sim.control.departures import find_slide
@@ -327,7 +328,8 @@ def test_what_has_slid_is_kept_off_obstacles(slide: float) -> None:
     """At the goal a pillar would stand 5 mm to the left of the cabinet, had that not slid by 3 % of its contact."""
     pillar = CircleObstacle(np.array([5.0 + 0.95, 0.3 + 0.1 + 0.005]), 0.1)
     goal = np.array([5.0, 0.0, 0.0])
-    feet = replace(pushplan.load_scenario("feet"), obstacles=(pillar,), goal=Goal(goal, "table", goal, 1e-3, 1e-3))
+    feet = pushplan.load_scenario("feet").with_goal(Goal(goal, "table", goal, 1e-3, 1e-3))
+    feet = replace(feet, obstacles=(pillar,))
     replanner = Replanner(feet, ControlSettings(time_limit=60.0), Observer())
     found = replanner.replan(0.0, np.zeros(3), None, np.array([0.0, slide]), CAUTION[-1])
     assert found.solved == (slide < 0.0), found.reason
@@ -392,11 +394,11 @@ def test_who_is_wary_plans_for_the_least_friction_only_and_of_objects_apart_too(
         assert there(found.cost) < 1.5
         assert found.scenario.chain.contacts[0].friction == pytest.approx(least * carts.chain.contacts[0].friction)
     pencils = pushplan.load_scenario(Path(__file__).parents[2] / "examples" / "pencils.yaml")
-    less, friction = cautious(pencils, 0.2), there(pencils.row).friction
-    assert there(less.row).friction == pytest.approx((0.8 * friction[0], friction[1]))
-    for name, body in less.bodies.items():
-        stated = pencils.bodies[name].chain.contacts[0].friction
-        assert body.chain.contacts[0].friction == pytest.approx(0.8 * stated)
+    less, friction = cautious(pencils, 0.2), pencils.transport.row.friction
+    assert less.transport.row.friction == pytest.approx((0.8 * friction[0], friction[1]))
+    for load in less.loads:
+        stated = pencils.task.by_name[load.name].chain.contacts[0].friction
+        assert load.chain.contacts[0].friction == pytest.approx(0.8 * stated)
 
 
 @pytest.mark.parametrize(("length", "slides"), [(0.25, 0.05), (3.0, 0.0)])

@@ -16,7 +16,7 @@ from pushplan.geometry import se2
 from pushplan.identify import read_push
 from pushplan.logging.writer import RunLogWriter
 from pushplan.mechanics.support import FeetSupport
-from pushplan.planners.planner import plan
+from pushplan.planner import plan
 from pushplan.scenario.file import scenario_from_document
 from pushplan.sim.identify.identify import identify_pushes
 from pushplan.sim.identify.measured_push import Identification, MeasuredPush, piece_of, with_learned

@@ -38,7 +38,7 @@ def test_a_support_model_is_pushed_like_the_points_that_it_stands_for() -> None:
     plans = []
     for support in (ring, FeetSupport(ring.hull, ring.point_loads.fractions)):
         objects = (replace(scenario.chain.objects[0], support=support),)
-        stated = replace(scenario, chain=replace(scenario.chain, objects=objects))
+        stated = scenario.with_load(chain=replace(scenario.chain, objects=objects))
         plans.append(pushplan.plan(stated, seed=1, iterations=300, time_limit=60.0))
         assert plans[-1].solved
         held = slip(plans[-1], pushplan.World.from_scenario(stated))

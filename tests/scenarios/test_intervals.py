@@ -13,7 +13,7 @@ from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.dynamics import dynamic_margins
 from pushplan.mechanics.faces import pushed_at
 from pushplan.mechanics.support import FeetSupport
-from pushplan.planners.planner import plan
+from pushplan.planner import plan
 from pushplan.scenario.check import check_scenario
 from pushplan.scenario.file import scenario_from_document, scenario_from_text
 from pushplan.scenario.model import Scenario

@@ -130,7 +130,7 @@ def test_a_perturbed_stack_snaps_back(boxes: list[tuple[float, float, float, tup
         y += 0.0 if i == 0 else share * 0.5 * (before + width)
         assert obj.pose_chain == pytest.approx([x + 0.5 * length, y, 0.0], abs=1e-9)
         x, before = x + length, width
-    for (_, _, _, (gap, turn)), moved in zip(boxes, there(scenario.snapping).objects, strict=True):
+    for (_, _, _, (gap, turn)), moved in zip(boxes, there(scenario.load.snapping).objects, strict=True):
         assert moved.turn == pytest.approx(-math.radians(turn), abs=1e-9)
         assert moved.gap == pytest.approx(0.0015 * gap, abs=1e-9)
     assert scenario_from_document(scenario.resolved()) == scenario

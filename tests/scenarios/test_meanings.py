@@ -43,7 +43,7 @@ def test_a_file_of_before_means_the_same(name: str) -> None:
     if "movable" not in STATED[name]:
         assert list(_changed(STATED[name]["meaning"], _meaning(scenario))) == []
         return
-    assert [body for body in scenario.bodies if body not in scenario.goals] == STATED[name]["movable"]
+    assert [load.name for load in scenario.loads if load.name not in scenario.goals] == STATED[name]["movable"]
     for body, meant in STATED[name]["meaning"].items():
         assert list(_changed(meant, _meaning(scenario.alone(body)))) == []
 
@@ -68,7 +68,7 @@ def _changed(before: Any, now: Any, place: str = "") -> Iterator[str]:
 
 def _meaning(scenario: Scenario) -> dict[str, Any]:
     """Return the numbers of a scenario of one load."""
-    chain, pushes = scenario.chain, scenario.pushes
+    chain = scenario.chain
     meant = scenario.resolved()
     if meant["name"] == "__frozen":
         meant["name"] = ""
@@ -88,9 +88,9 @@ def _meaning(scenario: Scenario) -> dict[str, Any]:
             "fractions": {str(k): _plain(spans) for k, spans in interval.fractions.items()},
             "pressures": {str(k): share for k, share in interval.pressures.items()},
         }
-    goals = (scenario.goal,) if pushes is None else pushes.goals
+    goals = scenario.goals[scenario.load.name]
     meant["goal_chain"] = [_plain(goal.pose_chain) for goal in goals]
-    if pushes is not None:
+    if not scenario.task.held:
         meant["robot_start"] = _plain(scenario.robot_start)
     return meant
 

@@ -60,9 +60,9 @@ BEHIND = Changed(MULTI)
 
 
 def test_symmetry_turns_the_goal_about_the_object_that_it_is_for() -> None:
-    pushes = there(BEHIND.scenario(("of: box}", "of: box, symmetry: 4}")).pushes)
-    assert [round(math.degrees(goal.pose[2])) % 360 for goal in pushes.goals] == [0, 90, 180, 270]
-    for goal in pushes.goals:
+    goals = BEHIND.scenario(("of: box}", "of: box, symmetry: 4}")).goals["box"]
+    assert [round(math.degrees(goal.pose[2])) % 360 for goal in goals] == [0, 90, 180, 270]
+    for goal in goals:
         ahead = 0.1 * np.array([math.cos(goal.pose[2]), math.sin(goal.pose[2])])
         np.testing.assert_allclose(goal.pose_chain[:2] + ahead, [0.6, 0.4], atol=1e-12)
 

@@ -109,7 +109,7 @@ def test_a_scenario_of_a_row_is_the_same_when_it_is_read_again() -> None:
         scenario = scenario_from_document(document(row, gather="auto"))
         again = scenario_from_document(json.loads(scenario.to_json()))
         assert again == scenario
-        assert there(again.row).of == ("a", "b", "c")
+        assert again.transport.row.of == ("a", "b", "c")
 
 
 @pytest.mark.parametrize(("row", "drive"), [
@@ -215,7 +215,7 @@ def test_unequal_boxes_and_polygons_stand_flush() -> None:
     assert Validator(scenario_from_document({**stated, "objects": objects})).flaw(plan.segments, None) == ""
     outlines = [
         se2.transform_points(plan.segments[-1].after[name], body.chain.objects[0].outline)
-        for name, body in plan.scenario.bodies.items()
+        for name, body in plan.scenario.task.by_name.items()
     ]
     assert min(float(outline[:, 0].min()) for outline in outlines) == pytest.approx(3.0, abs=1e-9)
 
@@ -263,7 +263,7 @@ def test_the_validator_refuses_closes_that_are_none(made: tuple[Scenario, Plan])
     bent = replace(segments[close].path, twists=aside)
     assert "not straight" in judge.flaw_of(replace(segments[close], path=bent, trajectory=None))
     assert judge.flaw((*segments[: close + 1], *segments[close + 2 :]), None)
-    assert judge.flaw((), None) == "nothing brings a, b, c into the row"
+    assert judge.flaw((), None) == "'a' is not flush with 'b' in the row"
     elsewhere = scenario_from_document(document({"pose": [3.0, 2.0, 0.1]}))
     assert "rear" in Validator(elsewhere).flaw(segments, None)
     at_wall = scenario_from_document(document({"wall": "xmin"}))
@@ -349,11 +349,11 @@ def test_what_was_lost_on_the_way_is_brought_to_what_stands_in_the_row() -> None
     stands = frozenset(off) - {lost}
     result = there(rest.plan(1.0, last.path.end, off, (), stands, 1, np.inf, {}).result)
     assert result.solved, result.reason
-    assert set(there(result.scenario.row).placed) == stands
+    assert set(result.scenario.transport.row.placed) == stands
     assert {name for kind, names in kinds(result) if kind == "push" for name in names} == {lost}
     assert (errors_at_goal(plan.scenario, np.array([*result.segments[-1].after.values()])) < 0.012).all()
     elsewhere = {name: pose + np.array([0.05, 0.0, 0.0]) for name, pose in result.segments[-1].after.items()}
-    moved = replace(result, scenario=result.scenario.with_row_at(elsewhere))
+    moved = replace(result, segments=(*result.segments[:-1], replace(result.segments[-1], after=elsewhere)))
     ended: Any = SimpleNamespace(object_poses=np.array([[*elsewhere.values()]]))
     adopted = Replan(1.0, moved, "", 0.1, rest=True)
     loop = ClosedLoopRun(plan.scenario, plan, ended, (), (adopted,), "arrived", "", None, SENSOR, 1, ())

@@ -11,7 +11,7 @@ from several.conftest import DRIVES, Problem
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import pushed_at
-from pushplan.planners.planner import Planner, plan
+from pushplan.planner import Planner, plan
 from pushplan.planners.validator import Validator
 from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
@@ -51,7 +51,7 @@ def moved(segment: Segment, by: float) -> Segment:
 
 def from_face(segment: Segment, face: str) -> Segment:
     problem = there(segment.load).problem
-    return replace(segment, load=Load.of(replace(problem, chain=pushed_at(problem.chain, face)), face, 0.0))
+    return replace(segment, load=Load.of(problem.with_load(chain=pushed_at(problem.chain, face)), face, 0.0))
 
 
 BROKEN: dict[str, tuple[int, Any, str]] = {
@@ -138,7 +138,7 @@ def test_only_contacts_that_a_plan_uses_count_for_its_margin(problem: Problem) -
 def test_a_planner_answers_as_the_whole_call_does_and_again_among_other_things(problem: Problem) -> None:
     scenario = problem("car", **ROUND)
     planner = Planner(scenario)
-    goals = [goal.pose_chain for goal in there(scenario.pushes).goals]
+    goals = [goal.pose_chain for goal in scenario.goals[scenario.load.name]]
     once = plan(scenario, first=True, time_limit=60.0)
     answers = [planner.plan(scenario.start, goals, robot=scenario.plate_start) for _ in range(2)]
     assert [answer.cost for answer in answers] == [once.cost] * 2

@@ -13,11 +13,11 @@ from several.conftest import problem_document
 from pushplan.core.driving import shortest_drives
 from pushplan.errors import ScenarioError
 from pushplan.geometry import se2
+from pushplan.planner import Planner, plan
 from pushplan.planners.multi.rearrangement import RearrangementSearch
 from pushplan.planners.multi.room import TOLERANCE_USED
 from pushplan.planners.multi.tours import Ends, Rooms, Tours
 from pushplan.planners.multi.transfers import Situation
-from pushplan.planners.planner import Planner, plan
 from pushplan.planners.validator import Validator
 from pushplan.plans.goals import worst_at_goal
 from pushplan.plans.plan import Plan
@@ -109,18 +109,18 @@ def test_a_tour_costs_what_the_cheapest_of_all_orders_costs() -> None:
     """Every order is gone through by itself, from each end of a push to each face."""
     scenario = boxes(BOXES)
     pieces = RearrangementSearch.of(scenario, PlanSettings().completed(scenario)).pieces
-    poses = np.array([scenario.bodies[piece.name].start for piece in pieces])
-    now = Situation(there(scenario.pushes).robot_start, poses, frozenset(range(3)))
+    poses = np.array([scenario.task.by_name[piece.name].start for piece in pieces])
+    now = Situation(scenario.transport.robot_start, poses, frozenset(range(3)))
     rooms = Rooms(pieces, now, range(3))
     ends = [Ends.of(pieces, now, k, rooms) for k in range(3)]
-    wheels, inner = pieces[0].search.room(0).wheels, se2.inverse(scenario.bodies["a"].chain.pusher.plate_pose)
+    wheels, inner = pieces[0].search.room(0).wheels, se2.inverse(scenario.task.by_name["a"].chain.pusher.plate_pose)
     begun = dict.fromkeys(range(3), np.inf)
     for order in permutations(range(3)):
         plates, costs = now.plate[None], np.zeros(1)
         for at, piece in enumerate(order):
             pushes = np.max([ends[piece].costs[k, int(k in order[at + 1 :])] for k in range(3)], axis=0)
             ways = shortest_drives(wheels, se2.compose(plates, inner), ends[piece].entries)
-            begins = (costs[:, None] + there(scenario.pushes).transit_weight * ways).min(axis=0)
+            begins = (costs[:, None] + scenario.transport.transit_weight * ways).min(axis=0)
             costs, plates = (begins[:, None] + pushes).min(axis=0), ends[piece].exits
         begun[order[0]] = min(begun[order[0]], float(costs.min()))
     assert Tours.of(pieces, now).begun(now.plate, now.left) == pytest.approx(begun, abs=1e-9)

@@ -13,11 +13,11 @@ from pushplan.core.samples import descend
 from pushplan.core.sequences import cheapest_sequence, cheapest_tours
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import places
+from pushplan.planner import plan
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes
 from pushplan.planners.multi.multi_push import MultiPushSearch
-from pushplan.planners.multi.room import Question, lower_bounds
+from pushplan.planners.multi.room import Query, lower_bounds
 from pushplan.planners.multi.search import Limits, search
-from pushplan.planners.planner import plan
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
@@ -123,7 +123,7 @@ def test_the_plate_takes_no_place_where_it_would_overlap(problem: Problem) -> No
     document = problem_document(goal={"pose": [1.0, 2.0, 0.0], "of": "b0"})
     document["objects"][0]["shape"] = {"polygon": notched}
     scenario = scenario_from_document(document)
-    found = list(places(scenario.chain, there(scenario.pushes).faces, there(scenario.pushes).offsets))
+    found = list(places(scenario.chain, scenario.transport.faces, scenario.transport.offsets))
     assert sorted(place.face for place in found) == ["front", "left", "rear", "right"]
     outline = scenario.chain.objects[0].outline_chain
     for place in found:
@@ -131,10 +131,10 @@ def test_the_plate_takes_no_place_where_it_would_overlap(problem: Problem) -> No
         assert ((outline - place.contact[:2]) @ ahead).min() > -1e-9
 
 
-def question_of(prepared: MultiPushSearch) -> Question:
+def question_of(prepared: MultiPushSearch) -> Query:
     scenario = prepared.scenario
-    goals = np.array([goal.pose_chain for goal in there(scenario.pushes).goals])
-    return Question(scenario.robot_start, scenario.start, goals)
+    goals = np.array([goal.pose_chain for goal in scenario.goals[scenario.load.name]])
+    return Query(scenario.robot_start, scenario.start, goals)
 
 
 def test_a_descent_never_climbs_and_ends_below_where_it_began(problem: Problem) -> None:

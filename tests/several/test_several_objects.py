@@ -31,19 +31,21 @@ def test_what_is_wrong_is_told_where_the_file_has_it(wrong: str, right: str, tol
 def test_one_scenario_holds_all_objects_and_what_takes_one_load_says_so() -> None:
     scenario = scenario_from_text(SWAP)
     assert scenario.kind == "rearrangement"
-    assert list(scenario.bodies) == ["red-box", "other", "bin"]
+    assert list(scenario.task.by_name) == ["red-box", "other", "bin"]
     assert list(scenario.goals) == ["red-box", "other"]
-    with pytest.raises(PushplanError, match=r"objects of the scenario stand apart.*scenario\.alone"):
+    with pytest.raises(PushplanError, match=r"has 3 loads.*allowed: scenario\.alone"):
         scenario.stable_set()
-    with pytest.raises(PushplanError, match="no start for all"):
-        np.asarray(scenario.start)
+    with pytest.raises(PushplanError, match="no chain, start or goal that they share"):
+        scenario.start.any()
+    with pytest.raises(AttributeError, match=r"Scenario\.pushes is scenario\.transport now"):
+        scenario.pushes  # type: ignore[attr-defined]  # noqa: B018
 
 
 def test_a_scenario_of_several_objects_is_read_again_as_it_was() -> None:
     scenario = scenario_from_text(SWAP)
     again = scenario_from_document(scenario.resolved())
     assert again == scenario
-    for name in scenario.bodies:
+    for name in scenario.task.by_name:
         alone = scenario.alone(name)
         assert (alone.kind, again.alone(name)) == ("multi-push", alone)
         assert scenario_from_text(alone.source) == alone

@@ -12,7 +12,7 @@ import pushplan
 from pushplan.cli.main import main
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
-from pushplan.planners.planner import plan
+from pushplan.planner import plan
 from pushplan.plans.execution import TrialEnd
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty

@@ -15,7 +15,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from pushplan.logging.writer import RunLogWriter
-from pushplan.planners.planner import Planner
+from pushplan.planner import Planner
 from pushplan.plans.execution import Execution, TrialEnd
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty

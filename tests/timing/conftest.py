@@ -9,7 +9,7 @@ from conftest import there
 from plans_of import load_plain
 
 from pushplan.mechanics.chain import Limits
-from pushplan.planners.planner import plan
+from pushplan.planner import plan
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario

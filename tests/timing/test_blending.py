@@ -72,7 +72,8 @@ def _free(
     values = np.array(arcs)
     twists = values[:, :3] / cost_rate(values[:, :3])[:, None]
     path = PushPath(np.array([0.2, -0.1, 0.4]), twists, values[:, 3])
-    return replace(template, chain=chain, obstacles=(), workspace=None, start=path.start), path
+    scenario = template.push_of(replace(template.load, chain=chain, start=path.start), template.goal)
+    return replace(scenario, obstacles=(), workspace=None), path
 
 
 TURNS = [(1.0, 0.0, 0.0, 0.4), (1.0, -0.1, 0.8, 0.3), (1.0, 0.1, -0.8, 0.3), (1.0, 0.0, 0.0, 0.3)]
@@ -99,7 +100,7 @@ def test_needles_in_the_way_of_the_cut_corners_move_the_way_or_make_a_stop(
     """Needles that the blend would hit and the exact motion passes at half a millimetre."""
     scenario, path = _free(make_chain, planned("one-box")[0], *TURNS, *TURNS[2:0:-1], *TURNS)
     pusher = replace(scenario.chain.pusher, limits=Limits(speed=0.4, angular_speed=2.0))
-    scenario = replace(scenario, chain=replace(scenario.chain, pusher=pusher))
+    scenario = scenario.with_load(chain=replace(scenario.chain, pusher=pusher))
     stable, limits = _set(scenario), scenario.chain.pusher.limits
     plain = _blend(scenario, path).trajectory
     exact = time_path(path, Bounds(limits))

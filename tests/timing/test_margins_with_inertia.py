@@ -8,7 +8,7 @@ from conftest import there
 
 from pushplan.geometry import se2
 from pushplan.mechanics.dynamics import dynamic_margins
-from pushplan.planners.planner import plan
+from pushplan.planner import plan
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.util.arrays import FloatArray

@@ -15,7 +15,7 @@ from timing.conftest import use_by_differences
 import pushplan.core.timing as timing
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, Limits
-from pushplan.planners.planner import plan
+from pushplan.planner import plan
 from pushplan.planners.scene import build_scene
 from pushplan.planners.timing.exact_timing import Pieces, limit_use
 from pushplan.planners.timing.sweep import find_touches, off_chords

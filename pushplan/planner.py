@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,33 +13,25 @@ from numpy.typing import ArrayLike
 from pushplan.core.problem import reach as costs_of_words
 from pushplan.errors import PlanningError, TimingError
 from pushplan.planners.controls import MERIDIANS
-from pushplan.planners.outcome import Outcome, Segments
-from pushplan.planners.problem import Posing, open_scene
-from pushplan.planners.push_search import PushSearch
+from pushplan.planners.outcome import Budget, Outcome, Question, Segments
 from pushplan.planners.search.planners import planner_named
+from pushplan.planners.searches import prepare_search
 from pushplan.planners.timing.blending import time_segments
 from pushplan.planners.validator import Validator
-from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Nearest, Plan
 from pushplan.plans.settings import Observer, PlanOptions, PlanSettings
 from pushplan.plans.trajectory import SAMPLE_RATE
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.one_load import troubles_at_first
-from pushplan.scenario.parts import Goal, Obstacle
+from pushplan.scenario.parts import Obstacle
 from pushplan.sets.named import add_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.sim.kinematic import execute
 from pushplan.sim.robustness import least_robustness
 from pushplan.util.arrays import FloatArray, numbers
-from pushplan.util.names import DEFAULT_PLANNER, FARTHEST, RANKED_BY
+from pushplan.util.names import FARTHEST
 from pushplan.util.stopwatch import Stopwatch, no_collection
-
-# Loaded where they are needed: a single push does without them, and their modules take a while.
-if TYPE_CHECKING:
-    from pushplan.planners.multi.gathering import GatheringSearch
-    from pushplan.planners.multi.multi_push import MultiPushSearch
-    from pushplan.planners.multi.rearrangement import RearrangementSearch
 
 
 def plan(scenario: Scenario, *, watch: Stopwatch | None = None, **options: Unpack[PlanOptions]) -> Plan:
@@ -96,32 +88,15 @@ class Planner:
     ) -> None:
         asked = PlanSettings(**options) if settings is None else settings
         self.scenario = asked.applied(scenario)
-        name, make = planner_named(asked.planner or scenario.planner.name)
+        self.planner_name, _ = planner_named(asked.planner or scenario.planner.name)
         set_name = add_set(asked.stable_set or scenario.stability.set)
-        self.settings = replace(asked.completed(scenario), planner=make, stable_set=set_name)
-        self.planner_name, self.rate = name, rate
-        if scenario.kind != "push":
-            _require_own_search(self.scenario, name)
+        self.settings = replace(asked.completed(scenario), stable_set=set_name)
+        self.rate = rate
         with (watch or Stopwatch())("preparing"):
             self.began = time.perf_counter()
             with no_collection():
-                self._search = self._prepared(meridians)
+                self._search = prepare_search(self.scenario, self.settings, meridians)
             self._validator = Validator(self.scenario)
-
-    def _prepared(self, meridians: int) -> PushSearch | MultiPushSearch | RearrangementSearch | GatheringSearch:
-        if self.scenario.kind == "push":
-            return PushSearch(Load.of(self.scenario), self.scenario, self.settings, Posing(meridians=meridians))
-        if self.scenario.kind == "multi-push":
-            from pushplan.planners.multi.multi_push import MultiPushSearch
-
-            return MultiPushSearch.of(self.scenario, self.settings)
-        if self.scenario.row is not None:
-            from pushplan.planners.multi.gathering import GatheringSearch
-
-            return GatheringSearch(self.scenario, self.settings)
-        from pushplan.planners.multi.rearrangement import RearrangementSearch
-
-        return RearrangementSearch.of(self.scenario, self.settings)
 
     def plan(
         self,
@@ -169,34 +144,18 @@ class Planner:
 
     def _asked(self, start: ArrayLike | None, goal: ArrayLike | None, robot: ArrayLike | None) -> Scenario:
         """Return the scenario with another start, goal and place of the robot."""
-        scenario = self.scenario
-        given = {"start": start, "goal": goal, "robot": robot}
-        if all(value is None for value in given.values()):
+        scenario, task = self.scenario, self.scenario.task
+        if all(value is None for value in (start, goal, robot)):
             return scenario
-        if scenario.kind == "rearrangement":
-            wrong = ", ".join(name for name, value in given.items() if value is not None)
-            raise PlanningError(f"{wrong}: allowed where there is one load; here each object has a place of its own")
-        if start is not None:
-            scenario = replace(scenario, start=_poses(start, "start")[0])
-        tolerance = (scenario.goal.position_tolerance, scenario.goal.angle_tolerance)
-        if goal is not None:
-            goals = tuple(Goal(pose, None, pose, *tolerance) for pose in _poses(goal, "goal"))
-            scenario = replace(scenario, goal=goals[0])
-            if scenario.pushes is not None:
-                scenario = replace(scenario, pushes=replace(scenario.pushes, goals=goals))
-            elif len(goals) > 1:
-                raise PlanningError(f"a single push has one goal, not {len(goals)}")
-        if robot is not None:
-            if scenario.pushes is None:
-                raise PlanningError(
-                    "robot: allowed where the scenario has a robot.start; here the plate is in contact"
-                )
-            pushes = replace(scenario.pushes, robot_start=_poses(robot, "robot")[0])
-            scenario = replace(scenario, pushes=pushes)
-        if scenario.pushes is not None:
-            wrong = "; ".join(text for _, text in troubles_at_first(scenario))
-            if wrong:
-                raise PlanningError(wrong)
+        asked = task.asked(
+            None if start is None else _poses(start, "start")[0],
+            None if goal is None else _poses(goal, "goal"),
+            None if robot is None else _poses(robot, "robot")[0],
+        )
+        scenario = replace(scenario, task=asked)
+        wrong = "" if task.held else "; ".join(text for _, text in troubles_at_first(scenario))
+        if wrong:
+            raise PlanningError(wrong)
         return scenario
 
     def reach(self, starts: ArrayLike, goals: ArrayLike) -> FloatArray:
@@ -209,9 +168,9 @@ class Planner:
         Raises:
             PlanningError: When poses are not finite or not (k, 3), or the scenario is not of a single push.
         """
-        search = self._single("reach")
+        steering = self._search.steering()
         both = (_poses(starts, "starts"), _poses(goals, "goals"))
-        return costs_of_words(*search.steering(), *both, self.scenario.clearance)
+        return costs_of_words(steering.scene, steering.families, *both, self.scenario.clearance)
 
     def with_obstacles(self, obstacles: Iterable[Obstacle]) -> Planner:
         """Return a planner among other obstacles; stable sets and contacts are kept.
@@ -227,35 +186,25 @@ class Planner:
         other: Planner = object.__new__(Planner)
         other.__dict__.update(self.__dict__)
         other.scenario = replace(self.scenario, obstacles=obstacles)
-        if isinstance(self._search, PushSearch):
-            posing = self._search.posing.in_room(open_scene(other.scenario))
-            other._search = self._search.of(other.scenario, posing)
-        else:
-            other._search = self._search.with_obstacles(other.scenario)
+        other._search = self._search.with_obstacles(other.scenario)
         other._validator = Validator(other.scenario)
         return other
 
     @property
     def stable(self) -> StableSet:
         """The set that a single push is planned in."""
-        return self._single("stable").stable
+        return self._search.steering().stable
 
     @property
     def margin(self) -> float:
         """The margin that a single push is planned with first."""
-        return self._single("margin").margins[0]
+        return self._search.steering().margin
 
     @property
     def twists(self) -> FloatArray:
         """(k, 3) stable twists that steering paths are made of, scaled to a cost rate of 1."""
-        _, families = self._single("twists").steering()
-        twists = np.unique(families.reshape(-1, 3), axis=0)
+        twists = np.unique(self._search.steering().families.reshape(-1, 3), axis=0)
         return np.asarray(twists[np.abs(twists).max(axis=1) > 0.0])
-
-    def _single(self, what: str) -> PushSearch:
-        if not isinstance(self._search, PushSearch):
-            raise PlanningError(f"{what}: allowed for a single push; this scenario is a {self.scenario.kind}")
-        return self._search
 
     def solve(
         self,
@@ -282,19 +231,10 @@ class Planner:
             PlanningError: When a start or a goal is too near to something, or they are the same.
             EmptyStableSetError: When no pusher twist keeps every contact.
         """
-        search = self._search
         validator = self._validator.of(scenario)
+        question = Question(scenario, validator, previous, explain)
         with watch("search"), no_collection():
-            if isinstance(search, PushSearch):
-                search.check_ends(scenario, validator)
-                known = None if previous is None else search.rest(previous, scenario)
-                search = search if scenario is self.scenario else search.of(scenario)
-                outcome = search.search(scenario, settings, began, known, explain)
-            else:
-                from pushplan.planners.multi.multi_push import MultiPushSearch
-
-                posed = search.asked(scenario) if isinstance(search, MultiPushSearch) else search
-                outcome = posed.search(settings, began)
+            outcome = self._search.search(question, Budget.of(settings, began), settings.observer)
         seconds = time.perf_counter() - began
         with no_collection():
             return self._finished(scenario, settings, outcome, validator, watch, seconds, timed, explain)
@@ -315,8 +255,8 @@ class Planner:
         diagnosis: tuple[Diagnosis, ...] = ()
         nearest: Nearest | None = None
         segments = outcome.candidates[0] if outcome.candidates else ()
-        if segments and scenario.row is not None:
-            scenario = scenario.with_row_at(segments[-1].after)
+        if segments:
+            scenario = scenario.settled(segments[-1].after)
             validator = validator.of(scenario)
         set_name = settings.set_name
         with watch("timing"):
@@ -388,24 +328,6 @@ def _why_not(
     if not explain or outcome.explain is None:
         return "no plan was found in time", (), None
     return outcome.explain()
-
-
-def _require_own_search(scenario: Scenario, planner: str) -> None:
-    """Refuse what the search for several pushes cannot take into account.
-
-    Raises:
-        PlanningError: When another planner or another cost is asked for.
-    """
-    if planner != DEFAULT_PLANNER:
-        raise PlanningError(
-            f"multi-push plans (robot.start) have their own search, {DEFAULT_PLANNER}; the planner {planner!r} is "
-            "for a single push"
-        )
-    if scenario.planner.cost != RANKED_BY:
-        raise PlanningError(
-            f"multi-push plans (robot.start) are ranked by {RANKED_BY}, with the weights in 'pushes'; "
-            f"the cost {scenario.planner.cost!r} is for a single push"
-        )
 
 
 def _poses(poses: ArrayLike, what: str) -> FloatArray:
