@@ -13,13 +13,14 @@ Run `python benchmarks/attacks.py -o DIR [--only PART ...] [--count N] [--seed 1
 - *calls*: silly numbers and objects handed to what users call from Python; what should pickle is pickled.
 - *kills*: SIGKILL at random moments of plans, trials, closed loops, rearrangements and batches. What they had told by
   then is in what is left, which is read, verified and, of batches, resumed.
+- *interrupts*: Ctrl-C at random moments of commands and programs, imports included; no process aborts.
 - *outputs*: every output option of every command against a device, a full and a closed file system in a mount
   namespace of their own, and against a link, a pipe and a folder in DIR.
 
-Every attack but kills and outputs is a process of its own in a temporary folder. Wrong are: a traceback or "a
-defect", another exit code than those that are meant, more than 500 MB, more than 10 s of a processor beyond the time
-limit, a program that is started, a file written elsewhere. What is done is kept in DIR and not done again. Prints a
-table; exits 1 when anything was wrong.
+Every attack but kills, interrupts and outputs is a process of its own in a temporary folder. Wrong are: a traceback
+or "a defect", another exit code than those that are meant, more than 500 MB, more than 10 s of a processor beyond the
+time limit, a program that is started, a file written elsewhere. What is done is kept in DIR and not done again.
+Prints a table; exits 1 when anything was wrong.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a child of threads that sp
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from attacking import bombs, calls, kills, logs, outputs, scenarios  # noqa: E402 (tests have just been added)
+from attacking import bombs, calls, interrupts, kills, logs, outputs, scenarios  # noqa: E402 (tests have just been added)
 from attacking.measured import Attack, Row  # noqa: E402
 
 Attacks = Iterator[tuple[str, Attack]]
@@ -48,6 +49,7 @@ PARTS: dict[str, tuple[int, Callable[[Path, int, int], Attacks]]] = {
     "bombs": (200, lambda folder, count, seed: bombs.attacks(count, seed)),
     "calls": (300, lambda folder, count, seed: calls.attacks(count, seed)),
     "kills": (100, lambda folder, count, seed: kills.attacks(count, seed)),
+    "interrupts": (200, lambda folder, count, seed: interrupts.attacks(count, seed)),
     "outputs": (1, lambda folder, count, seed: outputs.attacks(folder)),
 }
 """How many of each are made by default, and how."""

@@ -1,7 +1,7 @@
 """Plan how a robot pushes a chain of objects over a floor to a goal pose without anything slipping.
 
 The mechanics are those of Harada, Nishiyama, Murakami and Kaneko, "Pushing manipulation for multiple objects", 2006.
-Every name is loaded when it is first used, so that `import pushplan` costs next to nothing.
+Every name but the compiled core is loaded when it is first used, so that `import pushplan` costs next to nothing.
 """
 
 from __future__ import annotations
@@ -126,6 +126,8 @@ class _Package(ModuleType):
 
 
 sys.modules[__name__].__class__ = _Package
+
+import_module("pushplan.util.interruption").import_uninterrupted("pushplan.core")
 
 _CORE = Path(__file__).with_name("core")
 if (_CORE / "module.cpp").is_file():  # a checkout, whose sources may be newer than what was built of them

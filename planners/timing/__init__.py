@@ -1,1 +1,5 @@
 """How fast the arcs of a path may be driven: limits of pusher and contacts, and jerk-limited profiles."""
+
+from pushplan.util.interruption import import_uninterrupted
+
+import_uninterrupted("ruckig")

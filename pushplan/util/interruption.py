@@ -12,6 +12,7 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
+from importlib import import_module
 from typing import ClassVar
 
 INTERRUPTED = 130
@@ -86,6 +87,18 @@ def leaving_at_once() -> Iterator[None]:
     """Let Ctrl-C end the process without a word from Python, where nothing would be lost."""
     with _handling(leave):
         yield
+
+
+def import_uninterrupted(*modules: str) -> None:
+    """Import modules in C++ and hold Ctrl-C back until they are there: an exception in nanobind's code aborts."""
+    wishes = list[int]()
+    try:
+        with _handling(lambda *_: wishes.append(1)):
+            for module in modules:
+                import_module(module)
+    finally:
+        if wishes:
+            signal.raise_signal(signal.SIGINT)
 
 
 @contextlib.contextmanager

@@ -1,0 +1,76 @@
+"""Ctrl-C at random moments of programs and commands, imports included: nothing aborts, nothing is called a defect."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from functools import cache, partial
+from random import Random
+
+from attacking.measured import Attack, Row
+
+PYTHON = [sys.executable, "-c"]
+PUSHPLAN = [sys.executable, "-m", "pushplan"]
+PROGRAMS = {
+    "import": [*PYTHON, "import pushplan.ompl, pushplan.planners.timing.exact_timing"],
+    "plan in Python": [*PYTHON, "import pushplan; pushplan.plan(pushplan.load_scenario('hook'), time_limit=0.5)"],
+    "plan": [*PUSHPLAN, "plan", "hook", "--no-log", "--time-limit", "0.5"],
+    "stable-set": [*PUSHPLAN, "stable-set", "two-crates"],
+    "check": [*PUSHPLAN, "check", "two-crates"],
+    "simulate": [*PUSHPLAN, "simulate", "one-box", "--time-limit", "0.5"],
+}
+
+
+def attacks(count: int, seed: int) -> Iterator[tuple[str, Attack]]:
+    """Yield interrupts of everything in turn; of half of them a second one follows."""
+    names = [*PROGRAMS]
+    for k in range(count):
+        yield f"{seed}-interrupt-{k}", partial(attack, names[k % len(names)], Random(f"{seed}-interrupt-{k}"))
+
+
+def attack(name: str, random: Random) -> Row:
+    """Interrupt a program at a random moment."""
+    moment = random.uniform(0.0, 1.1 * _seconds(name))
+    with tempfile.TemporaryDirectory(prefix="attack-") as folder:
+        process = _started(name, folder)
+        time.sleep(moment)
+        process.send_signal(signal.SIGINT)
+        if random.random() < 0.5:
+            time.sleep(random.uniform(0.0, 0.1))
+            process.send_signal(signal.SIGINT)
+        try:
+            _, said = process.communicate(timeout=600.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            return {"group": name, "verdict": "WRONG", "why": "it goes on", "moment": moment}
+    code, text = process.returncode, said.decode(errors="replace")
+    row: Row = {"group": name, "moment": moment, "code": code}
+    if code in (-signal.SIGABRT, -signal.SIGSEGV) or "defect" in text or "terminate called" in text:
+        return {**row, "verdict": "WRONG", "why": text[-1500:]}
+    return {**row, "verdict": "done before" if code == 0 else "interrupted"}
+
+
+@cache
+def _seconds(name: str) -> float:
+    """Return how long a program takes that is not interrupted."""
+    with tempfile.TemporaryDirectory(prefix="attack-") as folder:
+        began = time.monotonic()
+        _started(name, folder).communicate()
+        return time.monotonic() - began
+
+
+def _started(name: str, folder: str) -> subprocess.Popen[bytes]:
+    environment = {**os.environ, "PUSHPLAN_RUNS": folder}
+    # What shells start in the background ignores Ctrl-C; so would these.
+    return subprocess.Popen(
+        PROGRAMS[name],
+        env=environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.default_int_handler),
+    )
