@@ -25,6 +25,7 @@ from pushplan.mechanics.sphere import angles_of, twists_at
 from pushplan.planners.controls import MARGIN_FLOOR, MERIDIANS, control_segments, steering_families
 from pushplan.planners.scene import build_scene, convex_pieces, standing_shapes
 from pushplan.planners.timing.arc_limits import Bounds, arc_limits, contact_limits_of, motion_bounds
+from pushplan.planners.timing.profiles import ArcLimits, step_windows, times_from_rest_to_rest
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import CircleObstacle
@@ -33,6 +34,9 @@ from pushplan.util.arrays import BoolArray, FloatArray
 
 GRIDS = {"margin": 129, "time": 33}
 """Longitudes and latitudes of the table; fewer where an entry takes longer."""
+
+SHORT = 0.1
+"""Times of arcs between so much of the length of its ramps and all of it are off by 4 % at most."""
 
 
 def travel_objective(per_arc: float) -> Objective:
@@ -60,8 +64,8 @@ def make_objective(scenario: Scenario, stable: StableSet, segments: FloatArray) 
         per_arc = scenario.planner.arc_price * (1.0 + scenario.planner.weight)
         return Objective(MARGIN, per_arc, float(table[..., 0].min()), length, box, table)
     bounds = motion_bounds(scenario, stable)
-    table[:] = _speeds(twists.reshape(-1, 3), bounds).reshape(table.shape)
     blended = scenario.trajectory == "blended"
+    table[:] = _timing(twists.reshape(-1, 3), bounds, lone=not blended).reshape(table.shape)
     per_arc = scenario.planner.arc_price / scenario.chain.pusher.limits.both("speed")[1]
     return Objective(
         PASSING if blended else REST_TO_REST, per_arc, 1.0 / float(table[..., 0].max()), length, box, table
@@ -78,15 +82,24 @@ def _grid(segments: FloatArray, length: float, count: int) -> tuple[FloatArray, 
     return box, twists / cost_rate(twists)[..., None]
 
 
-def _speeds(twists: FloatArray, bounds: Bounds) -> FloatArray:
-    """Largest s', s'' and s''' (k, 3) along twists (k, 3)."""
+def _timing(twists: FloatArray, bounds: Bounds, lone: bool) -> FloatArray:
+    """Return top speed, time to it from rest, and power of the length (k, 3) for arcs along twists (k, 3).
+
+    An arc too short for its top speed takes a time that grows with a power of its length, if it is driven alone. The
+    power is the one that meets Ruckig's answer at a `SHORT` share of the length with which the speed is just reached.
+    """
     length = np.full(len(twists), 0.3)  # of a typical arc, m
     found, able = contact_limits_of(twists, length, bounds)
     free = arc_limits(twists, bounds.limits)
     # Where the contacts leave no room for inertia, a hundredth of what the pusher can do.
     speed = np.where(able, found.speed, 0.01 * free.speed)
-    slower = np.minimum(found.acceleration, found.deceleration)
-    return np.stack([speed, np.where(able, slower, 0.01 * free.acceleration), found.jerk], axis=1)
+    rate = np.where(able, np.minimum(found.acceleration, found.deceleration), 0.01 * free.acceleration)
+    rise = step_windows(np.stack([rate / speed, found.jerk / speed], axis=1)).sum(axis=1)
+    power = np.ones(len(twists))
+    if lone:
+        times = times_from_rest_to_rest(SHORT * speed * rise, ArcLimits(speed, rate, rate, found.jerk))[:, 0]
+        power = np.log(times / (2.0 * rise)) / np.log(SHORT)
+    return np.stack([speed, rise, power], axis=1)
 
 
 Box = tuple[float, float, float, float]

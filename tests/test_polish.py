@@ -15,7 +15,7 @@ from plans_of import load_plain
 
 import pushplan
 from pushplan.core.improve import objective_value, shorten, vary
-from pushplan.core.problem import REST_TO_REST, Objective, Problem
+from pushplan.core.problem import Objective, Problem
 from pushplan.geometry import se2
 from pushplan.planner import plan
 from pushplan.planners.clearance import find_collision
@@ -23,9 +23,9 @@ from pushplan.planners.problem import build_problem, sampling_box, travel_object
 from pushplan.planners.search.planners import Auto
 from pushplan.planners.search.search import Search
 from pushplan.planners.search.session import Session, StopRule
-from pushplan.planners.timing.arc_limits import ArcLimits, arc_limits
-from pushplan.planners.timing.exact_timing import rest_to_rest
-from pushplan.plans.path import PushPath
+from pushplan.planners.timing.arc_limits import arc_limits, contact_limits, motion_bounds
+from pushplan.planners.timing.profiles import rest_to_rest
+from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.plan import Plan
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Scenario
@@ -155,16 +155,18 @@ def rate(objective: Objective, twist: FloatArray, length: float = 1.0) -> float:
     return objective_value(objective, np.append(twist, length)[None])
 
 
-def test_the_rest_to_rest_time_is_ruckigs() -> None:
-    """Lengths from a micrometre to metres: every phase of the profile may be missing."""
-    rng = np.random.default_rng(2)
-    for _ in range(300):
-        length, speed, acceleration, jerk = 10.0 ** rng.uniform([-6, -1.5, -1.5, -1], [1, 0.5, 0.5, 2])
-        profile = rest_to_rest(length, ArcLimits(speed, acceleration, acceleration, jerk))
-        table = np.tile([speed, acceleration, jerk], (2, 2, 1))
-        objective = Objective(REST_TO_REST, 0.0, 1.0 / speed, 1.0, np.array([-1.0, 1.0, -1.0, 1.0]), table)
-        found = rate(objective, np.array([1.0, 0.0, 0.0]), length)
-        assert found == pytest.approx(profile.duration, rel=1e-9)
+def test_the_price_of_time_of_a_lone_arc_is_ruckigs() -> None:
+    scenario = ranked("time")
+    stable = stable_set(scenario.chain)
+    problem, bounds = build_problem(scenario, stable), motion_bounds(scenario, stable)
+    twists = problem.segments[:, :3] / cost_rate(problem.segments[:, :3])[:, None]
+    for twist in twists[:: len(twists) // 5]:
+        limits = contact_limits(twist, 0.3, bounds)
+        slower = min(limits.acceleration, limits.deceleration)
+        for length in (0.02, 0.1, 0.5, 2.0):
+            profile = rest_to_rest(length, limits._replace(acceleration=slower, deceleration=slower))
+            found = rate(problem.objective, twist, length) - problem.objective.per_arc
+            assert found == pytest.approx(profile.duration, rel=0.05)
 
 
 def test_the_price_of_time_is_the_duration_of_the_exact_trajectory() -> None:

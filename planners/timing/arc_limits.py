@@ -9,17 +9,18 @@ whatever the profile does.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from pushplan.errors import TimingError
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics import ContactDynamics, ForceConditions, MotionConditions
+from pushplan.planners.timing.profiles import ArcLimits, step_windows, times_from_rest_to_rest
 from pushplan.plans.judge import contact_dynamics, push_force
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
-from pushplan.util.arrays import BoolArray, FloatArray
+from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 INERTIA_SHARE = 0.5
 """Share of the margin asked for that contacts keep with inertia."""
@@ -56,15 +57,6 @@ def motion_bounds(scenario: Scenario, stable: StableSet) -> Bounds:
         return Bounds(limits, force=force)
     contacts = contact_dynamics(scenario, stable.name)
     return Bounds(limits, contacts, INERTIA_SHARE * scenario.required_margin, force=force)
-
-
-class ArcLimits(NamedTuple):
-    """Bounds on the derivatives of the arc parameter: s', s'' either way, and |s'''|; numbers, or arrays of them."""
-
-    speed: Any
-    acceleration: Any
-    deceleration: Any
-    jerk: Any
 
 
 ROOM = 0.98
@@ -109,17 +101,17 @@ def arc_limits(twists: FloatArray, limits: Limits, top: float | FloatArray = mat
     # The tangential and the normal part share the jerk; that of a twist that is straight but for rounding is zero:
     # else the same path, planned again from rounded poses, would be driven in another time.
     jerk = np.where(omega > STRAIGHT * v, limits.jerk / math.sqrt(2.0), limits.jerk)
-    speed = np.minimum(top, np.minimum(_ratio(straight, v), _ratio(turning, omega)))
-    speed = np.minimum(speed, np.sqrt(_ratio(min(braking, gaining) / math.sqrt(2.0), bend)))
-    speed = np.minimum(speed, np.cbrt(_ratio(0.5 * jerk, omega * bend)))
+    speed = np.minimum(top, np.minimum(ratio(straight, v), ratio(turning, omega)))
+    speed = np.minimum(speed, np.sqrt(ratio(min(braking, gaining) / math.sqrt(2.0), bend)))
+    speed = np.minimum(speed, np.cbrt(ratio(0.5 * jerk, omega * bend)))
 
     def rate(most: float, turn: FloatArray) -> FloatArray:
         tangential = np.sqrt(most**2 - (speed**2 * bend) ** 2)
-        changed = np.minimum(_ratio(tangential, v), _ratio(turn, omega))
-        bounded: FloatArray = np.minimum(changed, _ratio(jerk, 3.0 * speed * bend))
+        changed = np.minimum(ratio(tangential, v), ratio(turn, omega))
+        bounded: FloatArray = np.minimum(changed, ratio(jerk, 3.0 * speed * bend))
         return bounded
 
-    third = np.minimum(_ratio(jerk - speed**3 * omega * bend, v), _ratio(limits.angular_jerk, omega))
+    third = np.minimum(ratio(jerk - speed**3 * omega * bend, v), ratio(limits.angular_jerk, omega))
     up, down = np.where(to_left, leftward, rightward), np.where(to_left, rightward, leftward)
     return ArcLimits(speed, rate(gaining, up), rate(braking, down), third)
 
@@ -182,7 +174,7 @@ def contact_limits_of(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -
     # rows first: NumPy is slow along short axes
     alpha, beta, gamma, beta_down = (values.reshape(len(twists), -1).T[:, :, None] for values in rows)
     falling = np.where(gamma < 0.0, -gamma, 0.0)
-    steady = np.sqrt(_ratio(np.maximum(alpha, 0.0), falling).min(axis=0)[:, 0])
+    steady = np.sqrt(ratio(np.maximum(alpha, 0.0), falling).min(axis=0)[:, 0])
     top = np.minimum(free.speed, math.sqrt(ROOM) * steady)
     tried = arc_limits(twists[:, None], bounds.limits, SHARES * top[:, None])
     left = ROOM * alpha - falling * tried.speed**2
@@ -190,36 +182,48 @@ def contact_limits_of(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -
         acceleration=np.minimum(tried.acceleration, _bearable(left, -beta)),
         deceleration=np.minimum(tried.deceleration, _bearable(left, -beta_down)),
     )
-    times = np.where(
-        np.minimum(tried.acceleration, tried.deceleration) > LEAST, _times(lengths[:, None], tried), np.inf
-    )
-    best = np.argmin(times, axis=1)[:, None]
-    able = np.take_along_axis(times, best, axis=1)[:, 0] <= CREEP * _times(lengths, free)
-    return ArcLimits(*(np.take_along_axis(bound, best, axis=1)[:, 0] for bound in tried)), able
+    able = np.minimum(tried.acceleration, tried.deceleration) > LEAST
+    with np.errstate(divide="ignore", invalid="ignore"):
+        least = np.where(able, _without_jerk(lengths[:, None], tried), np.inf)
+    best = np.arange(len(lengths)), _fastest(lengths, tried, least)
+    return ArcLimits(*(bound[best] for bound in tried)), least[best] <= CREEP * _without_jerk(lengths, free)
 
 
-def _times(lengths: FloatArray, limits: ArcLimits) -> FloatArray:
-    """Return how long arcs take from rest to rest, s; where the speed is not reached, as if the arc were longer.
+def _without_jerk(lengths: FloatArray, limits: ArcLimits) -> FloatArray:
+    """Return a bound on what arcs take from rest to rest, s: nothing limits the jerk. See also `_fastest`."""
+    ramps = 0.5 * limits.speed * (1.0 / limits.acceleration + 1.0 / limits.deceleration)
+    return np.asarray(np.maximum(lengths / limits.speed, ramps) + ramps)
 
-    A lower speed, which leaves more for acceleration, is reached there.
+
+def _fastest(lengths: FloatArray, tried: ArcLimits, least: FloatArray) -> IntArray:
+    """Return which limits (k, n) drive each arc (k,) in the shortest time, by Ruckig's answers.
+
+    Where the speed is not reached, the arc counts as long enough for it: a lower speed, which leaves more for
+    acceleration, is reached there. Ruckig is asked for those only that `least` (k, n), bounds on their times, leaves.
     """
-    rises = [_rise(limits.speed, bound, limits.jerk) for bound in (limits.acceleration, limits.deceleration)]
-    ramps = 0.5 * (rises[0] + rises[1])
-    return np.asarray(np.maximum(lengths, limits.speed * ramps) / np.maximum(limits.speed, 1e-300) + ramps)
-
-
-def _rise(speed: FloatArray, acceleration: FloatArray, jerk: FloatArray) -> FloatArray:
-    """Return the time from rest to a speed, s."""
-    safe = np.maximum(acceleration, 1e-300)
-    return np.asarray(np.where(speed * jerk >= safe**2, speed / safe + safe / jerk, 2.0 * np.sqrt(speed / jerk)))
+    times, known = np.full(least.shape, np.inf), least.min(axis=1)
+    for _ in range(2):  # the first answer leaves few others
+        asked = np.nonzero((least <= known[:, None]) & (least < np.inf) & np.isinf(times))
+        each = ArcLimits(*(bound[asked] for bound in tried))
+        found, cruising = times_from_rest_to_rest(lengths[asked[0]], each).T
+        short = cruising == 0.0
+        if short.any():
+            speed, up, down, jerk = (bound[short] for bound in each)
+            found[short] = sum(
+                step_windows(np.stack([rate, jerk]).T / speed[:, None]).sum(axis=1) for rate in (up, down)
+            )
+        times[asked] = found
+        known = times.min(axis=1)
+    return np.asarray(times.argmin(axis=1))
 
 
 def _bearable(left: FloatArray, cost: FloatArray) -> FloatArray:
     """Largest x (...) with cost x <= left for every row (r, ...)."""
-    most = _ratio(np.maximum(left, 0.0), np.maximum(cost, 0.0)).min(axis=0)
+    most = ratio(np.maximum(left, 0.0), np.maximum(cost, 0.0)).min(axis=0)
     return np.where((left >= 0.0).all(axis=0), most, 0.0)
 
 
-def _ratio(limit: float | FloatArray, rate: FloatArray) -> FloatArray:
+def ratio(limit: float | FloatArray, rate: FloatArray) -> FloatArray:
     """Return limit / rate, infinite where the rate is 0."""
-    return np.asarray(limit / np.where(rate > 0.0, rate, 1.0) + np.where(rate > 0.0, 0.0, np.inf))
+    positive = rate > 0.0
+    return np.where(positive, limit / np.where(positive, rate, 1.0), np.inf)

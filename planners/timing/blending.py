@@ -26,8 +26,9 @@ from pushplan.planners.timing.parts import (
     passing_speeds,
     sharpest_corners,
     slowed,
-    step_windows,
+    step_bounds,
 )
+from pushplan.planners.timing.profiles import step_windows
 from pushplan.planners.timing.sweep import (
     NOTHING_TOUCHED,
     LengthRows,
@@ -139,7 +140,7 @@ def _hold(begin: FloatArray, end: FloatArray, stable: StableSet, minimum: float)
 
 def _spent(twists: FloatArray, lengths: FloatArray, speeds: FloatArray, bounds: Bounds) -> FloatArray:
     """Lengths (2,) of two neighbouring arcs that are driven within half a step's time of the corner."""
-    time = step_windows(twists * speeds[:, None], bounds.limits).sum()
+    time = step_windows(step_bounds(twists * speeds[:, None], bounds.limits)).sum()
     return np.asarray(np.minimum(speeds * time / 2.0, MOST * lengths))
 
 

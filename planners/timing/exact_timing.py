@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from ruckig import InputParameter, Result, Ruckig, RuckigError
-from ruckig import Trajectory as RuckigTrajectory
 
 import pushplan.core.timing as timing
-from pushplan.errors import TimingError
 from pushplan.mechanics.chain import LimitName, Limits
-from pushplan.planners.timing.arc_limits import ROOM, ArcLimits, Bounds, limits_of_arcs
+from pushplan.planners.timing.arc_limits import ROOM, Bounds, limits_of_arcs
+from pushplan.planners.timing.profiles import rest_to_rest
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import SAMPLE_RATE, Trajectory
 from pushplan.util.arrays import FloatArray, IntArray
@@ -82,78 +80,6 @@ def limit_use(pieces: Pieces, limits: Limits) -> FloatArray:
     names: tuple[LimitName, ...] = ("speed", "acceleration", "angular_speed", "angular_acceleration")
     sides = np.array([limits.both(name) for name in names])
     return timing.limit_use(*pieces[:2], sides, limits.jerk, limits.angular_jerk)
-
-
-SHORTEST_PHASE = 1e-12
-"""Phases of a profile below this (s) are rounding and are left out."""
-
-
-class Profile(NamedTuple):
-    """The rate s' of a parameter as one quadratic of time after the other.
-
-    Attributes:
-        durations: (q,) s.
-        rates: (q, 3) coefficients of s' from the beginning of each phase on, lowest order first.
-    """
-
-    durations: FloatArray
-    rates: FloatArray
-
-    @property
-    def duration(self) -> float:
-        """Length in time, s."""
-        return float(self.durations.sum())
-
-    def along(self, twist: FloatArray) -> FloatArray:
-        """Return the coefficients (q, 3, 3) of the twist that this is the rate of, (3,) per unit."""
-        return np.asarray(self.rates[:, :, None] * twist)
-
-
-def rest_to_rest(length: float, limits: ArcLimits) -> Profile:
-    """Return the time-optimal profile over `length`, starting and ending at rest.
-
-    Raises:
-        TimingError: When Ruckig finds no profile.
-    """
-    request = InputParameter(1)
-    request.target_position = [length]
-    request.max_velocity = [limits.speed]
-    request.max_acceleration = [limits.acceleration]
-    request.min_acceleration = [-limits.deceleration]
-    request.max_jerk = [limits.jerk]
-    durations, speed, rate, jerk = _phases(request, f"a profile over {length} m within {limits}")
-    kept = durations > SHORTEST_PHASE
-    return Profile(durations[kept], np.stack([speed, rate, 0.5 * jerk], axis=1)[kept])
-
-
-def step_widths(rise: FloatArray, bend: FloatArray) -> FloatArray:
-    """Return the fastest smooth steps from 0 to 1 whose first two derivatives stay within bounds.
-
-    A step is a jump averaged over both windows of time, one after the other: its rate is a trapezoid that rises for
-    `short`, stays for `long` - `short` and falls for `short`.
-
-    Args:
-        rise: (m,) inverse of the bound on the first derivative, s.
-        bend: (m,) inverse of the bound on the second derivative, s^2.
-
-    Returns:
-        (m, 2) windows long and short, s.
-    """
-    long = np.maximum(rise, np.sqrt(bend))
-    return np.stack([long, bend / np.where(long > 0.0, long, 1.0)], axis=1)
-
-
-def _phases(request: InputParameter, what: str) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Durations (7,) of the phases, and value, rate and second derivative (7,) of the velocity where they begin."""
-    found = RuckigTrajectory(1)
-    try:
-        status = Ruckig(1).calculate(request, found)
-    except RuckigError as error:
-        raise TimingError(f"Ruckig cannot make {what}: {error}") from error
-    if status != Result.Working:
-        raise TimingError(f"Ruckig found no way to make {what}: {status}")
-    profile = found.profiles[0][0]
-    return np.array(profile.t), np.array(profile.v[:7]), np.array(profile.a[:7]), np.array(profile.j)
 
 
 def time_path(path: PushPath, bounds: Bounds, rate: float = SAMPLE_RATE) -> Trajectory:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property, partial, wraps
+from typing import TypeVar
 
 import daqp
 import numpy as np
@@ -14,12 +15,31 @@ import pushplan.core.timing as timing
 from pushplan.errors import TimingError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Limits
-from pushplan.planners.timing.arc_limits import ArcLimits, Bounds, contact_limits, contact_limits_of
-from pushplan.planners.timing.exact_timing import ORDERS, Pieces, bounds_use, rest_to_rest, step_widths
+from pushplan.planners.timing.arc_limits import Bounds, contact_limits, contact_limits_of, ratio
+from pushplan.planners.timing.exact_timing import ORDERS, Pieces, bounds_use
+from pushplan.planners.timing.profiles import rest_to_rest, step_windows
 from pushplan.planners.timing.sweep import LengthRows, effects_on
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory
 from pushplan.util.arrays import FloatArray, IntArray
+
+P = TypeVar("P", bound="Part")
+T = TypeVar("T")
+
+
+def remembered(method: Callable[[P, FloatArray], T]) -> Callable[[P, FloatArray], T]:
+    """Keep what a method of a part returned for the lengths of its arcs."""
+
+    @wraps(method)
+    def known(self: P, lengths: FloatArray) -> T:
+        answers = self.__dict__.setdefault(f"_{method.__name__}_for", {})
+        key = lengths[self.arcs].tobytes()
+        if key not in answers:
+            answers[key] = method(self, lengths)
+        answer: T = answers[key]
+        return answer
+
+    return known
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,21 +97,13 @@ class Push(Part):
 
     twist: FloatArray
 
+    @remembered
     def pieces(self, lengths: FloatArray) -> Pieces:
         """Return the twist over time."""
         length = float(lengths[self.arcs[0]])
-        profile = rest_to_rest(length, self._limits(length))
+        profile = rest_to_rest(length, contact_limits(self.twist, length, self.bounds))
         level = np.repeat(self.arcs, len(profile.durations))
         return Pieces(profile.durations, profile.along(self.twist), level)
-
-    def _limits(self, length: float) -> ArcLimits:
-        if length not in self._known:
-            self._known[length] = contact_limits(self.twist, length, self.bounds)
-        return self._known[length]
-
-    @cached_property
-    def _known(self) -> dict[float, ArcLimits]:
-        return {}
 
     def motion(self, lengths: FloatArray) -> FloatArray:
         """Return the pose (3,) at the end."""
@@ -110,6 +122,9 @@ MOST = 1.5
 PASSED = 0.3
 """A shorter arc may be passed as fast as one of this length, m."""
 
+DERIVATIVES = np.array([1.0, 2.0])
+"""With which power of a step's duration its derivatives fall."""
+
 USED_UP = 1.0 + 1e-9
 """A limit is kept when no more than this share of it is used."""
 
@@ -121,28 +136,30 @@ class Section(Part):
     Attributes:
         levels: (a + 2, 3) the arcs' twists at full speed, m/s and rad/s, and rest at either end.
         speeds: (a,) rates of the arcs' parameters.
-        widths: (a + 1, 2) windows of the steps between the levels, s.
+        steps: (a + 1, 2) bounds on the first and the second derivative of the steps between the levels, each taken as
+            a step from 0 to 1; 1/s and 1/s^2.
         slower: Factor by which everything is stretched in time.
     """
 
     levels: FloatArray
     speeds: FloatArray
-    widths: FloatArray
+    steps: FloatArray
     slower: float = 1.0
 
+    @remembered
     def pieces(self, lengths: FloatArray) -> Pieces:
         """Return the twist over time."""
-        made = Pieces.through(self.levels / self.slower, *self._steps(lengths))
+        made = Pieces.through(self.levels / self.slower, *self._placed(lengths))
         return made._replace(level=self.arcs[np.clip(made.level - 1, 0, len(self.arcs) - 1)])
 
     def duration(self, lengths: FloatArray) -> float:
         """Return how long it takes, s."""
-        centers, widths = self._steps(lengths)
-        return float(centers[-1] + widths[-1].sum() / 2.0)
+        centers, windows = self._placed(lengths)
+        return float(centers[-1] + windows[-1].sum() / 2.0)
 
     def corners(self, lengths: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the arcs (c,) after which the twist changes, and when (c,)."""
-        return self.arcs[:-1], self._steps(lengths)[0][1:-1]
+        return self.arcs[:-1], self._placed(lengths)[0][1:-1]
 
     def eased(self, lengths: FloatArray) -> Section:
         """Return the section with wider steps wherever a limit is exceeded, as far as that helps."""
@@ -179,19 +196,32 @@ class Section(Part):
 
     def _widened(self, lengths: FloatArray, durations: FloatArray, excess: FloatArray) -> Section:
         """The section with steps wider by up to the `excess` (q,) of the pieces that they overlap."""
-        centers, widths = self._steps(lengths)
-        half = widths.sum(axis=1) / 2.0
+        centers, windows = self._placed(lengths)
+        half = windows.sum(axis=1) / 2.0
         ends = np.cumsum(durations)
         near = np.searchsorted(ends, centers - half, "right"), np.searchsorted(ends - durations, centers + half)
         factors = np.append(np.clip(excess, 1.0, MOST), 1.0)
         factor = np.maximum.reduceat(factors, np.stack(near, axis=1).ravel())[::2]
-        return replace(self, widths=self.widths * factor[:, None])
+        return replace(self, steps=self.steps / factor[:, None] ** DERIVATIVES)
 
-    def _steps(self, lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Centres (a + 1,) of the steps, s from the section's beginning, and their windows (a + 1, 2), s."""
-        centers = np.concatenate([[0.0], np.cumsum(lengths[self.arcs] / self.speeds)])
-        widths = timing.ordered_widths(centers, self.widths)
-        return (centers + widths[0].sum() / 2.0) * self.slower, widths * self.slower
+    @remembered
+    def _placed(self, lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Centres (a + 1,) of the steps, s from the section's beginning, and their windows (a + 1, 2), s.
+
+        Steps that have to be wider because they overlap others are asked for once more, within lower bounds.
+        """
+        centers = self.slower * np.concatenate([[0.0], np.cumsum(lengths[self.arcs] / self.speeds)])
+        windows = self._windows
+        which, bounds = timing.wider_steps(centers, windows)
+        if len(which):
+            windows = windows.copy()
+            windows[which] = step_windows(bounds)
+        return centers + windows[0].sum() / 2.0, windows
+
+    @cached_property
+    def _windows(self) -> FloatArray:
+        """Windows (a + 1, 2) of the steps, each taken for itself, s."""
+        return step_windows(self.steps / self.slower**DERIVATIVES)
 
 
 def make_part(path: PushPath, arcs: IntArray, bounds: Bounds, speeds: FloatArray) -> Part:
@@ -201,7 +231,7 @@ def make_part(path: PushPath, arcs: IntArray, bounds: Bounds, speeds: FloatArray
         return Push(arcs, bounds, twists[0])
     rest = np.zeros((1, 3))
     levels = np.concatenate([rest, twists * speeds[:, None], rest])
-    return Section(arcs, bounds, levels, speeds, step_windows(levels, bounds.limits))
+    return Section(arcs, bounds, levels, speeds, step_bounds(levels, bounds.limits))
 
 
 def passing_speeds(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> FloatArray:
@@ -217,8 +247,12 @@ def passing_speeds(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> F
     return speeds
 
 
-def step_windows(levels: FloatArray, limits: Limits) -> FloatArray:
-    """Return the windows (m, 2) of the fastest steps between twists (m + 1, 3), each taken for itself, s."""
+def step_bounds(levels: FloatArray, limits: Limits) -> FloatArray:
+    """Return the bounds (m, 2) on the first two derivatives of steps between twists (m + 1, 3), 1/s and 1/s^2.
+
+    Each step is taken for itself, from 0 to 1: the bounds are the pusher's limits over the size of the step, infinite
+    where two twists are equal.
+    """
     turning = np.hypot(levels[:, 0], levels[:, 1]) * np.abs(levels[:, 2])  # centripetal acceleration
     braking, gaining = limits.both("acceleration")
     resting = (levels == 0.0).all(axis=1)
@@ -228,8 +262,8 @@ def step_windows(levels: FloatArray, limits: Limits) -> FloatArray:
     linear, angular = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
     rightward, leftward = limits.both("angular_acceleration")
     turn = np.where(steps[:, 2] > 0.0, leftward, rightward)
-    rise = np.maximum(linear / room, angular / turn)
-    return step_widths(rise, np.maximum(linear / limits.jerk, angular / limits.angular_jerk))
+    rates = np.minimum(ratio(room, linear), ratio(turn, angular))
+    return np.stack([rates, np.minimum(ratio(limits.jerk, linear), ratio(limits.angular_jerk, angular))], axis=1)
 
 
 CLOSE = 1e-12

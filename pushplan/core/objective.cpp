@@ -31,30 +31,17 @@ Objective::Entry look_up(const Objective &objective, const Twist &twist) {
 
 } // namespace
 
-double rest_to_rest_time(double length, double speed, double acceleration, double jerk) {
-    const double rise = speed * jerk >= acceleration * acceleration ? speed / acceleration + acceleration / jerk
-                                                                    : 2.0 * std::sqrt(speed / jerk);
-    if (length >= speed * rise)
-        return length / speed + rise;
-    const double ramp = acceleration / jerk;
-    if (length >= 2.0 * ramp * ramp * acceleration) { // the acceleration is reached, the speed is not
-        const double peak = 0.5 * acceleration * (std::sqrt(ramp * ramp + 4.0 * length / acceleration) - ramp);
-        return 2.0 * (peak / acceleration + ramp);
-    }
-    return 4.0 * std::pow(0.5 * length / jerk, 1.0 / 3.0);
-}
-
 double arc_value(const Objective &objective, const Twist &twist, double length) {
     if (objective.kind == TRAVEL)
         return length + objective.per_arc;
     const auto found = look_up(objective, twist);
     if (objective.kind == MARGIN)
         return length * found[0] + objective.per_arc;
-    if (objective.kind == REST_TO_REST)
-        return rest_to_rest_time(length, found[0], found[1], found[2]) + objective.per_arc;
-    // A blended corner costs 2 % of the time from rest to full speed.
-    const double rise = found[0] / found[1] + found[1] / found[2];
-    return length / found[0] + 0.02 * rise + objective.per_arc;
+    const auto [speed, rise, power] = found;
+    if (objective.kind == PASSING) // a blended corner costs 2 % of the time from rest to full speed
+        return length / speed + 0.02 * rise + objective.per_arc;
+    const double ramps = speed * rise; // m
+    return (length >= ramps ? length / speed + rise : 2.0 * rise * std::pow(length / ramps, power)) + objective.per_arc;
 }
 
 } // namespace pushplan

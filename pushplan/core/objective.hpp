@@ -23,7 +23,7 @@ constexpr double GAIN = 1e-9;
 struct Objective {
     using Entry = std::array<double, 3>;
 
-    int kind;       // TRAVEL (no table), MARGIN (rate), REST_TO_REST or PASSING (top s', s'' and s''')
+    int kind;       // TRAVEL (no table), MARGIN (rate), REST_TO_REST or PASSING (see `arc_value`)
     double per_arc; // value of an arc beside its length
     double lowest;  // smallest value of a metre of arc
     double length;  // characteristic length of the twist sphere, m
@@ -32,10 +32,10 @@ struct Objective {
     std::shared_ptr<const std::vector<Entry>> table; // (side, side) by longitude and latitude
 };
 
-// Return the shortest time (s) over a length from rest to rest with bounds on three derivatives.
-double rest_to_rest_time(double length, double speed, double acceleration, double jerk);
-
 // Return the value of an arc of a twist scaled to a cost rate of 1.
+//
+// The time over a length is made from Ruckig's answers in the table: top speed, time from rest to it, and the power of
+// the length with which the time grows on arcs too short for the top speed.
 double arc_value(const Objective &objective, const Twist &twist, double length);
 
 inline double arc_value(const Objective &objective, const Arc &arc) {

@@ -23,7 +23,8 @@ class Objective:
     """What paths are ranked by; the table holds, for twists scaled to a cost rate of 1, what the kind needs.
 
     Attributes:
-        kind: `TRAVEL` (no table), `MARGIN` (rate), `REST_TO_REST` or `PASSING` (top s', s'' and s''').
+        kind: `TRAVEL` (no table), `MARGIN` (rate), `REST_TO_REST` or `PASSING` (top speed, time
+            from rest to it, s, and the power of its length with which the time of a shorter arc grows).
         per_arc: Value of an arc beside its length.
         lowest: Smallest value of a metre of arc.
         length: Characteristic length of the twist sphere, m.

@@ -191,18 +191,23 @@ Pieces step_sum(Table<const double> levels, Row<const double> centers, Table<con
     return pieces;
 }
 
-std::vector<double> ordered_widths(Row<const double> centers, Table<const double> widths) {
+WiderSteps wider_steps(Row<const double> centers, Table<const double> widths) {
     if (widths.rows != centers.size || widths.columns != 2)
         throw std::invalid_argument("widths must be (m, 2) for m steps");
-    std::vector<double> found(widths.data, widths.data + 2 * widths.rows);
-    for (std::ptrdiff_t i = 0; i < centers.size; ++i)
+    WiderSteps found;
+    for (std::ptrdiff_t i = 0; i < centers.size; ++i) {
+        const double own_length = widths[i][0], own_brief = widths[i][1];
+        double length = own_length, brief = own_brief;
         for (std::ptrdiff_t j = 0; j < centers.size; ++j) {
             const double apart = std::abs(centers[i] - centers[j]);
-            for (std::ptrdiff_t k = 0; k < 2; ++k) {
-                double &width = found[static_cast<std::size_t>(2 * i + k)];
-                width = std::max(width, widths[j][k] - apart);
-            }
+            length = std::max(length, widths[j][0] - apart);
+            brief = std::max(brief, widths[j][1] - apart);
         }
+        if (own_length > 0.0 && (length > own_length || brief > own_brief)) {
+            found.which.push_back(i);
+            found.bounds.insert(found.bounds.end(), {1.0 / length, 1.0 / (length * brief)});
+        }
+    }
     return found;
 }
 

@@ -6,7 +6,7 @@
 // Where steps overlap, V is still a weighted mean of the levels, the weight of level j being b_j-1 - b_j. The
 // weights are not negative if neither width changes faster along the steps than the centres do: b_j is the
 // distribution function of X_j = c_j + long_j u + short_j w with the same u, w in [-1/2, 1/2] for all j, and then
-// X_j-1 <= X_j whatever u and w are. `ordered_widths` sees to that. Hence a convex set that contains the levels
+// X_j-1 <= X_j whatever u and w are. `wider_steps` sees to that. Hence a convex set that contains the levels
 // contains V.
 #pragma once
 
@@ -42,8 +42,15 @@ constexpr double SAME_TIME = 1e-9;
 // The twist through `levels` (m + 1, 3), with steps at `centers` (m,), which never decrease, of `widths` (m, 2).
 Pieces step_sum(Table<const double> levels, Row<const double> centers, Table<const double> widths);
 
-// The smallest widths (m, 2), none below `widths`, whose steps keep the levels' weights positive; row after row.
-std::vector<double> ordered_widths(Row<const double> centers, Table<const double> widths);
+// Steps that have to be wider for the levels' weights to stay positive: which, and bounds (w, 2) on their first and
+// second derivative under which the fastest ones are just wide enough, 1/s and 1/s^2; row after row.
+struct WiderSteps {
+    std::vector<std::int64_t> which;
+    std::vector<double> bounds;
+};
+
+// What is wider of steps at `centers` (m,) of `widths` (m, 2); one without a width is no step.
+WiderSteps wider_steps(Row<const double> centers, Table<const double> widths);
 
 // The poses (q + 1, 3) at the ends of pieces with twists `coefficients` (q), from `start` (3,) on; row after row.
 std::vector<double> poses_after(const double *start, Row<const Quadratic> coefficients, Row<const double> durations);

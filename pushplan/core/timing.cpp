@@ -121,9 +121,10 @@ void bind_timing(nb::module_ &core) {
     nb::module_ m = core.def_submodule("timing");
     m.def("step_sum", bind_step_sum, nb::arg("levels"), nb::arg("centers"), nb::arg("widths"));
     m.def(
-        "ordered_widths",
+        "wider_steps",
         [](const Numbers &centers, const Numbers &widths) {
-            return rows_of(ordered_widths(row(centers), table(widths)), 2);
+            WiderSteps found = wider_steps(row(centers), table(widths));
+            return nb::make_tuple(to_numpy(std::move(found.which)), rows_of(std::move(found.bounds), 2));
         },
         nb::arg("centers"), nb::arg("widths"));
     m.def("poses_after", bind_poses_after, nb::arg("start"), nb::arg("coefficients"), nb::arg("durations"));

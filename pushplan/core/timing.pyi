@@ -6,7 +6,7 @@ def step_sum(levels: FloatArray, centers: FloatArray, widths: FloatArray) -> tup
     """Return the twist that passes through `levels`, one smooth step after the other.
 
     V(t) = V_0 + sum_j (V_j+1 - V_j) b_j(t), where b_j is a step from 0 to 1: a jump at its centre, averaged over both
-    of its windows. With `ordered_widths`, a convex set that contains the levels contains V.
+    of its windows. With `wider_steps`, a convex set that contains the levels contains V.
 
     Args:
         levels: (m + 1, 3) body twists.
@@ -21,8 +21,20 @@ def step_sum(levels: FloatArray, centers: FloatArray, widths: FloatArray) -> tup
         ValueError: On other shapes.
     """
 
-def ordered_widths(centers: FloatArray, widths: FloatArray) -> FloatArray:
-    """Return the smallest widths (m, 2), none below `widths`, whose steps keep the levels' weights positive."""
+def wider_steps(centers: FloatArray, widths: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return which steps have to be wider (w,) for the levels' weights to stay positive, and within which bounds.
+
+    Args:
+        centers: (m,) times of the steps, s.
+        widths: (m, 2) their long and short windows, s; zero where there is no step.
+
+    Returns:
+        Their indices (w,), and bounds (w, 2) on the first and the second derivative of a step from 0 to 1, 1/s and
+        1/s^2, within which the fastest one is just wide enough.
+
+    Raises:
+        ValueError: On other shapes.
+    """
 
 def poses_after(start: FloatArray, coefficients: FloatArray, durations: FloatArray) -> FloatArray:
     """Return the poses (q + 1, 3) at the ends of pieces with twists `coefficients` (q, 3, 3), from `start` on."""

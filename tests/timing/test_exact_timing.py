@@ -12,8 +12,9 @@ from pushplan.errors import TimingError
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.planners.clearance import Motion, excess
-from pushplan.planners.timing.arc_limits import ArcLimits, Bounds, contact_limits, least_times
-from pushplan.planners.timing.exact_timing import rest_to_rest, time_path
+from pushplan.planners.timing.arc_limits import Bounds, contact_limits, least_times
+from pushplan.planners.timing.exact_timing import time_path
+from pushplan.planners.timing.profiles import ArcLimits, rest_to_rest
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory
 from pushplan.util.arrays import FloatArray

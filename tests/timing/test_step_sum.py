@@ -18,6 +18,7 @@ from pushplan.mechanics.chain import Chain, Limits
 from pushplan.planner import plan
 from pushplan.planners.scene import build_scene
 from pushplan.planners.timing.exact_timing import Pieces, limit_use
+from pushplan.planners.timing.profiles import step_windows
 from pushplan.planners.timing.sweep import find_touches, off_chords
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import load_scenario
@@ -39,7 +40,9 @@ def _random(seed: int, steps: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     centers = np.cumsum(rng.exponential(0.3, steps))
     long = rng.uniform(0.05, 0.6, steps)
     widths = np.column_stack([long, long * rng.uniform(0.1, 1.0, steps)])
-    return levels, centers, timing.ordered_widths(centers, widths)
+    which, bounds = timing.wider_steps(centers, widths)
+    widths[which] = step_windows(bounds)
+    return levels, centers, widths
 
 
 @settings(max_examples=20)
