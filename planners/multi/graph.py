@@ -72,6 +72,9 @@ SHORTER = 1e-6
 SAME = 1e-9
 """Costs that differ by less are what was assumed, m."""
 
+PAIRS = 4_000
+"""Poses to and from which pushes are worked out between two looks at the clock: some 10 ms."""
+
 FIRST = -1
 """Stands for the contact before the first push: there is none."""
 
@@ -86,9 +89,10 @@ class Graph:
         room: Robot, load and contacts.
         query: From where to where.
         seed: Of the random numbers.
+        over: Whether the search has to end.
     """
 
-    def __init__(self, room: PushRoom, query: Query, seed: int) -> None:
+    def __init__(self, room: PushRoom, query: Query, seed: int, over: Callable[[], bool]) -> None:
         self._room, self._query, self._pushes = room, query, room.scenario.transport
         self._state = np.array([seed], dtype=np.uint64)
         self._box = sampling_box(room.scenario)
@@ -107,7 +111,7 @@ class Graph:
         self.looked_at = 0
         self.leaves = np.array([settles(c.scene, c.packed, query.load) for c in room.contacts])
         self.changes = self._changed(room.shortest)
-        self.add(np.concatenate([query.load[None], query.goals]), np.inf)
+        self.add(np.concatenate([query.load[None], query.goals]), np.inf, over)
         self.begins, self.ends = self._can_begin[:, 0], self._can_end[:, 1:]
         self._first = np.array([self._assumed(k) for k in range(m)])
         least = float(self._first.min()) + self._pushes.settle + self._weighed(self._pushes.retreat)
@@ -130,8 +134,11 @@ class Graph:
         """Whether the robot has a way to some contact at the start, or may have one."""
         return bool(np.isfinite(self._first[self.begins]).any())
 
-    def add(self, poses: FloatArray, below: float) -> None:
-        """Add poses (k, 3) of the load, and what may lead to and from them in a plan that costs less than `below`."""
+    def add(self, poses: FloatArray, below: float, over: Callable[[], bool]) -> None:
+        """Add poses (k, 3) of the load, and what may lead to and from them in a plan that costs less than `below`.
+
+        What is not worked out before it is `over` leads nowhere.
+        """
         bounds = self.lower_bounds(poses)
         useful = bounds[0] + bounds[1] < below
         poses, to, on = poses[useful], *(bound[useful] for bound in bounds)
@@ -159,8 +166,11 @@ class Graph:
                 u, v = rows.nonzero()[0], columns.nonzero()[0]
                 if not (u.size and v.size):
                     continue
-                costs = word_costs(contact.packed, every[u], every[v], self._to[u], self._on[v], below)
-                push[k, u[:, None], v] = costs + after[k, v]
+                for part in np.array_split(u, -(-u.size * v.size // PAIRS)):
+                    if over():
+                        break
+                    costs = word_costs(contact.packed, every[part], every[v], self._to[part], self._on[v], below)
+                    push[k, part[:, None], v] = costs + after[k, v]
             change[old:, k] = self.changes[k]
             change[old:, k, k] = 0.0  # the push goes on by another word
         push[:, np.arange(new), np.arange(new)] = np.inf

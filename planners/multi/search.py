@@ -18,9 +18,12 @@ from pushplan.planners.multi.room import PushRoom, Query
 from pushplan.planners.problem import sampling_box
 from pushplan.util.arrays import BoolArray, FloatArray
 
+CROSSED = 100_000
+"""Pairs of pushes of which it is seen at once where they cross: some 10 ms, and 20 MB."""
 
-def crossings(start: FloatArray, goals: FloatArray, modes: list[PackedMode]) -> FloatArray:
-    """Return poses (k, 3) where a straight push from the start, or from a tight turn there, meets one into a goal."""
+
+def crossings(start: FloatArray, goals: FloatArray, modes: list[PackedMode]) -> Iterator[FloatArray]:
+    """Yield poses (k, 3) where a straight push from the start, or from a tight turn there, meets one into a goal."""
     directions = np.array([se2.rotate(mode.contact[2], mode.settling[:2]) for mode in modes])  # in the load's frame
     pairs, turned = [(start, goal) for goal in goals], []
     for mode in modes:
@@ -29,8 +32,9 @@ def crossings(start: FloatArray, goals: FloatArray, modes: list[PackedMode]) -> 
             before = [*_turned_to(goal, float(start[2]), mode, -1.0)]
             pairs += [*((pose, goal) for pose in after), *((start, pose) for pose in before)]
             turned += [*after, *before]
-    starts, ends = np.moveaxis(np.array(pairs), 1, 0)
-    return np.concatenate([np.array(turned).reshape(-1, 3), _straight_crossings(starts, ends, directions)])
+    yield np.array(turned).reshape(-1, 3)
+    for some in np.array_split(np.array(pairs), -(-len(pairs) * len(modes) ** 2 // CROSSED)):
+        yield _straight_crossings(some[:, 0], some[:, 1], directions)
 
 
 def _straight_crossings(starts: FloatArray, ends: FloatArray, directions: FloatArray) -> FloatArray:
@@ -89,12 +93,15 @@ class Sampler:
         self._random = np.random.default_rng(seed)
         self._state = np.array([seed], dtype=np.uint64)
 
-    def draw(self, count: int, best: PushSequence | None) -> FloatArray:
-        """Return poses (count or a few more, 3), most of them near the changes of a plan or where descents end."""
+    def draw(self, count: int, best: PushSequence | None, over: Callable[[], bool]) -> FloatArray:
+        """Return poses (count or a few more, 3), most of them near the changes of a plan or where descents end.
+
+        There are fewer, one at least, where it is `over` before.
+        """
         found: list[FloatArray] = []
         if best is not None and len(best.steps) > 1:
             found += self._polished(best)
-        while len(found) < count:
+        while len(found) < count and not (found and over()):
             found += self._some(best)
         return np.array(found)
 
@@ -161,9 +168,9 @@ class Sampler:
 MOST_POSES = 160
 """Where there are more, a graph begins anew, with the poses of the best plan."""
 
-
 CROSSINGS = 40
-"""So many of the poses where straight pushes cross are tried at first: each adds pushes to and from all others."""
+"""So many of the poses where straight pushes cross are tried at first, of the `MOST_POSES` of which plans may cost
+least: each adds pushes to and from all others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,14 +243,15 @@ def search(
     """
     began = time.perf_counter()
     modes = [contact.packed for contact in room.contacts]
-    graph = Graph(room, query, seed)
+    graph = Graph(room, query, seed, partial(limits.over, -1))
     sampler: Sampler | None = None  # most first plans need none
     best: PushSequence | None = None
     first: float | None = None
     batches, waiting = 0, query.goals[:0]
     while True:
         below = math.inf if best is None else best.cost - 1e-6  # the smallest saving that counts, m
-        found = graph.cheapest(below, partial(limits.over, batches - 1, best is None))
+        over = partial(limits.over, batches - 1, best is None)
+        found = graph.cheapest(below, over)
         if found is not None:
             best = graph.end_near(found)
             best = graph.shorten_transits(best)
@@ -255,20 +263,25 @@ def search(
         if graph.stuck or limits.over(batches, best is None):
             break
         below = math.inf if best is None else best.cost - 1e-6
+        over = partial(limits.over, batches - 1, best is None)
         if batches == 0:
-            poses = _shortest_first(graph, crossings(query.load, query.goals, modes))
+            poses = query.goals[:0]
+            for some in crossings(query.load, query.goals, modes):
+                poses = _shortest_first(graph, np.concatenate([poses, some]))[:MOST_POSES]
+                if over():
+                    break
             poses, waiting = poses[:CROSSINGS], poses[CROSSINGS:]
         elif len(waiting):
             poses, waiting = waiting, waiting[:0]
         else:
             firsts = graph.begins & graph.leaves
             sampler = sampler or Sampler(room, query, graph.changes, firsts, graph.ends, seed)
-            poses = sampler.draw(12, best)
+            poses = sampler.draw(12, best, over)
         if batches and len(graph.poses) + len(poses) > MOST_POSES:
-            looked_at, graph = graph.looked_at, Graph(room, query, seed + batches)
+            looked_at, graph = graph.looked_at, Graph(room, query, seed + batches, over)
             graph.looked_at += looked_at
             poses = np.array([*poses, *(step.after for step in best.steps[:-1])]) if best is not None else poses
-        graph.add(poses, below)
+        graph.add(poses, below, over)
         batches += 1
     return Found(best, graph.bound, first, graph.looked_at, graph.arrives, graph.begins, graph.leaves, graph.ends)
 

@@ -1,6 +1,8 @@
 """The search for several pushes: exact graphs, sound bounds, descents that only descend, faces that fit."""
 
+import itertools
 import time
+import tracemalloc
 from itertools import pairwise, permutations, product
 
 import numpy as np
@@ -18,7 +20,7 @@ from pushplan.planners.multi.contact_modes import ContactMode, find_modes
 from pushplan.planners.multi.multi_push import MultiPushSearch
 from pushplan.planners.multi.room import Query, lower_bounds
 from pushplan.planners.multi.search import Limits, search
-from pushplan.plans.settings import PlanSettings
+from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
@@ -211,3 +213,18 @@ def test_pushes_pass_by_goals_where_the_nearest_of_many_poses_is(problem: Proble
         np.testing.assert_allclose(np.column_stack([poses, rows]), np.array(expected).reshape(-1, 4), atol=1e-9)
         passed += len(rows)
     assert passed > 0
+
+
+def test_many_goals_and_offsets_take_little_memory_and_end_when_they_are_told_to(problem: Problem) -> None:
+    around = [[1.0 + np.cos(a), 1.0 + np.sin(a), float(a)] for a in np.linspace(0.0, 6.0, 24)]
+    pusher = {"faces": "all", "offsets": ["-20 mm", 0, "20 mm"]}
+    scenario = problem("omnidirectional", goal=[{"pose": pose, "of": "b0"} for pose in around], pusher=pusher)
+    tracemalloc.start()
+    try:
+        assert plan(scenario, iterations=4, time_limit=600.0).solved
+        assert tracemalloc.get_traced_memory()[1] < 1e8
+    finally:
+        tracemalloc.stop()
+    looks = itertools.count()
+    plan(scenario, time_limit=600.0, observer=Observer(cancelled=lambda: next(looks) >= 20))
+    assert next(looks) < 60
