@@ -57,8 +57,8 @@ from pushplan.sim.control.controller import Controller
 from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.simulated_push import Disturbance, OpenLoop, Simulator, simulate_push
 from pushplan.sim.physics.simulator import PhysicsSimulator
-from pushplan.sim.slip.simulator import SlipSimulator
-from pushplan.sim.world import World
+from pushplan.slip.simulator import SlipSimulator
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
 POSITION, ANGLE = 5e-3, np.radians(1.0)

@@ -10,8 +10,8 @@ import numpy as np
 import pushplan.core.slip as core
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import PushedObject
-from pushplan.sim.slip.packing import Pair, Piece, cut, pack_bodies
-from pushplan.sim.slip.simulator import steps_of
+from pushplan.sim.slip import steps_of
+from pushplan.slip.packing import Pair, Piece, cut, pack_bodies
 from pushplan.util.arrays import FloatArray, frozen
 
 

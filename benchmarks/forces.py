@@ -22,7 +22,7 @@ from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names
 from pushplan.sim.physics.engine import engine
 from pushplan.sim.physics.simulator import HARD, PhysicsSimulator, sliding_speed
-from pushplan.sim.world import World
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
 WINDOW = 0.05

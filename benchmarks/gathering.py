@@ -37,8 +37,8 @@ from pushplan.plans.plan import Plan
 from pushplan.scenario.file import scenario_from_document
 from pushplan.sim.control.rest import travel_of
 from pushplan.sim.physics.simulate import simulate_in_physics
-from pushplan.sim.slip.simulator import slip
-from pushplan.sim.world import World
+from pushplan.sim.slip import slip
+from pushplan.slip.world import World
 
 Document = dict[str, Any]
 

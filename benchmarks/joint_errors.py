@@ -29,8 +29,8 @@ from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
 from pushplan.planner import plan
 from pushplan.scenario.file import example_names, load_scenario, scenario_from_text
 from pushplan.scenario.model import Scenario
+from pushplan.sim.course import Course, Moments, thinned
 from pushplan.sim.joint_robustness import ErrorBox, JointErrors
-from pushplan.sim.robustness import Course, Moments, thinned
 from pushplan.util.arrays import FloatArray
 
 

@@ -45,7 +45,7 @@ from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names, example_text, scenario_from_document
 from pushplan.sim.physics.engine import engine
 from pushplan.sim.physics.simulate import simulate_in_physics
-from pushplan.sim.world import World as There
+from pushplan.slip.world import World as There
 from pushplan.util.arrays import FloatArray
 
 Document = dict[str, Any]

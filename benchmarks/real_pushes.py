@@ -34,8 +34,8 @@ from pushplan.scenario.file import scenario_from_document
 from pushplan.sim.identify.identify import identify_pushes
 from pushplan.sim.identify.measured_push import MeasuredPush
 from pushplan.sim.identify.unknowns import MOST_BORDER, MOST_TILT, PressedOutline
-from pushplan.sim.slip.simulator import simulate_poses
-from pushplan.sim.world import World
+from pushplan.sim.slip import simulate_poses
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray, IntArray
 
 Data = Mapping[str, Any]

@@ -51,8 +51,8 @@ from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance, SimulatedPush, Simulator, simulate_push
-from pushplan.sim.slip.simulator import SlipSimulator
-from pushplan.sim.world import World
+from pushplan.slip.simulator import SlipSimulator
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
 MOST_REPLANS = 3

@@ -26,8 +26,8 @@ from pushplan.mechanics.chain import Chain
 from pushplan.sets.named import stable_set
 from pushplan.sim.physics.engine import engine
 from pushplan.sim.report import ContactReport
-from pushplan.sim.slip.simulator import simulate_poses
-from pushplan.sim.world import World
+from pushplan.sim.slip import simulate_poses
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "harada2006"))

@@ -20,10 +20,11 @@ from pushplan.core.problem import (
     poses_along,
     reach,
 )
+from pushplan.geometry.convex import convex_pieces
 from pushplan.geometry.se2 import compose, relative
 from pushplan.mechanics.sphere import angles_of, twists_at
 from pushplan.planners.controls import MARGIN_FLOOR, MERIDIANS, control_segments, steering_families
-from pushplan.planners.scene import build_scene, convex_pieces, standing_shapes
+from pushplan.planners.scene import build_scene, standing_shapes
 from pushplan.planners.timing.arc_limits import Bounds, arc_limits, contact_limits_of, motion_bounds
 from pushplan.planners.timing.profiles import ArcLimits, step_windows, times_from_rest_to_rest
 from pushplan.plans.path import PushPath, cost_rate

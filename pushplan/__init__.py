@@ -30,8 +30,9 @@ _HOMES = {
     "logging.reader": "load_run read_run",
     "verification": "verify_log",
     # Execution
-    "sim.slip.simulator": "simulate SlipSimulator",
-    "sim.world": "World",
+    "sim.slip": "simulate",
+    "slip.simulator": "SlipSimulator",
+    "slip.world": "World",
     "trial": "trial",
     "identify": "identify",
     "sim.control.controller": "Controller",
@@ -86,9 +87,9 @@ if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported with
     from pushplan.sets.stable_set import StableSet as StableSet
     from pushplan.sim.control.controller import Controller as Controller
     from pushplan.sim.follower import Follower as Follower
-    from pushplan.sim.slip.simulator import SlipSimulator as SlipSimulator
-    from pushplan.sim.slip.simulator import simulate as simulate
-    from pushplan.sim.world import World as World
+    from pushplan.sim.slip import simulate as simulate
+    from pushplan.slip.simulator import SlipSimulator as SlipSimulator
+    from pushplan.slip.world import World as World
     from pushplan.trial import trial as trial
     from pushplan.verification import verify_log as verify_log
 

@@ -31,8 +31,8 @@ from pushplan.sim.control.sensing import Measurements, Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import SENSOR, Disturbance, OpenLoop, SimulatedPush, Simulator, simulate_push
 from pushplan.sim.report import at_poses, judged
-from pushplan.sim.slip.simulator import SlipSimulator
-from pushplan.sim.world import World
+from pushplan.slip.simulator import SlipSimulator
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
 CONTROL = "pushplan.control"

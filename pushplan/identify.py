@@ -14,7 +14,7 @@ from pushplan.logging.reader import load_run
 from pushplan.scenario.model import Scenario
 from pushplan.sim.identify.identify import identify_pushes
 from pushplan.sim.identify.measured_push import Identification, MeasuredPush
-from pushplan.sim.world import World
+from pushplan.slip.world import World
 
 
 def identify(

@@ -21,7 +21,7 @@ from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.run import fields_of
 from pushplan.scenario.model import Scenario
 from pushplan.sim.report import ContactLoss, with_margins
-from pushplan.sim.slip.simulator import slip
+from pushplan.sim.slip import slip
 from pushplan.sim.trials import Simulator, Trials, execute_trials, sampled_world
 from pushplan.util.names import SIMULATORS
 from pushplan.util.naming import SIMULATOR_NAMES, function_named

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,12 +18,10 @@ from pushplan.geometry.polygon import SHORTEST_CONTACT
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.packed import contact_facets, push_room
 from pushplan.mechanics.perturb import aside_slides, displace
+from pushplan.plans.load import Load
 from pushplan.plans.robustness import BOX, MOST_ANGLE
+from pushplan.sim.course import Course, Variants
 from pushplan.util.arrays import FloatArray, IntArray
-
-if TYPE_CHECKING:
-    from pushplan.plans.load import Load
-    from pushplan.sim.robustness import Course, Variants
 
 FINE = 1e-6
 """Share of itself to which the scale is found."""

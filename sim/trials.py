@@ -24,8 +24,8 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty
 from pushplan.scenario.model import Scenario
 from pushplan.sim.report import ContactLoss, ContactReport, with_margins
-from pushplan.sim.slip.simulator import slip
-from pushplan.sim.world import World
+from pushplan.sim.slip import slip
+from pushplan.slip.world import World
 from pushplan.util.arrays import BoolArray, FloatArray
 
 

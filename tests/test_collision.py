@@ -11,10 +11,11 @@ from conftest import there
 from pushplan.core import collision, problem
 from pushplan.core.collision import SLACK, Scene, separations, sweep_is_free
 from pushplan.geometry import se2
+from pushplan.geometry.convex import convex_pieces
 from pushplan.planner import plan
 from pushplan.planners.clearance import SPACING, Motion, Moving, Room, Standing, find_collision, find_collisions
 from pushplan.planners.problem import scenario_scene
-from pushplan.planners.scene import convex_pieces, scene_of
+from pushplan.planners.scene import scene_of
 from pushplan.plans.path import TURN_WEIGHT
 from pushplan.scenario.file import load_scenario, scenario_from_text
 from pushplan.scenario.model import Scenario

@@ -26,8 +26,9 @@ from pushplan.scenario.file import example_names, example_text, load_scenario, s
 from pushplan.scenario.model import Scenario
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
+from pushplan.sim.course import Course, Moments, thinned
 from pushplan.sim.joint_robustness import ErrorBox, JointErrors
-from pushplan.sim.robustness import Course, Moments, least_robustness, robustness_along, robustness_of, thinned
+from pushplan.sim.robustness import least_robustness, robustness_along, robustness_of
 from pushplan.util.arrays import FloatArray
 
 ITERATIONS = 6000

@@ -26,7 +26,7 @@ from pushplan.sim.physics.engine import PhysicsSettings
 from pushplan.sim.physics.model import build_model, joint_coordinates
 from pushplan.sim.physics.simulate import STEPS, simulate_in_physics
 from pushplan.sim.report import ContactReport
-from pushplan.sim.world import World
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 from pushplan.util.naming import MissingExtraError
 

@@ -17,11 +17,11 @@ from pushplan.core.problem import LEFT, RIGHT, Problem, find_words
 from pushplan.core.search import Lattice, SparseTree
 from pushplan.errors import EmptyStableSetError
 from pushplan.geometry import se2
+from pushplan.geometry.convex import flatten
 from pushplan.mechanics.chain import Drive
 from pushplan.planner import plan
 from pushplan.planners.controls import control_segments, segment_ends, steering_families
 from pushplan.planners.problem import build_problem, sampling_box
-from pushplan.planners.scene import flatten
 from pushplan.planners.search.bottlenecks import Extent
 from pushplan.planners.search.planners import LatticeRounds, floor_of, middle_of
 from pushplan.planners.search.session import Session, StopRule

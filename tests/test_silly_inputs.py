@@ -22,7 +22,7 @@ from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance
 from pushplan.sim.follower import PATIENCE, Follower
-from pushplan.sim.world import World
+from pushplan.slip.world import World
 
 NUMBERS = [math.nan, -math.inf, 1e300, "word", [], object()]
 PERIOD = 0.02

@@ -9,7 +9,7 @@ from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.contacts import friction_wrench
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
-from pushplan.sim.feet import DEGREE, feet_of, polygon_rule
+from pushplan.slip.feet import DEGREE, feet_of, polygon_rule
 from pushplan.util.arrays import FloatArray
 
 BOX = np.array([[-0.05, -0.03], [0.05, -0.03], [0.05, 0.03], [-0.05, 0.03]])

@@ -31,8 +31,8 @@ from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance
 from pushplan.sim.follower import Follower
-from pushplan.sim.slip.simulator import SlipSimulator
-from pushplan.sim.world import World
+from pushplan.slip.simulator import SlipSimulator
+from pushplan.slip.world import World
 
 nan, inf = math.nan, math.inf
 NUMBERS: tuple[Any, ...] = (nan, inf, -inf, -1, -1e-9, 1e308, 1e-308, 2**40, 0.5, "1", True, [1.0], 10**400)

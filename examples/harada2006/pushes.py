@@ -21,7 +21,7 @@ from pushplan.plans.trajectory import Trajectory
 from pushplan.sim.physics.engine import PhysicsError, PhysicsSettings
 from pushplan.sim.physics.simulator import PhysicsSimulator, sliding_speed
 from pushplan.sim.report import ContactReport, Part, report_of
-from pushplan.sim.world import World
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
 DEFAULTS = PhysicsSettings()

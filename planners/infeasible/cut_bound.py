@@ -20,10 +20,10 @@ import daqp
 import numpy as np
 
 from pushplan.geometry import se2
+from pushplan.geometry.convex import convex_pieces
 from pushplan.planners.infeasible.turn_bound import CIRCLE, NEVER, TRAVEL, WIDEST, Price
 from pushplan.planners.infeasible.turning import turns_of
 from pushplan.planners.infeasible.ways import NONE, SAME, Cut, find_cuts, free_sections, or_none, standing
-from pushplan.planners.scene import convex_pieces
 from pushplan.plans.path import PushPath
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from pushplan.geometry import se2
+from pushplan.geometry.convex import convex_pieces
 from pushplan.geometry.polygon import outward_normals
 from pushplan.mechanics.chain import SEAM, Body, as_one
-from pushplan.planners.scene import convex_pieces
 from pushplan.plans.path import PushPath
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Obstacle

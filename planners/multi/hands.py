@@ -19,13 +19,14 @@ from pushplan.core.pushes import PackedMode, approaches_are_free, find_push, set
 from pushplan.core.transit import find_transit, shortened
 from pushplan.errors import ChainError, EmptyStableSetError, TippingError
 from pushplan.geometry import se2
+from pushplan.geometry.convex import bounding_circle, convex_pieces, flatten
 from pushplan.mechanics.faces import Place, Through, ways_through
 from pushplan.mechanics.support import UniformSupport
 from pushplan.planners.controls import margins_to_try
 from pushplan.planners.multi.contact_modes import ContactMode
 from pushplan.planners.multi.room import AHEAD, NO_WALLS, packed_mode, reaches, wheels_of
 from pushplan.planners.problem import Posing, obstacles_of, sampling_box, walls_of
-from pushplan.planners.scene import bounding_circle, convex_pieces, flatten, scene_of, standing_shapes
+from pushplan.planners.scene import scene_of, standing_shapes
 from pushplan.plans.load import Load, Member, row_load
 from pushplan.plans.path import PushPath
 from pushplan.plans.segment import Poses, Segment
@@ -205,7 +206,7 @@ class Hands:
 
         Where it does not, there is no such hand from then on.
         """
-        from pushplan.sim.closing import closes  # and with it the slip simulator: for plans of rows alone
+        from pushplan.slip.closing import closes  # and with it the slip simulator: for plans of rows alone
 
         kind, hand = tuple(self.forms[member] for member in members), self.hand(members)
         assert hand is not None

@@ -13,10 +13,11 @@ from pushplan.core.pushes import PackedMode
 from pushplan.core.transit import find_transit, shortened
 from pushplan.errors import EmptyStableSetError
 from pushplan.geometry import se2
+from pushplan.geometry.convex import bounding_circle, convex_pieces, flatten
 from pushplan.mechanics.chain import Drive
 from pushplan.planners.multi.contact_modes import ContactMode
 from pushplan.planners.problem import open_scene, sampling_box, standing_in
-from pushplan.planners.scene import bounding_circle, convex_pieces, flatten, scene_of
+from pushplan.planners.scene import scene_of
 from pushplan.plans.path import TURN_WEIGHT
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray

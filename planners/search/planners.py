@@ -15,8 +15,8 @@ from pushplan.core.problem import STRAIGHT, Problem, random
 from pushplan.core.search import Forest, Lattice, SparseTree, branch, floor_distances
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
+from pushplan.geometry.convex import flatten
 from pushplan.planners.problem import Box
-from pushplan.planners.scene import flatten
 from pushplan.planners.search.bottlenecks import Extent, Ways
 from pushplan.planners.search.form import PushInformation, information_of, leave_path
 from pushplan.planners.search.search import Factory

@@ -159,7 +159,7 @@ def _simulated(
         from pushplan.closed_loop import run_closed_loop
         from pushplan.plans.settings import Observer
         from pushplan.sim.trials import sampled_world
-        from pushplan.sim.world import World
+        from pushplan.slip.world import World
 
         def told(now: float) -> None:
             progress.tell(f"{now:.0f} s of the push")

@@ -14,8 +14,8 @@ from pushplan.geometry.se2 import compose, exp, inverse, relative, rotate, trans
 from pushplan.mechanics.chain import Chain
 from pushplan.sim.control.settings import ControlSettings, words
 from pushplan.sim.report import contact_motion
-from pushplan.sim.slip.simulator import SlipSimulator
-from pushplan.sim.world import World
+from pushplan.slip.simulator import SlipSimulator
+from pushplan.slip.world import World
 from pushplan.util.arrays import BoolArray, FloatArray
 
 LONGEST = 0.05

@@ -12,7 +12,7 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.segment import Poses, Segment, standing_obstacles
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Obstacle
-from pushplan.sim.closing import OFF as CLOSES
+from pushplan.slip.closing import OFF as CLOSES
 from pushplan.util.arrays import FloatArray
 
 PASSING = 2.0

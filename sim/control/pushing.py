@@ -32,7 +32,7 @@ from pushplan.sim.control.sensing import Odometry, Sightings
 from pushplan.sim.control.settings import SIGMAS, ControlSettings, words
 from pushplan.sim.control.stall import StallWatch
 from pushplan.sim.follower import Steering
-from pushplan.sim.world import World
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
 LITTLE, SETTLE = 0.5, 0.02

@@ -24,8 +24,8 @@ from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Obstacle
 from pushplan.sim.control.aim import Aim
 from pushplan.sim.control.settings import ControlSettings
-from pushplan.sim.slip.simulator import SlipSimulator
-from pushplan.sim.world import World
+from pushplan.slip.simulator import SlipSimulator
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import AUTO
 

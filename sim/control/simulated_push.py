@@ -21,8 +21,8 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.run import Event, Measured
 from pushplan.sim.control.sensing import Measurements, Sensor
 from pushplan.sim.report import columns_of
-from pushplan.sim.slip.simulator import SlipSimulator
-from pushplan.sim.world import World
+from pushplan.slip.simulator import SlipSimulator
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray, IntArray
 from pushplan.util.names import FARTHEST
 

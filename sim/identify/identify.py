@@ -16,8 +16,8 @@ from pushplan.errors import PushplanError
 from pushplan.sim.identify.measured_push import Comparison, Identification, MeasuredPush
 from pushplan.sim.identify.posterior import Near, sample, worth
 from pushplan.sim.identify.unknowns import Unknowns
-from pushplan.sim.slip.packing import half_extent
-from pushplan.sim.world import World
+from pushplan.slip.packing import half_extent
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
 STEP = 5e-3

@@ -17,7 +17,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import PLATE
 from pushplan.sim.identify.unknowns import Unknown, Unknowns
 from pushplan.sim.report import at_poses
-from pushplan.sim.slip.simulator import steps_of
+from pushplan.sim.slip import steps_of
 from pushplan.util.arrays import FloatArray, frozen
 from pushplan.util.names import PUSHER
 

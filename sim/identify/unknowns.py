@@ -15,9 +15,9 @@ import shapely
 import pushplan.core.slip as slip
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support, UniformSupport
-from pushplan.sim.feet import feet_of
-from pushplan.sim.slip.packing import pack_world
-from pushplan.sim.world import World
+from pushplan.slip.feet import feet_of
+from pushplan.slip.packing import pack_world
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
 MOST_BORDER = 0.95

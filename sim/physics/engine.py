@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from pushplan.errors import PushplanError
-from pushplan.sim.feet import DEGREE
+from pushplan.slip.feet import DEGREE
 from pushplan.util.naming import optional
 
 

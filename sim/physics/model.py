@@ -23,10 +23,10 @@ import numpy as np
 from pushplan.geometry.se2 import rotate, transform_points
 from pushplan.mechanics.chain import GRAVITY, PushedObject, inertia_of
 from pushplan.mechanics.packed import pack_object
-from pushplan.sim.feet import Feet, feet_of
 from pushplan.sim.physics.engine import ForceMeter, PhysicsError, PhysicsSettings, engine
-from pushplan.sim.slip.packing import Bodies, bodies_of, push_heights
-from pushplan.sim.world import World
+from pushplan.slip.feet import Feet, feet_of
+from pushplan.slip.packing import Bodies, bodies_of, push_heights
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray, IntArray
 
 FLOOR = "floor"

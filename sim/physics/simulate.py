@@ -32,8 +32,8 @@ from pushplan.sim.report import (
     report_of,
     wanted_at_end,
 )
-from pushplan.sim.slip.simulator import SETTLED, step_times
-from pushplan.sim.world import World
+from pushplan.sim.slip import SETTLED, step_times
+from pushplan.slip.world import World
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 from pushplan.util.names import APPROACH, CLOSE, PUSH
 

@@ -16,7 +16,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.sim.physics.engine import ForceMeter, PhysicsError, PhysicsSettings
 from pushplan.sim.physics.model import build_model, joint_coordinates
-from pushplan.sim.world import World
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray, IntArray, frozen, numbers
 from pushplan.util.names import FARTHEST
 

@@ -27,7 +27,7 @@ from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance, OpenLoop, SimulatedPush, simulate_push
-from pushplan.sim.world import World
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
 STILL = Sensor(position=0.0, angle=0.0)

@@ -19,8 +19,9 @@ from pushplan.sim.control.simulated_push import Disturbance, simulate_push
 from pushplan.sim.control.stall import StallWatch
 from pushplan.sim.physics.simulate import simulate_in_physics
 from pushplan.sim.physics.simulator import PhysicsSimulator
-from pushplan.sim.slip.simulator import SlipSimulator, simulate
-from pushplan.sim.world import World
+from pushplan.sim.slip import simulate
+from pushplan.slip.simulator import SlipSimulator
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
 PLACES = np.array([[0.05, 0.0, 0.0], [0.15, 0.01, 0.0]])

@@ -17,7 +17,7 @@ from kinds import MULTI, SWAP
 
 import pushplan
 from pushplan.scenario.model import Scenario
-from pushplan.sim.slip.simulator import slip
+from pushplan.sim.slip import slip
 
 FROZEN = Path(__file__).with_name("outcomes.json")
 

@@ -23,8 +23,8 @@ from pushplan.sim.identify.measured_push import Identification, MeasuredPush, pi
 from pushplan.sim.identify.posterior import Near, sample
 from pushplan.sim.identify.unknowns import PressedOutline, Unknowns
 from pushplan.sim.report import ContactReport
-from pushplan.sim.slip.simulator import simulate_poses
-from pushplan.sim.world import World
+from pushplan.sim.slip import simulate_poses
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
 SAMPLES = 41

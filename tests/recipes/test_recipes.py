@@ -18,7 +18,7 @@ from rough import first_plans
 import pushplan
 from pushplan.cli.main import main
 from pushplan.mechanics.support import FeetSupport
-from pushplan.sim.slip.simulator import slip
+from pushplan.sim.slip import slip
 
 OUTSIDE = Path(__file__).with_name("outside")
 

@@ -26,15 +26,15 @@ from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
-from pushplan.sim import closing
 from pushplan.sim.control.jobs import push_job
 from pushplan.sim.control.rest import RestPlanner
 from pushplan.sim.control.sensing import Sightings
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import SENSOR
 from pushplan.sim.control.standing import Deliveries, Standing
-from pushplan.sim.slip.simulator import simulate
-from pushplan.sim.world import World
+from pushplan.sim.slip import simulate
+from pushplan.slip import closing
+from pushplan.slip.world import World
 
 FILE = """\
 format: pushplan/1

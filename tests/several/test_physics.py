@@ -14,9 +14,9 @@ from pushplan.geometry import se2
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty
 from pushplan.sim.follower import Follower, FollowerState
-from pushplan.sim.slip.simulator import simulate
+from pushplan.sim.slip import simulate
 from pushplan.sim.trials import execute_trials
-from pushplan.sim.world import World
+from pushplan.slip.world import World
 
 OFF = np.array([0.0, 2e-3, math.radians(0.5)])
 NEAR = [5e-3, math.radians(1.0)]

@@ -18,8 +18,9 @@ from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.support import FeetSupport, UniformSupport, UnknownSupport
 from pushplan.scenario.parts import PolygonObstacle
 from pushplan.sim.report import ContactReport, Mode
-from pushplan.sim.slip.simulator import SlipSimulator, simulate_poses
-from pushplan.sim.world import World
+from pushplan.sim.slip import simulate_poses
+from pushplan.slip.simulator import SlipSimulator
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
 make = ChainMaker()

@@ -17,7 +17,7 @@ from pushplan.plans.execution import TrialEnd
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty
 from pushplan.sim.report import ContactLoss, contact_motion, motions_of
-from pushplan.sim.slip.simulator import slip
+from pushplan.sim.slip import slip
 from pushplan.sim.trials import Trials, execute_trials, sampled_world
 from pushplan.trial import write_trial
 from pushplan.verification import verify_run

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pushplan.plans.plan import Plan
 from pushplan.sim.report import ContactReport
-from pushplan.sim.slip.simulator import slip
-from pushplan.sim.world import World
+from pushplan.sim.slip import slip
+from pushplan.slip.world import World
 
 
 def wet_floor(plan: Plan, world: World) -> ContactReport:

@@ -14,8 +14,8 @@ import numpy as np
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.support import UniformSupport
-from pushplan.sim.slip.simulator import SlipSimulator
-from pushplan.sim.world import World
+from pushplan.slip.simulator import SlipSimulator
+from pushplan.slip.world import World
 
 OFF = (3e-3, np.radians(2.0))
 """So far the object may stand to the side (m), and be turned (rad)."""

@@ -13,12 +13,12 @@ from numpy.typing import ArrayLike
 import pushplan.core.slip as slip
 from pushplan.errors import SupportError
 from pushplan.geometry import se2
+from pushplan.geometry.convex import bounding_circle, convex_pieces
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.support import Support
-from pushplan.planners.scene import bounding_circle, convex_pieces
 from pushplan.scenario.parts import CircleObstacle
-from pushplan.sim.feet import Feet, feet_of
-from pushplan.sim.world import World
+from pushplan.slip.feet import Feet, feet_of
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray, IntArray
 
 QUADRATURE = 13

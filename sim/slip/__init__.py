@@ -1,1 +1,0 @@
-"""Quasi-static pushing in which contacts stick, slide, roll off an end, open and close again."""
