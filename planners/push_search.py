@@ -245,11 +245,10 @@ def _bound_of_objective(posed: Scenario, segments: FloatArray, found: Segments) 
     """Return what no plan beats of what ranks plans: travel (m) or time (s); of margins nothing is known."""
     if posed.planner.cost == "margin":
         return None
-    path = found[0].contact_path if found else None
     if posed.planner.cost == "time":
-        timed = path is not None and found[0].trajectory is not None
-        return time_bound(posed, segments, path, found[0].duration) if timed else time_bound(posed, segments)
-    return lower_bound(posed, segments, path)
+        timed = bool(found) and found[0].trajectory is not None
+        return time_bound(posed, segments, found[0].duration if timed else math.inf)
+    return lower_bound(posed, segments, found[0].cost if found else math.inf)
 
 
 @dataclass(eq=False)

@@ -1,4 +1,4 @@
-"""Costs and times that no plan can beat: the highest of what straight travel, turns, ways around and cuts prove."""
+"""Costs and times that no plan can beat: the highest of what straight travel, turns and ways around prove."""
 
 from __future__ import annotations
 
@@ -8,45 +8,31 @@ import numpy as np
 
 from pushplan.core.problem import remaining
 from pushplan.geometry import se2
-from pushplan.planners.infeasible.cut_bound import cut_bound
 from pushplan.planners.infeasible.turn_bound import Price, turn_bound
 from pushplan.planners.infeasible.ways import Disc, disc_at, largest_disc, way_around
-from pushplan.plans.path import TURN_WEIGHT, PushPath
+from pushplan.plans.path import TURN_WEIGHT
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 
-WORTH = 0.01, 0.2
-"""Shares between which a known path has to be above the other bounds for one by cuts to be looked for.
 
-Cuts add a few per cent: to a gap that is much larger, as first paths have, they are not worth their time.
-"""
-
-
-def lower_bound(scenario: Scenario, segments: FloatArray, path: PushPath | None = None) -> float:
+def lower_bound(scenario: Scenario, segments: FloatArray, most: float = math.inf) -> float:
     """Return a cost (m) that no path which keeps the clearance can beat.
 
     Args:
         scenario: The problem.
         segments: (k, 6) stable twists that the pusher can make; see `controls`.
-        path: One that is known: cheaper ones alone are looked at. Without it nothing is known of where obstacles and
-            turns matter at once, and the bound is lower.
+        most: Cost (m) of a path that is known: only cheaper ones are considered.
     """
     start, goal = scenario.start, scenario.goal.pose_chain
-    most = math.inf if path is None else path.cost
     turn = abs(float(se2.wrap_angle(goal[2] - start[2])))
     bounds = [remaining(start, goal)]
     for disc in _discs(scenario):
         rest = (TURN_WEIGHT - float(np.linalg.norm(disc.center))) * turn
         bounds.append(way_around(scenario, disc, most - rest) + rest)
-    bound = max(*bounds, turn_bound(start, goal, segments, most))
-    if path is not None and WORTH[0] < most / bound - 1.0 < WORTH[1]:
-        bound = cut_bound(scenario, segments, path, most, bound)
-    return float(bound)
+    return float(max(*bounds, turn_bound(start, goal, segments, most)))
 
 
-def time_bound(
-    scenario: Scenario, segments: FloatArray, path: PushPath | None = None, duration: float = math.inf
-) -> float:
+def time_bound(scenario: Scenario, segments: FloatArray, duration: float = math.inf) -> float:
     """Return a time (s) in which no path from rest to rest can be driven; see `lower_bound`.
 
     It knows the limits of speed and acceleration, neither the jerk nor what contacts allow with inertia.
@@ -54,8 +40,7 @@ def time_bound(
     Args:
         scenario: The problem.
         segments: (k, 6) stable twists that the pusher can make; see `controls`.
-        path: One that is known.
-        duration: That of its motion, s.
+        duration: That of a motion that is known, s.
     """
     limits = scenario.chain.pusher.limits
     speed, turning = (max(limits.both(name)) for name in ("speed", "angular_speed"))
@@ -66,8 +51,6 @@ def time_bound(
     rate = max(gain / speed, spin / turning)
     price, most = Price(speed / turning, 0.0), speed * max(duration - 1.0 / rate, 1.0 / rate)
     bend = max(around, turn_bound(start, goal, segments, most, price))
-    if path is not None and WORTH[0] < most / bend - 1.0 < WORTH[1]:
-        bend = cut_bound(scenario, segments, path, most, bend, price)
     return max(
         _from_rest_to_rest(bend, speed, rate * speed),
         _from_rest_to_rest(around, speed, gain),
