@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import jinja2
 import numpy as np
@@ -92,32 +93,12 @@ class Table:
         return [all(_NUMBER.match(word) for word in column) for column in columns]
 
     def latex(self, caption: str, label: str) -> str:
-        """Return it as a LaTeX table with its note in the caption, no wider than the text.
-
-        It takes the packages booktabs and graphicx.
-        """
+        """Return it as a LaTeX table (package booktabs), with its note in the caption."""
+        escaped = re.sub(r"([&%$#_{}])", r"\\\1", f"{caption}. {self.note}")
         columns = "".join("r" if numeric else "l" for numeric in self.numeric)
-        lines = [" & ".join(map(_latex, row)) + r" \\" for row in (self.head, *self.rows)]
-        above = [r"\begin{table}", r"\centering", rf"\caption{{{_latex(f'{caption}. {self.note}')}}}"]
-        fitting = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{%"
-        rules = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", lines[0], r"\midrule", *lines[1:]]
-        below = [r"\bottomrule", r"\end{tabular}}", r"\end{table}", ""]
-        return "\n".join([*above, rf"\label{{tab:{label}}}", fitting, *rules, *below])
-
-
-_LATEX = {
-    **{letter: rf"\{letter}" for letter in "&%$#_{}"},
-    "\\": r"\textbackslash{}",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "×": r"$\times$",
-    "<": "$<$",
-    NOTHING: "--",
-}
-
-
-def _latex(text: str) -> str:
-    return "".join(_LATEX.get(letter, letter) for letter in text)
+        frame = pd.DataFrame(self.rows, columns=list(self.head))
+        form: Any = {"index": False, "escape": True, "column_format": columns}
+        return str(frame.to_latex(**form, caption=escaped, label=f"tab:{label}"))
 
 
 def write_latex(results: Results, path: Path) -> None:

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from pushplan.util.arrays import FloatArray
 
 MOST_NAMES = 4
+
+_TELLING_GAP = 1.0
+"""A gap is printed below this share: a bound that is half as low says nothing about the plan."""
 """Names of objects that are pushed together which a line has, at most."""
 
 Document = dict[str, Any]
@@ -58,7 +61,7 @@ def plan_rows(document: Mapping[str, Any], remarks: Mapping[str, str]) -> Rows:
         found += [(f"{k}. {one['kind']}", _segment_text(one)) for k, one in enumerate(document["segments"], start=1)]
     if document["cost"] is not None:
         found.append(("cost", _cost_text(document)))
-        if document["gap"] is not None:
+        if document["gap"] is not None and document["gap"] < _TELLING_GAP:
             of = " of the duration" if document["objective"] == "time" else ""
             found.append(("optimality gap", f"<= {100.0 * document['gap']:.3g} %{of}"))
     if document["duration_s"] is not None:
