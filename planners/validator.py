@@ -265,7 +265,5 @@ def _wrong_order(first: Segment, second: Segment) -> str:
 
 def _is_taken(close: Segment, push: Segment) -> bool:
     """Tell whether a push is of the load of a close and what that one was closed onto."""
-    assert close.load is not None
-    assert push.load is not None
-    *before, taken = push.load.links
-    return tuple(before) == close.load.links and (taken.object, taken.pusher) == (close.onto, close.load.names[-1])
+    held, (*before, taken) = close.pushed_load, push.pushed_load.links
+    return tuple(before) == held.links and (taken.object, taken.pusher) == (close.onto, held.names[-1])

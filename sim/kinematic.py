@@ -138,8 +138,7 @@ def contacts_along(segment: Segment, planned: str, t: FloatArray) -> Contacts:
         planned: Name of the stable set that was planned in.
         t: Where the plate rests, the twist counts that comes next (at the end: came last).
     """
-    assert segment.load is not None
-    problem = segment.load.problem
+    problem = segment.pushed_load.problem
     own = segment.contact_trajectory
     fresh = own.changes_at(t)
     asked, rates = own.directions_at(t[fresh]), own.rates_at(t[fresh])
@@ -193,8 +192,7 @@ def _loss(
 ) -> StabilityLoss:
     column = int(np.nanargmin(margins[i]))
     k = int(owner[i])
-    load = segments[k].load
-    assert load is not None
+    load = segments[k].pushed_load
     x, y, theta = (float(value) for value in poses[i])
     contact = load.contact_name(names[column])
     return StabilityLoss(float(t[i]), k, names[column], contact, float(margins[i, column]), (x, y, theta))

@@ -388,7 +388,7 @@ def with_one_moved(steps: Steps, budget: Budget, observer: Observer) -> Iterator
             found = find_transfer(pieces, now, k, limits, budget.seed, goals, delivers=False) if goals else None
             if found is None:
                 break
-            steps.floor.looked_at += found.found.looked_at
+            steps.floor.looked_at += found.looked_at
             yield steps.after(found.segments(scenario.poses))
             end = found.end[:2]
             goals = tuple(goal for goal in goals if np.hypot(*(goal.pose_chain[:2] - end)) > ELSEWHERE)

@@ -17,7 +17,7 @@ from pushplan.core.driving import Surroundings, Wheels
 from pushplan.core.problem import connect, reach
 from pushplan.core.pushes import PackedMode, approaches_are_free, find_push, settles
 from pushplan.core.transit import find_transit, shortened
-from pushplan.errors import ChainError, EmptyStableSetError, TippingError
+from pushplan.errors import ChainError, EmptyStableSetError, PlanningError, TippingError
 from pushplan.geometry import se2
 from pushplan.geometry.convex import bounding_circle, convex_pieces, flatten
 from pushplan.mechanics.faces import Place, Through, ways_through
@@ -196,6 +196,17 @@ class Hands:
             self._hands[kind] = self._made(members, kind)
         return self._hands[kind]
 
+    def held(self, members: tuple[Member, ...]) -> Hand:
+        """Return the hand of members that a node holds.
+
+        Raises:
+            PlanningError: If nothing pushes them.
+        """
+        found = self.hand(members)
+        if found is None:
+            raise PlanningError(f"nothing pushes {', '.join(name for name, _ in members)}")
+        return found
+
     @property
     def holds_several(self) -> bool:
         """Whether some of what was looked at is a hand of several objects."""
@@ -208,8 +219,7 @@ class Hands:
         """
         from pushplan.slip.closing import closes  # and with it the slip simulator: for plans of rows alone
 
-        kind, hand = tuple(self.forms[member] for member in members), self.hand(members)
-        assert hand is not None
+        kind, hand = tuple(self.forms[member] for member in members), self.held(members)
         if kind not in self._sure:
             chain, other = self.load(members).chain, self.scenario.transport.row.friction[0]
             self._sure[kind] = closes(chain, SHORT, hand.packed.settle, other)

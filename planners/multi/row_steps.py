@@ -138,8 +138,7 @@ class Steps:
 
     def next(self, now: Node, closes: bool, delivers: bool) -> Iterator[tuple[float, Chance]]:
         """Yield what may come after a node, with bounds of the cost until the end."""
-        hand = self.hands.hand(now.members)
-        assert hand is not None
+        hand = self.hands.held(now.members)
         if closes:
             yield from self._closings(now, hand)
         if delivers:
@@ -165,8 +164,7 @@ class Steps:
 
     def last(self, now: Node) -> Iterator[tuple[float, Chance]]:
         """Yield how a hand that has all that is left may be brought to the row."""
-        hand = self.hands.hand(now.members)
-        assert hand is not None
+        hand = self.hands.held(now.members)
         if self._stays(now):
             yield now.cost, Chance(now, None, True)
             return
@@ -269,8 +267,7 @@ class Steps:
         return None if kept is None else replace(kept[0], cost=now.cost + kept[1], before=now)
 
     def _worked_out(self, now: Node, chance: Chance) -> Node | None:
-        hand = self.hands.hand(now.members)
-        assert hand is not None
+        hand = self.hands.held(now.members)
         if not chance.delivers:
             assert chance.taken is not None
             return self._closing(now, hand, chance.taken, chance.by_way)
@@ -307,8 +304,7 @@ class Steps:
 
     def _next_taken(self, now: Node, member: Member) -> Node | None:
         """Return the node in which the robot, which holds nothing, has driven to an object."""
-        hand, name = self.hands.hand((member,)), member[0]
-        assert hand is not None
+        hand, name = self.hands.held((member,)), member[0]
         at, pose = self.entries[member], self.starts[name]
         others = self._standing(now.left, now.delivered, name)
         if not self.floor.approach(hand, at, others, name, self.hands.ways[member].entry):

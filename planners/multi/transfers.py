@@ -12,9 +12,10 @@ from shapely.geometry.base import BaseGeometry
 
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
+from pushplan.planners.multi.graph import PushSequence
 from pushplan.planners.multi.multi_push import MultiPushSearch, backed_off, free_goals
 from pushplan.planners.multi.room import TOLERANCE_USED, PushRoom, Query
-from pushplan.planners.multi.search import Found, Limits, search
+from pushplan.planners.multi.search import Limits, search
 from pushplan.planners.outcome import Segments
 from pushplan.plans import segment as plans
 from pushplan.scenario.goals import Goal, Poses
@@ -109,51 +110,50 @@ class Transfer:
         piece: Its index.
         search: For it among the others, with this transfer's start, goals and place of the robot.
         room: That was searched in.
-        found: What the search came to; it has a plan.
+        best: The pushes and transits of its plan.
+        lower_bound: What no plan of the transfer, with what comes after it, costs less than, m.
+        looked_at: Pushes and transits that the search looked at.
         delivers: It ends at a goal of the piece; else the piece was in the way.
     """
 
     piece: int
     search: MultiPushSearch
     room: PushRoom
-    found: Found
+    best: PushSequence
+    lower_bound: float
+    looked_at: int
     delivers: bool
 
     @property
     def cost(self) -> float:
         """Of its plan, m."""
-        assert self.found.best is not None
-        return self.found.best.cost - self.found.best.cost_to_go
+        return self.best.cost - self.best.cost_to_go
 
     @property
     def with_cost_to_go(self) -> float:
         """Cost of its plan and, about, of what comes after it, m."""
-        assert self.found.best is not None
-        return self.found.best.cost
+        return self.best.cost
 
     @property
     def beyond_bound(self) -> float:
         """What its plan, with what comes after it, costs beyond what none costs less than, m."""
-        return self.with_cost_to_go - self.found.lower_bound
+        return self.with_cost_to_go - self.lower_bound
 
     @cached_property
     def end(self) -> FloatArray:
         """(3,) where the piece is afterwards."""
-        assert self.found.best is not None
-        return self.found.best.steps[-1].after
+        return self.best.steps[-1].after
 
     @property
     def plate(self) -> FloatArray:
         """(3,) pose of the plate frame after the last retreat."""
-        assert self.found.best is not None
-        mode = self.room.contacts[self.found.best.steps[-1].contact].packed
+        mode = self.room.contacts[self.best.steps[-1].contact].packed
         robot = mode.robot_at(self.end, mode.retreat)
         return se2.compose(robot, self.search.scenario.chain.pusher.plate_pose)
 
     def segments(self, before: plans.Poses) -> Segments:
         """Return its segments with all bodies where they are before it."""
-        assert self.found.best is not None
-        return self.search.segments(self.room, self.found.best, before)
+        return self.search.segments(self.room, self.best, before)
 
 
 def situation_after(pieces: tuple[Piece, ...], one: Transfer, before: Situation) -> Situation:
@@ -207,7 +207,9 @@ def find_transfer(
     )
     query = Query(backed_off(room, scenario), np.array(scenario.start), free, within, after)
     found = search(room, query, limits, seed)
-    return None if found.best is None else Transfer(piece, searching, room, found, delivers)
+    if found.best is None:
+        return None
+    return Transfer(piece, searching, room, found.best, found.lower_bound, found.looked_at, delivers)
 
 
 def plates_after(room: PushRoom, goals: FloatArray) -> FloatArray:

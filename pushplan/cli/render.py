@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from pushplan.sim.report import ContactReport
     from pushplan.util.arrays import FloatArray
 
-MOST_NAMES = 4
-
 _TELLING_GAP = 1.0
 """A gap is printed below this share: a bound that is half as low says nothing about the plan."""
+
+MOST_NAMES = 4
 """Names of objects that are pushed together which a line has, at most."""
 
 Document = dict[str, Any]

@@ -125,9 +125,7 @@ class Segment:
         Raises:
             PushplanError: When nothing is pushed.
         """
-        if self.load is None or not self.pushes:
-            raise PushplanError(f"a {self.kind} is no push")
-        own = self.load.problem
+        own = self.pushed_load.problem
         if own is scenario:
             return own.with_margin(self.margin)
         end = self.contact_path.end
@@ -138,13 +136,24 @@ class Segment:
             obstacles=(*scenario.obstacles, *standing_obstacles(scenario, self.standing(), (self.onto,))),
             clearance=scenario.clearance,
             trajectory=scenario.trajectory,
-            name=f"{scenario.name}: {self.load.face}",
+            name=f"{scenario.name}: {self.pushed_load.face}",
         )
 
     @property
     def pushed(self) -> tuple[str, ...]:
         """Names of the objects that are pushed."""
         return self.load.names if self.pushes and self.load is not None else ()
+
+    @property
+    def pushed_load(self) -> Load:
+        """The load that is pushed.
+
+        Raises:
+            PushplanError: When nothing is pushed.
+        """
+        if self.load is None or not self.pushes:
+            raise PushplanError(f"a {self.kind} is no push")
+        return self.load
 
     def standing(self) -> dict[str, FloatArray]:
         """Return where the bodies are that rest during the segment."""

@@ -67,8 +67,7 @@ def _plan(answer: Answer, milliseconds: float) -> str:
         count = len(plan.pushes)
         rows.append(("pushed", f"{plan.pushed_distance:.3f} m in {count} push{'' if count == 1 else 'es'}"))
         for k, push in enumerate(plan.pushes, start=1):
-            assert push.load is not None
-            at = f"{', '.join(push.load.names)} at its {push.load.face} face"
+            at = f"{', '.join(push.pushed)} at its {push.pushed_load.face} face"
             rows.append((f"push {k}", f"{at}, {push.cost:.2f} m"))
     if plan.min_margin is not None:
         rows.append(("least margin", f"{plan.min_margin:.3f} ({MARGIN_WORDS})"))

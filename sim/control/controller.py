@@ -378,8 +378,7 @@ class Controller:
 
     def _begin_push(self, segment: Segment) -> None:
         """Push the load of a segment."""
-        load = segment.load
-        assert load is not None
+        load = segment.pushed_load
         replanner = self._replanner
         if replanner is None:
             poses, tolerance = self._standing.by_name, self._delivered.tolerance

@@ -85,8 +85,7 @@ def push_job(
         tolerance: Distance (m) and angle (rad) by which an object may be off its goal.
         most: See `PushJob`.
     """
-    scenario, load = plan.scenario, segment.load
-    assert load is not None
+    scenario, load = plan.scenario, segment.pushed_load
     problem, last = segment.problem(scenario), is_last(plan, segment)
     position, turn = tolerance if last else (PASSING * value for value in tolerance)
     will_do = position, turn

@@ -91,8 +91,7 @@ class PushLoop:
         self._job, self._replanner, self._sightings = job, replanner, sightings
         self._tell, self._record, self._replans = tell, record, 0
         segment = plan.segments[0]
-        assert segment.load is not None
-        self.load, self.phase, self.text = segment.load, Phase.PUSHING, ""
+        self.load, self.phase, self.text = segment.pushed_load, Phase.PUSHING, ""
         self._closings = Closings(World.from_scenario(scenario), settings)
         self._wheels = scenario.pusher.wheels_pose
         self._normals = np.array([contact.normal for contact in scenario.chain.contacts])

@@ -71,8 +71,7 @@ def legs_to(
     """
     scenario, segments = plan.scenario, plan.segments
     k = next(k for k in range(begin, len(segments)) if segments[k].pushes)
-    load = segments[k].load
-    assert load is not None
+    load = segments[k].pushed_load
     contact = carried_by(load, poses)
     off, away = (pose_error(contact, segments[k].contact_path.start), pose_error(plate, segments[begin].path.start))
     if all(e <= m for e, m in zip((*off, *away), (*near, *SAME), strict=True)):

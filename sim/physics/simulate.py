@@ -128,8 +128,7 @@ class _Push:
     ) -> None:
         self._own = next(j for j, k in enumerate(group) if plan.segments[k].kind == PUSH)
         self._push = group[self._own]
-        load = plan.segments[self._push].load
-        assert load is not None
+        load = plan.segments[self._push].pushed_load
         assert plan.trajectory is not None
         self.chain = world.chain if world.plate is None else world.pushed(load.chain)
         self.stopped = self.stalled = False
