@@ -5,10 +5,12 @@ Its files are the recipes; none of them edits anything here, and what it adds is
 
 import importlib
 import json
+import math
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +20,10 @@ from rough import first_plans
 import pushplan
 from pushplan.cli.main import main
 from pushplan.mechanics.support import FeetSupport
+from pushplan.planners.searches import SEARCHES
+from pushplan.plans.segment import end_of
+from pushplan.scenario.goals import End, Goal, Poses, TaskGoal
+from pushplan.scenario.task import Transport
 from pushplan.sim.slip import slip
 
 OUTSIDE = Path(__file__).with_name("outside")
@@ -94,3 +100,44 @@ def test_a_command_is_called_by_its_name(capsys: Captured) -> None:
     far = np.hypot(*(scenario.goal.pose_chain - scenario.start)[:2])
     assert json.loads(capsys.readouterr().out)["distance"] == pytest.approx(far)
     assert main(["distanc", "two-crates"]) == 2
+
+
+@dataclass(frozen=True, eq=False)
+class FreeHeading(TaskGoal):
+    """A place for a load, whose heading is free."""
+
+    load: str
+    place: tuple[float, float]
+    off: float = 0.01
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (self.load,)
+
+    def candidates(self, load: str) -> tuple[Goal, ...]:
+        poses = [np.array([*self.place, 0.25 * math.pi * k]) for k in range(8)]
+        return tuple(Goal.of_chain(pose, (self.off, math.pi)) for pose in poses)
+
+    def shortfall(self, end: End) -> str:
+        away = float(np.hypot(*(end.start_of(self.load)[:2] - self.place)))
+        return "" if away <= self.off else f"'{self.load}' is {away:.3g} m from its place"
+
+    def document(self) -> dict[str, Any]:
+        return {"goals": {self.load: {"place": list(self.place)}}}
+
+    def aim(self, load: str) -> str:
+        return "goes to its place, with any heading"
+
+
+def test_a_goal_type_is_a_class_and_an_entry_in_the_table(monkeypatch: Patch) -> None:
+    stated = pushplan.load_scenario(OUTSIDE.parents[2] / "examples" / "bring_it_home.yaml")
+    goal = FreeHeading(stated.load.name, (1.35, 1.9))
+    scenario = stated.with_task(goals=(goal,))
+    with pytest.raises(pushplan.PlanningError, match="no search for a Transport with goals of types FreeHeading"):
+        pushplan.plan(scenario)
+    monkeypatch.setitem(SEARCHES, (Transport, FreeHeading), SEARCHES[Transport, Poses])
+    plan = pushplan.plan(scenario, first=True, time_limit=60.0)
+    assert plan.solved, plan.reason
+    assert goal.fulfilled(end_of(scenario, plan.segments))
+    missed = pushplan.Planner(stated).plan(explain=False)
+    assert goal.shortfall(end_of(scenario, missed.segments)).endswith("m from its place")
