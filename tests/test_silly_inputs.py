@@ -1,9 +1,10 @@
 """Inputs that are no numbers, absurd, stale or of a wrong type: errors that say so, and nothing goes on moving."""
 
 import itertools
+import json
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cache
 from typing import Any
 
@@ -15,6 +16,7 @@ from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose
 from pushplan.planners.search.planners import planner_named
 from pushplan.plans.plan import Plan
+from pushplan.plans.robustness import TrialUncertainty
 from pushplan.sets.known_load_sets import EcofSet
 from pushplan.sets.named import add_set
 from pushplan.sim.control.controller import Controller
@@ -199,3 +201,21 @@ def test_a_silly_call_is_told_so(name: str) -> None:
     call, said = CALLS[name]
     with pytest.raises(PushplanError, match=said):
         call(plan())
+
+
+def test_numbers_of_numpy_are_numbers_wherever_a_setting_is_one() -> None:
+    whole: Any = np.int32(50)
+    real: Any = np.float32(0.25)
+    small: Any = np.uint8(2)
+    stops: Any = np.bool_(True)
+    scenario = pushplan.load_scenario("two-crates")
+    for planner in ("auto", "rrt"):
+        asked = pushplan.plan(scenario, planner=planner, iterations=whole, seed=small, gap=real, first=stops)
+        same = pushplan.plan(scenario, planner=planner, iterations=50, seed=2, gap=0.25, first=True)
+        assert asked.to_dict()["path_cost"] == same.to_dict()["path_cost"]
+        pushplan.plan(scenario, planner=planner, time_limit=np.float64(0.05))
+        observer = pushplan.Observer(cancelled=lambda: stops)
+        pushplan.plan(scenario, planner=planner, time_limit=60.0, observer=observer)
+    uncertainty = TrialUncertainty(contact_friction=real)
+    settings = (uncertainty, Sensor(rate=whole), Disturbance(real, small, real, real, real))
+    assert json.dumps([asdict(one) for one in (*settings, ControlSettings(looks=whole))])

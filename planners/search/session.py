@@ -228,7 +228,7 @@ class Session:
 
     def over(self) -> bool:
         """Return whether the search or its turn is over."""
-        return self.settled() or self.turn_over
+        return bool(self.settled() or self.turn_over)  # OMPL takes no other kind
 
     def settled(self) -> bool:
         """Return whether the budget is used up, nothing is left to gain, or it is known that there is no path."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 from math import degrees, floor, log10, pi, radians
 
 from pushplan.errors import PushplanError
+from pushplan.util.arrays import plain_number
 
 MOST_SHARE = 1.0
 """Share of a floor friction, or of a load, up to which changes are looked at."""
@@ -49,6 +50,7 @@ class TrialUncertainty:
                 raise PushplanError(
                     f"{field.name} of the trials' uncertainty is {value}; it must be from 0 to below 1{unit}"
                 )
+            object.__setattr__(self, field.name, plain_number(value))
 
     @property
     def words(self) -> str:

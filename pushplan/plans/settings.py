@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 from pushplan.errors import PlanningError
 from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import plain_number
 from pushplan.util.names import AUTO, COSTS
 
 if TYPE_CHECKING:
@@ -93,6 +94,8 @@ class PlanSettings:
     observer: Observer = Observer()
 
     def __post_init__(self) -> None:
+        for name in ("seed", "iterations", "time_limit", "gap", "margin", "first"):
+            object.__setattr__(self, name, plain_number(getattr(self, name)))
         number = isinstance(self.margin, Real) and not isinstance(self.margin, bool)
         if self.margin is not None and self.margin != AUTO and not (number and 0.0 <= float(self.margin) < 1.0):
             raise PlanningError(f"the margin is {self.margin}; allowed: {AUTO!r} or a number from 0 to below 1")

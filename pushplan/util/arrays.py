@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,14 @@ ComplexArray = NDArray[np.complex128]
 Number = TypeVar("Number", bound=np.number)
 RandomState = NDArray[np.uint64]
 """(1,) state of a compiled random generator."""
+
+
+def plain_number(value: Any) -> Any:
+    """Return one of NumPy's numbers as Python's `int` or `float`, and anything else as it is.
+
+    What NumPy's numbers are compared with becomes NumPy's, too, and neither OMPL nor JSON takes that.
+    """
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def numbers(values: ArrayLike, name: str) -> FloatArray:

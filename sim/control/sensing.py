@@ -12,7 +12,7 @@ import numpy as np
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import between, compose, exp, pose_error, relative, wrap_angle
 from pushplan.plans.run import Measured
-from pushplan.util.arrays import FloatArray
+from pushplan.util.arrays import FloatArray, plain_number
 
 JUMP = (0.01, math.radians(0.5))
 """What (m, rad) the measured pose of the plate may be off from one to the next."""
@@ -40,7 +40,8 @@ class Sensor:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = getattr(self, field.name)
+            value = plain_number(getattr(self, field.name))
+            object.__setattr__(self, field.name, value)
             number = isinstance(value, int | float) and not isinstance(value, bool)
             if not (number and 0.0 <= value <= _MOST[field.name]) or (field.name == "rate" and value == 0.0):
                 allowed = "> 0" if field.name == "rate" else ">= 0"

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, fields
 
 from pushplan.errors import PushplanError
-from pushplan.util.arrays import frozen
+from pushplan.util.arrays import frozen, plain_number
 
 SIGMAS = 6.0
 """Standard deviations of a mean by which a contact may seem to be open and count as closed."""
@@ -92,7 +92,8 @@ class ControlSettings:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value, least = getattr(self, field.name), _LEAST.get(field.name)
+            value, least = plain_number(getattr(self, field.name)), _LEAST.get(field.name)
+            object.__setattr__(self, field.name, value)
             if field.name in ("detour", "bias", "start_error", "approach_error"):
                 object.__setattr__(self, field.name, tuple(frozen(value, (2,), field.name).tolist()))
                 value = min(getattr(self, field.name))

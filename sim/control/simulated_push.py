@@ -23,7 +23,7 @@ from pushplan.sim.control.sensing import Measurements, Sensor
 from pushplan.sim.report import columns_of
 from pushplan.slip.simulator import SlipSimulator
 from pushplan.slip.world import World
-from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.arrays import FloatArray, IntArray, plain_number
 from pushplan.util.names import FARTHEST
 
 if TYPE_CHECKING:
@@ -53,6 +53,8 @@ class Disturbance:
     turn: float
 
     def __post_init__(self) -> None:
+        for name, value in vars(self).copy().items():
+            object.__setattr__(self, name, plain_number(value))
         numbers = self.time, self.x, self.y, self.turn
         fine = all(isinstance(value, int | float) and abs(value) <= FARTHEST for value in numbers)
         if not (fine and isinstance(self.index, int) and self.index >= 0):
