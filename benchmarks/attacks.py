@@ -9,6 +9,8 @@ Run `python benchmarks/attacks.py -o DIR [--only PART ...] [--count N] [--seed 1
   mismatch (4); and recovered without any other error.
 - *tampering*: in logs that are sound as files a value is changed, or a record dropped or repeated, in every topic,
   metadata and attachment. `replay --verify` has to notice.
+- *forgeries*: logs that lie and are sound otherwise: of plans that are none in the scenario stated (an obstacle, a
+  limit, another start, ...), or of other numbers. `replay --verify` must confirm none.
 - *bombs*: maps, drawings, YAML, logs and motions that would take gigabytes or hours if nothing bounded that.
 - *calls*: silly numbers and objects handed to what users call from Python; what should pickle is pickled.
 - *kills*: SIGKILL at random moments of plans, trials, closed loops, rearrangements and batches. What they had told by
@@ -46,6 +48,7 @@ PARTS: dict[str, tuple[int, Callable[[Path, int, int], Attacks]]] = {
     "scenarios": (1000, lambda folder, count, seed: scenarios.attacks(count, seed)),
     "mutations": (1000, logs.mutations),
     "tampering": (2000, logs.tampering),
+    "forgeries": (1000, lambda folder, count, seed: logs.forgeries(count)),
     "bombs": (200, lambda folder, count, seed: bombs.attacks(count, seed)),
     "calls": (300, lambda folder, count, seed: calls.attacks(count, seed)),
     "kills": (100, lambda folder, count, seed: kills.attacks(count, seed)),

@@ -13,11 +13,14 @@ from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import distribution
 from pathlib import Path
+from typing import Any
 
 import pushplan.logging.schemas as schemas
 from pushplan.logging.recorded import RecordedRun
 from pushplan.plans.plan import Plan
+from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.model import Scenario
+from pushplan.util.names import AUTO
 
 FORMAT = 3
 """Version of the log's format; logs of others are refused.
@@ -94,6 +97,18 @@ def git_commit() -> str:
 def exact(number: float) -> str:
     """Return `number` in a text of fixed width that gives it back bit for bit."""
     return f"{number:.17e}"
+
+
+def settings_in(words: Mapping[str, str]) -> PlanSettings:
+    """Return what `pushplan.run` says was asked for besides the scenario: what ranks plans, and the margin.
+
+    Raises:
+        ValueError: When the margin is no number.
+        PlanningError: When there is no such setting.
+    """
+    margin = words.get("margin", _NONE)
+    chosen: Any = None if margin == _NONE else margin if margin == AUTO else float(margin)
+    return PlanSettings(cost=words.get("cost"), margin=chosen)
 
 
 def planning_words(plan: Plan) -> dict[str, str]:

@@ -125,7 +125,8 @@ class _Reading:
         """
         file = self._file
         file.require(metadata.RUN in self._words, f"the metadata {metadata.RUN!r} of a run log")
-        self._scenario, other = self._stated()
+        scenario, other = self._stated()
+        self._scenario = self._with_settings(scenario)
         file.require(metadata.RESULT in self._words, f"the metadata {metadata.RESULT!r}")
         self._check_digest()
         try:
@@ -147,13 +148,13 @@ class _Reading:
             plan = replace(plan, execution=execution, improvements=improvements)
         return RecordedRun(
             path=file.path,
-            scenario=self._scenario,
+            scenario=scenario,
             plan=plan,
             execution=execution,
             feedback=feedback,
             trials=trials,
             improvements=improvements,
-            lines=lines_of(self._scenario, plan, execution, feedback, others),
+            lines=lines_of(scenario, plan, execution, feedback, others),
             other_scenario=other,
             fields=self._words,
             losses=tuple(file.losses),
@@ -174,7 +175,7 @@ class _Reading:
             self._file.lose(DamageError(what, self._file.size))
 
     def _stated(self) -> tuple[Scenario, bool]:
-        """Return the scenario, and whether the resolved one differs from what its file comes to.
+        """Return the scenario, and whether the resolved one differs from what its file and the settings come to.
 
         The file as the user wrote it counts, unless this version of pushplan fills its gaps differently from the
         version that wrote the log; then the resolved one counts. Of a log to be recovered, either one will do.
@@ -187,10 +188,18 @@ class _Reading:
             return scenario, False
         resolved = self._parsed(writer.SCENARIO_JSON)  # a name that is not stated is that of a file unknown here
         scenario = replace(scenario, name=resolved.name)
-        if scenario.to_json().encode() == self._files[writer.SCENARIO_JSON].data:
-            return scenario, False
+        for known in (scenario, self._with_settings(scenario)):
+            if known.to_json().encode() == self._files[writer.SCENARIO_JSON].data:
+                return known, False
         # The resolved one names no map any more, its source does.
         return replace(resolved, source=scenario.source, attachments=scenario.attachments), True
+
+    def _with_settings(self, scenario: Scenario) -> Scenario:
+        """Return a scenario as it was planned in."""
+        try:
+            return metadata.settings_in(self._words.get(metadata.RUN, {})).applied(scenario)
+        except (ValueError, PushplanError) as error:
+            raise RunLogError(str(self._file.path), f"its settings cannot be: {error}", self._file.size) from error
 
     def _parsed(self, name: str) -> Scenario:
         text = self._files[name]

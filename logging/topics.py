@@ -80,6 +80,8 @@ class _Messages:
     def beginning(self) -> Iterator[Sent]:
         """Yield the scene, and where everything is at first."""
         scenario, now = self._run.scenario, np.zeros(1, dtype=np.int64)
+        if self._run.plan is not None and self._run.plan.segments:  # which say which place in a row each object has
+            scenario = scenario.settled(self._run.plan.segments[-1].after)
         yield self._sent(schemas.SCENE, 0.0, scene(scenario))
         objects = np.stack(list(scenario.poses.values()))[None]
         for data in frame_messages(scenario, scenario.plate_start[None], objects, now):

@@ -34,7 +34,8 @@ TOLERANCE = 1e-9
 
 NOT_COMPARED = (
     "clock times, machine, versions and settings",
-    "steps, tree and bounds of the search",
+    "steps and tree of the search",
+    "lines of /log that do not follow from the run",
     "layout.json",
     "times and types of attachments, header and index of the file",
 )
@@ -148,7 +149,7 @@ def check_way(execution: Execution) -> Check:
     """Compare the poses of an execution with the twists between them."""
     steps = np.diff(execution.t)[:, None]
     after = compose(execution.poses[:-1], exp(execution.twists[:-1] * steps))
-    return _series("path of the plate", execution.t[1:], execution.poses[1:], after)
+    return series_check("path of the plate", execution.t[1:], execution.poses[1:], after)
 
 
 def compare_executions(recorded: Execution, again: Execution) -> Iterator[Check]:
@@ -165,7 +166,7 @@ def compare_executions(recorded: Execution, again: Execution) -> Iterator[Check]
             yield Check(_WORDS[name], math.inf, what="unknown on one side")
             continue
         scale = max(1.0, float(np.abs(second).max(initial=0.0))) if name == "forces" else 1.0
-        yield _series(_WORDS[name], recorded.t[:count], first[:count], second[:count], TOLERANCE * scale)
+        yield series_check(_WORDS[name], recorded.t[:count], first[:count], second[:count], TOLERANCE * scale)
     if cut:
         return
     yield Check("goal error", float(np.abs(np.subtract(recorded.goal_error, again.goal_error)).max()))
@@ -176,7 +177,7 @@ def compare_executions(recorded: Execution, again: Execution) -> Iterator[Check]
         yield Check("lost contact", abs(recorded.loss.time - again.loss.time))
 
 
-def _series(
+def series_check(
     quantity: str, t: FloatArray, first: FloatArray, second: FloatArray, tolerance: float = TOLERANCE
 ) -> Check:
     """Compare two arrays (m, ...), sample by sample at times `t` (m,); NaN equals NaN."""

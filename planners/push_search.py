@@ -241,6 +241,11 @@ def _cost(segments: Segments) -> float:
     return segments[0].cost
 
 
+def bound_of_plan(posed: Scenario, stable: StableSet, found: Segments) -> float | None:
+    """Return the lower bound that belongs to a plan of one push; its scenario states the margin as a number."""
+    return _bound_of_objective(posed, Posing().controls(posed, stable).segments, found)
+
+
 def _bound_of_objective(posed: Scenario, segments: FloatArray, found: Segments) -> float | None:
     """Return what no plan beats of what ranks plans: travel (m) or time (s); of margins nothing is known."""
     if posed.planner.cost == "margin":

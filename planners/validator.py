@@ -24,6 +24,9 @@ from pushplan.util.names import APPROACH, CLOSE, PUSH, RETREAT, TRANSIT
 STRAIGHT = 1e-9
 """What an approach or a retreat may turn or move sideways, rad or m for each m."""
 
+ROLLING = 1e-6
+"""What the axle of a robot with wheels may slide aside, m/s, and for each m/s ahead and rad/s."""
+
 NEAR = 1e-3
 """Poses of an approach or a retreat that are looked at are no farther apart, m."""
 
@@ -74,8 +77,9 @@ class Validator:
         hits = find_collisions(self._room(segments), motions, self._scenario.clearance)
         overlaps = self._overlaps(segments, motions)
         for segment, hit, overlap in zip(segments, hits, overlaps, strict=True):
-            if segment.load is None or not segment.pushes:
-                yield self._flaw_alone(segment, hit, overlap)
+            beyond = self._beyond_drive(segment)
+            if beyond or segment.load is None or not segment.pushes:
+                yield beyond or self._flaw_alone(segment, hit, overlap)
                 continue
             found = self._flaw_of_push(segment, segment.load, hit, stable_set)
             single = segment.load.problem is self._scenario
@@ -125,6 +129,20 @@ class Validator:
         if needed is None or needed <= limit:
             return ""
         return f"the plan takes up to {needed:.6g} N when it is executed; robot.limits.force is {limit:.6g} N"
+
+    def _beyond_drive(self, segment: Segment) -> str:
+        """Return that the drive cannot make a motion: its axle slides aside, or turns more tightly than it can."""
+        pusher = self._scenario.pusher
+        drive, moving = pusher.drive, segment.path if segment.trajectory is None else segment.trajectory
+        if drive.axle is None or not len(moving.twists):
+            return ""
+        ahead, aside, turn = np.abs(se2.twist_of(se2.relative(pusher.plate_pose, drive.axle), moving.twists)).T
+        beyond = np.maximum(aside, drive.min_radius * turn - ahead) - ROLLING * (ahead + turn)
+        worst = int(np.argmax(beyond))
+        if beyond[worst] <= ROLLING:
+            return ""
+        how = f"{ahead[worst]:.3g} m/s ahead, {aside[worst]:.3g} m/s aside and {turn[worst]:.3g} rad/s"
+        return f"the robot cannot drive the {segment.kind}: its axle ({drive.kind}) would move {how}"
 
     def _flaw_of_push(self, segment: Segment, load: Load, hit: Collision | None, stable_set: str | None) -> str:
         path, margin = segment.contact_path, segment.margin

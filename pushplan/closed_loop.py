@@ -16,7 +16,7 @@ import numpy as np
 from pushplan.errors import PlanningError, PushplanError, RunLogError
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.recording import Recording, Where
-from pushplan.logging.verify import Check, check_way
+from pushplan.logging.verify import Check, check_way, series_check
 from pushplan.planner import plan as plan_in
 from pushplan.plans.execution import Execution
 from pushplan.plans.goals import tolerance_of, worst_at_goal
@@ -24,7 +24,7 @@ from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Event, Feedback, Replan, segments_of
 from pushplan.plans.settings import Observer, PlanSettings
-from pushplan.run import fields_of
+from pushplan.run import fields_of, fields_of_plan
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.controller import DEFAULTS, SILENT, Controller
 from pushplan.sim.control.sensing import Measurements, Sensor
@@ -79,9 +79,7 @@ class ClosedLoopRun:
     @property
     def goal_errors(self) -> tuple[float, float]:
         """How far (m) and by what angle (rad) the goal's object ends off; the worst where there are several."""
-        rests = [one.result for one in self.replans if one.rest and one.result is not None and one.solved]
-        last = [self.plan, *rests][-1]
-        return worst_at_goal(self.scenario.settled(last.segments[-1].after), self.simulated.object_poses[-1])
+        return _errors_at_end(self.scenario, self.plan, self.replans, self.simulated.object_poses[-1])
 
     @property
     def execution(self) -> Execution:
@@ -114,9 +112,7 @@ class ClosedLoopRun:
 
 def execution_of(scenario: Scenario, plan: Plan, course: SimulatedPush, feedback: Feedback) -> Execution:
     """Return a course as logs and pictures know it, without an error at the goal."""
-    loads: list[Load | None] = [s.load if s.pushes else None for s in segments_of(plan, feedback)]
-    loads = [Load.of(scenario)] if scenario.task.held else loads
-    judge, margins = judged(loads, scenario.stability.set, course.names, course.segment, course.twists)
+    judge, margins = _judged(scenario, plan, feedback, course)
     return Execution(
         course.names,
         judge,
@@ -130,6 +126,24 @@ def execution_of(scenario: Scenario, plan: Plan, course: SimulatedPush, feedback
         (math.nan, math.nan),
         wrenches=at_poses(course.wrenches),
     )
+
+
+def _judged(
+    scenario: Scenario, plan: Plan, feedback: Feedback, course: SimulatedPush | Execution
+) -> tuple[str, FloatArray]:
+    """Return who judges the contacts of a course, and their margins (m, n)."""
+    loads: list[Load | None] = [s.load if s.pushes else None for s in segments_of(plan, feedback)]
+    loads = [Load.of(scenario)] if scenario.task.held else loads
+    return judged(loads, scenario.stability.set, course.names, course.segment, course.twists)
+
+
+def _errors_at_end(
+    scenario: Scenario, plan: Plan, replans: Sequence[Replan], objects: FloatArray
+) -> tuple[float, float]:
+    """Return how far (m) and by what angle (rad) objects at poses (n, 3) are off at most, by the last whole plan."""
+    rests = [one.result for one in replans if one.rest and one.result is not None and one.solved]
+    last = [plan, *rests][-1]
+    return worst_at_goal(scenario.settled(last.segments[-1].after), objects)
 
 
 def events_until(
@@ -159,7 +173,7 @@ class _Growing(Recording):
     ) -> None:
         fields = fields_of(scenario, PlanSettings(seed=seed))
         if plan is not None:
-            fields |= {"planner": plan.planner, "set": plan.stable_set}
+            fields |= {**fields_of_plan(plan), "seed": seed}
         super().__init__(scenario, fields, log, runs, observer.message)
         self._scenario, self._progress, self._disturbances = scenario, progress, disturbances
         found = {
@@ -310,14 +324,21 @@ def check_closed_loop(run: RecordedRun) -> list[Check]:
         settings = None if told is None else ControlSettings(**told)
     except (KeyError, TypeError, ValueError, PushplanError) as error:
         raise RunLogError(str(run.path), f"the settings of the closed loop cannot be read: {error}") from error
-    checks = [check_way(run.execution)]
+    execution, feedback = run.execution, run.feedback
+    _, margins = _judged(run.scenario, run.plan, feedback, execution)
+    checks = [check_way(execution), series_check("margin", execution.t, execution.margins, margins)]
+    if not math.isnan(execution.goal_error[0]):
+        off = _errors_at_end(run.scenario, run.plan, feedback.replans, execution.objects[-1])
+        checks.append(Check("goal error", float(np.abs(np.subtract(off, execution.goal_error)).max())))
     if settings is not None:
         controller = Controller(run.scenario, settings, plan=run.plan)
-        twists = _twists(controller, run.execution, run.feedback, sensor)
-        apart = np.abs(twists - run.execution.twists).max(axis=1)
-        worst = int(np.argmax(apart))
-        checks.append(Check("twist", float(apart[worst]), ROUNDING, float(run.execution.t[worst])))
-        checks += _said(controller, run.feedback)
+        twists = _twists(controller, execution, feedback, sensor)
+        checks.append(series_check("twist", execution.t, execution.twists, twists, ROUNDING))
+        checks += _said(controller, feedback)
+        if run.outcome in ("arrived", "gave up"):
+            ended = controller.phase.value
+            what = "" if ended == run.outcome else f"{run.outcome!r} instead of {ended!r}"
+            checks.append(Check("outcome", math.inf if what else 0.0, what=what))
     return checks
 
 
@@ -346,10 +367,16 @@ def _said(controller: Controller, feedback: Feedback) -> Iterator[Check]:
         yield Check(f"plan {k + 1} on the way", _apart(recorded.result, made.result), time=recorded.time)
 
 
-def _apart(first: object, second: object) -> float:
-    """Return by how much the ends of two plans' arcs differ; infinite where one has none or others."""
-    knots = [getattr(getattr(plan, "path", None), "knots", None) for plan in (first, second)]
-    if knots[0] is None or knots[1] is None:
-        return 0.0 if knots[0] is knots[1] else math.inf
-    same = knots[0].shape == knots[1].shape
-    return float(np.abs(knots[0] - knots[1]).max()) if same else math.inf
+def _apart(first: Plan | None, second: Plan | None) -> float:
+    """Return by how much the ends of arcs, and numbers, of two plans differ; infinite for other segments."""
+    if first is None or second is None:
+        return 0.0 if first is second else math.inf
+    forms = [[(s.kind, s.path.knots.shape) for s in plan.segments] for plan in (first, second)]
+    if forms[0] != forms[1] or first.reason != second.reason:
+        return math.inf
+    knots = [[s.path.knots for s in plan.segments] for plan in (first, second)]
+    told = [(plan.cost, plan.duration, plan.margin, plan.margin_asked) for plan in (first, second)]
+    if [one is None for one in told[0]] != [one is None for one in told[1]]:
+        return math.inf
+    numbers = [np.array([0.0 if one is None else one for one in each]) for each in told]
+    return max(float(np.abs(a - b).max()) for a, b in [*zip(*knots, strict=True), tuple(numbers)])

@@ -48,9 +48,8 @@ def record(
     found: Plan, *, log: Where = None, runs: Path | str | None = None, observer: Observer | None = None
 ) -> Run:
     """Record a plan that is there already; arguments and errors as for `run`."""
-    settings = PlanSettings(seed=found.seed)
     message = None if observer is None else observer.message
-    with Recording(found.scenario, fields_of(found.scenario, settings), log, runs, message) as recording:
+    with Recording(found.scenario, fields_of_plan(found), log, runs, message) as recording:
         for improvement in found.improvements:
             recording.improved(improvement)
         recording.end(found)
@@ -68,4 +67,16 @@ def fields_of(scenario: Scenario, settings: PlanSettings) -> dict[str, object]:
         "cost": whole.cost,
         "margin": whole.margin,
         "gap": whole.gap,
+    }
+
+
+def fields_of_plan(plan: Plan) -> dict[str, object]:
+    """Return what the log says of the settings with which a plan was made that is there already."""
+    asked = plan.scenario
+    return {
+        "planner": plan.planner,
+        "set": plan.stable_set,
+        "seed": plan.seed,
+        "cost": asked.planner.cost,
+        "margin": asked.stability.margin,
     }

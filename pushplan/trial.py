@@ -18,7 +18,7 @@ from pushplan.plans.execution import TrialEnd
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty
 from pushplan.plans.settings import Observer, PlanSettings
-from pushplan.run import fields_of
+from pushplan.run import fields_of, fields_of_plan
 from pushplan.scenario.model import Scenario
 from pushplan.sim.report import ContactLoss, with_margins
 from pushplan.sim.slip import slip
@@ -80,7 +80,7 @@ def trial(
     execute, observer = simulator_named(simulator), Observer() if observer is None else observer
     scenario = what if isinstance(what, Scenario) else what.scenario
     known = what if isinstance(what, Plan) else None if isinstance(what, Scenario) else what.plan
-    fields = fields_of(scenario, PlanSettings()) if known is None else _fields(known)
+    fields = fields_of(scenario, PlanSettings()) if known is None else fields_of_plan(known)
     with Recording(scenario, fields, log, runs, observer.message) as recording:
         recording.write(lambda log: log.note(TRIAL, _words(seed, uncertainty, execute)))
         if isinstance(what, Scenario):
@@ -126,7 +126,7 @@ def write_trial(trials: Trials, sample: int, path: Path | str) -> None:
 
     plan, report = trials.plan, trials.report(sample)
     words = _words(trials.seed, trials.uncertainty, trials.simulator) | {"sample": str(sample)}
-    with RunLogWriter.create(path, trials.scenario, _fields(plan)) as log:
+    with RunLogWriter.create(path, trials.scenario, fields_of_plan(plan)) as log:
         log.note(TRIAL, words)
         log.plan(plan)
         log.execution(report.execution)
@@ -140,10 +140,6 @@ def write_trial(trials: Trials, sample: int, path: Path | str) -> None:
             limit = plan.scenario.pusher.limits.force
             log.log("warning", f"stalled at {report.stalled_at:.2f} s: it takes more than {limit:.3g} N")
         log.finish("arrived" if report.arrived(trials.scenario) else "missed")
-
-
-def _fields(plan: Plan) -> dict[str, object]:
-    return {"planner": plan.planner, "set": plan.stable_set, "seed": plan.seed}
 
 
 def _words(seed: int, uncertainty: TrialUncertainty | None, simulator: Simulator) -> dict[str, str]:

@@ -1,23 +1,55 @@
-"""Verifies a run log: the recorded plan is executed again, and everything that viewers see is made again."""
+"""Verifies a run log: its plan is validated in its scenario, its numbers are worked out again, and it is executed.
+
+Compared is all that scenario and plan decide. What is taken as it is, the report lists.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import hashlib
+import math
+from collections.abc import Iterator
+from dataclasses import astuple, replace
 from pathlib import Path
 
+import numpy as np
+
+import pushplan.logging.metadata as metadata
 from pushplan.closed_loop import CONTROL, check_closed_loop
+from pushplan.errors import PushplanError
+from pushplan.geometry.se2 import pose_error
+from pushplan.logging.codec import load_of
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.verify import VerifyReport, verify
+from pushplan.logging.verify import TOLERANCE, Check, VerifyReport, verify
+from pushplan.mechanics.faces import places
+from pushplan.planners.controls import MOST_MARGIN, margins_to_try
+from pushplan.planners.multi.hands import MARGIN
+from pushplan.planners.multi.multi_push import plan_cost
+from pushplan.planners.push_search import bound_of_plan
+from pushplan.planners.timing.blending import time_segments
+from pushplan.planners.validator import Validator
 from pushplan.plans.execution import Execution
+from pushplan.plans.load import Load
+from pushplan.plans.plan import Plan
+from pushplan.plans.segment import Segment
+from pushplan.scenario.goals import EXACT
+from pushplan.scenario.model import Scenario
 from pushplan.sim.kinematic import execute
+from pushplan.sim.robustness import least_robustness
 from pushplan.trial import TRIAL, check_trials, executed_again
+from pushplan.util.names import APPROACH, PUSH
+
+NOT_DECIDED = "which planner ran, its seed and its remarks"
+"""Of a plan, what nothing in the log decides."""
 
 OTHERS = "how the Monte Carlo samples ended (in a simulator that is not pushplan's)"
 
+ROUNDING = 1e-6
+"""Relative difference of recomputed numbers and motions: they are worked out by iterations."""
+
 
 def verify_log(path: Path | str) -> VerifyReport:
-    """Read a log, once, and compare all that is in it with what its plan leads to.
+    """Read a log, once, and compare all that is in it with what its scenario and its plan lead to.
 
     Raises:
         RunLogError: When the log cannot be read.
@@ -33,14 +65,21 @@ def verify_run(run: RecordedRun) -> VerifyReport:
         PushplanError: When the recorded plan cannot be executed at all.
     """
     report = verify(run, execute_again)
+    checks, left_out = list(report.checks), list(report.not_compared)
+    if run.plan is not None:
+        checking = _PlanChecks(run, run.plan, not report.versions)
+        try:
+            checks = [*checking.checks(), *checks]
+        except PushplanError as error:  # a load that the scenario has not, or that nothing can push
+            checks = [_differs("plan", str(error)), *checks]
+        left_out += checking.left_out
     if run.feedback is not None and CONTROL in run.fields and run.execution is not None and run.plan is not None:
-        return replace(report, checks=(*check_closed_loop(run), *report.checks))
-    if TRIAL in run.fields:
-        checks = check_trials(run)
-        unknown = (OTHERS,) if run.trials and not checks else ()
-        told = (*report.not_compared, *unknown)
-        return replace(report, checks=(*checks, *report.checks), not_compared=told)
-    return report
+        checks = [*check_closed_loop(run), *checks]
+    elif TRIAL in run.fields:
+        trials = check_trials(run)
+        left_out += [OTHERS] if run.trials and not trials else []
+        checks = [*trials, *checks]
+    return replace(report, checks=tuple(checks), not_compared=tuple(left_out))
 
 
 def execute_again(run: RecordedRun) -> Execution | None:
@@ -52,3 +91,250 @@ def execute_again(run: RecordedRun) -> Execution | None:
     if plan is None or plan.trajectory is None or slipped:
         return None
     return execute(run.scenario, plan.segments, plan.stable_set)
+
+
+class _PlanChecks:
+    """Validates the plan of a run in the run's scenario, and works out again what is said of it.
+
+    Args:
+        run: With the plan.
+        plan: That one.
+        same: Whether all packages have the versions that they had.
+
+    Attributes:
+        left_out: What is not compared, in words.
+    """
+
+    def __init__(self, run: RecordedRun, plan: Plan, same: bool) -> None:
+        self._run, self._plan, self._same = run, plan, same
+        self._words = run.fields.get(metadata.RUN, {})
+        # A closed loop plans with more caution than the scenario asks for: less friction, more clearance.
+        self._watched = CONTROL in run.fields
+        self.left_out = [NOT_DECIDED]
+
+    def checks(self) -> Iterator[Check]:
+        """Yield the comparisons."""
+        run, plan = self._run, self._plan
+        try:
+            scenario = metadata.settings_in(self._words).applied(run.scenario)
+        except (ValueError, PushplanError) as error:
+            yield _differs("settings", str(error))
+            return
+        yield from self._check_words(scenario)
+        if not plan.segments or not plan.solved:
+            yield from self._check_unsolved(scenario)
+            return
+        self._scenario = scenario.settled(plan.segments[-1].after)
+        self._own = tuple(replace(s, load=self._own_load(scenario, s.load)) for s in plan.segments)
+        self._set = self._set_name(self._own)
+        yield from self._check_loads()
+        yield from self._check_solution()
+        yield from self._check_motion()
+        if self._watched and self._is_cautious():
+            self.left_out.append("numbers of a plan that was made with more caution than the scenario asks for")
+            return
+        yield from self._check_numbers()
+
+    def _is_cautious(self) -> bool:
+        """Tell whether contacts have less friction in the plan than in the scenario."""
+        pairs = zip(self._plan.segments, self._own, strict=True)
+        both = [(s.load.chain.contacts, own.load.chain.contacts) for s, own in pairs if s.load and own.load]
+        return any(a.friction < b.friction - TOLERANCE for pair in both for a, b in zip(*pair, strict=True))
+
+    def _own_load(self, scenario: Scenario, load: Load | None) -> Load | None:
+        """Return what the scenario has for a load."""
+        return None if load is None else load_of(scenario, load.names, load.face, load.offset, load.faces)
+
+    def _check_words(self, scenario: Scenario) -> Iterator[Check]:
+        """Compare the metadata of the run with scenario and plan."""
+        run, plan = self._run, self._plan
+        expected = {
+            "scenario": scenario.name,
+            "scenario_sha256": hashlib.sha256(scenario.source).hexdigest(),
+            "planner": plan.planner,
+            "set": plan.stable_set,
+            "seed": str(plan.seed),
+        }
+        for name, value in expected.items():
+            if name in self._words and not (name == "seed" and CONTROL in run.fields):
+                yield _same(f"{metadata.RUN} {name}", self._words[name], value)
+        yield _same("objective", plan.objective, scenario.planner.cost)
+        outcome = run.fields.get(metadata.RESULT, {}).get("outcome")
+        if outcome in ("solved", "unsolved"):
+            yield _same(f"{metadata.RESULT} outcome", outcome, "solved" if plan.solved else "unsolved")
+
+    def _check_unsolved(self, scenario: Scenario) -> Iterator[Check]:
+        """Check what is said of a plan that is none: no numbers, and how near the nearest path comes."""
+        plan, nearest = self._plan, self._plan.nearest
+        self.left_out.append("why there is no plan")
+        said = [plan.cost, plan.robustness, plan.execution, plan.segments or None]
+        yield _same("numbers of a plan that is none", sum(one is not None for one in said), 0)
+        yield _same("reason", bool(plan.reason), True)
+        if nearest is None or not scenario.task.held:
+            return
+        segments = tuple(replace(s, load=self._own_load(scenario, s.load)) for s in nearest.segments)
+        end = segments[-1].contact_path.end if segments else scenario.start
+        error = pose_error(end, scenario.goal.pose_chain)
+        yield Check("error of the nearest path", float(np.abs(np.subtract(error, nearest.error)).max()), EXACT)
+        validator, name = Validator(scenario), self._set_name(segments)
+        flaws = [validator.flaw_of(segment, name) for segment in segments if name is not None]
+        yield _none("nearest path", next(filter(None, flaws), ""))
+
+    def _set_name(self, segments: tuple[Segment, ...]) -> str | None:
+        """Return the set that was planned in; None where it is code of a user, which a log does not load."""
+        name = self._plan.stable_set
+        try:
+            for segment in segments:
+                if segment.load is not None and segment.pushes:
+                    segment.load.stable_set(name)
+        except PushplanError:
+            self.left_out.append(f"margins in the stable set {name!r} (not known here)")
+            return None
+        return name
+
+    def _check_loads(self) -> Iterator[Check]:
+        """Compare what is pushed with what the scenario has for it."""
+        apart = 0.0
+        for segment, own in zip(self._plan.segments, self._own, strict=True):
+            if segment.load is not None and own.load is not None and segment.load is not own.load:
+                apart = max(apart, _apart(segment.load, own.load, self._watched))
+        yield Check("objects, contacts and frictions of loads", apart)
+        if self._scenario.task.held or self._scenario.task.flush:
+            return
+        choice, pushes = self._scenario.transport, [s.load for s in self._own if s.kind == PUSH]
+        for load in {id(load): load for load in pushes if load is not None}.values():
+            chain = next(one.chain for one in choice.loads if load.names[0] in one.names)
+            allowed = [(place.face, place.offset) for place in places(chain, choice.faces, choice.offsets)]
+            there = any(face == load.face and abs(aside - load.offset) <= EXACT for face, aside in allowed)
+            what = "" if there else f"{load.face} with {1e3 * load.offset:.3g} mm, which the scenario does not allow"
+            yield _none(f"face that pushes {', '.join(load.names)}", what)
+        if choice.one_load:
+            over = len(self._plan.pushes) - choice.most
+            yield Check("pushes beyond pushes.most", max(0.0, float(over)), 0.0)
+        off = [abs(s.path.cost - choice.approach) for s in self._own if s.kind == APPROACH]
+        yield Check("length of an approach", max(off, default=0.0), EXACT)
+
+    def _check_solution(self) -> Iterator[Check]:
+        """Judge the plan, its motion and its paths, by the validator, which the searches do not use."""
+        segments, name = self._own, self._set
+        if (
+            self._set is None
+        ):  # margins above -1 are had by all twists: other code judges the contacts in the execution
+            segments = tuple(replace(segment, margin=-1.0) for segment in segments)
+        judge = Validator(self._scenario)
+        timed = all(segment.trajectory is not None for segment in segments)
+        execution = execute(self._run.scenario, segments, self._plan.stable_set) if timed else None
+        yield _none("plan", judge.flaw(segments, execution, name))
+        if timed:
+            paths = tuple(replace(segment, trajectory=None) for segment in segments)
+            yield _none("path", judge.flaw(paths, None, name))
+
+    def _check_motion(self) -> Iterator[Check]:
+        """Compare the trajectory with what timing the path leads to."""
+        apart, timed = 0.0, [s for s in self._own if s.trajectory is not None]
+        for segment in timed:
+            trajectory = segment.trajectory
+            assert trajectory is not None
+            ends = (trajectory.start, segment.path.start), (trajectory.break_poses[-1], segment.path.end)
+            apart = max(apart, *(max(pose_error(*pair)) for pair in ends))
+        yield Check("ends of the trajectory and of the path", apart, EXACT)
+        if not timed or self._watched or not self._same or self._set is None:
+            self.left_out += ["the timing of the path"] if timed else []
+            return
+        rate = timed[0].trajectory.rate if timed[0].trajectory is not None else 0.0
+        paths = tuple(replace(segment, trajectory=None) for segment in self._own)
+        try:
+            again = time_segments(self._scenario, paths, rate, self._plan.stable_set)
+        except PushplanError as error:
+            yield _differs("trajectory", f"the path cannot be timed: {error}")
+            return
+        yield Check("trajectory", max(_motion_apart(*pair) for pair in zip(self._own, again, strict=True)), ROUNDING)
+
+    def _check_numbers(self) -> Iterator[Check]:
+        """Work out again what the plan says of itself."""
+        plan, scenario, segments = self._plan, self._scenario, self._own
+        single = bool(scenario.task.held)
+        yield _number("cost", plan.cost, segments[0].cost if single else plan_cost(scenario, segments))
+        timed = plan.trajectory is not None
+        again = least_robustness(segments) if timed else None
+        stated = plan.robustness
+        if stated is None or again is None:
+            yield _same("robustness", stated is None, again is None)
+        else:
+            pairs = zip(astuple(stated), astuple(again), strict=True)
+            yield from (_number("robustness", *pair) for pair in pairs)
+        if self._set is None:
+            return
+        yield from self._check_margins(scenario, self._set)
+        known = self._same and single and not self._watched
+        if not known:
+            self.left_out += [] if plan.lower_bound is None else ["the lower bound"]
+            return
+        assert segments[0].load is not None
+        posed = scenario.with_margin(segments[0].margin)
+        bound = bound_of_plan(posed, segments[0].load.stable_set(self._set), segments)
+        yield _number("lower bound", plan.lower_bound, bound)
+
+    def _check_margins(self, scenario: Scenario, name: str) -> Iterator[Check]:
+        """Compare margins, stated and kept, with those that planning may ask for."""
+        plan, row = self._plan, self._scenario.task.flush
+        pushes = [s for s in self._own if s.pushes and s.load is not None]
+        firsts, wrong = list[float](), ""
+        for push in pushes:
+            assert push.load is not None
+            stable, problem = push.load.stable_set(name), push.load.problem.with_margin(scenario.stability.margin)
+            tries = [
+                margins_to_try(problem, stable, most) for most in ((MOST_MARGIN, MARGIN) if row else (MOST_MARGIN,))
+            ]
+            firsts += [one[0] for one in tries]
+            if all(abs(push.margin - margin) > TOLERANCE for one in tries for margin in one):
+                wrong = wrong or f"a push has {push.margin:.6g}, which is none that planning asks for"
+            if push.trajectory is not None:
+                least = float(stable.margin(push.contact_path.twists).min())
+                yield _number("smallest margin of a push", push.min_margin, least)
+        yield _none("margins of pushes", wrong)
+        stated = (("margin", plan.margin, [s.margin for s in pushes]), ("margin asked", plan.margin_asked, firsts))
+        for what, value, known in stated:
+            # Of a row, what was moved out of its way does not count.
+            yield _number(what, value, min(known, key=lambda one: abs(one - (value or 0.0))) if row else min(known))
+
+
+def _apart(load: Load, own: Load, watched: bool) -> float:
+    """Return by how much a load differs from the scenario's; a watched one may be planned for with less friction."""
+    first, second = load.chain, own.chain
+    one, other = (
+        np.concatenate(
+            [chain.pusher.plate_pose, chain.places.ravel(), *((c.right, c.left) for c in chain.contacts)], axis=None
+        )
+        for chain in (first, second)
+    )
+    more = np.array([a.friction - b.friction for a, b in zip(first.contacts, second.contacts, strict=True)])
+    return max(float(np.abs(one - other).max()), float((more if watched else np.abs(more)).max()))
+
+
+def _motion_apart(first: Segment, second: Segment) -> float:
+    """Return by how much two timed segments differ, in SI units."""
+    one, other = first.trajectory, second.trajectory
+    if one is None or other is None or one.coefficients.shape != other.coefficients.shape:
+        return math.inf
+    names = ("start", "breaks", "coefficients", "arc", "base")
+    return max(float(np.abs(getattr(one, name) - getattr(other, name)).max(initial=0.0)) for name in names)
+
+
+def _differs(quantity: str, what: str) -> Check:
+    return Check(quantity, math.inf, what=what)
+
+
+def _none(quantity: str, flaw: str) -> Check:
+    """Return the check that there is no flaw."""
+    return _differs(quantity, flaw) if flaw else Check(quantity, 0.0)
+
+
+def _same(quantity: str, stated: object, again: object) -> Check:
+    return _none(quantity, "" if stated == again else f"{stated!r} instead of {again!r}")
+
+
+def _number(quantity: str, stated: float | None, again: float | None) -> Check:
+    if stated is None or again is None:
+        return _same(quantity, stated, again)
+    return Check(quantity, abs(stated - again), ROUNDING * max(1.0, abs(again)))

@@ -16,6 +16,7 @@ from google.protobuf.message import Message as ProtobufMessage
 from kinds import FAST, MULTI
 from mcap import records
 from store.conftest import record_names, rewritten
+from store.forgeries import FORGERIES, Forgery
 
 import pushplan
 import pushplan.logging.schemas as schemas
@@ -155,6 +156,24 @@ def _tampered(log: Path, kind: str, name: str, found: list[Any], how: str, key: 
         return {"verdict": "WRONG", "why": f"{name}: {what}: exit code {code} {err[-400:]}"}
 
     return {"group": kind, "what": f"{name} {what}", **measured(work)}
+
+
+def forgeries(count: int) -> Iterator[tuple[str, Attack]]:
+    """Yield logs that lie: of plans that are none in the scenario stated, and of other numbers."""
+    for forgery in FORGERIES[:count]:
+        key = f"{forgery.kind}: {forgery.name}"
+        yield key, lambda forgery=forgery: {"group": forgery.kind, **measured(partial(_forged, forgery))}  # type: ignore[misc]
+
+
+def _forged(forgery: Forgery, folder: Path) -> Row:
+    path = folder / "forged.mcap"
+    forgery.write(path)
+    code, _, err = commanded(["replay", str(path), "--verify", "--json"])
+    if code == 0:
+        return {"verdict": "WRONG", "why": "confirmed"}
+    return (
+        {"verdict": WORDS[code]} if code in WORDS else {"verdict": "WRONG", "why": f"exit code {code}: {err[-600:]}"}
+    )
 
 
 def _instead(victim: Any, name: str, how: str, random: Random) -> tuple[list[Any], str]:

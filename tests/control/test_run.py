@@ -105,7 +105,7 @@ def test_a_log_that_was_tampered_with_does_not_verify(back: RecordedRun) -> None
     told = replace(there(back.feedback), events=there(back.feedback).events[:-1])
     found = check_closed_loop(replace(back, execution=replace(there(back.execution), twists=twists), feedback=told))
     wrong = {check.quantity for check in found if not check.matches}
-    assert wrong == {"twist", "path of the plate", "number of events"}
+    assert wrong == {"twist", "path of the plate", "margin", "number of events"}
     with pytest.raises(RunLogError, match="the settings of the closed loop cannot be read"):
         check_closed_loop(replace(back, fields={}))
 

@@ -94,7 +94,8 @@ def cases() -> dict[str, Case]:
     found["closed loop"] = _closed_loop(plans["push"])
     found["trial"] = _trial(plans["push"])
     none = Planner(load_scenario("narrow-gap"), iterations=200, seed=1, time_limit=60.0).plan(first=True)
-    found["no plan"] = Case(replace(none, segments=(), execution=None, reason=none.reason or "not found"))
+    without = replace(none, segments=(), execution=None, cost=None, robustness=None, margin=None, margin_asked=None)
+    found["no plan"] = Case(replace(without, reason=none.reason or "not found"))
     return found
 
 

@@ -141,7 +141,7 @@ def test_what_is_no_file_is_refused(what: str, tmp_path: Path) -> None:
 
 def test_a_recorded_run_is_found_in_the_folder_and_verified(cases: dict[str, Case], tmp_path: Path) -> None:
     plan = cases["rearrangement"].plan
-    with Recording(plan.scenario, {"seed": 7, "planner": plan.planner}, runs=tmp_path) as recording:
+    with Recording(plan.scenario, {"seed": plan.seed, "planner": plan.planner}, runs=tmp_path) as recording:
         for improvement in plan.improvements:
             recording.improved(improvement)
         recording.end(plan)
@@ -149,7 +149,7 @@ def test_a_recorded_run_is_found_in_the_folder_and_verified(cases: dict[str, Cas
     assert there(run.log).parent == tmp_path
     assert verify_log(there(run.log)).matches
     (entry,) = runs_of(tmp_path)
-    assert (entry.outcome, entry.seed, entry.cost) == ("solved", "7", plan.cost)
+    assert (entry.outcome, entry.seed, entry.cost) == ("solved", str(plan.seed), plan.cost)
 
 
 def test_a_log_that_cannot_be_written_is_an_error_only_where_it_was_named(

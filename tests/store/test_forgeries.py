@@ -1,0 +1,14 @@
+"""No log that lies is confirmed. Every fourth forgery is made here, all of them by `benchmarks/attacks.py`."""
+
+from pathlib import Path
+
+import pytest
+from store.forgeries import FORGERIES, Forgery
+
+from pushplan.verification import verify_log
+
+
+@pytest.mark.parametrize("forgery", FORGERIES[::4], ids=lambda one: f"{one.kind}: {one.name}")
+def test_a_log_that_lies_is_not_confirmed(forgery: Forgery, tmp_path: Path) -> None:
+    forgery.write(tmp_path / "run.mcap")
+    assert not verify_log(tmp_path / "run.mcap").matches
