@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pushplan.errors import PushplanError
+from pushplan.errors import ExtensionError, PushplanError
 from pushplan.geometry.se2 import compose, rotate
 from pushplan.mechanics.chain import PLATE, Chain, Contact
 from pushplan.mechanics.intervals import IntervalChain
@@ -27,6 +27,7 @@ from pushplan.sim.report import ContactLoss, ContactReport, with_margins
 from pushplan.sim.slip import slip
 from pushplan.slip.world import World
 from pushplan.util.arrays import BoolArray, FloatArray
+from pushplan.util.naming import code_of_others, name_of
 
 
 def sampled_world(scenario: Scenario, uncertainty: TrialUncertainty | None, rng: np.random.Generator) -> World:
@@ -267,7 +268,11 @@ def execute_trials(
 
     def one(i: int) -> tuple[ContactReport, bool]:
         world = sampled_world(plan.scenario, uncertainty, np.random.default_rng([seed, i]))
-        report = simulator(plan, world)
+        with code_of_others("simulator", simulator):
+            report = simulator(plan, world)
+        if not isinstance(report, ContactReport):
+            what = f"the simulator {name_of(simulator)} returns a {type(report).__name__}"
+            raise ExtensionError(f"{what}; allowed: a ContactReport, as pushplan.simulate returns it")
         return report, report.arrived(plan.scenario)
 
     ends: list[TrialEnd] = []

@@ -22,7 +22,7 @@ from pushplan.planners.search.form import (
 )
 from pushplan.planners.search.session import Session
 from pushplan.plans.path import PushPath
-from pushplan.util.naming import code_of_others, name_of
+from pushplan.util.naming import code_of_others, is_of_others
 
 Factory = Callable[[Any], Any]
 """Makes an `ompl.base.Planner` from a space information; its class, as a rule."""
@@ -61,16 +61,10 @@ class Search:
         level = ou.getLogLevel()
         ou.setLogLevel(ou.LOG_NONE)  # reseeding prints an error that is none
         try:
-            if self._ours:
-                return self._run()
-            with code_of_others(f"the planner {name_of(self._make)}"):
+            with code_of_others("planner", self._make):
                 return self._run()
         finally:
             ou.setLogLevel(level)
-
-    @property
-    def _ours(self) -> bool:
-        return isinstance(self._make, type) and self._make.__module__.partition(".")[0] in ("ompl", "pushplan")
 
     def _run(self) -> PushPath | None:
         session = self.session
@@ -81,7 +75,7 @@ class Search:
                 session.offer(word)
             # A free word from the start may be all that was wanted: then nothing is posed, which takes 0.1 ms, a
             # seventh of a question to a `Planner`, but for what shows the faults of a user's planner.
-            if session.finished and self._ours:
+            if session.finished and isinstance(self._make, type) and not is_of_others(self._make):
                 return session.best_path
             self._information, self._definition = pose_problem(session, self._box, self._heading_length)
             self._planner = _made(self._make, self._information)

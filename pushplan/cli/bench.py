@@ -8,7 +8,7 @@ from collections import Counter
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -166,17 +166,19 @@ def _bench(
             write_latex(results, folder.path / "tables.tex")
             write_report(results, folder.report)
     ends = Counter(results.runs.outcome)  # now or before
-    broken = sum(ends[end] for end in BROKEN)
+    broken = results.runs[results.runs.outcome.isin(BROKEN)]
     _tell(suite, folder, tally, broken, console)
-    return MISMATCH if ends[INVALID] or (broken and not accept_broken) else DONE
+    return MISMATCH if ends[INVALID] or (len(broken) and not accept_broken) else DONE
 
 
-def _tell(suite: Suite, folder: ResultsFolder, tally: Tally, broken: int, console: Console) -> None:
+def _tell(suite: Suite, folder: ResultsFolder, tally: Tally, broken: Any, console: Console) -> None:
     before = f", {tally.before} done before" if tally.before else ""
     console.say((suite.name, "bold"), f": {counted(tally.done, 'run')} in {span_text(tally.seconds)}{before}")
     console.table([(outcome, str(count)) for outcome, count in tally.counts.items()], style="")
-    if broken:
-        console.say(f"{counted(broken, 'run')} broke off, which --accept-broken would take for done")
+    for first in broken.head(1).itertuples():
+        console.say(f"{counted(len(broken), 'run')} broke off, which --accept-broken would take for done; the first:")
+        why = (first.message or first.outcome).rstrip().rpartition("\n")[2]
+        console.say(f"  {first.problem}, {first.planner}, seed {first.seed}: {why}")
     console.say(f"report: {folder.report}")
     console.emit(
         {
@@ -186,7 +188,7 @@ def _tell(suite: Suite, folder: ResultsFolder, tally: Tally, broken: int, consol
             "done": tally.done,
             "left": tally.left,
             "outcomes": tally.counts,
-            "broken": broken,
+            "broken": len(broken),
             "seconds": tally.seconds,
             "folder": folder.path,
             "database": folder.database,

@@ -253,12 +253,13 @@ def _draw(_: str, run: RecordedRun, path: Path, how: Mapping[str, Any], console:
 
 
 def _write(name: str, run: RecordedRun, path: Path, how: Mapping[str, Any], console: Console) -> None:
+    from pushplan.util.naming import EXPORTER_NAMES, code_of_others, function_named
+
     with console.working(f"writing {path}"):
         if name in WRITERS:
             module, function, _ = WRITERS[name]
             write = getattr(import_module(f"pushplan.logging.{module}"), function)
         else:
-            from pushplan.util.naming import EXPORTER_NAMES, function_named
-
             write = function_named(name, EXPORTER_NAMES, "exporter")
-        write(run, path, **how)
+        with code_of_others("exporter", write):
+            write(run, path, **how)

@@ -140,12 +140,15 @@ class SphereSamples(NamedTuple):
     def maxima(self, floor: float) -> tuple[FloatArray, FloatArray]:
         """Return unit vectors (m, 3) and values (m,) of samples above the floor that no neighbour exceeds.
 
-        Those in the midst of a plateau, as where nothing rubs, are left out: no way leads up from there.
+        Those in the midst of a plateau, as where nothing rubs, are left out: no way leads up from there. Where every
+        twist is as stable as all others, the push straight ahead is the maximum.
         """
         value = self.value[:-1]
         most, least = _around(np.maximum, value), _around(np.minimum, value)
         highest = (value >= most) & (value > least) & (value > floor)
         highest[1:, [0, -1]] = False  # all longitudes meet at the poles
+        if value.min() == value.max() > 0.0:
+            highest[len(value) // 2, value.shape[1] // 2] = True
         i, j = np.nonzero(highest)
         return twists_at(self.longitude[i], self.latitude[j], 1.0), value[i, j]
 

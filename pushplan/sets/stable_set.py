@@ -8,21 +8,22 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from functools import cached_property
+from functools import cached_property, wraps
 from math import isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from pushplan.errors import PushplanError
+from pushplan.errors import ExtensionError, PushplanError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import POLE, Meridians, TurningRadii, by_direction, checked_twists, twists_at
 from pushplan.sets.boundary import Asked, RefinedMeridians, find_meridians, margin_peaks, refine_meridians
 from pushplan.sets.cor import Window, cor_polygons
 from pushplan.sets.intervals import inner_ends, maximise
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray, columns_of, frozen
+from pushplan.util.naming import code_of_others, is_of_others, name_of
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -37,6 +38,13 @@ class StableSet(ABC):
     """
 
     name: str
+
+    def __init_subclass__(cls) -> None:
+        """Check what a set of others returns, and name it in its errors."""
+        super().__init_subclass__()
+        for method in ("__init__", "contact_margin_values", "margin_values"):
+            if method in vars(cls) and is_of_others(cls):
+                setattr(cls, method, _checked(cls, vars(cls)[method]))
 
     def __init__(self, chain: Chain) -> None:
         self.chain = chain
@@ -133,6 +141,29 @@ class StableSet(ABC):
 
     def _asked(self, minimum: float) -> Asked:
         return Asked(self.margin_values, self.chain.characteristic_length, minimum)
+
+
+def _checked(kind: type[StableSet], method: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a method of a set of others that names the set where it fails or returns what is not allowed."""
+
+    @wraps(method)
+    def checked(self: StableSet, *args: Any, **kwargs: Any) -> Any:
+        with code_of_others("stable set", kind):
+            values = method(self, *args, **kwargs)
+            if method.__name__ == "__init__":
+                return values
+            array = np.asarray(values, dtype=np.float64)
+        twists = args[0] if args else kwargs["twists"]
+        contacts = (len(self.chain.contacts),) * (method.__name__ == "contact_margin_values")
+        if array.shape != (len(twists), *contacts) or np.isnan(array).any():
+            what = "NaN" if array.shape == (len(twists), *contacts) else f"an array {array.shape}"
+            raise ExtensionError(
+                f"the stable set {name_of(kind)} returns {what} from {method.__name__} for {len(twists)} twists and "
+                f"{len(self.chain.contacts)} contacts; allowed: numbers {(len(twists), *contacts)}"
+            )
+        return array
+
+    return checked
 
 
 _DIRECTIONS = 720

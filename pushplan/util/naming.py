@@ -129,6 +129,8 @@ def attribute_named(name: str, group: str) -> Any:
             value = getattr(value, part)
     except (ImportError, AttributeError) as error:
         raise PushplanError(f"cannot load {name!r}: {error}; allowed: module:attribute") from error
+    except Exception as error:
+        raise ExtensionError(f"cannot load {name!r}{_place(error)}: {type(error).__name__}: {error}") from error
     return value
 
 
@@ -145,12 +147,18 @@ def name_of(made: Any) -> str:
     return f"{kind.__module__}:{kind.__qualname__}"
 
 
+def is_of_others(made: Any) -> bool:
+    """Return whether a class or function is neither pushplan's nor OMPL's."""
+    return name_of(made).partition(":")[0].partition(".")[0] not in ("ompl", "pushplan")
+
+
 @contextmanager
-def code_of_others(what: str) -> Iterator[None]:
+def code_of_others(kind: str, made: Any) -> Iterator[None]:
     """Turn an error of code that was added into one that names it, its file and its line.
 
     Args:
-        what: What it is, for the message, e.g. `the planner mine:make`.
+        kind: What it is: planner, stable set, simulator or exporter.
+        made: The class or function.
 
     Raises:
         ExtensionError: When the code raises anything but an error of pushplan's own.
@@ -160,7 +168,10 @@ def code_of_others(what: str) -> Iterator[None]:
     except PushplanError:
         raise
     except Exception as error:
-        raise ExtensionError(f"{what} fails{_place(error)}: {type(error).__name__}: {error}") from error
+        if not is_of_others(made):
+            raise
+        what = f"the {kind} {name_of(made)} fails{_place(error)}"
+        raise ExtensionError(f"{what}: {type(error).__name__}: {error}") from error
 
 
 def _place(error: BaseException) -> str:

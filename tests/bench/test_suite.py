@@ -196,7 +196,7 @@ def test_runs_that_broke_off_have_an_exit_code(suite: str, tmp_path: Path, capsy
     words = ["bench", suite, "-o", str(tmp_path / "results")]
     assert main(words) == 4
     assert "timeout  2" in (out := capsys.readouterr().out)
-    assert "2 runs broke off, which --accept-broken would take for done\n" in out
+    assert "2 runs broke off, which --accept-broken would take for done; the first:\n" in out
     assert main([*words, "--resume", "--json"]) == 4
     document = json.loads(capsys.readouterr().out)
     assert (document["done"], document["broken"]) == (0, 2)
