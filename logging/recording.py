@@ -110,11 +110,12 @@ class Recording:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close a log that is not finished; a problem that was refused is an outcome of its own."""
+        """Close a log that is not finished; a problem that was refused, or an error, is an outcome of its own."""
         with self._writing():
-            if self._writer is not None and isinstance(error, PushplanError):
-                self._writer.log("error", str(error))
-                self._writer.finish("refused")
+            if self._writer is not None and isinstance(error, Exception):
+                refused = isinstance(error, PushplanError)
+                self._writer.log("error", str(error) if refused else f"failed: {type(error).__name__}: {error}")
+                self._writer.finish("refused" if refused else "failed")
             elif self._writer is not None:
                 self._writer.abandon(error)
         self._writer = None
@@ -186,9 +187,13 @@ def recover(source: Path | str, target: Path | str) -> RecordedRun:
         OutputError: When the new one is there already or cannot be written.
     """
     run = load_run(source, recover=True)
-    with RunLogWriter.create(target, run.scenario, {}, _run_words(run), new=True) as log:
+    log = RunLogWriter.create(target, run.scenario, {}, _run_words(run), new=True)
+    try:
         _write(run, log)
         log.finish(run.outcome, _seconds(run))
+    except BaseException:  # the damaged one is still there
+        log.discard()
+        raise
     return run
 
 

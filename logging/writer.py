@@ -300,6 +300,10 @@ class RunLogWriter:
         """Close the file; see `abandon`."""
         self.abandon(error)
 
+    def discard(self) -> None:
+        """Remove the file, which was not finished."""
+        self._file.discard()
+
     def abandon(self, error: BaseException | None) -> None:
         """Close the file; if it was not finished, say why in it, as far as that can be written, and leave it."""
         if not self._finished:

@@ -175,13 +175,9 @@ class Store:
 
         The log stays while another program has the file open, say to look at results; SQLite reads both as one.
         """
-        try:
+        with contextlib.suppress(sqlite3.OperationalError):  # the results are in the file and its log
             self._database.execute("PRAGMA journal_mode = DELETE")
-        except sqlite3.OperationalError as error:
-            if not _is_busy(error):
-                raise
-        finally:
-            self._database.close()
+        self._database.close()
 
     def __enter__(self) -> Self:
         return self
@@ -190,15 +186,27 @@ class Store:
         self.close()
 
     @contextmanager
-    def _transaction(self) -> Iterator[None]:
-        """Write all inside, or nothing."""
-        self._database.execute("BEGIN IMMEDIATE")
+    def _reporting(self) -> Iterator[None]:
+        """Turn an error of the database into a StoreError."""
         try:
             yield
-        except BaseException:
-            self._database.execute("ROLLBACK")
-            raise
-        self._database.execute("COMMIT")
+        except sqlite3.Error as error:
+            if _is_busy(error):
+                raise StoreError(f"another program has {self.path} locked; close it there, then --resume") from error
+            raise StoreError(f"cannot write {self.path}: {error}; the results until then are kept") from error
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        """Write all inside, or nothing."""
+        with self._reporting():
+            self._database.execute("BEGIN IMMEDIATE")
+            try:
+                yield
+                self._database.execute("COMMIT")
+            except BaseException:
+                with contextlib.suppress(sqlite3.Error):  # SQLite ends some failed transactions itself
+                    self._database.execute("ROLLBACK")
+                raise
 
     def expect(self, suite: Suite, runs: Sequence[RunSpec], machine: Machine, version: str) -> None:
         """Note which runs the suite consists of now; results of earlier ones stay."""
@@ -261,7 +269,8 @@ class Store:
     def done(self) -> set[str]:
         """Return the keys of all runs that have a result."""
         query = "SELECT key FROM pushplan_runs WHERE outcome IS NOT NULL"
-        return {key for (key,) in self._database.execute(query)}
+        with self._reporting():
+            return {key for (key,) in self._database.execute(query)}
 
     def add(self, run: RunSpec, result: Outcome, log: str | None) -> None:
         """Write the result of a run that is expected, in place of an earlier one.
@@ -273,8 +282,8 @@ class Store:
         """
         own = {"solved": int(result.status == OK), "status": STATUSES.index(result.status), "seed": run.seed}
         values = {**result.values, **own}
-        experiment = self._experiment(run.problem, run.version)
         with self._transaction():
+            experiment = self._experiment(run.problem, run.version)
             self._database.execute(
                 "DELETE FROM runs WHERE id = (SELECT runid FROM pushplan_runs WHERE key = ?)", (run.key,)
             )
@@ -299,7 +308,8 @@ class Store:
 
     def spent(self, seconds: float) -> None:
         """Add to the wall-clock time that the benchmark has taken."""
-        self._database.execute("UPDATE pushplan_suite SET seconds = seconds + ?", (seconds,))
+        with self._reporting():
+            self._database.execute("UPDATE pushplan_suite SET seconds = seconds + ?", (seconds,))
 
 
 def sampled(improvements: Sequence[tuple[float, float, int]], end: float) -> list[tuple[float, float, int]]:

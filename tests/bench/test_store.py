@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from conftest import there
+from conftest import Patch, there
 
 import pushplan
+import pushplan.bench.batch as batch
+import pushplan.bench.store as store
 from pushplan.bench.batch import run_suite
 from pushplan.bench.outcome import ATTRIBUTES, STATUSES, Outcome, clearance, validated, validation_error
 from pushplan.bench.random_problems import DRIVES, LEAST_MARGIN, generate, tightest_turn
@@ -148,6 +150,41 @@ def quasi_static(plan: Plan) -> Plan:
     chain = plan.scenario.chain
     still = replace(chain.pusher, limits=replace(chain.pusher.limits, contact="quasi-static"))
     return replace(plan, scenario=plan.scenario.with_load(chain=replace(chain, pusher=still)))
+
+
+@pytest.mark.parametrize("fate", ["locked", "full"])
+def test_a_database_that_takes_no_more_midway_is_named_and_the_rest_is_done_later(
+    fate: str, tmp_path: Path, monkeypatch: Patch
+) -> None:
+    monkeypatch.setattr(store, "BUSY", 0.1)
+    folder, suite = ResultsFolder(tmp_path), suite_from_text(SUITE)
+    others: list[sqlite3.Connection] = []
+
+    def failing(specs: Iterable[RunSpec]) -> Generator[Outcome]:
+        for k, outcome in enumerate(_engine(specs)):
+            if k == 3 and fate == "locked":
+                others.append(sqlite3.connect(folder.database, isolation_level=None))
+                others[0].execute("BEGIN IMMEDIATE")
+            elif k == 3:
+                opened[0]._database.execute("PRAGMA max_page_count = 1")  # as full as it can be
+            yield replace(outcome, message="x" * 100_000)
+
+    class Noted(store.Store):
+        def __init__(self, path: Path) -> None:
+            super().__init__(path)
+            opened.append(self)
+
+    opened: list[store.Store] = []
+    monkeypatch.setattr(batch, "Store", Noted)
+    words = {"locked": "another program has .* locked", "full": "cannot write .*full"}
+    with folder.locked(), pytest.raises(store.StoreError, match=words[fate]):
+        run_suite(suite, folder, failing, version="1")
+    for other in others:
+        other.close()
+    with folder.locked():
+        tally = run_suite(suite, folder, _engine, batch.Selection(resume=True), version="1")
+    assert tally.before == 3
+    assert tally.left == 0
 
 
 def test_an_execution_that_slips_with_inertia_is_no_solution(done: Run) -> None:

@@ -14,12 +14,14 @@ import zstandard
 from conftest import Patch, calls_of, there
 from store.conftest import Case
 
+import pushplan
 from pushplan.errors import OutputError, RunLogError
 from pushplan.logging.codec import CodecError, decode
 from pushplan.logging.mcap_file import MAGIC, McapFile
 from pushplan.logging.reader import load_run
-from pushplan.logging.recording import IncompleteLogError, Recording
+from pushplan.logging.recording import IncompleteLogError, Recording, recover
 from pushplan.logging.runs import FOLDER, runs_folder, runs_of
+from pushplan.logging.writer import RunLogWriter
 from pushplan.scenario.file import load_scenario
 from pushplan.verification import verify_log
 
@@ -187,3 +189,32 @@ def test_an_unset_empty_or_relative_folder_of_states_is_not_in_the_working_direc
     else:
         monkeypatch.setenv("XDG_STATE_HOME", value)
     assert runs_folder() == Path("/home/somebody/.local/state/pushplan/runs")
+
+
+def test_a_run_that_fails_is_recorded_as_failed(tmp_path: Path) -> None:
+    def broken(improvement: object) -> None:
+        raise ValueError("of the user")
+
+    log = tmp_path / "run.mcap"
+    with pytest.raises(ValueError, match="of the user"):
+        pushplan.run(load_scenario("one-box"), log=log, observer=pushplan.Observer(improved=broken), time_limit=9.0)
+    assert [path.name for path in tmp_path.iterdir()] == ["run.mcap"]
+    run = load_run(log)
+    assert run.outcome == "failed"
+    assert run.lines[-1].text == "failed: ValueError: of the user"
+    assert verify_log(log).matches
+
+
+def test_a_recovery_that_fails_leaves_nothing_behind(
+    cases: dict[str, Case], tmp_path: Path, monkeypatch: Patch
+) -> None:
+    source, folder = cases["push"].write(tmp_path / "run.mcap"), tmp_path / "out"
+    folder.mkdir()
+
+    def full(*_: object) -> None:
+        raise OutputError("out.mcap", "No space left on device")
+
+    monkeypatch.setattr(RunLogWriter, "execution", full)
+    with pytest.raises(OutputError, match="No space"):
+        recover(source, folder / "out.mcap")
+    assert [*folder.iterdir()] == []
