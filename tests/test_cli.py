@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -18,11 +19,13 @@ import pytest
 import shapely
 from conftest import Captured, Patch, there
 
+import pushplan
 from pushplan.cli import console as console_module
 from pushplan.cli.console import Console, Progress
 from pushplan.cli.main import main
 from pushplan.errors import PlanningError
 from pushplan.scenario.file import example_names, load_scenario
+from pushplan.scenario.template import DRIVES
 from pushplan.sets.named import stable_set
 from pushplan.util.printable import printable
 
@@ -32,6 +35,7 @@ def test_every_example_passes_its_check(name: str, capsys: Captured) -> None:
     assert main(["check", name, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert len(found["objects"]) == len(found["contacts"])
+    assert found["warnings"] == []
     for place in ("start", "goal"):
         assert found[place]["room"] is None or found[place]["room"] > 0.0
 
@@ -161,6 +165,30 @@ def test_a_new_scenario_loads_passes_its_check_and_plans(capsys: Captured) -> No
     assert main(["plan", "mine.yaml", "--first", "--time-limit", "60"]) == 0
     assert main(["new", "my push"]) == 0
     assert "pushplan check 'my push.yaml' --plot 'my push.png'" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_every_template_passes_its_check_and_plans(drive: str, capsys: Captured) -> None:
+    assert main(["new", "mine", "--drive", drive]) == 0
+    assert main(["check", "mine.yaml"]) == 0
+    assert capsys.readouterr().out.endswith("no errors\n")
+    scenario = load_scenario("mine.yaml")
+    for seed in range(1, 6):
+        plan = pushplan.plan(scenario, seed=seed, time_limit=60.0, first=True)
+        assert plan.solved, plan.reason
+
+
+@pytest.mark.parametrize("drive", ["differential", "car"])
+def test_turns_that_are_too_wide_for_the_room_are_told_before_planning(drive: str, capsys: Captured) -> None:
+    assert main(["new", "mine", "--drive", drive]) == 0
+    text = Path("mine.yaml").read_text()
+    Path("mine.yaml").write_text(re.sub(r"(?m)^  pose: .*$", "  pose: [3.0, 1.8, 90 deg]", text))
+    assert main(["check", "mine.yaml"]) == 0
+    out, err = capsys.readouterr()
+    assert re.search(
+        r"warning: perhaps the turns .* makes a circle of 5\.\d+ m, wider than the workspace \(4.2 m\)", err
+    )
+    assert out.endswith("no errors, but 1 warning\n")
 
 
 def test_a_file_is_never_overwritten(capsys: Captured) -> None:

@@ -176,7 +176,7 @@ def _too_wide(
     across = min(area.xmax - area.xmin, area.ymax - area.ymin)
     if abs(turn) > SAME_ANGLE and 2.0 * radius > across:
         what = f"makes a circle of {2.0 * radius:.3g} m, wider than the workspace ({across:.3g} m)"
-    elif math.isfinite(max(radii)) and not _a_word_fits(scenario, segments):
+    elif math.isfinite(max(radii)) and not a_word_fits(scenario, segments):
         what = "leads out of the workspace in every way of a turn, a straight push or another turn, and a turn"
     else:
         return
@@ -186,13 +186,14 @@ def _too_wide(
     yield Diagnosis("wide turns", text, False, {"radius": radius, "across": across, **_numbers(of_set)})
 
 
-def _a_word_fits(scenario: Scenario, segments: FloatArray) -> bool:
-    """Whether an exact word from start to goal stays in the workspace, whatever else is in the way."""
+def a_word_fits(scenario: Scenario, segments: FloatArray) -> bool:
+    """Tell whether an exact word from start to goal stays in the workspace, whatever else is in the way."""
     area = scenario.workspace
-    assert area is not None
     corners = np.concatenate([moving.outline for moving in scenario.chain.bodies])
     for family in steering_families(segments):
         for word in find_words(family, scenario.start, scenario.goal.pose_chain):
+            if area is None:
+                return True
             path = PushPath(scenario.start, family[word[1:4].astype(int)], word[4:])
             poses = path.sampled(0.1)[:, None]
             across, upward = np.moveaxis(poses[..., :2] + se2.rotate(poses[..., 2], corners), -1, 0)

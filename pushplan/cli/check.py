@@ -20,6 +20,7 @@ from pushplan.mechanics.heights import tipping_room
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
 from pushplan.scenario.goals import Row
 from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import KNOWN_LOAD_SETS
 
@@ -49,6 +50,7 @@ def check(console: Console, scenario: str, maps: tuple[Path, ...], plot: Path | 
         with console.working("computing the stable set"):
             require_pushable(stated)
             stable, described = describe(stated, stated.stability.set)
+            warnings = turn_warnings(stated, stable)
     console.say((f"stable set {stated.stability.set}", "bold"))
     console.table(set_rows(described, stated.chain.pusher.drive.kind))
     if plot is not None:
@@ -56,9 +58,12 @@ def check(console: Console, scenario: str, maps: tuple[Path, ...], plot: Path | 
             from pushplan.drawing.plans import plot_scenario
 
             plot_scenario(stated, plot, stable)
-    said = f"no errors, but {counted(questions, 'question')}" if questions else "no errors"
-    console.say((said, "yellow" if questions else "green"))
-    console.emit({**understood, "stable_set": {"set": stated.stability.set, **described}})
+    for warning in warnings:
+        console.note(f"warning: {warning}")
+    doubts = [counted(n, noun) for n, noun in ((questions, "question"), (len(warnings), "warning")) if n]
+    console.say(("no errors" + ", but " * bool(doubts) + " and ".join(doubts), "yellow" if doubts else "green"))
+    told = {"set": stated.stability.set, **described}
+    console.emit({**understood, "stable_set": told, "warnings": warnings})
     return 0
 
 
@@ -89,6 +94,20 @@ def require_pushable(scenario: Scenario) -> None:
             findings = (scenario.origin.finding(("robot", "limits", "force"), str(error)),)
     if findings:
         raise ScenarioError(str(scenario.path), findings)
+
+
+def turn_warnings(scenario: Scenario, stable: StableSet) -> list[str]:
+    """Return why the turns of a single push may be too wide for the room, or to one side only."""
+    from pushplan.planners.controls import control_segments, margins_to_try
+    from pushplan.planners.infeasible.turning import a_word_fits, turning_faults
+
+    if not scenario.task.held:
+        return []
+    margin = margins_to_try(scenario, stable)[-1]
+    segments = control_segments(stable, scenario.chain.pusher.drive, margin)
+    if a_word_fits(scenario, segments):
+        return []
+    return [fault.text for fault in turning_faults(scenario.with_margin(margin), stable, segments)]
 
 
 # --- what was understood ----------------------------------------------------------------------------------------

@@ -32,6 +32,9 @@ DRIVES = {
 }
 """What the template says of each drive; an axle's pose is in the frame of the plate's front edge."""
 
+_AHEAD = "[3.4, 0.5, 20 deg]"
+"""Goal of a robot on wheels: the template's own takes turns that its axle and the load do not allow."""
+
 _ROOM = 0.75
 """Radius around the chain frame in which the template's robot and objects are, m."""
 
@@ -73,6 +76,8 @@ def new_scenario_text(name: str, drive: str = "omnidirectional") -> str:
     text = text.replace('name: "my-push"', f"name: {json.dumps(name, ensure_ascii=False)}", 1)
     others = " or ".join(stated for kind, stated in DRIVES.items() if kind != drive)
     text = _with_line(text, "  drive: ", f"{DRIVES[drive]}   # or {others}")
+    if drive != "omnidirectional":
+        text = _with_line(text, "  pose: ", f"{_AHEAD}      # within wide turns: the tightest has a radius of 2.5 m")
     return f"# yaml-language-server: $schema={schema_file().as_uri()}\n{text}"
 
 
