@@ -201,6 +201,36 @@ def test_a_file_is_never_overwritten(capsys: Captured) -> None:
     assert Path("mine.yaml").read_text() == "precious"
 
 
+OUTPUTS = {"layout": "s.yaml", "csv": "mine.csv", "trajectory": "mine.json", "html": "mine.html", "plot": "mine.png"}
+
+
+def test_no_file_of_the_user_is_replaced_unless_that_is_asked_for(capsys: Captured) -> None:
+    assert main(["plan", "one-box", "--first", "-o", "run.mcap", "--no-page"]) == 0
+    for name in OUTPUTS.values():
+        Path(name).write_text("format: pushplan/1")
+    for option, name in OUTPUTS.items():
+        words = ["replay", "run.mcap", f"--{option}", name]
+        assert main(words) == 2
+        assert f"{name}: this file exists and is no result of pushplan" in capsys.readouterr().err
+        assert Path(name).read_text() == "format: pushplan/1"
+        assert main([*words, "--overwrite"]) == 0
+        assert main(words) == 0  # it is one now
+
+
+def test_a_folder_with_other_files_gets_no_benchmark(capsys: Captured) -> None:
+    suite = "format: pushplan-suite/1\nproblems: [one-box]\nplanners: [{name: auto, first: true}]\nseeds: 1\n"
+    Path("suite.yaml").write_text(suite)
+    Path("out").mkdir()
+    Path("out/report.html").write_text("precious")
+    assert main(["bench", "suite.yaml", "-o", "out"]) == 2
+    assert (
+        "out has 'report.html' in it and is no folder of results; name another one, or use it with --overwrite"
+        in (capsys.readouterr().err)
+    )
+    assert [path.name for path in Path("out").iterdir()] == ["report.html"]
+    assert Path("out/report.html").read_text() == "precious"
+
+
 MAP = Path(__file__).parents[1] / "examples" / "office"
 
 

@@ -364,16 +364,23 @@ class ResultsFolder:
         self.scratch = path / ".scratch"  # where runs have their files while they go on
 
     @contextmanager
-    def locked(self) -> Iterator[None]:
+    def locked(self, overwrite: bool = False) -> Iterator[None]:
         """Keep other benchmarks out of the folder, which is made if need be.
 
+        Args:
+            overwrite: Take a folder with other files, too, and replace those of the names of results.
+
         Raises:
-            StoreError: When another benchmark writes into it, or it is a file.
+            StoreError: When another benchmark writes into it, it is a file, or it has files and no results.
         """
         try:
             self.path.mkdir(parents=True, exist_ok=True)
         except FileExistsError as error:
             raise StoreError(f"{self.path} is a file; allowed: a folder, which may be new") from error
+        strange = {path.name for path in self.path.iterdir()} - {".lock", self.scratch.name}
+        if strange and not self.database.exists() and not overwrite:
+            what = f"{self.path} has {sorted(strange)[0]!r} in it and is no folder of results"
+            raise StoreError(f"{what}; name another one, or use it with --overwrite")
         with os.fdopen(os.open(self.path / ".lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC), "rb") as lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

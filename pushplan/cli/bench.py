@@ -143,7 +143,7 @@ def _bench(
     from pushplan.bench.store import ResultsFolder
 
     folder = ResultsFolder(output)
-    with folder.locked(), ExitStack() as stack:
+    with folder.locked(p.overwriting()), ExitStack() as stack:
         try:
             with console.working("preparing"):
                 from pushplan.bench.executor import cluster_engine, local_engine

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import update_wrapper
 from math import inf, isfinite
@@ -211,6 +212,7 @@ def command(function: Callable[..., int]) -> click.Command:
     def called(json: bool, verbose: bool, **words: Any) -> int:
         from pushplan.cli.console import Console
 
+        words.pop("overwrite", None)  # which `overwriting` tells
         if "no_log" in words:
             words["log"] = log = LogChoice(*(words.pop(name) for name in LogChoice._fields))
             if log.no_log and (log.output or log.runs):
@@ -219,11 +221,19 @@ def command(function: Callable[..., int]) -> click.Command:
 
     update_wrapper(called, function)
     params: list[click.Parameter] = list(reversed(getattr(function, "__click_params__", [])))
+    if any(isinstance(one, click.Option) and (one.metavar == "FILE" or one.name == "output") for one in params):
+        params.append(click.Option(["--overwrite"], is_flag=True, help="Replace files that pushplan did not write."))
     params += [
         click.Option(["--json"], is_flag=True, help="Print one JSON object on stdout."),
         click.Option(["--verbose"], is_flag=True, help="Show the traceback of an unexpected failure."),
     ]
     return click.Command(function.__name__.replace("_", "-"), callback=called, params=params, help=function.__doc__)
+
+
+def overwriting() -> bool:
+    """Tell whether the command that is running may replace files that pushplan did not write."""
+    context = click.get_current_context(silent=True)
+    return context is not None and bool(context.params.get("overwrite"))
 
 
 def file_option(*names: str, help: str) -> Callable[[Any], Any]:
@@ -334,6 +344,29 @@ def only_with(partner: str, wanted: bool, **options: object) -> None:
             raise UsageError(f"--{name} has no meaning without --{partner}")
 
 
+_OURS = re.compile(
+    rb"\x89PNG|%PDF-|<\?xml|....ftyp|t,segment,|Panels:|# learned by pushplan|"
+    rb"\{\s*\"(format\": \"pushplan-trajectory|configById)|<!doctype html>.*\bid=\"run\"",
+    re.DOTALL,
+)
+"""What files begin with that commands write, but for logs."""
+
+
+def _require_ours(path: Path, what: str) -> None:
+    """Refuse to replace a file that is none of pushplan's results.
+
+    Raises:
+        OutputError: When it is none.
+    """
+    with contextlib.suppress(OSError):
+        data = path.read_bytes() if path.is_file() else b""
+        ours = data.startswith(LOG_MAGIC) or (what != "run log" and _OURS.match(data))
+        if data and not ours:
+            raise OutputError(
+                str(path), f"this file exists and is no {what}; name another one, or replace it with --overwrite"
+            )
+
+
 def check_outputs(
     sources: Sequence[str | Path], picture: Path | None, *others: Path | None, log: Path | None = None
 ) -> None:
@@ -347,8 +380,8 @@ def check_outputs(
 
     Raises:
         PlotError: When the picture has a suffix that is not known.
-        OutputError: When one cannot be written (see `files.check_output`), is named twice, or is a source, or when
-            the log would replace a file that is none.
+        OutputError: When one cannot be written (see `files.check_output`), is named twice, or is a source, or would
+            replace a file that is no result of pushplan.
     """
     from pushplan.util.files import check_output
 
@@ -356,10 +389,6 @@ def check_outputs(
         from pushplan.drawing import check_picture_path
 
         check_picture_path(picture)
-    if log is not None:
-        with contextlib.suppress(OSError):
-            if log.is_file() and log.stat().st_size and log.open("rb").read(len(LOG_MAGIC)) != LOG_MAGIC:
-                raise OutputError(str(log), "this file exists and is no run log; name another one or remove it")
     taken = {Path(source).resolve() for source in sources}
     for path in (picture, log, *others):
         if path is None:
@@ -368,3 +397,5 @@ def check_outputs(
         if path.resolve() in taken and not (target.streamed and path.is_char_device()):
             raise OutputError(str(path), "this file is read or written already; name another one")
         taken.add(path.resolve())
+        if not target.streamed and not overwriting():
+            _require_ours(path, "run log" if path == log else "result of pushplan")
