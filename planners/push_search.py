@@ -205,7 +205,7 @@ class PushSearch(TaskSearch):
             tuple(self.segments(posed, path) for path in paths),
             self.margins[0],
             posed.required_margin,
-            session.extensions,
+            session.iterations,
             tuple(improvements.found),
             _cost,
             lambda found: _bound_of_objective(posed, segments, found),

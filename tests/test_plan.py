@@ -71,6 +71,15 @@ def test_improvements_are_told_as_they_happen() -> None:
     assert len(heard) > 1
 
 
+@pytest.mark.parametrize("planner", ["auto", "rrt"])
+@pytest.mark.parametrize("name", ["two-crates", "free-space"])
+def test_a_plan_counts_the_iterations_that_the_setting_limits(name: str, planner: str) -> None:
+    found = plan(load_scenario(name), planner=planner, iterations=2_000, time_limit=PATIENT)
+    assert 2_000 <= found.iterations < 2_500  # they are counted in rounds of up to 500
+    assert found.improvements[-1].iterations <= found.iterations
+    assert found.to_dict()["iterations"] == found.iterations
+
+
 def test_a_limit_that_ends_while_the_problem_is_posed_is_an_ordinary_failure() -> None:
     scenario = load_scenario("one-box")
     corner = np.array([[9.0, 9.0], [9.9, 9.0], [9.9, 9.3], [9.3, 9.3], [9.3, 9.9], [9.0, 9.9]])

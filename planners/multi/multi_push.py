@@ -127,7 +127,7 @@ class MultiPushSearch(TaskSearch):
         if proof is not None:
             return Outcome.without_plan(proof, min(mode.margin(self.levels - 1) for mode in self.modes))
         improvements = Improvements(observer, began)
-        share = 0.0
+        share, batches = 0.0, 0
         for level in range(self.levels):
             last = level + 1 == self.levels
             share = 1.0 if last else share + PATIENCE * (1.0 - share)
@@ -136,17 +136,18 @@ class MultiPushSearch(TaskSearch):
             patience = began + share * limit
             limits = Limits(budget.until, patience, budget.first, budget.iterations, budget.gap, observer.cancelled)
 
-            def improved(best: PushSequence, looked_at: int, room: PushRoom = room) -> None:
-                improvements.add(best.cost, looked_at, self.segments(room, best, scenario.poses))
+            def improved(best: PushSequence, done: int, room: PushRoom = room, before: int = batches) -> None:
+                improvements.add(best.cost, before + done, self.segments(room, best, scenario.poses))
 
             found = search(room, query, limits, budget.seed, improved)
+            batches += found.batches
             if found.best is not None or limits.over(0):
                 break
         candidates = () if found.best is None else (self.segments(room, found.best, scenario.poses),)
         return Outcome(
             candidates,
             *least_margins(self.modes, candidates, level),
-            found.looked_at,
+            batches,
             tuple(improvements.found),
             lambda segments: plan_cost(scenario, segments),
             found.lower_bound,

@@ -181,6 +181,7 @@ class Found:
         best: The best plan, None without any.
         lower_bound: Cost that no plan beats, m.
         seconds: Until the first plan, None without any.
+        batches: Of poses, which `Limits.iterations` limits.
         looked_at: Pushes and ways that were looked at.
         arrives: The robot found a way to some contact at the start, or none was looked for.
         begins: (m,) whether the robot has room to drive to each contact at the start.
@@ -191,6 +192,7 @@ class Found:
     best: PushSequence | None
     lower_bound: float
     seconds: float | None
+    batches: int
     looked_at: int
     arrives: bool
     begins: BoolArray
@@ -239,7 +241,7 @@ def search(
         query: From where to where.
         limits: When to end.
         seed: Of the random numbers.
-        improved: Called with every better plan and the pushes and ways looked at so far.
+        improved: Called with every better plan and the batches so far.
     """
     began = time.perf_counter()
     modes = [contact.packed for contact in room.contacts]
@@ -257,7 +259,7 @@ def search(
             best = graph.shorten_transits(best)
             first = time.perf_counter() - began if first is None else first
             if improved is not None:
-                improved(best, graph.looked_at)
+                improved(best, batches)
         if best is not None and (limits.first or best.cost <= graph.bound * (1.0 + limits.gap)):
             break
         if graph.stuck or limits.over(batches, best is None):
@@ -283,7 +285,8 @@ def search(
             poses = np.array([*poses, *(step.after for step in best.steps[:-1])]) if best is not None else poses
         graph.add(poses, below, over)
         batches += 1
-    return Found(best, graph.bound, first, graph.looked_at, graph.arrives, graph.begins, graph.leaves, graph.ends)
+    begins, leaves, ends = graph.begins, graph.leaves, graph.ends
+    return Found(best, graph.bound, first, batches, graph.looked_at, graph.arrives, begins, leaves, ends)
 
 
 def _shortest_first(graph: Graph, poses: FloatArray) -> FloatArray:

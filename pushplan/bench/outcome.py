@@ -60,7 +60,7 @@ ATTRIBUTES = {
     "trial_success": "REAL",  # share of sampled worlds, with slip, in which the plan arrives
     "duration": "REAL",  # of the trajectory
     "by_time": "BOOLEAN",  # duration ranked the plan, not cost
-    "extensions": "INTEGER",
+    "extensions": "INTEGER",  # iterations: OMPL's planners count arcs propagated only
     "memory": "REAL",  # most that the process has taken on top of the code that it starts with, MB
     "posing_time": "REAL",
     "timing_time": "REAL",

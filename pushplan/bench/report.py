@@ -230,7 +230,7 @@ QUANTITIES: tuple[tuple[str, str, Show], ...] = (
     ("lower bound of the duration [s]", "duration_bound", number),
     ("goal error [m]", "solution_difference", number),
     ("goal error [rad]", "goal_angle_error", number),
-    ("extensions", "extensions", number),
+    ("iterations", "extensions", number),
     ("memory [MB]", "memory", number),
 )
 

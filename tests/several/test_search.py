@@ -221,7 +221,8 @@ def test_many_goals_and_offsets_take_little_memory_and_end_when_they_are_told_to
     scenario = problem("omnidirectional", goal=[{"pose": pose, "of": "b0"} for pose in around], pusher=pusher)
     tracemalloc.start()
     try:
-        assert plan(scenario, iterations=4, time_limit=600.0).solved
+        found = plan(scenario, iterations=4, time_limit=600.0)
+        assert (found.solved, found.iterations) == (True, 4)
         assert tracemalloc.get_traced_memory()[1] < 1e8
     finally:
         tracemalloc.stop()
