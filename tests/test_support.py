@@ -1,15 +1,29 @@
 """How objects rest on the floor: supports, where loads may be, and feet that stand for a pressure."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from conftest import ChainMaker
 
+from pushplan.cli.check import support_text
 from pushplan.errors import SupportError
+from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.contacts import friction_wrench
 from pushplan.mechanics.sphere import twists_about
-from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
+from pushplan.mechanics.support import (
+    FeetSupport,
+    PointLoads,
+    PressureMapSupport,
+    Support,
+    UniformSupport,
+    UnknownSupport,
+)
+from pushplan.scenario.file import load_scenario
+from pushplan.sim.identify.unknowns import Unknowns
 from pushplan.slip.feet import DEGREE, feet_of, polygon_rule
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
 BOX = np.array([[-0.05, -0.03], [0.05, -0.03], [0.05, 0.03], [-0.05, 0.03]])
@@ -89,3 +103,39 @@ def test_friction_on_the_feet_is_that_of_the_pressure(center: FloatArray | None)
         for each in (support, FeetSupport(feet.positions, feet.fractions))
     ]
     np.testing.assert_allclose(wrenches[1], wrenches[0], atol=3e-6)
+
+
+class Rails(Support):
+    """A support model of a user's own: 12 points on each of two rails; the last carries three times the first."""
+
+    points = np.array([[x, y] for y in (-0.02, 0.03) for x in np.linspace(-0.04, 0.04, 12)])
+    parts = np.linspace(1.0, 3.0, 24) / 48.0
+
+    @property
+    def center(self) -> FloatArray:
+        return np.asarray(self.parts @ self.points)
+
+    @property
+    def hull(self) -> FloatArray:
+        return convex_hull(self.points)
+
+    @property
+    def point_loads(self) -> PointLoads:
+        return PointLoads(self.points, self.parts.copy(), self.parts.copy())
+
+
+def test_a_support_model_of_a_users_own_is_shown_simulated_and_identified_as_what_it_is() -> None:
+    rails, unknown = Rails(), UnknownSupport(4.0 * BOX, np.array([0.01, 0.0]))
+    feet = feet_of(rails)
+    np.testing.assert_array_equal(feet.positions, rails.points)
+    np.testing.assert_array_equal(feet.fractions, rails.parts)
+    scenario = load_scenario("one-box")
+    box = scenario.chain.objects[0]
+    assert support_text(replace(box, support=rails)).startswith("known loads on 24 points (Rails), centre at (")
+    assert support_text(replace(box, support=unknown)).startswith("load unknown, centre at (0.01, 0)")
+    for support in (rails, unknown):
+        chain = replace(scenario.chain, objects=(replace(box, support=support),))
+        unknowns = Unknowns.from_world(World.from_chain(chain, scenario.start))
+        middle = unknowns.values(np.array([0.0 if one.kind == "border" else 0.5 for one in unknowns.each]))
+        center = unknowns.fractions(middle)[0] @ unknowns.loads[0].points
+        np.testing.assert_allclose(center, support.center, atol=1e-5)  # before anything was measured

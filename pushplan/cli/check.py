@@ -249,7 +249,10 @@ def support_text(obj: PushedObject) -> str:
             return f"{counted(len(support.positions), 'foot', 'feet')} with {known} loads, {center}"
         case PressureMapSupport():
             return f"pressure map of {counted(len(support.points), 'point')}, {center}"
-    return f"load unknown, {center}"
+    if not support.known:
+        return f"load unknown, {center}"
+    points = counted(len(support.point_loads.positions), "point")
+    return f"known loads on {points} ({type(support).__name__}), {center}"
 
 
 def room(scenario: Scenario, pose: FloatArray) -> float:

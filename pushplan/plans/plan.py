@@ -143,8 +143,8 @@ class Plan:
             none is known, as of margins.
         first_solution_s: Wall-clock seconds to the first plan, or None.
         planning_s: Wall-clock seconds of preparing and searching.
-        iterations: Of the search, which the setting `iterations` limits: arcs propagated and shortcuts tried. A multi-push
-            plan counts batches of poses, a rearrangement transfers, a gathering pushes and transits looked at.
+        iterations: Of the search, which the setting `iterations` limits: arcs propagated and shortcuts tried. A
+            multi-push plan counts batches of poses, a rearrangement transfers, a gathering pushes and transits.
         improvements: Better and better plans.
         margin_asked: What the twists' margins had to exceed at first.
         margin: What they had to exceed in the end: less, where no plan was found with `margin_asked`.

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander2d
 
 from pushplan.errors import SupportError
-from pushplan.mechanics.support import Support, UniformSupport
+from pushplan.mechanics.support import PressureMapSupport, Support, UniformSupport
 from pushplan.util.arrays import FloatArray, frozen
 
 
@@ -87,7 +87,7 @@ class Feet:
 
 
 def feet_of(support: Support, degree: int = DEGREE) -> Feet:
-    """Return the feet that stand for a support; feet with known loads as they are.
+    """Return the feet that stand for a support; known loads on points as they are.
 
     Raises:
         SupportError: When the loads are not known.
@@ -100,7 +100,7 @@ def feet_of(support: Support, degree: int = DEGREE) -> Feet:
     if isinstance(support, UniformSupport):
         return _feet_of_polygon(support, degree)
     positions, fractions, stiffness = support.point_loads
-    if stiffness is not fractions:
+    if not isinstance(support, PressureMapSupport):
         return Feet(positions, fractions, stiffness)
     rule = compressed(Rule(positions, fractions), degree)  # a pressure in as many points as it was measured in
     return Feet(rule.points, rule.weights, rule.weights)

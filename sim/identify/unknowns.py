@@ -14,7 +14,7 @@ import shapely
 
 import pushplan.core.slip as slip
 from pushplan.mechanics.chain import PushedObject
-from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support, UniformSupport
+from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
 from pushplan.slip.feet import feet_of
 from pushplan.slip.packing import pack_world
 from pushplan.slip.world import World
@@ -231,13 +231,16 @@ def _load(i: int, obj: PushedObject) -> Load:
     tilts = tuple(
         Unknown("tilt", i, f"tilt of the load of {obj.name} along {axis}", -MOST_TILT, MOST_TILT) for axis in "xy"
     )
-    if isinstance(support, FeetSupport | PressureMapSupport):
-        points = support.positions if isinstance(support, FeetSupport) else support.points
-        stated = np.full(len(points), 1.0 / len(points)) if support.fractions is None else support.fractions
+    on_points = support.known and not isinstance(support, UniformSupport)
+    if on_points or isinstance(support, FeetSupport):
+        points = support.point_loads.positions if on_points else support.carriers[0]
+        stated = support.point_loads.fractions if on_points else np.full(len(points), 1.0 / len(points))
         middle, half = 0.5 * (points.max(axis=0) + points.min(axis=0)), 0.5 * np.ptp(points, axis=0)
         across = (points - middle) / np.maximum(half, 1e-9)
         return Load(points, lambda values: _normalised(stated * (1.0 + across @ values)), tilts)
-    pressed = PressedOutline.from_outline(obj.outline, support if isinstance(support, UniformSupport) else None)
+    if not isinstance(support, UniformSupport):  # an unknown pressure begins as the affine one with its centre
+        support = UniformSupport(obj.outline, getattr(support, "center_of_mass", support.center))
+    pressed = PressedOutline.from_outline(obj.outline, support)
     border = Unknown("border", i, f"share of the load on the border of {obj.name}", 0.0, MOST_BORDER)
     return Load(pressed.points, lambda values: pressed.loads(float(values[0]), values[1:]), (border, *tilts))
 
