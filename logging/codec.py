@@ -28,10 +28,11 @@ from numpy.typing import NDArray
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.faces import pushed_at, pusher_at, ways_through
+from pushplan.plans.diagnosis import Diagnosis
 from pushplan.plans.execution import Execution, StabilityLoss, TrialEnd
 from pushplan.plans.load import Load, row_load
 from pushplan.plans.path import PushPath
-from pushplan.plans.plan import Diagnosis, Improvement, LazyField, Nearest, Plan
+from pushplan.plans.plan import Improvement, LazyField, Nearest, Plan
 from pushplan.plans.robustness import Robustness
 from pushplan.plans.run import Event, Measured, Replan
 from pushplan.plans.segment import Segment

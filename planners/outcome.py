@@ -14,8 +14,9 @@ from pushplan.core.collision import Scene
 from pushplan.errors import PlanningError
 from pushplan.planners.controls import MARGIN_SHARE, MOST_MARGIN
 from pushplan.planners.validator import Validator
+from pushplan.plans.diagnosis import Diagnosis
 from pushplan.plans.path import PushPath
-from pushplan.plans.plan import Diagnosis, Improvement, Nearest
+from pushplan.plans.plan import Improvement, Nearest
 from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.model import Scenario

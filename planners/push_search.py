@@ -24,9 +24,10 @@ from pushplan.planners.search.planners import planner_named
 from pushplan.planners.search.search import Factory, Search
 from pushplan.planners.search.session import Session, StopRule
 from pushplan.planners.validator import Validator
+from pushplan.plans.diagnosis import Diagnosis
 from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
-from pushplan.plans.plan import Diagnosis, Nearest
+from pushplan.plans.plan import Nearest
 from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.goals import EXACT

@@ -18,8 +18,9 @@ from pushplan.planners.search.planners import planner_named
 from pushplan.planners.searches import prepare_search
 from pushplan.planners.timing.blending import time_segments
 from pushplan.planners.validator import Validator
+from pushplan.plans.diagnosis import Diagnosis
 from pushplan.plans.path import PushPath
-from pushplan.plans.plan import Diagnosis, Nearest, Plan
+from pushplan.plans.plan import Nearest, Plan
 from pushplan.plans.settings import Observer, PlanOptions, PlanSettings
 from pushplan.plans.trajectory import SAMPLE_RATE
 from pushplan.scenario.model import Scenario

@@ -16,7 +16,8 @@ from pushplan.planners.controls import drive_radii, straight_pushes
 from pushplan.planners.infeasible import pockets as pocket
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose, passage_faults
 from pushplan.planners.problem import build_problem
-from pushplan.plans.plan import CAUSES, Diagnosis, Plan
+from pushplan.plans.diagnosis import CAUSES, Diagnosis
+from pushplan.plans.plan import Plan
 from pushplan.scenario.builders import box, build_scenario, plate
 from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_text
 from pushplan.scenario.model import Scenario

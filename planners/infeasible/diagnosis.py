@@ -22,7 +22,7 @@ from pushplan.planners.controls import straight_pushes
 from pushplan.planners.infeasible.pockets import boxed_in_faults
 from pushplan.planners.infeasible.turning import turning_faults
 from pushplan.planners.infeasible.ways import between, grown, largest_disc, reached, room
-from pushplan.plans.plan import Diagnosis
+from pushplan.plans.diagnosis import Diagnosis
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import CircleObstacle, PolygonObstacle
 from pushplan.sets.stable_set import StableSet

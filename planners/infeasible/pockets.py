@@ -17,8 +17,8 @@ from pushplan.mechanics.chain import area_at
 from pushplan.planners.controls import control_segments, segment_ends
 from pushplan.planners.infeasible.turning import tightest_turn
 from pushplan.planners.infeasible.ways import near_to
+from pushplan.plans.diagnosis import Diagnosis
 from pushplan.plans.path import cost_rate
-from pushplan.plans.plan import Diagnosis
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray, IntArray

@@ -13,8 +13,8 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
 from pushplan.mechanics.sphere import TurningRadii
 from pushplan.planners.controls import control_segments, segment_ends, smallest_radii, steering_families
+from pushplan.plans.diagnosis import Diagnosis
 from pushplan.plans.path import PushPath
-from pushplan.plans.plan import Diagnosis
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray

@@ -30,7 +30,8 @@ from pushplan.planners.multi.row_steps import Chance, Node, Steps
 from pushplan.planners.multi.search import Limits
 from pushplan.planners.multi.transfers import Piece, Situation, find_transfer
 from pushplan.planners.outcome import Budget, Improvements, Outcome, Question, Segments, TaskSearch
-from pushplan.plans.plan import Diagnosis, Nearest
+from pushplan.plans.diagnosis import Diagnosis
+from pushplan.plans.plan import Nearest
 from pushplan.plans.segment import Poses, Segment
 from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.goals import Goal

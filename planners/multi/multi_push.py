@@ -19,8 +19,9 @@ from pushplan.planners.multi.graph import PushSequence
 from pushplan.planners.multi.room import AHEAD, Contact, PushRoom, Query
 from pushplan.planners.multi.search import Found, Limits, search
 from pushplan.planners.outcome import Budget, Improvements, Outcome, Question, Segments, TaskSearch
+from pushplan.plans.diagnosis import Diagnosis
 from pushplan.plans.path import PushPath
-from pushplan.plans.plan import Diagnosis, Nearest
+from pushplan.plans.plan import Nearest
 from pushplan.plans.segment import Poses, Segment
 from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.model import Scenario

@@ -15,7 +15,8 @@ from pushplan.planners.multi.multi_push import MultiPushSearch, least_margins, p
 from pushplan.planners.multi.order import Order
 from pushplan.planners.multi.transfers import Piece, Situation, Transfer
 from pushplan.planners.outcome import Budget, Improvements, Outcome, Question, Segments, TaskSearch
-from pushplan.plans.plan import Diagnosis, Nearest
+from pushplan.plans.diagnosis import Diagnosis
+from pushplan.plans.plan import Nearest
 from pushplan.plans.segment import Poses
 from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.build import overlapping_goals

@@ -23,7 +23,7 @@ from pushplan.mechanics.support import FeetSupport
 from pushplan.planners.searches import SEARCHES
 from pushplan.plans.segment import end_of
 from pushplan.scenario.goals import End, Goal, Poses, TaskGoal
-from pushplan.scenario.task import Transport
+from pushplan.scenario.task import Task, Transport
 from pushplan.sim.slip import slip
 
 OUTSIDE = Path(__file__).with_name("outside")
@@ -132,10 +132,11 @@ class FreeHeading(TaskGoal):
 def test_a_goal_type_is_a_class_and_an_entry_in_the_table(monkeypatch: Patch) -> None:
     stated = pushplan.load_scenario(OUTSIDE.parents[2] / "examples" / "bring_it_home.yaml")
     goal = FreeHeading(stated.load.name, (1.35, 1.9))
+    kinds: tuple[type[Task], type[TaskGoal]] = (Transport, FreeHeading)
     scenario = stated.with_task(goals=(goal,))
     with pytest.raises(pushplan.PlanningError, match="no search for a Transport with goals of types FreeHeading"):
         pushplan.plan(scenario)
-    monkeypatch.setitem(SEARCHES, (Transport, FreeHeading), SEARCHES[Transport, Poses])
+    monkeypatch.setitem(SEARCHES, kinds, SEARCHES[Transport, Poses])
     plan = pushplan.plan(scenario, first=True, time_limit=60.0)
     assert plan.solved, plan.reason
     assert goal.fulfilled(end_of(scenario, plan.segments))
