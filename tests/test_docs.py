@@ -44,14 +44,14 @@ def _blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
 
 
-def _run(line: str, recorded: bool) -> None:
-    """Run a line of shell that is a `pushplan` command, perhaps with its output in a file."""
+def _run(line: str, recorded: bool) -> str:
+    """Run a line of shell that is a `pushplan` command, perhaps with its output in a file; return what it prints."""
     command, _, target = line.partition(" > ")
     command = re.sub(r"--samples \d+", "--samples 3", command)
     if not recorded and command.startswith("pushplan plan ") and " -o " not in command:
         command += " --no-log"
     if "--physics" in command and find_spec("mujoco") is None:  # README's set-up leaves the extras out
-        return
+        return ""
     if find_spec("rosbags") is None:
         command = re.sub(r" --ros2 \S+", "", command)
     out = io.StringIO()
@@ -59,6 +59,7 @@ def _run(line: str, recorded: bool) -> None:
         assert main(shlex.split(command)[1:]) == 0, line
     if target:
         Path(target).write_text(out.getvalue())
+    return out.getvalue()
 
 
 @pytest.fixture
@@ -101,14 +102,25 @@ def test_every_command_and_all_code_run_in_the_order_of_the_page(
     for block in _blocks(page, "sh"):
         for line in block.splitlines():
             if line.startswith("pushplan "):
-                _run(line, page.stem == "logs")
+                print(_run(line, page.stem == "logs"))
             else:
                 assert line in SET_UP or page.stem in ("README", "contributing"), line
     space: dict[str, object] = {}
     for block in _blocks(page, "python"):
         if "physics" not in block or find_spec("mujoco") is not None:
             exec(compile(block, page.name, "exec"), space)
-    _require_plain(capsys.readouterr().out)
+    for command in re.findall(r"^\$ (pushplan (?:.*\\\n)*.*)", page.read_text("utf-8"), flags=re.MULTILINE):
+        print(_run(command.replace("\\\n", " "), page.stem == "closed-loop"))
+    printed = capsys.readouterr().out
+    _require_plain(printed)
+    if page.stem != "README":  # whose output is compared below
+        assert _labels("\n".join(_blocks(page, "text"))) <= _labels(printed)
+
+
+def _labels(output: str) -> set[str]:
+    """Return what stands before the values in output: two blanks, a label, blanks; numbers in it replaced."""
+    found = re.findall(r"^  (\S+(?: \S+)*)  +\S", output, re.MULTILINE)
+    return {re.sub(r"\d[\d.]*", "#", label) for label in found}
 
 
 def _require_plain(printed: str) -> None:
