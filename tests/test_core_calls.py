@@ -68,7 +68,7 @@ def test_what_is_no_number_no_index_or_no_size_is_refused(problem: Problem, call
 
 
 def test_calls_that_have_gone_wrong_raise_or_return() -> None:
-    command = [sys.executable, str(Path(__file__).with_name("core_calls.py")), "--count", "800"]
+    command = [sys.executable, str(Path(__file__).with_name("core_calls.py")), "--count", "400"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-3000:]
 
