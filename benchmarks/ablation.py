@@ -81,14 +81,6 @@ def _forward(self: Any, arcs: float) -> None:
             return
 
 
-_grow = planners._round
-
-
-def _first_trees(session: Session, forest: Any, excess: float, extensions: int) -> int:
-    """Grow trees only while there is no path; the lattice has as many arcs as ever."""
-    return extensions if session.solved else _grow(session, forest, excess, extensions)
-
-
 AGAIN = "nothing, other seeds"
 
 PARTS: dict[str, Callable[[], Any]] = {
@@ -96,7 +88,7 @@ PARTS: dict[str, Callable[[], Any]] = {
     AGAIN: nullcontext,
     "lattice": lambda: mock.patch.object(planners.LatticeRounds, "run", _nothing),
     "lattice back from the goal": lambda: mock.patch.object(planners.LatticeRounds, "run", _forward),
-    "trees after the first path": lambda: mock.patch.object(planners, "_round", _first_trees),
+    "OMPL's trees": lambda: mock.patch.object(planners.MeetingTrees, "grow", _nothing),
     "bottlenecks": lambda: mock.patch.object(planners.Ways, "run", _nothing),
     "refining": lambda: mock.patch.object(Session, "refine", _nothing),
 }

@@ -61,7 +61,7 @@ ob::PlannerPtr made(const oc::SpaceInformationPtr &information, const ob::Proble
     if (name == "sst") {
         definition->setOptimizationObjective(std::make_shared<Travel>(information));
         auto sst = std::make_shared<oc::SST>(information);
-        sst->setSelectionRadius(0.08 * diagonal), sst->setPruningRadius(0.04 * diagonal); // as in the project's own
+        sst->setSelectionRadius(0.08 * diagonal), sst->setPruningRadius(0.04 * diagonal); // shares of the room's diagonal
         planner = sst;
     } else if (name == "est") {
         planner = std::make_shared<oc::EST>(information);

@@ -3,8 +3,8 @@
 Run `python benchmarks/extensions_cpp.py [--extensions 20000] [--scenario three-boxes-clutter]`. Needs a C++ compiler
 and OMPL's headers (Debian: `apt-get install g++ libompl-dev`); says so and does nothing where they are missing. Both
 sides grow one tree of the same number of extensions, never restarted, and try the exact connection from each node:
-OMPL's RRT, with the core's arcs from Python; those arcs without a planner, at random nodes instead of the nearest
-ones; and SST, here the core's own, which looks at all nodes. Times are CPU times, taken in turn.
+OMPL's RRT, with the core's arcs from Python; and those arcs without a planner, at random nodes instead of the nearest
+ones. Times are CPU times, taken in turn.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ompl import util as ou
 
 from pushplan.bench.store import Machine
 from pushplan.core.problem import Problem
-from pushplan.core.search import SparseTree, Tree
+from pushplan.core.search import Tree
 from pushplan.planners.controls import margins_to_try
 from pushplan.planners.problem import build_problem, sampling_box
 from pushplan.planners.search.form import pose_problem
@@ -123,23 +123,12 @@ def core_arcs(problem: Problem, scenario: Scenario, extensions: int, seed: int) 
     """CPU seconds per arc that the core adds to a tree at a random node, and the share of arcs kept."""
     random = np.random.default_rng(seed)
     arcs, nodes = random.random((extensions, 3)).tolist(), random.random(extensions).tolist()
-    tree = Tree(problem, scenario.start)
-    tree.clear(scenario.start)
+    tree = Tree(problem, scenario.start, scenario.chain.reach)
+    goal = Tree(problem, problem.goal, scenario.chain.reach, back=True)
     began = time.process_time()
     for (which, where, length), node in zip(arcs, nodes, strict=True):
-        tree.extend(int(node * len(tree)), (0.0, 0.0, 0.0), (which, where, length), math.inf)
+        tree.extend(int(node * len(tree)), (0.0, 0.0, 0.0), (which, where, length), math.inf, goal)
     return (time.process_time() - began) / extensions, (len(tree) - 1) / extensions
-
-
-def core_sst(problem: Problem, scenario: Scenario, extensions: int, seed: int) -> tuple[float, float]:
-    """CPU seconds per extension of the core's sparse tree, and the share of arcs that are nodes in the end."""
-    box, state = sampling_box(scenario), np.array([seed], dtype=np.uint64)
-    radii = [share * math.hypot(box[2] - box[0], box[3] - box[1]) for share in (0.08, 0.04)]
-    tree = SparseTree(scenario.start, problem.goal, np.array(box), scenario.chain.reach, *radii)
-    began, done = time.process_time(), 0
-    while done < extensions:
-        done += tree.grow(problem, state, math.inf, extensions - done)[0]
-    return (time.process_time() - began) / done, (len(tree.nodes) - len(tree.unused)) / done
 
 
 def python_rrt(problem: Problem, scenario: Scenario, extensions: int, seed: int) -> tuple[float, float]:
@@ -172,7 +161,6 @@ def compare(name: str, extensions: int, repeats: int) -> str:
         for what, ours, planner in (
             ("OMPL's RRT with the core's arcs from Python", python_rrt, "rrt"),
             ("the core's arcs at random nodes", core_arcs, "rrt"),
-            ("the core's SST", core_sst, "sst"),
         ):
             mine, theirs = [], []
             for seed in range(1, repeats + 1):

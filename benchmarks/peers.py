@@ -38,7 +38,6 @@ from pushplan.scenario.model import Scenario
 PLANNERS = (
     "auto",
     "rrt",
-    "sst",
     "est",
     "kpiece",
     "dubins_planners:RRTOverDubins",

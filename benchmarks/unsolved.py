@@ -2,7 +2,7 @@
 
 Run `python benchmarks/unsolved.py [--kinds maze ...] [--seeds 3] [--seconds 2] [--from 0] [--share 1]`.
 Every problem is put to `auto` with default settings until it has a plan; those that it does not solve with every seed
-are put to the planners of OMPL that the package offers, and to SST. Printed for each kind of problem: runs of `auto`
+are put to the planners of OMPL that the package offers. Printed for each kind of problem: runs of `auto`
 with a plan, CPU time to it, problems that are proven to have no way, those that no planner solves, and those that
 another planner solves and `auto` does not, by name. The exit status is 1 when there is one. No problem here was
 looked at when the planner was made; `--from` draws others.
@@ -31,7 +31,7 @@ from pushplan.plans.plan import Plan
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
 
-STOCK = ("rrt", "est", "kpiece", "sst")
+STOCK = ("rrt", "est", "kpiece")
 DRIVES = ("omnidirectional", "differential", "car")
 BENT: dict[str, Any] = {
     "name": "bent",

@@ -103,6 +103,9 @@ def _timing(twists: FloatArray, bounds: Bounds, lone: bool) -> FloatArray:
     return np.stack([speed, rise, power], axis=1)
 
 
+LONGEST = 0.225
+"""Length of the longest arc that is sampled: a share of the room's diagonal. With 0.3, OMPL's RRTs meet later."""
+
 Box = tuple[float, float, float, float]
 
 
@@ -146,7 +149,7 @@ class Posing:
             scene_between(scene, scenario.clearance, scenario.start, scenario.goal.pose_chain),
             *controls,
             np.array(scenario.goal.pose_chain, dtype=np.float64),
-            0.3 * math.hypot(xmax - xmin, ymax - ymin),
+            LONGEST * math.hypot(xmax - xmin, ymax - ymin),
             make_objective(scenario, stable, controls.segments),
         )
 

@@ -1,5 +1,7 @@
 """Push problems for OMPL: pose one, solve it by any of OMPL's planners, get the path back.
 
+The problem is the one that the planner `auto` solves with two of OMPL's RRTs, from the start and back from the goal.
+
 The states are poses of the chain frame (`SE2StateSpace`), the controls three coordinates in [0, 1] that chart the
 stable set: which segment of it, where on that, and how long the arc is, in units of the longest one. Propagation is
 exact; an arc that touches something ends out of bounds. The goal is the region from which a free steering path

@@ -99,8 +99,8 @@ def workloads(loaded: Callable[[], Any]) -> None:
     path = np.array([[*problem.families[0, 1], 0.3]])
     core.improve.vary(problem, scenario.start, path, state)
     problem.with_goal(goal), problem.with_segments(problem.segments)
-    tree = core.search.Tree(problem, scenario.start)
-    tree.connect(0, (0.1, 0.0, 0.0), math.inf)
+    tree, other = core.search.Tree(problem, scenario.start, 0.3), core.search.Tree(problem, goal, 0.3, back=True)
+    tree.connect(0, (0.1, 0.0, 0.0), math.inf, other)
     tree.take(problem)
     loads, twists, _ = loaded()
     for function in (core.uncertain.rows_of, core.uncertain.sloped_rows_of, core.uncertain.forces_of):

@@ -64,6 +64,11 @@ obstacles:
   - {polygon: [[0.8, -1.0], [0.9, -1.0], [0.9, 1.0], [0.8, 1.0]]}
   - {circle: 0.1, center: [0.3, 0.6]}
 """
+GAP = WALL.replace("0.9, 1.0], [0.8, 1.0]", "0.9, -0.11], [0.8, -0.11]").replace(
+    "  - {circle: 0.1, center: [0.3, 0.6]}", "  - {polygon: [[0.8, 0.11], [0.9, 0.11], [0.9, 1.0], [0.8, 1.0]]}"
+)
+"""A wall with a gap that leaves the plate 10 mm on either side."""
+
 _FAST = r"\1, limits: {speed: 0.5, acceleration: 1.5, jerk: 30, angular_speed: 2}}"
 FAST = {
     kind: re.sub(r"(pusher: {.*)}", _FAST, text)

@@ -16,7 +16,7 @@ import pushplan
 from pushplan.core.collision import sweep_is_free
 from pushplan.core.problem import Problem, arcs_at
 from pushplan.core.pushes import push_costs
-from pushplan.core.search import Lattice, branch, floor_distances
+from pushplan.core.search import Lattice, Tree, branch, floor_distances
 from pushplan.errors import ExtensionError
 from pushplan.ompl import pose
 
@@ -40,6 +40,11 @@ def _floor(scene: Any, rows: int, side: float = 0.1) -> object:
     return floor_distances(scene, np.array([0.0, 0.0, side]), 10, rows, 0.05, PLACE, PLACE)
 
 
+def _extended(problem: Problem, row: int, bound: float = 9.0, back: bool = True) -> object:
+    tree, other = Tree(problem, np.zeros(3), 0.3), Tree(problem, problem.goal, 0.3, back)
+    return tree.extend(row, (0.0, 0.0, 0.0), (0.5, 0.5, 0.5), bound, other)
+
+
 def _swept(scene: Any, first: float, length: float = 0.1) -> object:
     return sweep_is_free(scene, np.array([first, 0.0, 0.0]), np.array([1.0, 0.0, 0.0]), length)
 
@@ -54,6 +59,11 @@ def _swept(scene: Any, first: float, length: float = 0.1) -> object:
         lambda p: branch(_tree(-1, 7), 1),
         lambda p: branch(_tree(-1, 2, 1), 1),
         lambda p: branch(_tree(-1), 1),
+        lambda p: Tree(p, PLACE, 0.3),
+        lambda p: Tree(p, np.zeros(3), -1.0),
+        lambda p: _extended(p, 1),
+        lambda p: _extended(p, 0, math.nan),
+        lambda p: _extended(p, 0, back=False),
         lambda p: _floor(p.scene, 2**62),
         lambda p: _floor(p.scene, -1),
         lambda p: _floor(p.scene, 10, -0.1),

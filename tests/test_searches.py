@@ -1,4 +1,4 @@
-"""What searches are made of: controls, exact connections, lattice, sparse tree, and when they end."""
+"""What searches are made of: controls, exact connections, lattice, trees that meet, and when they end."""
 
 import math
 from collections.abc import Iterable
@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import there
 from ompl import base as ob
 from plans_of import load_plain
 from scipy.sparse import coo_array
@@ -14,18 +15,19 @@ from scipy.spatial.distance import cdist
 
 from pushplan.core.collision import separations, sweep_is_free
 from pushplan.core.problem import LEFT, RIGHT, Problem, find_words
-from pushplan.core.search import Lattice, SparseTree
+from pushplan.core.search import Lattice, Tree
 from pushplan.errors import EmptyStableSetError
 from pushplan.geometry import se2
 from pushplan.geometry.convex import flatten
 from pushplan.mechanics.chain import Drive
 from pushplan.planner import plan
+from pushplan.planners.clearance import find_collision
 from pushplan.planners.controls import control_segments, segment_ends, steering_families
 from pushplan.planners.problem import build_problem, sampling_box
 from pushplan.planners.search.bottlenecks import Extent
 from pushplan.planners.search.planners import LatticeRounds, floor_of, middle_of
 from pushplan.planners.search.session import Session, StopRule
-from pushplan.plans.path import cost_rate
+from pushplan.plans.path import PushPath, cost_rate
 from pushplan.scenario.builders import box, build_scenario, plate
 from pushplan.scenario.model import Scenario
 from pushplan.sets.named import stable_set
@@ -115,20 +117,35 @@ def _dijkstra(free: np.ndarray[Any, Any], cell: float, goal: np.ndarray[Any, Any
     return np.asarray(found.reshape(free.shape))
 
 
-HEADING_LENGTH = 0.4
-RADII = (HEADING_LENGTH, 0.5, 0.25)
-
-
-def test_every_branch_is_a_free_arc_with_the_right_cost(problem: Problem, scenario: Scenario) -> None:
-    """Of a tree grown with 4,000 extensions, its connections to the goal left unused."""
-    session, done = _session(problem, scenario), 0
-    tree = SparseTree(session.start, problem.goal, np.array(sampling_box(scenario)), *RADII)
-    while done < 4000:
-        done += tree.grow(problem, session.random, np.inf, 4000 - done)[0]
-    nodes = tree.nodes
-    rows = np.setdiff1d(np.arange(len(nodes)), tree.unused)
-    assert len(rows) > 100
-    check_branches(problem, nodes, rows[1:])
+@pytest.mark.parametrize("back", [False, True])
+def test_trees_of_others_grow_by_free_arcs_and_join_exactly(back: bool) -> None:
+    """In the direction of travel, or against it; what joins them is a free and stable path from start to goal."""
+    scenario = load_plain("narrow-gap")
+    problem = build_problem(scenario, scenario.stable_set())
+    rng, ends = np.random.default_rng(4), (scenario.start, problem.goal)
+    tree, other = Tree(problem, ends[back], 0.3, back), Tree(problem, ends[not back], 0.3, not back)
+    joined = 0
+    for _ in range(1500):
+        one, towards = (tree, other) if rng.random() < 0.7 else (other, tree)
+        row, controls = int(rng.integers(len(one))), tuple(rng.random(3).tolist())
+        size, before = len(one), one.path
+        kept, cost, promise, *pose = one.extend(row, (0.0, 0.0, 0.0), controls, 12.0, towards)
+        assert len(one) == size + kept
+        if not kept or not cost < 12.0:
+            assert (one.path is None) if before is None else np.array_equal(there(one.path), before)
+            continue
+        joined, path = joined + 1, there(one.path)
+        np.testing.assert_allclose(one.nodes[-1, :3], pose, atol=1e-12)
+        assert path[:, 3].sum() == pytest.approx(cost)
+        assert promise <= cost
+        whole = PushPath.of_arcs(scenario.start, path)
+        assert max(se2.pose_error(whole.end, problem.goal)) < 1e-9
+        assert find_collision(scenario, whole.sampled(0.01)) is None
+        assert scenario.stable_set().margin(path[:, :3]).min() > 0.0
+    assert joined > 5
+    check_branches(problem, tree.nodes, range(1, len(tree)), back)
+    with pytest.raises(ValueError, match="one grows back"):
+        tree.extend(0, (0.0, 0.0, 0.0), (0.5, 0.5, 0.5), 1.0, Tree(problem, problem.goal, 0.3, back))
 
 
 def _turning(cor: tuple[float, float], sense: float) -> FloatArray:

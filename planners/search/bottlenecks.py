@@ -1,4 +1,4 @@
-"""Ways through narrow gaps: poses aligned with them on either side, joined by words and by short runs of trees."""
+"""Ways through narrow gaps: poses aligned with them on either side, joined by words."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ import numpy as np
 import shapely
 
 from pushplan.core.collision import Scene, separations
-from pushplan.core.problem import STRAIGHT, TURN_WEIGHT, Problem, connect, remaining
-from pushplan.core.search import Forest
+from pushplan.core.problem import STRAIGHT, TURN_WEIGHT, Problem, connect
 from pushplan.geometry import se2
-from pushplan.planners.search.session import CHUNK, Session
+from pushplan.planners.search.session import Session
 from pushplan.util.arrays import FloatArray
 
 NARROW = 1.25
@@ -178,12 +177,6 @@ def _free_ends(
     return poses[[first, last]]
 
 
-RUN, DOUBLINGS = 128, 6
-"""Extensions of the first run of trees between two poses, and how often they are doubled at most, run after run."""
-
-DETOUR, DETOURS = 3.0, 16
-"""The way between two poses is taken for so many times longer after each try that failed, so often at most."""
-
 WORDS = 8
 """So many words count as one iteration: each takes 1 to 5 us."""
 
@@ -195,58 +188,47 @@ class _Way(NamedTuple):
     number: int
     origin: int
     target: int
-    tries: int
     arcs: FloatArray | None
 
 
 class Ways:
     """A graph from the start over the poses at the bottlenecks to the goal, searched best first.
 
-    Ways between two poses are looked for when they come up: at first words, then ever longer runs of trees.
+    Words between two poses are looked for when they come up.
 
     Args:
         session: The search that they serve.
-        forest: What grows between two poses.
     """
 
-    def __init__(self, session: Session, forest: Forest) -> None:
-        self._session, self._forest = session, forest
+    def __init__(self, session: Session) -> None:
+        self._session = session
         found = aligned_poses(session.problem, session.common.room).reshape(-1, 3)
         self._poses = np.concatenate([session.start[None], found, session.problem.goal[None]])
         self._to_goal = _least(self._poses, session.problem.goal)
         self._paths: dict[int, FloatArray] = {}
         self._numbers = count()
-        self._words: list[_Way] = []
-        self._runs: list[_Way] = []
+        self._queue: list[_Way] = []
         if len(found):
             self._reach(0, np.zeros((0, 4)))
 
-    def run(self, tries: int, trees: bool) -> None:
-        """Look for ways until one leads to the goal.
-
-        Args:
-            tries: Words and extensions, at most; the last run may exceed it.
-            trees: Whether trees are grown where no word is left.
-        """
-        session, words, goal, before = self._session, 0, len(self._poses) - 1, self._session.extensions
-        while words + session.extensions - before < tries and not session.finished:
-            queue = self._words or (self._runs if trees else None)
-            if not queue:
-                break
-            way = heapq.heappop(queue)
+    def run(self, tries: int) -> None:
+        """Try so many words at most, until ways lead to the goal or none is left."""
+        session, words, goal = self._session, 0, len(self._poses) - 1
+        while self._queue and words < tries and not session.finished:
+            way = heapq.heappop(self._queue)
             if way.target in self._paths:
                 continue
             if way.arcs is None:
-                words += not way.tries
-                self._look_for(way)
+                words += 1
+                self._connect(way)
                 continue
             path = np.concatenate([self._paths[way.origin], way.arcs])
             if way.target == goal:
                 session.offer(path)
-                self._words, self._runs = [], []
+                self._queue = []
                 break
             self._reach(way.target, path)
-        session.spent(0, words // WORDS)
+        session.spent(words, words // WORDS)
 
     def _reach(self, node: int, path: FloatArray) -> None:
         """Note the arcs (k, 4) of the way to a node, and that ways lead on from there."""
@@ -254,44 +236,18 @@ class Ways:
         least = _least(self._poses, self._poses[node])
         for target in range(1, len(self._poses)):
             if target not in self._paths:
-                self._keep(self._words, node, target, float(least[target]), 0)
+                self._keep(node, target, float(least[target]))
 
-    def _keep(
-        self, queue: list[_Way], origin: int, target: int, cost: float, tries: int, arcs: FloatArray | None = None
-    ) -> None:
+    def _keep(self, origin: int, target: int, cost: float, arcs: FloatArray | None = None) -> None:
         promise = float(self._paths[origin][:, 3].sum()) + cost + float(self._to_goal[target])
-        heapq.heappush(queue, _Way(promise, next(self._numbers), origin, target, tries, arcs))
+        heapq.heappush(self._queue, _Way(promise, next(self._numbers), origin, target, arcs))
 
-    def _look_for(self, way: _Way) -> None:
-        """Try a way once more."""
-        problem, tries = self._session.problem, way.tries
-        begin, end = self._poses[way.origin], self._poses[way.target]
-        if tries:
-            arcs = self._grown(begin, end, tries)
-        else:
-            _, _, arcs = connect(problem.scene, problem.families, begin, end)
+    def _connect(self, way: _Way) -> None:
+        """Look for the free word of a way."""
+        problem = self._session.problem
+        _, _, arcs = connect(problem.scene, problem.families, self._poses[way.origin], self._poses[way.target])
         if arcs is not None:
-            self._keep(self._words, way.origin, way.target, float(arcs[:, 3].sum()), tries, arcs)
-        else:
-            self._keep(self._runs, way.origin, way.target, _detour(begin, end, tries + 1), tries + 1)
-
-    def _grown(self, begin: FloatArray, end: FloatArray, tries: int) -> FloatArray | None:
-        """The arcs (k, 4) of a way, not much longer than the shortest, that trees find between two poses (3,)."""
-        session, path = self._session, None
-        local = session.problem.with_goal(end)
-        bound = _detour(begin, end, tries)
-        self._forest.plant(begin, end)
-        for _ in range(0, RUN << min(tries - 1, DOUBLINGS), CHUNK):
-            done, path = self._forest.grow(local, session.random, bound, CHUNK)
-            session.spent(done)
-            if path is not None or session.finished:
-                break
-        return path
-
-
-def _detour(begin: FloatArray, end: FloatArray, tries: int) -> float:
-    """What the way between two poses (3,) is taken for at a try, m."""
-    return DETOUR ** min(tries, DETOURS) * remaining(begin, end)
+            self._keep(way.origin, way.target, float(arcs[:, 3].sum()), arcs)
 
 
 def _least(poses: FloatArray, pose: FloatArray) -> FloatArray:

@@ -28,17 +28,28 @@ OUTSIDE = 1e9
 class Propagator:
     """What OMPL calls for every extension, and what it remembers of them.
 
+    One call of the core propagates, sweeps, bounds and tries to join the tree that comes the other way; validity and
+    goal only read its result.
+
     Args:
         session: The search that it serves.
+        heading_length: Metres that a turn of one radian counts as.
+        back: Propagate against the direction of travel, from the goal; time runs backwards.
 
     Attributes:
         bound: Cost that a whole path must stay below: arcs that cannot lead to one count as blocked, m.
-        tree: What has been propagated from the start.
+        root: (3,) pose, the start or the goal.
+        tree: What has been propagated from the root.
+        other: The tree to join; it is the opposite root alone where nothing else makes it grow.
+        path: (k, 4) the path that joined them; None while there is none.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, heading_length: float, back: bool = False) -> None:
         self._session, self.bound = session, math.inf
-        self.tree = Tree(session.problem, session.start)
+        ends = (session.start, session.problem.goal)
+        self.root, opposite = ends[back], ends[not back]
+        self.tree = Tree(session.problem, self.root, heading_length, back)
+        self.other = Tree(session.problem, opposite, heading_length, not back)
         self.clear()
 
     def take_problem(self) -> None:
@@ -46,30 +57,34 @@ class Propagator:
         self.tree.take(self._session.problem)
 
     def clear(self) -> None:
-        """Forget the tree but for its root, the start."""
-        start = self._session.start
-        self.tree.clear(start)
-        self._rows = {(float(start[0]), float(start[1]), wrapped(float(start[2]))): 0}
+        """Forget the tree but for its root."""
+        self.tree.clear(self.root)
+        x, y, theta = self.root.tolist()
+        self._rows = {(x, y, wrapped(theta)): 0}
         self._last: tuple[float, float, float] | None = None
+        self.path: FloatArray | None = None
         self._distance = math.inf
 
     def propagate(self, state: Any, control: Any, duration: float, result: Any) -> None:
         """Go on from a state along the arc that the coordinates of a control stand for, for so many units of time."""
-        session, tree = self._session, self.tree
+        common, tree = self._session.common, self.tree
         place = (state.getX(), state.getY(), state.getYaw())
         parent, node = self._rows.get(place, -1), len(tree)
-        session.spent(1)
+        common.extensions += 1
+        common.iterations += 1
         controls = (control[0], control[1], control[2] * duration)
-        kept, cost, to_go, x, y, theta = tree.extend(parent, place, controls, self.bound)
+        kept, cost, to_go, x, y, theta = tree.extend(parent, place, controls, self.bound, self.other)
         if not kept:
             result.setX(OUTSIDE)
             return
         if not -math.pi <= theta < math.pi:
             theta = wrapped(theta)
         self._last = pose = (x, y, theta)
-        self._distance = 0.0 if cost < self.bound else to_go
+        self._distance = to_go
         if parent >= 0:
             self._rows[pose] = node
+        if cost < self.bound:
+            self._distance, self.path = 0.0, tree.path
         result.setX(x)
         result.setY(y)
         result.setYaw(theta)
@@ -82,14 +97,14 @@ class Propagator:
         return (x, y, theta) == self._last or self.tree.room_at(x, y, theta) >= 0.0
 
     def distance_to_goal(self, state: Any) -> float:
-        """Return 0 where a free steering path to the goal makes the best path so far, else the cheapest one's cost.
+        """Return 0 where a free steering path to the other tree makes the best path so far.
 
-        The distance is infinite where no word leads to the goal, free or not.
+        Elsewhere it is the cost of the cheapest one to its root, free or not, infinite where there is none.
         """
         pose = (state.getX(), state.getY(), state.getYaw())
         if pose == self._last:
             return self._distance
-        cost, to_go = self.tree.connect(self._rows.get(pose, -1), pose, self.bound)
+        cost, to_go = self.tree.connect(self._rows.get(pose, -1), pose, self.bound, self.other)
         return 0.0 if cost < self.bound else to_go
 
     def note(self) -> None:
@@ -185,26 +200,27 @@ class PushInformation(oc.SpaceInformation):  # type: ignore[misc]
         propagator: Of its arcs.
     """
 
-    def __init__(self, session: Session, box: Box, heading_length: float) -> None:
-        space = ob.SE2StateSpace()
-        space.setBounds(bounds([(box[0], box[2]), (box[1], box[3])]))
-        space.setSubspaceWeight(1, heading_length)
-        # Cells in which EST and KPIECE1 count nodes: 40 along the diagonal.
-        side = math.hypot(box[2] - box[0], box[3] - box[1]) / 40
-        plane = space.getSubspace(0)
-        cells = ob.RealVectorOrthogonalProjectionEvaluator(plane, [side, side], [0, 1])
-        space.registerDefaultProjection(ob.SubspaceProjectionEvaluator(space, 0, cells))
-        controls = oc.RealVectorControlSpace(space, 3)
-        controls.setBounds(bounds([(0.0, 1.0)] * 3))
+    def __init__(
+        self, session: Session, box: Box, heading_length: float, ahead: PushInformation | None = None
+    ) -> None:
+        """Pose a search from the start; or, with the one `ahead`, its counterpart back from the goal."""
+        if ahead is None:
+            space = _poses_in(box, heading_length)
+            controls = oc.RealVectorControlSpace(space, 3)
+            controls.setBounds(bounds([(0.0, 1.0)] * 3))
+        else:
+            space, controls = ahead.getStateSpace(), ahead.getControlSpace()
         super().__init__(space, controls)
         self.session, self.box, self.heading_length = session, box, heading_length
-        self.propagator = Propagator(session)
+        self.propagator = Propagator(session, heading_length, back=ahead is not None)
         self.setStatePropagator(self.propagator.propagate)
         self.setStateValidityChecker(self.propagator.free)
         self.setMotionValidator(FreeWords(self, session))
         self.setPropagationStepSize(1.0)
         self.setMinMaxControlDuration(1, 1)
         self.setup()
+        if ahead is not None:
+            self.propagator.other, ahead.propagator.other = ahead.propagator.tree, self.propagator.tree
 
     def admit(self, twist: FloatArray) -> None:
         """Take a stable twist (3,) that may lie between the segments into the chart, as a segment of its own."""
@@ -212,6 +228,18 @@ class PushInformation(oc.SpaceInformation):  # type: ignore[misc]
         segments = np.vstack([problem.segments, np.tile(twist, 2)])
         self.session.problem = problem.with_segments(segments)
         self.propagator.take_problem()
+
+
+def _poses_in(box: Box, heading_length: float) -> Any:
+    """Return OMPL's space of poses, with cells in which EST and KPIECE1 count nodes: 40 along the diagonal."""
+    space = ob.SE2StateSpace()
+    space.setBounds(bounds([(box[0], box[2]), (box[1], box[3])]))
+    space.setSubspaceWeight(1, heading_length)
+    side = math.hypot(box[2] - box[0], box[3] - box[1]) / 40
+    plane = space.getSubspace(0)
+    cells = ob.RealVectorOrthogonalProjectionEvaluator(plane, [side, side], [0, 1])
+    space.registerDefaultProjection(ob.SubspaceProjectionEvaluator(space, 0, cells))
+    return space
 
 
 class FreeWords(ob.MotionValidator):  # type: ignore[misc]
@@ -227,17 +255,17 @@ class FreeWords(ob.MotionValidator):  # type: ignore[misc]
 
 
 class WordGoal(ob.GoalSampleableRegion):  # type: ignore[misc]
-    """The poses from which a free steering path leads exactly to the goal; its samples are the goal itself."""
+    """The poses that a free steering path joins exactly to the tree from the other side; its samples are the root."""
 
     def __init__(self, information: PushInformation) -> None:
         super().__init__(information)
         self.setThreshold(1e-12)  # OMPL asks for less than that
         self._distance = information.propagator.distance_to_goal
-        goal = information.session.problem.goal
-        self._goal = (float(goal[0]), float(goal[1]), wrapped(float(goal[2])))
+        x, y, theta = information.propagator.other.nodes[0, :3].tolist()
+        self._goal = (x, y, wrapped(theta))
 
     def sampleGoal(self, state: Any) -> None:  # noqa: N802 OMPL's name
-        """Put a state at the goal."""
+        """Put a state at the other tree's root."""
         x, y, yaw = self._goal
         state.setX(x)
         state.setY(y)
@@ -248,7 +276,7 @@ class WordGoal(ob.GoalSampleableRegion):  # type: ignore[misc]
         return 1
 
     def distanceGoal(self, state: Any) -> float:  # noqa: N802 OMPL's name
-        """Return 0 in the region, elsewhere the cost of the cheapest word to the goal, m."""
+        """Return 0 in the region, elsewhere the cost of the cheapest word to the other root, m."""
         return self._distance(state)
 
 
@@ -261,10 +289,15 @@ def pose_problem(session: Session, box: Box, heading_length: float) -> tuple[Pus
         heading_length: Distance that a turn of one radian counts as, m.
     """
     information = PushInformation(session, box, heading_length)
+    return information, definition_of(information)
+
+
+def definition_of(information: PushInformation) -> Any:
+    """Return a problem definition of a space information: from the propagator's root to the tree that it joins."""
     definition = ob.ProblemDefinition(information)
-    definition.addStartState(state_at(information, session.start))
+    definition.addStartState(state_at(information, information.propagator.root))
     definition.setGoal(WordGoal(information))
-    return information, definition
+    return definition
 
 
 def free_word(session: Session, begin: FloatArray, end: FloatArray) -> FloatArray | None:

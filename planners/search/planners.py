@@ -1,27 +1,31 @@
-"""The planners by their names, and the project's own: the anytime search over trees and a lattice, and SST."""
+"""The planners by their names, and the project's own: `auto`, which lets OMPL's RRTs meet, and what it has beside."""
 
 from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import count
 from typing import Any
 
 import numpy as np
 from ompl import base as ob
+from ompl import control as oc
+from ompl import util as ou
 
 from pushplan.core.problem import STRAIGHT, Problem, random
-from pushplan.core.search import Forest, Lattice, SparseTree, branch, floor_distances
+from pushplan.core.search import Lattice, branch, floor_distances
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.geometry.convex import flatten
 from pushplan.planners.problem import Box
 from pushplan.planners.search.bottlenecks import Extent, Ways
-from pushplan.planners.search.form import PushInformation, information_of, leave_path
+from pushplan.planners.search.common import Common
+from pushplan.planners.search.form import PushInformation, definition_of, information_of, leave_path
 from pushplan.planners.search.search import Factory
 from pushplan.planners.search.session import CHUNK, Session
 from pushplan.util.arrays import FloatArray
+from pushplan.util.names import GONE_PLANNERS
 from pushplan.util.naming import PLANNER_NAMES, attribute_named, name_of
 
 _SPECK = 1e-7 * np.array([[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]])
@@ -124,12 +128,16 @@ class LatticeRounds:
             session.spent(tried, round(ITERATIONS * tried))
         self._tried[back] += lattice.tried + SET_UP
         session.spent(0, round(ITERATIONS * SET_UP))
-        nodes, path = lattice.nodes, lattice.path
-        session.common.branches.offer_nodes(nodes)
-        if path is not None:
-            session.offer(path)
+        if lattice.path is not None:
+            session.offer(lattice.path)
         elif not back:
+            nodes = lattice.nodes
             session.note_nearest(nodes[:, :3], lambda node: branch(nodes, node))
+
+    @property
+    def nodes(self) -> FloatArray:
+        """The nodes (n, 9) of the last round, a copy."""
+        return np.zeros((0, 9)) if self._lattice is None else self._lattice.nodes
 
     def planted(self, level: int, back: int) -> Lattice:
         """Return a search that has not begun, from the start or back from the goal, on a level."""
@@ -194,134 +202,148 @@ class AnytimePlanner(ob.Planner):  # type: ignore[misc]
         """Offer paths to the session; yield after each round, without an end."""
 
 
-ROUND, DOUBLINGS = 256, 4
-"""Extensions of a round of trees, and how often they are doubled at most.
+GOAL_BIAS = 0.2
+"""Share of OMPL's samples that are the other tree's root."""
 
-Short rounds suffice where trees join within milliseconds, through rooms in series they have to grow longer.
+TURN = 64
+"""Extensions that the smaller tree of two gets in turn."""
+
+MOST_SEEDS = 2**31 - 2
+"""OMPL takes seeds from 1 on."""
+
+FIRST_TREES = 600
+"""Extensions after which trees are begun anew for the first time; twice as many after each time."""
+
+
+class MeetingTrees:
+    """Two RRTs of OMPL's, one from the start and one driven backwards from the goal, until they meet.
+
+    The goal region of each is the tree of the other.
+
+    Args:
+        information: Of the forward search.
+    """
+
+    def __init__(self, information: PushInformation) -> None:
+        self._session = session = information.session
+        self._sides = (
+            information,
+            PushInformation(session, information.box, information.heading_length, ahead=information),
+        )
+        self._definitions = [definition_of(side) for side in self._sides]
+        self._planners: list[Any] = []
+        self._left, self._lasting = 0, FIRST_TREES
+
+    def grow(self, extensions: int) -> None:
+        """Let OMPL grow the trees by so many extensions, until they meet; offer the path, or note what is nearest."""
+        session = self._session
+        ahead, back = (side.propagator for side in self._sides)
+        ends = session.extensions + extensions
+        while session.extensions < ends and not session.finished:
+            if self._left <= 0:
+                self._plant()
+            grown = int(len(back.tree) < len(ahead.tree))
+            before, propagator = session.extensions, self._sides[grown].propagator
+            self._planners[grown].solve(_after(session.common, min(before + TURN, ends)))
+            self._definitions[grown].clearSolutionPaths()
+            self._left -= session.extensions - before
+            if propagator.path is not None:
+                session.offer(propagator.path)
+                break
+        session.common.branches.offer_nodes(ahead.tree.nodes, back.tree.nodes)
+        if not session.solved:
+            ahead.note()
+
+    def _plant(self) -> None:
+        """Begin anew; OMPL draws from its own random numbers, which follow from the session's."""
+        self._left, self._lasting = self._lasting, 2 * self._lasting
+        ou.RNG.setSeed(1 + int(random(self._session.random) * MOST_SEEDS))
+        self._planners = []
+        for side, definition in zip(self._sides, self._definitions, strict=True):
+            side.propagator.clear()
+            planner = oc.RRT(side)
+            planner.setGoalBias(GOAL_BIAS)
+            planner.setProblemDefinition(definition)
+            planner.setup()
+            self._planners.append(planner)
+
+
+def _after(common: Common, extensions: int) -> Any:
+    return ob.PlannerTerminationCondition(lambda: common.extensions >= extensions)
+
+
+FIRST, ROUND, MOST_ROUNDS = 384, 160, 16
+"""Extensions of the first turn of the trees, and by how many Luby's sequence, which stops there, is multiplied then.
+
+With 1,024 at first, narrow gaps wait 40 ms for the bottlenecks instead of 5.
 """
+
+ARCS = 60.0
+"""Arcs of the search over cells for each extension of the trees, which takes so many times as long."""
 
 
 class Auto(AnytimePlanner):
-    """Rounds of trees and of best-first search; while there is no path, of ways through bottlenecks, too."""
+    """OMPL's RRTs until there is a path; rounds of best-first search; while there is no path, ways through gaps."""
 
     name = "auto"
 
     def rounds(self, information: PushInformation) -> Iterator[None]:
         """Run rounds; what they share is kept from turn to turn."""
-        session, box, heading_length = information.session, information.box, information.heading_length
-        forest = _forest(box, heading_length)
+        session, box = information.session, information.box
+        trees: MeetingTrees | None = None
         lattice, ways = LatticeRounds(session, box), None
-        extensions = 0
+        arcs = 0.0
         for number in count(1):
-            # A path that polishing will shorten may be longer than the best one: by 100 % or 30 %, in turn.
-            extensions += _round(session, forest, (1.3, 2.0)[number % 2], _length(number, session.solved))
-            session.refine()
-            # Rooms in which trees join at once are not looked at for bottlenecks: that takes up to some milliseconds.
-            # Trees between bottlenecks are for rooms that whole trees cannot cross soon; they delay paths elsewhere.
+            extensions = FIRST if number == 1 or session.solved else ROUND * luby(number - 1)
             if not session.solved:
-                ways = ways or Ways(session, _forest(box, heading_length))
-                ways.run(_length(number, False) // 2, trees=number > 5)
-            # The search over cells takes longer to set up; then it has 40 arcs for each extension of the trees, which
-            # takes eight times as long as an arc.
-            if session.solved or number > 5:
-                lattice.run(40.0 * extensions)
+                trees = trees or MeetingTrees(information)
+                trees.grow(extensions)
+            arcs += ARCS * extensions
+            session.refine()
+            # Rooms in which trees meet at once are not looked at for bottlenecks: that takes up to some milliseconds.
+            if not session.solved:
+                ways = ways or Ways(session)
+                ways.run(extensions // 2)
+            # The search over cells takes longer to set up.
+            if session.solved or number > 1:
+                lattice.run(arcs)
             yield
 
 
-def _length(number: int, solved: bool) -> int:
-    """Return how many extensions a round has: as many as ever once there is a path, else by Luby's sequence."""
-    return ROUND if solved else ROUND << min((number & -number).bit_length() - 1, DOUBLINGS)
+def luby(number: int) -> int:
+    """Return a number of the sequence 1, 2, 1, 4, 1, 2, 1, 8, 1, ...: how often 2 divides it, as a power of 2."""
+    return min(number & -number, MOST_ROUNDS)
 
 
-def _forest(box: Box, heading_length: float) -> Forest:
-    return Forest(np.array(box), heading_length, reach=0.15 * math.hypot(box[2] - box[0], box[3] - box[1]))
+class LatticeSearch(AnytimePlanner):
+    """Rounds of best-first search over cells of poses, without OMPL's trees."""
 
-
-def _round(session: Session, forest: Forest, excess: float, extensions: int) -> int:
-    """Grow fresh trees until they join or have used up their extensions; return what counts as used."""
-    forest.plant(session.start, session.problem.goal)
-    used, path = 0, None
-    while used < extensions and path is None and not session.finished:
-        bound = excess * session.best.horizon
-        done, path = forest.grow(session.problem, session.random, bound, CHUNK)
-        used += done
-        session.spent(done)
-    start_tree = forest.start_tree
-    session.common.branches.offer_nodes(start_tree, forest.goal_tree)
-    if path is not None:
-        session.offer(path)
-    else:
-        session.note_nearest(start_tree[:, :3], lambda node: _way_to(start_tree, node))
-    return extensions
-
-
-def _way_to(tree: FloatArray, node: int) -> FloatArray:
-    """Arcs (k, 4) from the root of the tree from the start to a node."""
-    words: list[FloatArray] = []
-    while tree[node, 4] >= 0.0:
-        words.append(tree[node, 5:].reshape(3, 4))
-        node = int(tree[node, 4])
-    arcs = np.concatenate(words[::-1]) if words else np.zeros((0, 4))
-    return arcs[arcs[:, 3] > 0.0]
-
-
-class SparseRounds:
-    """The rounds of one search: each is a tree of its own.
-
-    Args:
-        session: The search that they serve.
-        box: (xmin, ymin, xmax, ymax) to sample from, m.
-        heading_length: Metres that a radian counts as.
-
-    Attributes:
-        extensions: Arcs tried so far.
-    """
-
-    def __init__(self, session: Session, box: Box, heading_length: float) -> None:
-        self._session, self._box, self._heading_length = session, np.array(box), heading_length
-        self._diagonal = math.hypot(box[2] - box[0], box[3] - box[1])
-        self._shrunk, self._extensions, self.extensions = 1.0, 4_000.0, 0
-
-    def run_next(self, stop: Callable[[], bool]) -> None:
-        """Grow one tree, offering every path found to the session."""
-        session = self._session
-        shares = (0.08, 0.04)  # of the diagonal: around a random pose, and between witnesses
-        radii = [self._shrunk * self._diagonal * share for share in shares]
-        tree = SparseTree(session.start, session.problem.goal, self._box, self._heading_length, *radii)
-        left = int(self._extensions)
-        while left > 0 and not stop():
-            done, path = tree.grow(session.problem, session.random, session.best.bound, CHUNK)
-            session.spent(done)
-            left -= done
-            self.extensions += done
-            if path is not None:
-                session.offer(path)
-        _note(session, tree)
-        self._shrunk, self._extensions = 0.85 * self._shrunk, 1.4 * self._extensions
-
-
-def _note(session: Session, tree: SparseTree) -> None:
-    """Hand the tree's branches to the session, and the way to its node nearest to the goal."""
-    nodes = tree.nodes
-    parents = nodes[:, 4].astype(np.int64)
-    parents[tree.unused] = -1
-    session.common.branches.offer((nodes[:, :3], parents))
-    rows = np.append(0, np.flatnonzero(parents >= 0))
-    session.note_nearest(nodes[rows, :3], lambda node: branch(nodes, int(rows[node])))
-
-
-class StableSparseRRT(AnytimePlanner):
-    """Rounds of sparse trees."""
-
-    name = "SST"
+    name = "lattice"
 
     def rounds(self, information: PushInformation) -> Iterator[None]:
-        """Grow one tree after the other."""
+        """Run one round after the other."""
         session = information.session
-        rounds = SparseRounds(session, information.box, information.heading_length)
-        while True:
-            rounds.run_next(session.stop)
+        lattice = LatticeRounds(session, information.box)
+        for number in count(1):
+            lattice.run(number * ARCS * FIRST)
+            session.common.branches.offer_nodes(lattice.nodes)
             session.refine()
+            yield
+
+
+class Bottlenecks(AnytimePlanner):
+    """Ways through narrow gaps by words alone; where they lead nowhere, there is no more to try."""
+
+    name = "bottlenecks"
+
+    def rounds(self, information: PushInformation) -> Iterator[None]:
+        """Try words, then shorten the path."""
+        session = information.session
+        ways = Ways(session)
+        while True:
+            ways.run(FIRST)
+            session.refine()
+            session.spent(0, CHUNK)
             yield
 
 
@@ -330,7 +352,8 @@ PLANNERS = {
     "rrt": "ompl.control:RRT",
     "est": "ompl.control:EST",
     "kpiece": "ompl.control:KPIECE1",
-    "sst": "pushplan.planners.search.planners:StableSparseRRT",
+    "lattice": "pushplan.planners.search.planners:LatticeSearch",
+    "bottlenecks": "pushplan.planners.search.planners:Bottlenecks",
 }
 """Where each of `names.PLANNERS` is."""
 
@@ -348,6 +371,9 @@ def planner_named(planner: str | Factory) -> tuple[str, Factory]:
         attribute_named(PLANNERS.get(planner, planner), PLANNER_NAMES.group) if isinstance(planner, str) else planner
     )
     if found is None:
+        if planner in GONE_PLANNERS:
+            what, instead = GONE_PLANNERS[planner]
+            raise PlanningError(f"{planner!r} is {what}; allowed: {instead}")
         raise PlanningError(
             f"no planner is called {planner!r}; there are {', '.join(PLANNERS)}, those of installed packages, and "
             "any other as module:attribute"

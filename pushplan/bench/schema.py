@@ -182,7 +182,7 @@ def _one_of(known: OpenNames) -> Any:
 
 
 _PLANNERS, _SETS = PLANNER_NAMES, STABLE_SET_NAMES
-_PlannerName, _SetName = _one_of(_PLANNERS), _one_of(_SETS)
+_PlannerName, _SetName = Annotated[_one_of(_PLANNERS), BeforeValidator(t.still_here)], _one_of(_SETS)
 
 
 class Planner(t.Strict):

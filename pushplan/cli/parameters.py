@@ -16,7 +16,7 @@ from click.shell_completion import CompletionItem
 from pushplan.drawing import PANELS
 from pushplan.errors import OutputError, PushplanError
 from pushplan.util import naming
-from pushplan.util.names import AUTO, LOG_MAGIC
+from pushplan.util.names import AUTO, GONE_PLANNERS, LOG_MAGIC
 
 
 class UsageError(PushplanError, ValueError):
@@ -149,6 +149,9 @@ def open_name(known: naming.OpenNames) -> Word:
     """Return a name of what is built in or of an installed package, or `module:attribute`."""
 
     def read(name: str) -> str:
+        if known is naming.PLANNER_NAMES and name in GONE_PLANNERS:
+            what, instead = GONE_PLANNERS[name]
+            raise ValueError(f"{name!r} is {what}; allowed: {instead}")
         if name not in known:
             raise ValueError(f"{name!r} is not known{naming.nearest(name, known)} allowed: {known.words}")
         return name

@@ -13,7 +13,7 @@ from pushplan.cli.console import Console
 from pushplan.cli.main import DEFECT, MISMATCH, error_document
 from pushplan.drawing import PANELS
 from pushplan.util.interruption import INTERRUPTED, Interruption, leaving_at_once
-from pushplan.util.names import COSTS
+from pushplan.util.names import COSTS, PLANNERS
 
 if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
@@ -23,11 +23,14 @@ if TYPE_CHECKING:
     from pushplan.scenario.model import Scenario
 
 
+HELP = f"{', '.join(PLANNERS)}, or module:attribute. auto grows two RRTs of OMPL's from start and goal."
+
+
 @p.command
 @p.scenario_argument
 @p.map_option
 @p.log_options("Write the run's log (MCAP), solved or not, here, and its page beside it.")
-@click.option("--planner", type=p.PLANNER, help="Name of the planner, or module:attribute.")
+@click.option("--planner", type=p.PLANNER, help=HELP)
 @click.option("--set", "stable_set", type=p.STABLE_SET, help="Name of the stable set, or module:attribute.")
 @click.option("--time-limit", type=p.SECONDS, metavar="S", help="Seconds of planning, at most.")
 @click.option("--iterations", type=p.COUNT, metavar="N", help="Iterations of planning, at most.")

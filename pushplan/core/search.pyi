@@ -2,50 +2,68 @@
 
 from pushplan.core.collision import Scene
 from pushplan.core.problem import Problem
-from pushplan.util.arrays import FloatArray, IntArray, RandomState
+from pushplan.util.arrays import FloatArray, RandomState
 
 class Tree:
     """A tree that another program drives, OMPL's planners, which say from where and along what it grows.
 
     An extension is (kept, cost, promise, x, y, theta): whether there is a new node that may be on a path below the
-    bound; the cost of the whole path through it, infinite when the connection is blocked; the cost of the cheapest
-    word from it to the goal, blocked or not; and its pose.
+    bound; the cost of the whole path through it, infinite when all connections are blocked; the cost of the cheapest
+    word to the other tree's root, blocked or not; and its pose.
 
     Args:
         problem: What to plan.
-        start: (3,) pose of the root.
+        root: (3,) pose.
+        heading_length: Metres that a radian counts as in the choice of the other tree's nearest nodes.
+        back: The tree grows against the direction of travel: its arcs lead to the root.
     """
 
-    def __init__(self, problem: Problem, start: FloatArray) -> None: ...
+    def __init__(self, problem: Problem, root: FloatArray, heading_length: float, back: bool = False) -> None: ...
     def take(self, problem: Problem) -> None:
         """Go on with another problem."""
 
-    def clear(self, start: FloatArray) -> None:
-        """Forget the tree but for its root, the start."""
+    def clear(self, root: FloatArray) -> None:
+        """Forget the tree but for its root."""
 
     def __len__(self) -> int: ...
     @property
     def nodes(self) -> FloatArray:
-        """The tree, a copy (n, 9): pose, cost from the start, parent, arc that led here (vx, vy, omega, length)."""
+        """The tree, a copy (n, 9): pose, cost to the root, parent, arc between both (vx, vy, omega, length)."""
+
+    @property
+    def path(self) -> FloatArray | None:
+        """The path (k, 4) that the last connection closed, from the start to the goal; None before the first one."""
 
     def extend(
-        self, row: int, pose: tuple[float, float, float], controls: tuple[float, float, float], bound: float
+        self,
+        row: int,
+        pose: tuple[float, float, float],
+        controls: tuple[float, float, float],
+        bound: float,
+        other: Tree,
     ) -> tuple[bool, float, float, float, float, float]:
-        """Grow by one arc from the pose of a row, and try the exact connection from its end to the goal.
+        """Grow by one arc from the pose of a row, and try to connect its end exactly to a tree that grows towards it.
 
         Args:
-            row: Of the parent; what is kept becomes the last row. -1 where no arc from the start led to the pose:
-                nothing becomes a row then.
+            row: Of the parent; what is kept becomes the last row. -1 where no arc led to the pose: nothing becomes a
+                row then.
             pose: x, y and theta.
             controls: Which segment of the stable set, where on it, and the share of the longest arc, in [0, 1].
             bound: Cost that a whole path must stay below.
+            other: The tree, whose root and two nearest nodes are tried.
 
         Returns:
             Whether it was kept, the cost of the whole path, that of the cheapest word, and the pose.
+
+        Raises:
+            ValueError: Where the row or a number is none, or both trees grow the same way.
         """
 
-    def connect(self, row: int, pose: tuple[float, float, float], bound: float) -> tuple[float, float]:
-        """Return the cost of a path through a row (-1: none) and any free word, and the cost of the cheapest word."""
+    def connect(self, row: int, pose: tuple[float, float, float], bound: float, other: Tree) -> tuple[float, float]:
+        """Return the cost of a path through a row (-1: none) and any free word, and the cost of the cheapest word.
+
+        The words are those to the root of the other tree.
+        """
 
     def room_at(self, x: float, y: float, theta: float) -> float:
         """Return how far (m) the body is from everything at a pose, beyond the clearance; negative if too near.
@@ -55,80 +73,6 @@ class Tree:
 
 def branch(nodes: FloatArray, node: int) -> FloatArray:
     """Return the arcs (k, 4) from the root of a tree (n, 9) to a node."""
-
-class Forest:
-    """Trees grown from start and goal until they join.
-
-    Args:
-        box: (4,) xmin, ymin, xmax, ymax that positions are drawn from.
-        heading_length: Metres that a radian counts as in the choice of the nearest nodes.
-        reach: Longest piece of a word that is added at a time, m of cost.
-    """
-
-    def __init__(self, box: FloatArray, heading_length: float, reach: float) -> None: ...
-    def plant(self, start: FloatArray, goal: FloatArray) -> None:
-        """Reduce both trees to their roots."""
-
-    @property
-    def start_tree(self) -> FloatArray:
-        """The tree (n, 17) from the start, a copy.
-
-        Columns: x, y, theta, cost to the tree's root, parent, and up to three arcs (vx, vy, omega, length) between
-        the node and its parent, in the order of travel.
-        """
-
-    @property
-    def goal_tree(self) -> FloatArray:
-        """The tree (n, 17) to the goal, likewise."""
-
-    def grow(
-        self, problem: Problem, state: RandomState, bound: float, iterations: int
-    ) -> tuple[int, FloatArray | None]:
-        """Grow the trees in turn until a path below the bound is found.
-
-        Args:
-            problem: What to plan.
-            state: (1,) of the random generator.
-            bound: Cost that a path must stay below.
-            iterations: Extensions to try, at most.
-
-        Returns:
-            Extensions tried, and the path (k, 4), None if none is found.
-        """
-
-class SparseTree:
-    """Stable sparse RRT (SST; Li, Littlefield, Bekris 2016): a tree of the start alone, the first witness too.
-
-    Args:
-        start: (3,) pose.
-        goal: Likewise.
-        box: (4,) xmin, ymin, xmax, ymax that positions are drawn from.
-        heading_length: Metres that a radian counts as.
-        selection: How far from a random pose the best node is looked for, m.
-        witness: How far apart witnesses are, m.
-    """
-
-    def __init__(
-        self,
-        start: FloatArray,
-        goal: FloatArray,
-        box: FloatArray,
-        heading_length: float,
-        selection: float,
-        witness: float,
-    ) -> None: ...
-    @property
-    def nodes(self) -> FloatArray:
-        """The tree (n, 9), a copy; see `Tree.nodes`. Rows that are unused are part of it."""
-
-    @property
-    def unused(self) -> IntArray:
-        """Rows that were pruned."""
-
-    def grow(
-        self, problem: Problem, state: RandomState, bound: float, iterations: int
-    ) -> tuple[int, FloatArray | None]:
-        """Grow the tree until a path below the bound is found; see `Forest.grow`."""
 
 class Lattice:
     """Best-first search over a lattice of poses: one at a time, the next one takes over the memory.

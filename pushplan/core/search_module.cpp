@@ -1,8 +1,6 @@
 // `pushplan.core.search`: what grows trees of arcs, one class for each way.
-#include "forest.hpp"
 #include "lattice.hpp"
 #include "numpy_poses.hpp"
-#include "sparse_tree.hpp"
 #include "tree.hpp"
 
 namespace pushplan {
@@ -26,8 +24,11 @@ nb::object path_or_none(const std::vector<Arc> &path) {
     return nb::cast(to_table(path));
 }
 
-// The row of a tree that a caller names, -1 for none, and its pose.
-Pose check_place(const Tree &tree, std::int64_t row, const std::array<double, 3> &pose, double bound) {
+// The pose that a caller names with its row of a tree, -1 for none, to go on from towards another tree.
+Pose check_place(const Tree &tree, std::int64_t row, const std::array<double, 3> &pose, double bound,
+                 const Tree &other) {
+    if (other.back() == tree.back())
+        throw std::invalid_argument("of two trees that meet, one grows back from the goal");
     require_index(row, -1, static_cast<std::int64_t>(tree.nodes().size()), "row");
     require_all_finite(pose.data(), 3, "pose");
     require_number(bound, "bound");
@@ -51,31 +52,34 @@ void require_cells(double cells, const char *name) {
 void bind_tree(nb::module_ &m) {
     using Row = std::int64_t;
     nb::class_<Tree>(m, "Tree")
-        .def(MadeBy(+[](const Shared &problem, const Numbers &start) { return Tree(problem, to_pose(start)); }),
-             nb::arg("problem"), nb::arg("start"))
+        .def(MadeBy(+[](const Shared &problem, const Numbers &root, double heading_length, bool back) {
+                 return Tree(problem, to_pose(root), require_positive(heading_length, "heading_length"), back);
+             }),
+             nb::arg("problem"), nb::arg("root"), nb::arg("heading_length"), nb::arg("back") = false)
         .def(
             "take", [](Tree &self, const Shared &problem) { self.take(problem); }, nb::arg("problem"))
         .def(
-            "clear", [](Tree &self, const Numbers &start) { self.clear(to_pose(start)); }, nb::arg("start"))
+            "clear", [](Tree &self, const Numbers &root) { self.clear(to_pose(root)); }, nb::arg("root"))
         .def("__len__", [](const Tree &self) { return self.nodes().size(); })
         .def_prop_ro("nodes", [](const Tree &self) { return to_table(self.nodes()); })
+        .def_prop_ro("path", [](const Tree &self) { return path_or_none(self.path()); })
         .def(
             "extend",
             [](Tree &self, Row row, const std::array<double, 3> &pose, const std::array<double, 3> &controls,
-               double bound) {
-                const Pose from = check_place(self, row, pose, bound);
-                const Extension found = self.extend(row, from, to_controls(controls.data()), bound);
+               double bound, const Tree &other) {
+                const Pose from = check_place(self, row, pose, bound, other);
+                const Extension found = self.extend(row, from, to_controls(controls.data()), bound, other);
                 return nb::make_tuple(found.kept, found.cost, found.promise, found.pose.x, found.pose.y,
                                       found.pose.theta);
             },
-            nb::arg("row"), nb::arg("pose"), nb::arg("controls"), nb::arg("bound"))
+            nb::arg("row"), nb::arg("pose"), nb::arg("controls"), nb::arg("bound"), nb::arg("other"))
         .def(
             "connect",
-            [](const Tree &self, Row row, const std::array<double, 3> &pose, double bound) {
-                const Extension found = self.connect(row, check_place(self, row, pose, bound), bound);
+            [](const Tree &self, Row row, const std::array<double, 3> &pose, double bound, const Tree &other) {
+                const Extension found = self.connect(row, check_place(self, row, pose, bound, other), bound, other);
                 return nb::make_tuple(found.cost, found.promise);
             },
-            nb::arg("row"), nb::arg("pose"), nb::arg("bound"))
+            nb::arg("row"), nb::arg("pose"), nb::arg("bound"), nb::arg("other"))
         .def(
             "room_at",
             [](const Tree &self, double x, double y, double theta) {
@@ -97,65 +101,6 @@ void bind_tree(nb::module_ &m) {
             return to_table(path);
         },
         nb::arg("nodes"), nb::arg("node"));
-}
-
-// Lets a search grow; returns the iterations done and the path found.
-template <class Search>
-nb::tuple grown(Search &search, const Problem &problem, RandomState &state, double bound, std::int64_t iterations) {
-    Random &random = random_of(state);
-    require_number(bound, "bound");
-    require_count(iterations, "iterations");
-    const InUse use(search.lock);
-    std::vector<Arc> path;
-    std::int64_t done = 0;
-    {
-        nb::gil_scoped_release free;
-        done = search.grow(problem, random, bound, iterations, path);
-    }
-    return nb::make_tuple(done, path_or_none(path));
-}
-
-void bind_forest(nb::module_ &m) {
-    nb::class_<Forest>(m, "Forest")
-        .def(MadeBy(+[](const Numbers &box, double heading_length, double reach) {
-                 return Forest(to_area(box), heading_length, reach);
-             }),
-             nb::arg("box"), nb::arg("heading_length"), nb::arg("reach"))
-        .def(
-            "plant",
-            [](Forest &self, const Numbers &start, const Numbers &goal) {
-                const InUse use(self.lock);
-                self.plant(to_pose(start), to_pose(goal));
-            },
-            nb::arg("start"), nb::arg("goal"))
-        .def_prop_ro("start_tree", used(+[](const Forest &self) { return to_table(self.start_tree()); }))
-        .def_prop_ro("goal_tree", used(+[](const Forest &self) { return to_table(self.goal_tree()); }))
-        .def(
-            "grow",
-            [](Forest &self, const Problem &problem, RandomState state, double bound, std::int64_t iterations) {
-                if (self.start_tree().empty())
-                    throw std::invalid_argument("a forest is planted before it grows");
-                return grown(self, problem, state, bound, iterations);
-            },
-            nb::arg("problem"), nb::arg("state"), nb::arg("bound"), nb::arg("iterations"));
-}
-
-void bind_sparse_tree(nb::module_ &m) {
-    nb::class_<SparseTree>(m, "SparseTree")
-        .def(MadeBy(+[](const Numbers &start, const Numbers &goal, const Numbers &box, double heading_length,
-                        double selection, double witness) {
-                 return SparseTree(to_pose(start), to_pose(goal), to_area(box), {heading_length, selection, witness});
-             }),
-             nb::arg("start"), nb::arg("goal"), nb::arg("box"), nb::arg("heading_length"), nb::arg("selection"),
-             nb::arg("witness"))
-        .def_prop_ro("nodes", used(+[](const SparseTree &self) { return to_table(self.nodes()); }))
-        .def_prop_ro("unused", used(+[](const SparseTree &self) { return copied(self.unused()); }))
-        .def(
-            "grow",
-            [](SparseTree &self, const Problem &problem, RandomState state, double bound, std::int64_t iterations) {
-                return grown(self, problem, state, bound, iterations);
-            },
-            nb::arg("problem"), nb::arg("state"), nb::arg("bound"), nb::arg("iterations"));
 }
 
 // Lower left corner and side of the cells (3,), m, of a table.
@@ -246,8 +191,6 @@ void bind_lattice(nb::module_ &m) {
 void bind_search(nb::module_ &core) {
     auto m = core.def_submodule("search");
     bind_tree(m);
-    bind_forest(m);
-    bind_sparse_tree(m);
     bind_lattice(m);
 }
 

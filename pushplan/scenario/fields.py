@@ -170,16 +170,14 @@ def with_defaults(part: type[Strict], description: str) -> Any:
 
 
 def still_here(name: Any) -> Any:
-    """Return the name of a planner, but of one that went to the benchmarks.
+    """Return the name of a planner, but of one that is gone.
 
     Raises:
         PydanticCustomError: With what to write instead.
     """
-    if name in names.MOVED_PLANNERS and name not in names.PLANNERS:
-        raise fault(
-            f"is '{name}', a baseline that is in the benchmarks now",
-            f"{names.DEFAULT_PLANNER}, or where a module:attribute is allowed, that of the benchmark",
-        )
+    if isinstance(name, str) and name in names.GONE_PLANNERS:
+        what, instead = names.GONE_PLANNERS[name]
+        raise fault(f"is '{name}', which is {what}", instead)
     return name
 
 

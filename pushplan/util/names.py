@@ -10,13 +10,17 @@ SCENARIO_FORMAT = "pushplan/1"
 LOG_MAGIC = b"\x89MCAP0\r\n"
 """What a run log begins and ends with."""
 
-PLANNERS = ("rrt", "est", "kpiece", "sst", "auto")
+PLANNERS = ("rrt", "est", "kpiece", "lattice", "bottlenecks", "auto")
 """Planners that `planner.name` may choose."""
 
 DEFAULT_PLANNER = "auto"
 
-MOVED_PLANNERS = ("rrt-dubins", "bitstar-dubins")
-"""Baselines of the benchmarks that `planner.name` may not choose once they are no longer among `PLANNERS`."""
+GONE_PLANNERS: Final = {
+    "rrt-dubins": ("in the benchmarks now", "auto, or the benchmarks' dubins_planners:RRTOverDubins"),
+    "bitstar-dubins": ("in the benchmarks now", "auto, or the benchmarks' dubins_planners:BITStarOverDubins"),
+    "sst": ("gone", "auto, which finds better paths sooner, or OMPL's rrt"),
+}
+"""Planners that `planner.name` could choose once: what has become of them, and what to use."""
 
 SIMULATORS = ("slip",)
 STABLE_SETS = ("ecof", "cof", "translation", "stable", "robust")

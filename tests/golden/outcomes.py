@@ -79,7 +79,7 @@ def slipped(name: str) -> Numbers:
 CASES: Mapping[str, Callable[[], Numbers]] = {
     **{f"plan {name}": partial(_packaged, name) for name in pushplan.example_names()},
     "plan by time": lambda: planned(pushplan.load_scenario("narrow-gap"), cost="time"),
-    "plan with sst": lambda: planned(pushplan.load_scenario("free-space"), planner="sst"),
+    "plan with lattice": lambda: planned(pushplan.load_scenario("narrow-gap"), planner="lattice", iterations=8_000),
     "plan with rrt": lambda: planned(pushplan.load_scenario("free-space"), planner="rrt"),
     "plan in the robust set": lambda: planned(pushplan.load_scenario("one-box"), stable_set="robust"),
     "plan with intervals": lambda: planned(pushplan.scenario_from_text(INTERVALS)),
