@@ -54,7 +54,11 @@ def _check(scenario: Scenario, result: Plan) -> None:
 
 @pytest.mark.parametrize("planner", sorted(PLANNERS))
 def test_every_planner_solves_and_shortens(planner: str) -> None:
-    scenario = scenario_from_text(GAP).with_margin(0.01) if planner == "bottlenecks" else load_plain("narrow-gap")
+    scenario = (
+        scenario_from_text(GAP).with_margin(0.01).with_planner(cost="travel")
+        if planner == "bottlenecks"
+        else load_plain("narrow-gap")
+    )
     first = plan(scenario, planner=planner, time_limit=PATIENT, first=True)
     result = plan(scenario, planner=planner, time_limit=PATIENT, iterations=2 * first.iterations + 5_000)
     _check(scenario, result)

@@ -272,7 +272,7 @@ def _after(common: Common, extensions: int) -> Any:
     return ob.PlannerTerminationCondition(lambda: common.extensions >= extensions)
 
 
-FIRST, ROUND, MOST_ROUNDS = 384, 160, 16
+FIRST, ROUND, MOST_ROUNDS = 256, 160, 16
 """Extensions of the first turn of the trees, and by how many Luby's sequence, which stops there, is multiplied then.
 
 With 1,024 at first, narrow gaps wait 40 ms for the bottlenecks instead of 5.
@@ -305,7 +305,7 @@ class Auto(AnytimePlanner):
                 ways = ways or Ways(session)
                 ways.run(extensions // 2)
             # The search over cells takes longer to set up.
-            if session.solved or number > 1:
+            if session.solved or number > 2:
                 lattice.run(arcs)
             yield
 
