@@ -237,7 +237,9 @@ class _Decoder:
         if kind is not Plan:
             return kind(**values)
         scenario, segments = self._scenario, values["segments"]
-        return kind(**values, scenario=scenario.settled(segments[-1].after) if segments else scenario)
+        if segments:
+            scenario = scenario.settled(segments[-1].after).without_goals(values.get("undelivered", {}))
+        return kind(**values, scenario=scenario)
 
 
 _Key = tuple[tuple[str, ...], str, float, tuple[str, ...]]

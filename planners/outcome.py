@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -143,6 +143,7 @@ class Outcome:
         scene: Of the first push, where it is there already.
         usual_margin: What `stability.margin: auto` asks for where the load allows it.
         remarks: See `Plan`.
+        undelivered: Why loads do not get to their goals by the candidates, by name; empty for whole plans.
     """
 
     candidates: tuple[Segments, ...]
@@ -157,6 +158,7 @@ class Outcome:
     scene: Scene | None = None
     usual_margin: float = MOST_MARGIN
     remarks: tuple[str, ...] = ()
+    undelivered: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def without_plan(cls, proof: Diagnosis, margin: float) -> Outcome:

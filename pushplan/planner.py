@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, Unpack
 
@@ -33,6 +33,9 @@ from pushplan.sim.robustness import least_robustness
 from pushplan.util.arrays import FloatArray, numbers
 from pushplan.util.names import FARTHEST
 from pushplan.util.stopwatch import Stopwatch, no_collection
+
+MOST_TOLD = 3
+"""Objects that the reason of a partial plan names, at most; `undelivered` has all."""
 
 
 def plan(scenario: Scenario, *, watch: Stopwatch | None = None, **options: Unpack[PlanOptions]) -> Plan:
@@ -257,7 +260,7 @@ class Planner:
         nearest: Nearest | None = None
         segments = outcome.candidates[0] if outcome.candidates else ()
         if segments:
-            scenario = scenario.settled(segments[-1].after)
+            scenario = scenario.settled(segments[-1].after).without_goals(outcome.undelivered)
             validator = validator.of(scenario)
         set_name = settings.set_name
         with watch("timing"):
@@ -274,6 +277,9 @@ class Planner:
             elif not reason:
                 reason = validator.flaw(segments, execution, set_name)
         found, bound = segments if not reason else (), outcome.lower_bound
+        undelivered = outcome.undelivered if found else {}
+        if undelivered:
+            reason = _not_delivered(undelivered, len(undelivered) + len(scenario.goals))
         return Plan(
             scenario,
             found,
@@ -296,6 +302,7 @@ class Planner:
             execution=execution if found else None,
             robustness=(lambda: least_robustness(found)) if found and timed else None,
             remarks=outcome.remarks_on(scenario, found),
+            undelivered=undelivered,
         )
 
     def _set_name(self, segments: Segments) -> str:
@@ -318,6 +325,13 @@ class Planner:
         if not found:
             return outcome.candidates[0], reason
         return min(found, key=lambda segments: sum(segment.duration for segment in segments)), ""
+
+
+def _not_delivered(undelivered: Mapping[str, str], goals: int) -> str:
+    """Return why a plan is not solved that leaves objects out."""
+    each = "; ".join(f"'{name}': {why}" for name, why in list(undelivered.items())[:MOST_TOLD])
+    more = f"; and {len(undelivered) - MOST_TOLD} more" if len(undelivered) > MOST_TOLD else ""
+    return f"{len(undelivered)} of {goals} objects with goals are not delivered: {each}{more}"
 
 
 def _why_not(

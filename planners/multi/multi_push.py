@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
@@ -154,6 +155,19 @@ class MultiPushSearch(TaskSearch):
             found.lower_bound,
             explain=lambda: _explanation(room, query, found, limit),
         )
+
+    def why_not(self, batches: int) -> str:
+        """Return in words why no plan is found; a search with a number of batches of poses finds it out."""
+        try:
+            goals = free_goals(self.scenario)
+        except PlanningError as error:
+            return str(error)
+        room = self.room(0)
+        query = Query(backed_off(room, self.scenario), np.array(self.scenario.start), goals)
+        found = search(room, query, Limits(math.inf, first=True, iterations=batches), 0)
+        told = [reason.text for reason in _reasons(room, query, found)]
+        hint = "; pusher.offsets may help" if self.scenario.transport.offsets == (0.0,) else ""
+        return "; ".join(told) + hint if told else f"no plan was found in {found.looked_at} pushes and transits"
 
     def _proof(self) -> Diagnosis | None:
         """Return the proof that the robot does not reach the load."""

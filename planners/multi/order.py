@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,7 +23,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pushplan.planners.multi.search import Limits
 from pushplan.planners.multi.tours import Tours
-from pushplan.planners.multi.transfers import Piece, Situation, Transfer, find_transfer, situation_after
+from pushplan.planners.multi.transfers import Piece, Situation, Transfer, find_transfer, posed, situation_after
 from pushplan.planners.outcome import Budget
 from pushplan.plans.settings import Observer
 from pushplan.scenario.goals import Goal
@@ -51,6 +51,19 @@ the other while there is no order.
 
 Batches, not seconds: the same seed finds the same order, however busy the machine is.
 """
+
+GREEDY = ((0, 0), (3, 0), (15, 0), (15, 1), (15, 2))
+"""How many batches of poses the search for one transfer may take, and the level of its margins, in one round of
+greedy deliveries after the other."""
+
+CAREFUL = ((0, 0), (3, 0))
+"""The same of rounds in which no delivery may shut in what is left."""
+
+FREED = 24
+"""Bodies that are put out of the way while more can be delivered then, at most."""
+
+TRIES = 15
+"""Batches of poses of the search that finds out why a body is not delivered."""
 
 PLACES = 4
 """Places that are tried for a body that is in the way."""
@@ -85,7 +98,7 @@ GAIN = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class PartialPlan:
-    """Some pieces were brought to goals.
+    """Some pieces, or all, are brought to goals.
 
     Attributes:
         whole: What that and the rest cost, as tours have it, m.
@@ -116,7 +129,7 @@ class Order:
     def __init__(self, pieces: tuple[Piece, ...], budget: Budget, observer: Observer) -> None:
         self._pieces, self._seed, self._until = pieces, budget.seed, budget.until
         self._cancelled, self._most = observer.cancelled, budget.iterations or math.inf
-        self._patience = STAGES[0][0]
+        self._patience = self._level = 0
         self._known: dict[tuple[object, ...], Transfer | None] = {}
         self._tours: Tours | None = None
         self.looked_at = 0
@@ -125,22 +138,92 @@ class Order:
     def _random(self) -> np.random.Generator:
         return np.random.default_rng(self._seed)  # NumPy loads it now: most plans need none
 
-    def find(self, now: Situation) -> tuple[Transfer, ...] | None:
-        """Return transfers that bring every piece that is left to a goal, None where none were found in time."""
-        for self._patience, relocations, again in STAGES:
-            self._known = {key: one for key, one in self._known.items() if one is not None}
-            steps, here = ((), now) if again else self._led(now)
-            rest = self._go_on(here, relocations)
-            if rest is not None:
-                return (*steps, *rest)
-            if self._over():
-                break
-        return None
+    def find(self, now: Situation) -> PartialPlan:
+        """Return transfers that bring as many of the pieces that are left to a goal as were found in time.
 
-    def _led(self, now: Situation) -> tuple[tuple[Transfer, ...], Situation]:
-        """Return transfers, each with which a cheapest tour begins, and where everything is when none has a plan."""
-        found, _ = self._beam(now, 1, 0, math.inf)
-        return found.steps, found.here
+        Greedy deliveries come first: as tours lead, then the nearest ones, then with what is in the way put aside. So
+        no plan brings fewer than a loop over plans for single pieces. The search for an order begins where they end.
+        """
+        self._patience = 0
+        nothing = PartialPlan(0.0, 0.0, (), now)
+        best = led = self._led(now)
+        if led.here.left:
+            best = self._delivered(self._delivered(nothing, CAREFUL))
+        if best.here.left and not self._over():
+            best = min(best, self._delivered(led), self._delivered(nothing), key=_worth)
+        if best.here.left and not self._over():
+            best = self._freed(best)
+        for self._patience, relocations, again in STAGES:
+            if not best.here.left or self._over():
+                break
+            begun = nothing if again else self._led(now)
+            rest = self._go_on(begun.here, relocations)
+            if rest is not None:
+                best = self._extended_by(begun, rest)
+        return best
+
+    def _led(self, now: Situation) -> PartialPlan:
+        """Return transfers, each with which a cheapest tour begins, until none has a plan."""
+        return self._beam(now, 1, 0, math.inf)[0]
+
+    def _extended_by(self, plan: PartialPlan, steps: Iterable[Transfer]) -> PartialPlan:
+        """Return a plan with more transfers."""
+        for step in steps:
+            cost = plan.cost + step.cost
+            plan = PartialPlan(cost, cost, (*plan.steps, step), situation_after(self._pieces, step, plan.here))
+        return plan
+
+    def _delivered(self, plan: PartialPlan, rounds: Sequence[tuple[int, int]] = GREEDY) -> PartialPlan:
+        """Return a plan with deliveries until nothing can be delivered, the nearest pieces first.
+
+        A piece that cannot be delivered is tried again once all others were. In careful rounds, so is one that would
+        shut in a piece that is left.
+        """
+        careful = rounds is CAREFUL
+        for self._patience, self._level in rounds:
+            found = True
+            while found and plan.here.left and not self._over():
+                found, waiting = False, set(plan.here.left)
+                while waiting and not self._over():
+                    piece = next(k for k in self._nearest_first(plan.here) if k in waiting)
+                    waiting.remove(piece)
+                    step = self._delivery(plan.here, piece)
+                    if step is not None and not (careful and self._shuts_in(plan.here, step)):
+                        found, plan = True, self._extended_by(plan, (step,))
+        self._patience, self._level = 0, 0
+        return plan
+
+    def _shuts_in(self, now: Situation, step: Transfer) -> bool:
+        """Tell whether a delivery takes the plan at hand from a piece near its end."""
+        after = situation_after(self._pieces, step, now)
+        for k in sorted(after.left):
+            spots = np.array([now.poses[k], *(goal.pose_chain for goal in self._pieces[k].goals)])[:, :2]
+            if (np.hypot(*(spots - step.end[:2]).T) < NEAR).any():
+                was, is_open = (self._delivery(one, k, patience=0) is not None for one in (now, after))
+                if was and not is_open:
+                    return True
+        return False
+
+    def _freed(self, plan: PartialPlan) -> PartialPlan:
+        """Return a plan with bodies put out of the way, one after the other, as long as more is delivered then."""
+        for _ in range(FREED):
+            more = next(self._with_one_aside(plan), None)
+            if more is None or not more.here.left:
+                return more or plan
+            plan = more
+        return plan
+
+    def _with_one_aside(self, plan: PartialPlan) -> Iterator[PartialPlan]:
+        """Yield plans that put one body out of the way, after which more is delivered."""
+        for piece in self._in_the_way(plan.here):
+            places = self._parking(plan.here, piece)
+            if self._over():
+                return
+            step = self._search(plan.here, piece, places, delivers=False) if places else None
+            if step is not None:
+                more = self._delivered(self._extended_by(plan, (step,)))
+                if len(more.here.left) < len(plan.here.left):
+                    yield more
 
     def _by_tours(self, now: Situation) -> list[tuple[float, int]]:
         """Return what tours cost that begin with each piece that is left, cheapest first; infinite for far ones."""
@@ -267,7 +350,9 @@ class Order:
 
         return sorted(sorted(now.left), key=way)
 
-    def _delivery(self, now: Situation, piece: int, effort: int | None = None) -> Transfer | None:
+    def _delivery(
+        self, now: Situation, piece: int, effort: int | None = None, patience: int | None = None
+    ) -> Transfer | None:
         """Return the transfer of a piece to one of its goals, None where none was found.
 
         Args:
@@ -276,14 +361,22 @@ class Order:
             effort: Batches of poses for a better plan, where the first one costs `SPARE` over these more than is
                 proven to be needed; what comes after it counts, too. None: for the first plan alone, whatever comes
                 after it.
+            patience: Batches of poses for the first one, at most; None: as many as the stage of the search allows.
         """
-        key = (effort, piece, now.left, now.plate.tobytes(), now.poses.tobytes())
+        patience = self._patience if patience is None else patience
+        if patience:  # mostly a plan is at hand, and known already
+            quick = self._delivery(now, piece, effort, 0)
+            if quick is not None:
+                return quick
+        key = (effort, patience, self._level, piece, now.left, now.plate.tobytes(), now.poses.tobytes())
         if key not in self._known:
-            first = self._delivery(now, piece, 0) if effort else None
+            first = self._delivery(now, piece, 0, patience) if effort else None
             if first is not None and first.beyond_bound < SPARE / (effort or 1):
                 return first
             goals, cost_to_go = (self._pieces[piece].goals, None if effort is None else self.cost_to_go(now, piece))
-            self._known[key] = self._search(now, piece, goals, cost_to_go=cost_to_go, effort=effort or 0)
+            self._known[key] = self._search(
+                now, piece, goals, cost_to_go=cost_to_go, effort=effort or 0, patience=patience
+            )
         return self._known[key]
 
     def _search(
@@ -294,10 +387,13 @@ class Order:
         delivers: bool = True,
         cost_to_go: Callable[[FloatArray], FloatArray] | None = None,
         effort: int = 0,
+        patience: int | None = None,
     ) -> Transfer | None:
         self.looked_at += 1
-        limits = Limits(self._until, first=not effort, iterations=max(self._patience, effort), stop=self._cancelled)
-        return find_transfer(self._pieces, now, piece, limits, self._seed, goals, delivers, cost_to_go)
+        most = max(self._patience if patience is None else patience, effort)
+        limits = Limits(self._until, first=not effort, iterations=most, stop=self._cancelled)
+        level = min(self._level, self._pieces[piece].search.levels - 1)
+        return find_transfer(self._pieces, now, piece, limits, self._seed, goals, delivers, cost_to_go, level)
 
     def _is_open(self, now: Situation, piece: int) -> bool:
         """Tell whether a piece has a plan, or only waits for others that are left to leave all its goals."""
@@ -329,7 +425,7 @@ class Order:
         return None
 
     def _in_the_way(self, now: Situation) -> Iterator[int]:
-        """Yield the pieces that may be in the way: those on goals first, then those near, then what is shut in."""
+        """Yield the pieces that may be in the way: those on goals first, those near, what is shut in, all others."""
         on_goals = [
             k
             for piece in sorted(now.left)
@@ -337,13 +433,24 @@ class Order:
             for k in sorted(self._on_goal(now, piece, goal))
         ]
         near = [k for piece in sorted(now.left) for k in self._near(now, piece)]
-        yield from dict.fromkeys([*on_goals, *near, *sorted(now.left)])
+        away = np.hypot(*(now.poses - now.plate)[:, :2].T)
+        yield from dict.fromkeys([*on_goals, *near, *sorted(now.left), *np.argsort(away, kind="stable").tolist()])
 
     def _near(self, now: Situation, piece: int) -> list[int]:
         """Return the pieces near another or its goals, nearest first."""
         spots = np.array([now.poses[piece], *(goal.pose_chain for goal in self._pieces[piece].goals)])[:, :2]
         away = [float(np.linalg.norm(spots - pose[:2], axis=1).min()) for pose in now.poses]
         return [int(k) for k in np.argsort(away) if k != piece and away[k] < NEAR]
+
+    def why_not(self, now: Situation, piece: int) -> str:
+        """Return why a piece that is left is not delivered, as far as that is known."""
+        own = self._pieces[piece]
+        takers = [self._on_goal(now, piece, goal) - {piece} for goal in range(len(own.goals))]
+        if all(takers):
+            names = ", ".join(f"'{self._pieces[k].name}'" for k in sorted(frozenset().union(*takers)))
+            return f"its goal is taken by {names}"
+        scenario = posed(self._pieces, now, piece, own.goals)
+        return own.search.with_obstacles(scenario).why_not(TRIES)
 
     def _parking(self, now: Situation, piece: int) -> tuple[Goal, ...]:
         """Return places for a piece that no goal needs, nearest first: along straight pushes, and around it."""
@@ -367,6 +474,11 @@ class Order:
             away, way = self._random.uniform(AWAY[0], AWAY[-1]), self._random.uniform(-np.pi, np.pi)
             turn = self._random.uniform(-np.pi, np.pi)
             yield pose + np.array([away * math.cos(way), away * math.sin(way), turn])
+
+
+def _worth(plan: PartialPlan) -> tuple[int, float]:
+    """Order plans: those that leave fewer pieces first, of equals the cheaper ones."""
+    return len(plan.here.left), plan.cost
 
 
 def _is_free(piece: Piece, pose: FloatArray, taken: BaseGeometry) -> bool:

@@ -82,13 +82,13 @@ class RearrangementSearch(TaskSearch):
             return Outcome.without_plan(proof, min(mode.margin(0) for mode in modes))
         improvements = Improvements(observer, budget.began)
         order = Order(self.pieces, budget, observer)
-        transfers = order.find(now)
+        found = order.find(now)
         candidates: tuple[Segments, ...] = ()
-        if transfers is not None:
-            candidates = (self._take(transfers, order.looked_at, improvements),)
-            if not budget.first:
-                cheaper = order.cheaper(now, transfers)
-                if cheaper is not transfers:
+        if found.steps:
+            candidates = (self._take(found.steps, order.looked_at, improvements),)
+            if not budget.first and not found.here.left:
+                cheaper = order.cheaper(now, found.steps)
+                if cheaper is not found.steps:
                     candidates = (self._take(cheaper, order.looked_at, improvements),)
         return Outcome(
             candidates,
@@ -97,6 +97,7 @@ class RearrangementSearch(TaskSearch):
             tuple(improvements.found),
             lambda segments: plan_cost(scenario, segments),
             explain=lambda: self._explanation(now, budget.time_limit),
+            undelivered={self.pieces[k].name: order.why_not(found.here, k) for k in sorted(found.here.left)},
         )
 
     def _proof(self, now: Situation) -> Diagnosis | None:

@@ -19,6 +19,7 @@ from pushplan.planners.multi.search import Limits, search
 from pushplan.planners.outcome import Segments
 from pushplan.plans import segment as plans
 from pushplan.scenario.goals import Goal, Poses
+from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import PolygonObstacle
 from pushplan.util.arrays import FloatArray, frozen
 
@@ -175,6 +176,7 @@ def find_transfer(
     goals: tuple[Goal, ...],
     delivers: bool = True,
     cost_to_go: Callable[[FloatArray], FloatArray] | None = None,
+    level: int = 0,
 ) -> Transfer | None:
     """Return a transfer of one piece to one of some goals, or to places out of the way; None where none was found.
 
@@ -187,20 +189,17 @@ def find_transfer(
         goals: Any of which will do.
         delivers: They are goals of the piece.
         cost_to_go: Returns what comes after it costs, m, (k,) for poses (k, 3) of the plate; None: nothing.
+        level: Of the margins, each lower than the one before.
     """
-    own = pieces[piece].search.scenario
-    others = (one for k, other in enumerate(pieces) if k != piece for one in other.obstacles(now.poses[k]))
-    load = replace(own.load, start=now.poses[piece])
-    task = replace(own.transport, loads=(load,), goals=(Poses(load.name, goals),), robot_start=now.plate)
-    scenario = replace(own, task=task, obstacles=(*own.obstacles, *others))
+    scenario = posed(pieces, now, piece, goals)
     try:
         free = free_goals(scenario)
     except PlanningError:
         return None
     searching = pieces[piece].search
-    searching.room(0)  # kept with the piece: what does not depend on the others is made once
+    searching.room(level)  # kept with the piece: what does not depend on the others is made once
     searching = searching.with_obstacles(scenario)
-    room = searching.room(0)
+    room = searching.room(level)
     within = _within(pieces, now, piece) if delivers else np.zeros(2)
     after = (
         None if cost_to_go is None else cost_to_go(plates_after(room, free)).reshape(len(room.contacts), len(free))
@@ -210,6 +209,15 @@ def find_transfer(
     if found.best is None:
         return None
     return Transfer(piece, searching, room, found.best, found.lower_bound, found.looked_at, delivers)
+
+
+def posed(pieces: tuple[Piece, ...], now: Situation, piece: int, goals: tuple[Goal, ...]) -> Scenario:
+    """Return the problem of a piece with the others as obstacles where they are."""
+    own = pieces[piece].search.scenario
+    others = (one for k, other in enumerate(pieces) if k != piece for one in other.obstacles(now.poses[k]))
+    load = replace(own.load, start=now.poses[piece])
+    task = replace(own.transport, loads=(load,), goals=(Poses(load.name, goals),), robot_start=now.plate)
+    return replace(own, task=task, obstacles=(*own.obstacles, *others))
 
 
 def plates_after(room: PushRoom, goals: FloatArray) -> FloatArray:

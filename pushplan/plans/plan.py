@@ -98,8 +98,8 @@ class Plan:
 
     Attributes:
         scenario: What was asked.
-        segments: In their order; empty when not solved.
-        reason: Why there is no plan; empty when solved.
+        segments: In their order; empty without a plan.
+        reason: Why there is no plan, or only a partial one; empty when solved.
         planner: Name of the planner that ran.
         stable_set: Name of the stable set that limited the twists.
         seed: Of the random numbers.
@@ -122,6 +122,9 @@ class Plan:
         robustness: How far single numbers may be off; None when not solved or not timed.
         remarks: What a user wants to know beside the numbers, in sentences: that a load allows no usual margin, why a
             row was not gathered.
+        undelivered: Why objects do not get to their goals, by name. A partial plan brings as many objects as it can:
+            it has segments, is executed and recorded like any plan, and is not solved. Its scenario has the goals of
+            the others only.
     """
 
     scenario: Scenario
@@ -145,6 +148,7 @@ class Plan:
     execution: Execution | None = None
     robustness: LazyField[Robustness | None] = LazyField(None)
     remarks: tuple[str, ...] = ()
+    undelivered: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """Say what it is in a line: all fields are pages, and some take long to work out."""
@@ -335,6 +339,7 @@ class Plan:
             "goal_error": None if position is None else {"position": position, "angle": angle},
             "robustness": None if robustness is None else vars(robustness),
             "notes": self.notes,
+            "undelivered": dict(self.undelivered),
             "contact_lost": None if loss is None else vars(loss),
             "segments": [self._segment_dict(k) for k in range(len(self.segments))],
         }

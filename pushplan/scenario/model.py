@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -172,6 +172,11 @@ class Scenario:
         goals = tuple(goal.settled(self.task.by_name, poses) for goal in self.task.goals)
         same = all(one is other for one, other in zip(goals, self.task.goals, strict=True))
         return self if same else self.with_task(goals=goals)
+
+    def without_goals(self, names: Collection[str]) -> Scenario:
+        """Return the scenario without the goals of some loads, by name; they stay where they are, or are moved."""
+        goals = tuple(goal for goal in self.task.goals if not set(goal.names) & set(names))
+        return self if len(goals) == len(self.task.goals) else self.with_task(goals=goals)
 
     def alone(self, name: str) -> Scenario:
         """Return the problem of one load, alone in the same room.
