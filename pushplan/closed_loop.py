@@ -143,7 +143,7 @@ def _errors_at_end(
     """Return how far (m) and by what angle (rad) objects at poses (n, 3) are off at most, by the last whole plan."""
     rests = [one.result for one in replans if one.rest and one.result is not None and one.solved]
     last = [plan, *rests][-1]
-    return worst_at_goal(scenario.settled(last.segments[-1].after), objects)
+    return worst_at_goal(last.aims(plan.aims(scenario)), objects)
 
 
 def events_until(
@@ -301,7 +301,7 @@ def _end_of_plan(scenario: Scenario, plan: Plan, settings: ControlSettings, cour
     """Return outcome and reason of a plan that was executed whatever happened."""
     if course.jammed:
         return "jammed", JAMMED
-    placed = scenario.settled(plan.segments[-1].after)
+    placed = plan.aims(scenario)
     tolerance = tolerance_of(placed, settings.position_tolerance, settings.angle_tolerance)
     if all(np.less_equal(worst_at_goal(placed, course.object_poses[-1]), tolerance)):
         return "arrived", ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any, Unpack
 
@@ -20,7 +20,7 @@ from pushplan.planners.timing.blending import time_segments
 from pushplan.planners.validator import Validator
 from pushplan.plans.diagnosis import Diagnosis
 from pushplan.plans.path import PushPath
-from pushplan.plans.plan import Nearest, Plan
+from pushplan.plans.plan import Nearest, Plan, reason_of
 from pushplan.plans.settings import Observer, PlanOptions, PlanSettings
 from pushplan.plans.trajectory import SAMPLE_RATE
 from pushplan.scenario.model import Scenario
@@ -33,9 +33,6 @@ from pushplan.sim.robustness import least_robustness
 from pushplan.util.arrays import FloatArray, numbers
 from pushplan.util.names import FARTHEST
 from pushplan.util.stopwatch import Stopwatch, no_collection
-
-MOST_TOLD = 3
-"""Objects that the reason of a partial plan names, at most; `undelivered` has all."""
 
 
 def plan(scenario: Scenario, *, watch: Stopwatch | None = None, **options: Unpack[PlanOptions]) -> Plan:
@@ -279,7 +276,7 @@ class Planner:
         found, bound = segments if not reason else (), outcome.lower_bound
         undelivered = outcome.undelivered if found else {}
         if undelivered:
-            reason = _not_delivered(undelivered, len(undelivered) + len(scenario.goals))
+            reason = reason_of(undelivered, len(undelivered) + len(scenario.goals))
         return Plan(
             scenario,
             found,
@@ -325,13 +322,6 @@ class Planner:
         if not found:
             return outcome.candidates[0], reason
         return min(found, key=lambda segments: sum(segment.duration for segment in segments)), ""
-
-
-def _not_delivered(undelivered: Mapping[str, str], goals: int) -> str:
-    """Return why a plan is not solved that leaves objects out."""
-    each = "; ".join(f"'{name}': {why}" for name, why in list(undelivered.items())[:MOST_TOLD])
-    more = f"; and {len(undelivered) - MOST_TOLD} more" if len(undelivered) > MOST_TOLD else ""
-    return f"{len(undelivered)} of {goals} objects with goals are not delivered: {each}{more}"
 
 
 def _why_not(

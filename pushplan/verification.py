@@ -30,8 +30,8 @@ from pushplan.planners.timing.blending import time_segments
 from pushplan.planners.validator import Validator
 from pushplan.plans.execution import Execution
 from pushplan.plans.load import Load
-from pushplan.plans.plan import Plan
-from pushplan.plans.segment import Segment
+from pushplan.plans.plan import Plan, reason_of
+from pushplan.plans.segment import Segment, end_of
 from pushplan.scenario.goals import EXACT
 from pushplan.scenario.model import Scenario
 from pushplan.sim.kinematic import execute
@@ -90,7 +90,7 @@ def execute_again(run: RecordedRun) -> Execution | None:
     slipped = execution is not None and (execution.wrenches is not None or run.feedback is not None)
     if plan is None or plan.trajectory is None or slipped:
         return None
-    return execute(run.scenario, plan.segments, plan.stable_set)
+    return execute(plan.scenario, plan.segments, plan.stable_set)
 
 
 class _PlanChecks:
@@ -122,10 +122,11 @@ class _PlanChecks:
             yield _differs("settings", str(error))
             return
         yield from self._check_words(scenario)
-        if not plan.segments or not plan.solved:
+        if not plan.segments or not (plan.solved or plan.undelivered):
             yield from self._check_unsolved(scenario)
             return
-        self._scenario = scenario.settled(plan.segments[-1].after)
+        self._scenario = plan.aims(scenario)
+        yield from self._check_undelivered(scenario)
         self._own = tuple(replace(s, load=self._own_load(scenario, s.load)) for s in plan.segments)
         self._set = self._set_name(self._own)
         yield from self._check_loads()
@@ -163,6 +164,16 @@ class _PlanChecks:
         outcome = run.fields.get(metadata.RESULT, {}).get("outcome")
         if outcome in ("solved", "unsolved"):
             yield _same(f"{metadata.RESULT} outcome", outcome, "solved" if plan.solved else "unsolved")
+
+    def _check_undelivered(self, scenario: Scenario) -> Iterator[Check]:
+        """Check that the plan leaves out just the objects that it says, and gives that as its reason."""
+        plan, named = self._plan, self._plan.undelivered
+        end, goals = end_of(scenario, plan.segments), scenario.task.goals
+        missed = {
+            name for goal in goals if set(goal.names) & set(named) and goal.shortfall(end) for name in goal.names
+        }
+        yield _same("objects that are not delivered", sorted(missed), sorted(named))
+        yield _same("reason", plan.reason, reason_of(named, len(scenario.goals)) if named else "")
 
     def _check_unsolved(self, scenario: Scenario) -> Iterator[Check]:
         """Check what is said of a plan that is none: no numbers, and how near the nearest path comes."""

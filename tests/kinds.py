@@ -74,6 +74,13 @@ FAST = {
     kind: re.sub(r"(pusher: {.*)}", _FAST, text)
     for kind, text in (("multi-push", MULTI), ("rearrangement", SWAP), ("gathering", ROW))
 }
+_STUCK = "{name: stuck, shape: {box: [0.2, 0.2]}, mass: 2.0, pose: [0.115, 3.485, 0.0]}"
+FAST["partial"] = (
+    FAST["rearrangement"]
+    .replace("change-places", "one-is-stuck")
+    .replace("pose: [3.0, 3.0, 0.0]}\n", f"pose: [3.0, 3.0, 0.0]}}\n  - {_STUCK}\n")
+    .replace("other: [2.2, 1.0, 90 deg]", "other: [2.2, 1.0, 90 deg], stuck: [2.9, 0.6, 0.0]")
+)
 FAST["push"] = example_text("two-crates").replace("speed: 0.2,", "speed: 0.5,")
 """Scenarios of a faster robot: then there is less to simulate, to write and to read again."""
 

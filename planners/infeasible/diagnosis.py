@@ -265,8 +265,8 @@ def beyond_reach(
     outlines: Mapping[str, Sequence[FloatArray]],
     faces: Mapping[str, FloatArray],
     needed: Sequence[str] = (),
-) -> Diagnosis | None:
-    """Return the proof that the robot reaches no object, or not one that has to be moved; None where there is none.
+) -> dict[str, Diagnosis]:
+    """Return proofs that the robot reaches no object, by "", or not one that has to be moved, by its name.
 
     Args:
         scenario: Of one of the objects alone, with the robot's start and all that is fixed.
@@ -286,7 +286,7 @@ def beyond_reach(
     open_floor = shapely.difference(free, shapely.union_all(covered))
     among = reached(open_floor, start, WITHIN)
     if among.is_empty:
-        return None
+        return {}
     inside = se2.compose(into, [*disc.center, 0.0])
     places = {name: se2.compose(poses, inside)[:, :2] for name, poses in faces.items()}
     centers = {name: [*np.asarray(shapely.points(xy))] for name, xy in places.items()}
@@ -295,13 +295,14 @@ def beyond_reach(
         text = "the robot is boxed in: it has no way to any face of an object that it may push"
         if not _any_in(open_floor, every):
             text = "the robot has no room before any face of an object that it may push"
-        return Diagnosis("boxed in", text, True, blocking=_parting(scenario, radius, free, among, every))
+        return {"": Diagnosis("boxed in", text, True, blocking=_parting(scenario, radius, free, among, every))}
+    found = {}
     for name in needed:
         if not _any_in(alone, centers[name]):
             text = f"'{name}' cannot be reached: walls and obstacles leave the robot no way to any of its faces"
             parting = _parting(scenario, radius, free, alone, centers[name])
-            return Diagnosis("boxed in", text, True, blocking=parting)
-    return None
+            found[name] = Diagnosis("boxed in", text, True, blocking=parting)
+    return found
 
 
 def _any_in(region: BaseGeometry, points: Sequence[shapely.Point]) -> bool:

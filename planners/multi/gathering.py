@@ -122,7 +122,8 @@ class GatheringSearch(TaskSearch):
             )
             for name in row.left
         }
-        return beyond_reach(scenario.alone(row.of[0]), outlines, faces, row.left)
+        proofs = beyond_reach(scenario.alone(row.of[0]), outlines, faces, row.left)
+        return next(iter(proofs.values()), None)
 
     def _require_pushable(self) -> None:
         """Refuse a row of which an object cannot be pushed at all.

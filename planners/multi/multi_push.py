@@ -173,7 +173,8 @@ class MultiPushSearch(TaskSearch):
         """Return the proof that the robot does not reach the load."""
         scenario = self.scenario
         outlines = [se2.transform_points(scenario.start, obj.outline_chain) for obj in scenario.chain.objects]
-        return beyond_reach(scenario, {"load": outlines}, {"load": self.plates_before(scenario.start)})
+        proofs = beyond_reach(scenario, {"load": outlines}, {"load": self.plates_before(scenario.start)})
+        return proofs.get("")
 
     def segments(self, room: PushRoom, sequence: PushSequence, before: Poses) -> Segments:
         """Return the segments of what a search found, not timed.

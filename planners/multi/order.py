@@ -22,7 +22,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from pushplan.planners.multi.search import Limits
-from pushplan.planners.multi.tours import Tours
+from pushplan.planners.multi.tours import MOST, Tours
 from pushplan.planners.multi.transfers import Piece, Situation, Transfer, find_transfer, posed, situation_after
 from pushplan.planners.outcome import Budget
 from pushplan.plans.settings import Observer
@@ -52,12 +52,18 @@ the other while there is no order.
 Batches, not seconds: the same seed finds the same order, however busy the machine is.
 """
 
+SOON, SOON_MOST = 3, 60
+"""Stages with which an order of up to `MOST` bodies is searched for at once, and transfers for each body then."""
+
 GREEDY = ((0, 0), (3, 0), (15, 0), (15, 1), (15, 2))
 """How many batches of poses the search for one transfer may take, and the level of its margins, in one round of
 greedy deliveries after the other."""
 
 CAREFUL = ((0, 0), (3, 0))
 """The same of rounds in which no delivery may shut in what is left."""
+
+ROUNDS = 6
+"""Times that all is delivered again, what was left the last time first."""
 
 FREED = 24
 """Bodies that are put out of the way while more can be delivered then, at most."""
@@ -132,6 +138,7 @@ class Order:
         self._patience = self._level = 0
         self._known: dict[tuple[object, ...], Transfer | None] = {}
         self._tours: Tours | None = None
+        self._turn = math.inf
         self.looked_at = 0
 
     @cached_property
@@ -141,26 +148,40 @@ class Order:
     def find(self, now: Situation) -> PartialPlan:
         """Return transfers that bring as many of the pieces that are left to a goal as were found in time.
 
-        Greedy deliveries come first: as tours lead, then the nearest ones, then with what is in the way put aside. So
-        no plan brings fewer than a loop over plans for single pieces. The search for an order begins where they end.
+        Greedy deliveries, as tours lead, come first. Where they leave something, an order is searched for with little
+        effort if the pieces are few. Then all is delivered with care, the nearest first, and with what is in the way
+        put aside. So no plan brings fewer than a loop over plans for single pieces. The search for an order uses
+        up what time is left.
         """
         self._patience = 0
-        nothing = PartialPlan(0.0, 0.0, (), now)
-        best = led = self._led(now)
-        if led.here.left:
-            best = self._delivered(self._delivered(nothing, CAREFUL))
+        begun = PartialPlan(0.0, 0.0, (), now), self._led(now)
+        best, soon = begun[1], STAGES[:SOON] if len(now.left) <= MOST else ()
+        if best.here.left and soon:
+            self._turn = self.looked_at + SOON_MOST * len(now.left)
+            best = min(best, self._in_order(begun, soon), key=_worth)
+            self._turn = math.inf
         if best.here.left and not self._over():
-            best = min(best, self._delivered(led), self._delivered(nothing), key=_worth)
+            best = min(best, self._careful(begun[0]), key=_worth)
+        if best.here.left and not self._over():
+            best = min(best, *map(self._delivered, begun), key=_worth)
         if best.here.left and not self._over():
             best = self._freed(best)
-        for self._patience, relocations, again in STAGES:
-            if not best.here.left or self._over():
-                break
-            begun = nothing if again else self._led(now)
-            rest = self._go_on(begun.here, relocations)
-            if rest is not None:
-                best = self._extended_by(begun, rest)
+        if best.here.left and not self._over():
+            best = min(best, self._in_order(begun, STAGES[len(soon) :]), key=_worth)
         return best
+
+    def _in_order(
+        self, begun: tuple[PartialPlan, PartialPlan], stages: Sequence[tuple[int, int, bool]]
+    ) -> PartialPlan:
+        """Return a plan for all pieces that one of some stages found, else the better one of those begun with."""
+        for self._patience, relocations, again in stages:
+            first = begun[0] if again else begun[1]
+            rest = self._go_on(first.here, relocations)
+            if rest is not None:
+                return self._extended_by(first, rest)
+            if self._over():
+                break
+        return min(begun, key=_worth)
 
     def _led(self, now: Situation) -> PartialPlan:
         """Return transfers, each with which a cheapest tour begins, until none has a plan."""
@@ -173,17 +194,19 @@ class Order:
             plan = PartialPlan(cost, cost, (*plan.steps, step), situation_after(self._pieces, step, plan.here))
         return plan
 
-    def _delivered(self, plan: PartialPlan, rounds: Sequence[tuple[int, int]] = GREEDY) -> PartialPlan:
+    def _delivered(
+        self, plan: PartialPlan, rounds: Sequence[tuple[int, int]] = GREEDY, only: frozenset[int] | None = None
+    ) -> PartialPlan:
         """Return a plan with deliveries until nothing can be delivered, the nearest pieces first.
 
         A piece that cannot be delivered is tried again once all others were. In careful rounds, so is one that would
-        shut in a piece that is left.
+        shut in a piece that is left. With `only`, other pieces stay where they are.
         """
         careful = rounds is CAREFUL
         for self._patience, self._level in rounds:
             found = True
             while found and plan.here.left and not self._over():
-                found, waiting = False, set(plan.here.left)
+                found, waiting = False, set(plan.here.left if only is None else plan.here.left & only)
                 while waiting and not self._over():
                     piece = next(k for k in self._nearest_first(plan.here) if k in waiting)
                     waiting.remove(piece)
@@ -192,6 +215,21 @@ class Order:
                         found, plan = True, self._extended_by(plan, (step,))
         self._patience, self._level = 0, 0
         return plan
+
+    def _careful(self, begin: PartialPlan) -> PartialPlan:
+        """Return the best of plans that shut in nothing where they can; what one leaves, the next one brings first.
+
+        The last piece of a grid cannot be brought to its middle, the first one can.
+        """
+        best, first = begin, frozenset[int]()
+        for _ in range(ROUNDS):
+            plan = self._delivered(begin, only=first) if first else begin
+            plan = self._delivered(self._delivered(plan, CAREFUL))
+            best = min(best, plan, key=_worth)
+            if not plan.here.left - first or self._over():
+                break
+            first |= plan.here.left
+        return best
 
     def _shuts_in(self, now: Situation, step: Transfer) -> bool:
         """Tell whether a delivery takes the plan at hand from a piece near its end."""
@@ -221,7 +259,10 @@ class Order:
                 return
             step = self._search(plan.here, piece, places, delivers=False) if places else None
             if step is not None:
-                more = self._delivered(self._extended_by(plan, (step,)))
+                # What was left comes first: what is put aside could shut it in again.
+                more = self._delivered(self._extended_by(plan, (step,)), only=plan.here.left)
+                if len(more.here.left) <= len(plan.here.left):
+                    more = self._delivered(more)
                 if len(more.here.left) < len(plan.here.left):
                     yield more
 
@@ -320,7 +361,7 @@ class Order:
         return plans
 
     def _over(self) -> bool:
-        spent = self.looked_at >= self._most
+        spent = self.looked_at >= min(self._most, self._turn)
         return spent or time.perf_counter() >= self._until or self._cancelled()
 
     def _go_on(self, now: Situation, relocations: int) -> tuple[Transfer, ...] | None:

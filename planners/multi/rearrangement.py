@@ -77,12 +77,13 @@ class RearrangementSearch(TaskSearch):
             raise PlanningError("every object is at a goal already: there is nothing to push")
         now = Situation(scenario.transport.robot_start, poses, left)
         modes = [mode for piece in self.pieces for mode in piece.search.modes]
-        proof = self._proof(now)
-        if proof is not None:
-            return Outcome.without_plan(proof, min(mode.margin(0) for mode in modes))
+        proofs = self._proofs(now)
+        apart = {k: proofs[piece.name].text for k, piece in enumerate(self.pieces) if piece.name in proofs}
+        if "" in proofs or apart.keys() == left:
+            return Outcome.without_plan(next(iter(proofs.values())), min(mode.margin(0) for mode in modes))
         improvements = Improvements(observer, budget.began)
         order = Order(self.pieces, budget, observer)
-        found = order.find(now)
+        found = order.find(replace(now, left=left.difference(apart)))
         candidates: tuple[Segments, ...] = ()
         if found.steps:
             candidates = (self._take(found.steps, order.looked_at, improvements),)
@@ -97,11 +98,14 @@ class RearrangementSearch(TaskSearch):
             tuple(improvements.found),
             lambda segments: plan_cost(scenario, segments),
             explain=lambda: self._explanation(now, budget.time_limit),
-            undelivered={self.pieces[k].name: order.why_not(found.here, k) for k in sorted(found.here.left)},
+            undelivered={
+                self.pieces[k].name: apart.get(k) or order.why_not(found.here, k)
+                for k in sorted(found.here.left | apart.keys())
+            },
         )
 
-    def _proof(self, now: Situation) -> Diagnosis | None:
-        """Return the proof that the robot reaches no object, or not one that has to be moved."""
+    def _proofs(self, now: Situation) -> dict[str, Diagnosis]:
+        """Return proofs that the robot reaches no object, by "", or not one that has to be moved, by its name."""
         pieces = dict(zip((piece.name for piece in self.pieces), self.pieces, strict=True))
         poses = dict(zip(pieces, now.poses, strict=True))
         outlines = {name: [one.outline for one in piece.obstacles(poses[name])] for name, piece in pieces.items()}

@@ -55,6 +55,7 @@ ATTRIBUTES = {
     "solution_difference": "REAL",  # goal error after execution, m
     "goal_angle_error": "REAL",
     "margin": "REAL",  # that the path had to keep in the end, which `auto` may lower
+    "undelivered": "INTEGER",  # objects that a partial plan leaves out
     "min_margin": "REAL",  # during execution
     "min_dynamic_margin": "REAL",  # the same with inertia
     "trial_success": "REAL",  # share of sampled worlds, with slip, in which the plan arrives
@@ -161,7 +162,9 @@ def validated(key: str, scenario: Scenario, done: Run, watch: Stopwatch) -> Outc
         if execution is not None:
             reason = validation_error(plan, execution)
             free = clearance(scenario, execution)
-    found = plan.solved or plan.first_solution_s is not None
+    partial = bool(plan.undelivered) and not reason
+    reason = plan.reason if partial else reason
+    found = not partial and (plan.solved or plan.first_solution_s is not None)
     valid = plan.solved and not reason
     arcs = [
         (*twist, length)
@@ -173,6 +176,7 @@ def validated(key: str, scenario: Scenario, done: Run, watch: Stopwatch) -> Outc
         "first_solution_time": plan.first_solution_s,
         "lower_bound": plan.lower_bound,
         "margin": plan.margin,
+        "undelivered": len(plan.undelivered),
         "extensions": plan.iterations,
         **_seconds({**watch.seconds, **done.seconds}),
     }

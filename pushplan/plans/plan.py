@@ -90,6 +90,17 @@ class Nearest:
     error: tuple[float, float]
 
 
+MOST_TOLD = 3
+"""Objects that the reason of a partial plan names, at most; `Plan.undelivered` has all."""
+
+
+def reason_of(undelivered: Mapping[str, str], goals: int) -> str:
+    """Return why a plan is not solved that leaves objects out, of a number of objects with goals."""
+    each = [why if why.startswith(f"'{name}'") else f"'{name}': {why}" for name, why in undelivered.items()]
+    more = [f"and {len(each) - MOST_TOLD} more"] if len(each) > MOST_TOLD else []
+    return f"{len(each)} of {goals} objects with goals are not delivered: {'; '.join([*each[:MOST_TOLD], *more])}"
+
+
 @dataclass(frozen=True, eq=False)
 class Plan:
     """How the plate moves so that every object gets to its goal, or why no way was found.
@@ -154,7 +165,8 @@ class Plan:
         """Say what it is in a line: all fields are pages, and some take long to work out."""
         driven = "" if self.duration is None else f" in {self.duration:.2f} s"
         count = "1 segment" if len(self.segments) == 1 else f"{len(self.segments)} segments"
-        found = self.reason or f"{count}, {self.cost or 0.0:.3f} m{driven}"
+        left = f", {len(self.undelivered)} objects left out" if self.undelivered else ""
+        found = f"{count}, {self.cost or 0.0:.3f} m{driven}{left}" if self.segments else self.reason
         return f"<Plan of {self.scenario.name!r}: {found}>"
 
     @property
@@ -172,6 +184,12 @@ class Plan:
     def solved(self) -> bool:
         """Whether every goal is reached, and the plan passed the validation."""
         return not self.reason
+
+    def aims(self, scenario: Scenario) -> Scenario:
+        """Return a scenario with the goals of what the plan delivers, and of a row the place that it gives each."""
+        if not self.segments:
+            return scenario
+        return scenario.settled(self.segments[-1].after).without_goals(self.undelivered)
 
     @cached_property
     def trajectory(self) -> Trajectory | None:

@@ -89,7 +89,7 @@ class Controller:
         scenario, plan = (what.scenario, what) if isinstance(what, Plan) else (what, plan)
         settings = DEFAULTS if settings is None else settings
         plan, self._replanner = first_plan(scenario, plan, settings, observer)
-        scenario = scenario.settled(plan.segments[-1].after)
+        scenario = plan.aims(scenario)
         self.scenario, self.plan, self.settings = scenario, plan, settings
         self._observer, self._obstacles = observer, scenario.obstacles
         self._phase, self.reason = Phase.PUSHING if plan.segments[0].pushes else Phase.LOOKING, ""
@@ -323,7 +323,8 @@ class Controller:
             return
         left = self._delivered.left()
         if not left:
-            self._end(Phase.ARRIVED, f"{words(*worst_at_goal(self.scenario, standing.poses))} off the goal")
+            out = f"; not delivered: {', '.join(self.plan.undelivered)}" if self.plan.undelivered else ""
+            self._end(Phase.ARRIVED, f"{words(*worst_at_goal(self.scenario, standing.poses))} off the goal{out}")
             return
         loads = [segment.load for segment in segments[self._at :] if segment.pushes]
         ahead = {name for load in loads if load is not None for name in load.names}
@@ -367,7 +368,7 @@ class Controller:
             way = f"{self._odometry.travel:.1f} m of {self._most:.1f} m were driven"
             self._give_up(f"{why}; {way}, and the rest takes {travel_of(result.segments):.1f} m")
             return
-        self.scenario = self.scenario.settled(result.segments[-1].after)
+        self.scenario = result.aims(self.scenario)
         self._delivered.aim_at(self.scenario)
         self._tell("replan", f"{result.cost:.3f} m in {result.duration:.1f} s: {why}")
         legs = [] if result.segments[0].kind == RETREAT else self._legs_to_next()
