@@ -136,11 +136,7 @@ def test_a_goal_type_is_a_class_and_an_entry_in_the_table(monkeypatch: Patch) ->
     scenario = stated.with_task(goals=(goal,))
     with pytest.raises(pushplan.PlanningError, match="no search for a Transport with goals of types FreeHeading"):
         pushplan.plan(scenario)
-<<<<<<< HEAD
     monkeypatch.setitem(SEARCHES, kinds, SEARCHES[Transport, Poses])
-=======
-    monkeypatch.setitem(SEARCHES, (Transport, FreeHeading), SEARCHES[Transport, Poses])  # type: ignore[misc]
->>>>>>> 95c30356 (Partial plans: as many objects as can be brought, and why not the others)
     plan = pushplan.plan(scenario, first=True, time_limit=60.0)
     assert plan.solved, plan.reason
     assert goal.fulfilled(end_of(scenario, plan.segments))
