@@ -144,6 +144,7 @@ class Outcome:
         usual_margin: What `stability.margin: auto` asks for where the load allows it.
         remarks: See `Plan`.
         undelivered: Why loads do not get to their goals by the candidates, by name; empty for whole plans.
+        proofs: That some of these cannot be delivered.
     """
 
     candidates: tuple[Segments, ...]
@@ -159,6 +160,7 @@ class Outcome:
     usual_margin: float = MOST_MARGIN
     remarks: tuple[str, ...] = ()
     undelivered: Mapping[str, str] = field(default_factory=dict)
+    proofs: tuple[Diagnosis, ...] = ()
 
     @classmethod
     def without_plan(cls, proof: Diagnosis, margin: float) -> Outcome:

@@ -276,6 +276,7 @@ class Planner:
         found, bound = segments if not reason else (), outcome.lower_bound
         undelivered = outcome.undelivered if found else {}
         if undelivered:
+            diagnosis = outcome.proofs
             reason = reason_of(undelivered, len(undelivered) + len(scenario.goals))
         return Plan(
             scenario,

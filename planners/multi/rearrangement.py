@@ -102,6 +102,7 @@ class RearrangementSearch(TaskSearch):
                 self.pieces[k].name: apart.get(k) or order.why_not(found.here, k)
                 for k in sorted(found.here.left | apart.keys())
             },
+            proofs=tuple(proofs.values()),
         )
 
     def _proofs(self, now: Situation) -> dict[str, Diagnosis]:
