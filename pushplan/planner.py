@@ -253,16 +253,15 @@ class Planner:
     ) -> Plan:
         """Return what was found timed, executed and validated; else why nothing was found."""
         reason, execution = "", None
-        diagnosis: tuple[Diagnosis, ...] = ()
+        diagnosis: tuple[Diagnosis, ...] = outcome.proofs
         nearest: Nearest | None = None
         segments = outcome.candidates[0] if outcome.candidates else ()
         if segments:
             scenario = scenario.settled(segments[-1].after).without_goals(outcome.undelivered)
             validator = validator.of(scenario)
-        set_name = settings.set_name
         with watch("timing"):
             if segments and timed:
-                segments, reason = self._fastest(scenario, outcome, set_name)
+                segments, reason = self._fastest(scenario, outcome, settings.set_name)
         executed = bool(segments) and timed and not reason
         name = self._set_name(segments)
         with watch("execution"):
@@ -272,11 +271,10 @@ class Planner:
             if not segments and not reason:
                 reason, diagnosis, nearest = _why_not(outcome, settings, explain)
             elif not reason:
-                reason = validator.flaw(segments, execution, set_name)
+                reason = validator.flaw(segments, execution, settings.set_name)
         found, bound = segments if not reason else (), outcome.lower_bound
         undelivered = outcome.undelivered if found else {}
         if undelivered:
-            diagnosis = outcome.proofs
             reason = reason_of(undelivered, len(undelivered) + len(scenario.goals))
         return Plan(
             scenario,
