@@ -12,6 +12,7 @@ scaled down until the twist keeps the contacts with half of the margin that the 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
@@ -26,7 +27,7 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.run import Event, Run
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sim.intake import Intake
-from pushplan.util.arrays import BoolArray, FloatArray
+from pushplan.util.arrays import BoolArray, FloatArray, plain_number
 from pushplan.util.names import FARTHEST, RETREAT
 
 if TYPE_CHECKING:
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 
 SLIPPED = (0.005, float(np.radians(2.0)))
 """How far (m, rad) an object may be away from its pose in the chain: five times what cameras err by."""
+SAMPLES = 3
+"""Measurements one after the other that have to be beyond a limit: one may be wrong."""
 SHARE = 0.5
 """Of its margin that a plan keeps while errors are corrected."""
 STEERING_DISTANCE = 0.3
@@ -95,6 +98,8 @@ class Follower:
         speed: Factor of the plan's speed, in (0, 1]; may be set at any time.
         off: How far (m, rad) the base may be off the path; None for the goal's tolerance.
         slipped: How far (m, rad) a measured object may be away from its pose in the plan.
+        samples: So many measurements of one body, one after the other, have to be beyond these limits to abort the
+            plan. The robot does not steer by fewer, and goes on by time.
 
     Attributes:
         plan: What is followed.
@@ -113,6 +118,7 @@ class Follower:
         speed: float = 1.0,
         off: tuple[float, float] | None = None,
         slipped: tuple[float, float] = SLIPPED,
+        samples: int = SAMPLES,
     ) -> None:
         plan = run if isinstance(run, Plan) else getattr(run, "plan", run)
         if not isinstance(plan, Plan | None):
@@ -130,6 +136,9 @@ class Follower:
         for name, pair in (("off", self._off), ("slipped", slipped)):
             if np.shape(pair) != (2,) or not all(0.0 <= value <= FARTHEST for value in pair):
                 raise PushplanError(f"{name} is {pair}; allowed: a distance (m) and an angle (rad), both >= 0")
+        self._samples, self._beyond = plain_number(samples), Counter[str]()
+        if type(self._samples) is not int or self._samples < 1:
+            raise PushplanError(f"samples is {samples!r:.40}; allowed: a whole number from 1")
         self._ahead, self._reason = 0.0, ""
         self.events: list[Event] = []
         self._intake, self._bad = Intake(self._dropped), 0
@@ -175,8 +184,8 @@ class Follower:
         Args:
             base_pose: (3,) measured pose of the base in the world; None goes by time alone.
             object_poses: (n, 3) measured poses of the objects in the world, in the order of `scenario.poses`, None or
-                NaN where one was not seen; one that is off its planned pose by more than `slipped` aborts the
-                plan.
+                NaN where one was not seen; one that is off its planned pose by more than `slipped`, `samples` times
+                in a row, aborts the plan.
             elapsed: Time since the last step, s; None for `period`, and 0 at the first. Where it is none, the twist
                 is 0.
 
@@ -191,7 +200,7 @@ class Follower:
         self._bad = 0 if timed and (measured is None) == (base_pose is None) else self._bad + 1
         if self._bad * self._period > PATIENCE:
             self.abort(f"for {PATIENCE:g} s nothing has come in that can be: {self.events[-1].text}")
-        error = None if measured is None else self._located(measured, before)
+        error, beyond = (None, False) if measured is None else self._located(measured, before)
         if object_poses is not None:
             names = list(self.plan.segments[0].before)
             self._watch_objects(self._intake.poses(object_poses, names, "poses of objects"), measured)
@@ -205,24 +214,31 @@ class Follower:
         twist = np.zeros(3)
         if state is FollowerState.FOLLOWING:
             twist = self._steering.planned(drive.at, ahead, self._period)
-            twist = twist if error is None else self._steering.corrected(twist, error, drive.at)
+            twist = twist if error is None or beyond else self._steering.corrected(twist, error, drive.at)
             twist = self._steering.of(self.trajectory.base, twist)
         else:
             self._ahead = 0.0
         progress = drive.at / duration if duration else 1.0
         return Command(twist, state, drive.at, progress, off, self._reason)
 
-    def _located(self, measured: FloatArray, before: float) -> FloatArray:
-        """Set the time to when the plan is where the robot is along the path, and return the error (3,) left."""
-        drive = self._drive
+    def _located(self, measured: FloatArray, before: float) -> tuple[FloatArray, bool]:
+        """Set the time to when the plan is where the robot is along the path, unless that is too far from there.
+
+        Returns:
+            The error (3,) left, and whether it is beyond its limit.
+        """
+        drive, timed = self._drive, self._drive.at
         if not drive.stopping:
             shift = self._steering.delay(drive.at, self._steering.error(drive.at, measured))
             most = _MOST_SHIFT * self._period
             shifted = drive.at + min(max(shift, -most), most)
             drive.at = min(max(shifted, before), self.trajectory.duration)
         error = self._steering.error(drive.at, measured)
-        self._check("the base", "off the path", float(np.hypot(*error[:2])), float(abs(error[2])), self._off)
-        return error
+        far, turned = float(np.hypot(*error[:2])), float(abs(error[2]))
+        beyond = self._check("the base", "off the path", far, turned, self._off)
+        if beyond:
+            drive.at = timed
+        return error, beyond
 
     def _watch_objects(self, poses: FloatArray, measured: FloatArray | None) -> None:
         trajectory, at = self.trajectory, np.array([self._drive.at])
@@ -237,10 +253,15 @@ class Follower:
                 off = se2.pose_error(pose, place)
                 self._check(f"'{name}'", "away from its pose in the chain", *off, self._slipped)
 
-    def _check(self, who: str, what: str, far: float, turned: float, allowed: tuple[float, float]) -> None:
-        if far > allowed[0] or turned > allowed[1]:
+    def _check(self, who: str, what: str, far: float, turned: float, allowed: tuple[float, float]) -> bool:
+        """Return whether a measurement is beyond what is allowed; abort once several have been."""
+        beyond = far > allowed[0] or turned > allowed[1]
+        self._beyond[who] = self._beyond[who] + 1 if beyond else 0
+        if self._beyond[who] >= self._samples:
             found, most = (f"{1e3 * m:.3g} mm and {math.degrees(rad):.3g} deg" for m, rad in ((far, turned), allowed))
-            self.abort(f"{who} is {found} {what} after {self._drive.at:.2f} s; allowed: {most}")
+            times = f", {self._samples} measurements one after the other" if self._samples > 1 else ""
+            self.abort(f"{who} is {found} {what} after {self._drive.at:.2f} s{times}; allowed: {most}")
+        return beyond
 
 
 class Steering:

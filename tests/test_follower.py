@@ -115,20 +115,45 @@ def test_leaving_the_path_or_losing_an_object_aborts_and_says_so() -> None:
     trajectory, chain = there(run.trajectory), run.scenario.chain
     start = trajectory.base_poses[0]
     beside = se2.compose(start, np.array([0.0, 0.004, 0.0]))
-    command = Follower(run).step(beside)
+    command = Follower(run, samples=1).step(beside)
     assert command.state is FollowerState.ABORTED
     assert (command.twist == 0.0).all()
     assert "the base is 4 mm and 0 deg off the path after 0.00 s; allowed: 2 mm and 0.2 deg" in command.reason
     follower = Follower(run)
+    assert [follower.step(beside, elapsed=0.0).state.value for _ in range(3)] == ["following"] * 2 + ["aborted"]
+    follower = Follower(run)
     objects = np.array([se2.compose(trajectory.poses[0], obj.pose_chain) for obj in chain.objects])
     assert follower.step(start, objects).state is FollowerState.FOLLOWING
     objects[1, 1] += 0.02
-    command = follower.step(start, objects)
+    for _ in range(3):
+        command = follower.step(start, objects, elapsed=0.0)
     assert "'far' is 20 mm and 0 deg away from its pose in the chain" in command.reason
+    assert "3 measurements one after the other; allowed: 5 mm and 2 deg" in command.reason
     assert follower.step(start).state is FollowerState.ABORTED
     follower = Follower(run)
     follower.abort("operator")
     assert follower.step().reason == "operator"
+    with pytest.raises(pushplan.PushplanError, match="samples is 0; allowed: a whole number from 1"):
+        Follower(run, samples=0)
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_wrong_measurements_neither_abort_a_plan_nor_divert_the_robot(drive: str) -> None:
+    """Every half a second two poses of the base are 5 cm off, to any side."""
+    run, rng = pushed(drive), np.random.default_rng(5)
+    follower, trajectory = Follower(run), there(run.trajectory)
+    pose, right = trajectory.base_poses[0], [trajectory.base_poses[0]]
+    for k in range(20_000):
+        way = rng.uniform(-np.pi, np.pi)
+        wrong = np.array([0.05 * np.cos(way), 0.05 * np.sin(way), 0.0]) * (k % 25 in (7, 8))
+        command = follower.step(pose + wrong)
+        if command.state is not FollowerState.FOLLOWING:
+            break
+        pose = se2.compose(pose, se2.exp(0.02 * command.twist))
+        right.append(pose)
+    assert command.state is FollowerState.ARRIVED, command.reason
+    way_points = trajectory.base_poses_at(np.arange(0.0, trajectory.duration, 3e-3))[:, :2]
+    assert max(np.hypot(*(way_points - p[:2]).T).min() for p in right) < 1e-3
 
 
 NODE = Path(__file__).parents[1] / "examples" / "ros2" / "follower_node.py"

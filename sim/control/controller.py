@@ -107,7 +107,7 @@ class Controller:
         self._wheels = relative(scenario.pusher.plate_pose, scenario.pusher.wheels_pose)
         self._now, self._began, self._since, self._late = 0.0, math.inf, 0.0, False
         self._planned, self._at, self._before, self._rests = plan, 0, 0, 0
-        self._again, self._backing, self._lost = 0, False, ""
+        self._again, self._backing, self._blind, self._lost = 0, False, False, ""
         self._slips: Counter[str] = Counter()  # how often objects have slid since the plan was made, by name
         self._most = settings.most(travel_of(plan.segments))
         self._push: PushLoop | None = None
@@ -270,6 +270,8 @@ class Controller:
             else:
                 self._legs.popleft()
                 self._go_on()
+        elif self._following is not None and not self._sightings.rides and self._is_blind():
+            self._following.drive.stop()
 
     def _begin(self) -> None:
         """Begin the segment that comes next: a push, a retreat, or a look from which the plate drives on."""
@@ -313,13 +315,12 @@ class Controller:
     def _look(self) -> None:
         """Once it is known where everything stands, drive to the next load, plan the rest, or end."""
         standing, segments = self._standing, self._planned.segments
-        columns = standing.columns(standing.names)
-        unseen = self._now - float(self._sightings.unseen(self._began, columns).max())
-        if unseen > 10.0 * self.settings.patience:
-            self._give_up(f"no measurement has come for {unseen:.1f} s")
+        if self._is_blind():
+            self._since = self._now  # what is not seen then is waited for
+            return
         usual = self.settings.late + self.settings.delay_error if self._late else 0.0
         late = usual + 2.0 * self.settings.delay_error if self._estimator is None else self._estimator.late
-        if self.over or not standing.look(self._since + late, self._now):
+        if not standing.look(self._since + late, self._now):
             return
         left = self._delivered.left()
         if not left:
@@ -334,6 +335,15 @@ class Controller:
             self._set_out(legs)
         else:
             self._plan_rest(why or "there is no short way to the next push as it was planned")
+
+    def _is_blind(self) -> bool:
+        """Tell whether nothing is seen, which is told once; give up where that goes on."""
+        columns = self._standing.columns(self._standing.names)
+        unseen = self._now - float(self._sightings.unseen(self._began, columns).max())
+        self._blind = self._sightings.is_blind(unseen, self._blind, self.settings.patience, self._tell)
+        if unseen > self.settings.outage:
+            self._give_up(f"no measurement has come for {unseen:.1f} s")
+        return self._blind
 
     def _legs_to_next(self) -> list[Leg]:
         """Return the ways to the load of the next push from where everything stands."""

@@ -98,7 +98,7 @@ class PushLoop:
         self.estimator = Estimator(settings, self._normals, self._wheels, known)
         self._odometry, self._before = odometry, odometry.travel
         self._take_place(plate)
-        self._now, self._began, self._fitted = now, now, -math.inf
+        self._now, self._began, self._fitted, self._blind = now, now, -math.inf, False
         self._recent: deque[Sample] = deque(maxlen=max(2, 3 * settings.looks // 4))
         self.places = scenario.chain.places
         self._slide: Slide | None = None
@@ -231,7 +231,8 @@ class PushLoop:
             self._end_stall(heavy)
             return
         unseen = self._now - float(self._sightings.unseen(self._began, self._job.columns).min())
-        if unseen > 10.0 * self.settings.patience:
+        self._blind = self._sightings.is_blind(unseen, self._blind, self.settings.patience, self._tell)
+        if unseen > self.settings.outage:
             self._give_up(f"no measurement has come for {unseen:.1f} s")
         elif self.phase is Phase.LOOKING:
             self._look()
@@ -250,19 +251,18 @@ class PushLoop:
 
     def _watch(self, unseen: float) -> None:
         """Stop when an object has left its place, or nothing is seen any more."""
-        kind, what, since = "unseen", f"no measurement has come for {unseen:.2f} s", self._now - 2.0 * HOLD
-        slide = self._slide
+        what, since, slide = "", self._now - 2.0 * HOLD, self._slide
         if unseen <= self.settings.patience and self.phase is Phase.PUSHING:
             recent = [sample for sample in self._recent if sample.time >= self._since]
-            kind, what = "deviation", off_place(self.estimator, recent, self.load.names, self._settled)
+            what = off_place(self.estimator, recent, self.load.names, self._settled)
             if not what and slide is not None:
                 far, name = f"{1e3 * abs(slide.size):.1f} mm along what pushes it", self.load.names[slide.contact]
                 what, since = f"{name} has slid by {far}", min(since, slide.since)
                 self.slips[name] += 1
-        if what and (kind == "deviation" or unseen > self.settings.patience):
-            self._tell(kind, what)
+        if what or self._blind:
             self.estimator.forget(since, self._now)
-            if kind == "deviation":
+            if what:
+                self._tell("deviation", what)
                 self.estimator.doubt(self._now)  # what it took for constants is none
             self._slide = None
             self._following.drive.stop()

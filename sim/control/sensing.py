@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Self
 
@@ -109,10 +110,11 @@ class Sightings:
 
     Attributes:
         noise: (2,) likewise of the last one, the largest of all objects.
+        rides: Whether the last one came from a camera on the robot, which may see nothing on its way.
     """
 
     def __init__(self, noise: FloatArray) -> None:
-        self.noise, self._usual = noise, noise
+        self.noise, self._usual, self.rides = noise, noise, False
         self._seen: deque[tuple[float, FloatArray]] = deque()
         self._ahead: deque[tuple[float, FloatArray, bool]] = deque()
         self._plates: deque[FloatArray] = deque()  # time and pose of each (4,)
@@ -129,7 +131,8 @@ class Sightings:
         if frame not in ("world", "plate"):
             raise PushplanError(f"frame is {frame!r:.40}; allowed: 'world' and 'plate'")
         self.noise = self._usual if noise is None else noise
-        self._ahead.append((time, object_poses, frame == "plate"))
+        self.rides = frame == "plate"
+        self._ahead.append((time, object_poses, self.rides))
 
     def come(self, now: float, plate: FloatArray) -> list[tuple[float, FloatArray]]:
         """Return what has come since, in the world; measurements stamped ahead wait until `now` is there.
@@ -171,6 +174,13 @@ class Sightings:
     def unseen(self, since: float, columns: list[int]) -> FloatArray:
         """Return when each of some objects was seen last (n,), or `since` where that is later or it never was."""
         return np.maximum(self._last[columns], since) if len(self._last) else np.array([since])
+
+    def is_blind(self, unseen: float, was: bool, patience: float, tell: Callable[[str, str], None]) -> bool:
+        """Tell once that no measurement has come for longer than one is waited for; return whether that is so."""
+        blind = unseen > patience
+        if blind and not was:
+            tell("unseen", f"no measurement has come for {unseen:.2f} s: the plate stands still until one does")
+        return blind
 
     def mean(self, around: FloatArray, least: int, since: float, columns: list[int]) -> FloatArray | None:
         """Return the mean poses (n, 3) of measurements of some objects; None when there are too few of one of them.

@@ -40,8 +40,8 @@ class ControlSettings:
             holds of each push against its own plan.
         worth: Travel (m) that it is worth to come nearer to the goal by as much as its tolerance; less error beyond
             is worth less, but always half a metre.
-        patience: Time without a measurement after which the plate stops, s; after ten times that the controller
-            gives up.
+        patience: Time without a measurement after which the plate stands still until one comes, s.
+        outage: Time without a measurement after which the controller gives up, s.
         bias: Standard deviation of what is measured of an object beside its noise, always the same, m and rad.
         start_error: Likewise of where the plate is at first, m and rad.
         approach_error: Likewise of where it is against an object that it has driven up to, m and rad.
@@ -64,6 +64,7 @@ class ControlSettings:
     detour: tuple[float, float] = (2.0, 1.0)
     worth: float = 2.0
     patience: float = 0.5
+    outage: float = 60.0
     bias: tuple[float, float] = (2e-3, math.radians(0.6))
     start_error: tuple[float, float] = (4e-3, math.radians(0.6))
     approach_error: tuple[float, float] = (4e-3, math.radians(1.5))

@@ -104,14 +104,34 @@ def test_travel_keeps_to_its_bound_and_what_remains_is_told(
     assert run.outcome == "arrived" or " remain to the goal; coming nearer takes " in run.reason
 
 
-def test_without_measurements_the_plate_stops_and_the_controller_gives_up() -> None:
-    controller = Controller(scenario("one-box"), plan=plan_of("one-box"))
-    twists = [controller.step(0.02 * k) for k in range(300)]
+def test_without_measurements_the_plate_stands_still_and_the_controller_gives_up_in_the_end() -> None:
+    settings = ControlSettings(rate=25.0, outage=20.0)
+    controller = Controller(scenario("one-box"), settings, plan=plan_of("one-box"))
+    twists = [controller.step(0.04 * k) for k in range(600)]
     speeds = np.abs(twists).max(axis=1)
-    assert speeds[20] > 0.01
-    assert (speeds[150:] == 0.0).all()
-    assert controller.phase is Phase.GAVE_UP
-    assert controller.reason == "no measurement has come for 5.0 s"
+    assert speeds[10] > 0.01
+    assert (speeds[75:] == 0.0).all()
+    assert [event.kind for event in controller.events] == ["plan", "unseen", "gave up"]
+    assert controller.reason == "no measurement has come for 20.0 s"
+
+
+@pytest.mark.parametrize("pushes", [1, 2])
+def test_after_an_outage_of_the_measurements_the_loop_goes_on(pushes: int) -> None:
+    """Motion capture is out for several seconds at a time, and comes back."""
+    apart = scenario_from_document(problem_document("omnidirectional"))
+    plan = plan_of("one-box") if pushes == 1 else pushplan.plan(apart, seed=1, iterations=1, time_limit=60.0)
+    controller = Controller(plan, SELDOM)
+    world, duration = pushplan.World.from_scenario(plan.scenario), there(plan.trajectory).duration
+
+    def step(now: float, poses: ArrayLike | None = None, measured_at: float | None = None) -> FloatArray:
+        out = 0.4 * duration < now < 0.4 * duration + 8.0
+        return controller.step(now, None if out else poses, measured_at)
+
+    course = simulate_push(world, controller, SELDOM.rate, step=step)
+    assert controller.phase is Phase.ARRIVED, controller.reason
+    assert [event.kind for event in controller.events].count("unseen") == 1
+    speeds = np.abs(course.twists[:, :2]).max(axis=1)
+    assert (speeds[(course.t > 0.4 * duration + 3.0) & (course.t < 0.4 * duration + 7.9)] == 0.0).all()
 
 
 def test_a_measured_plate_is_led_back_to_the_path_on_twists_that_the_contacts_bear() -> None:
