@@ -59,6 +59,9 @@ GREEDY = ((0, 0), (3, 0), (15, 0), (15, 1), (15, 2))
 """How many batches of poses the search for one transfer may take, and the level of its margins, in one round of
 greedy deliveries after the other."""
 
+PLAIN = ((8, 0), (8, 1), (8, 2))
+"""The same of rounds that a loop over plans for single bodies would make."""
+
 CAREFUL = ((0, 0), (3, 0))
 """The same of rounds in which no delivery may shut in what is left."""
 
@@ -163,7 +166,7 @@ class Order:
         if best.here.left and not self._over():
             best = min(best, self._careful(begun[0]), key=_worth)
         if best.here.left and not self._over():
-            best = min(best, *map(self._delivered, begun), key=_worth)
+            best = min(best, self._delivered(begun[0], PLAIN), self._delivered(begun[1]), key=_worth)
         if best.here.left and not self._over():
             best = self._freed(best)
         if best.here.left and not self._over():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -15,7 +16,7 @@ from pushplan.scenario.schema import RoomFile
 from pushplan.scenario.source import Place, Source
 from pushplan.scenario.units import Span, highest, lowest
 from pushplan.scenario.validation import unknown_object
-from pushplan.util.arrays import FloatArray
+from pushplan.util.arrays import BoolArray, FloatArray
 from pushplan.util.names import PUSHER
 
 Pair = tuple[int, int]
@@ -23,6 +24,11 @@ Pair = tuple[int, int]
 
 NEARLY = 1e-3
 """Gap below which bodies that do not touch are too near to be told apart from bodies that do, m."""
+
+
+SIDEWAYS = math.radians(1.0)
+"""Sides within this of the push direction, rad, transmit nothing that is needed: what is fixed on both sides of them
+does not move against one another, whether they touch or not."""
 
 
 def find_segments(parts: Sequence[Part], layout: Layout, source: Source) -> dict[Pair, FloatArray]:
@@ -69,7 +75,8 @@ def _touching(i: int, parts: Sequence[Part], layout: Layout, source: Source) -> 
             source.error(("objects", i), overlap)
             overlaps = True
         touch = find_touch(outline, layout.outlines[i])
-        if touch is not None:
+        touch = None if touch is None else touch[~_is_sideways(touch[:, 1] - touch[:, 0])]
+        if touch is not None and len(touch):
             touching[j] = touch
     return None if overlaps else touching
 
@@ -78,9 +85,17 @@ def _nearly_touching(i: int, layout: Layout) -> Iterator[tuple[int, float]]:
     """Yield the earlier bodies that object i does not touch but nearly, and the gap, m."""
     own = shapely.Polygon(layout.outlines[i])
     for j, outline in _near(i, layout, NEARLY):
-        gap = float(shapely.distance(own, shapely.Polygon(outline)))
-        if TOUCH < gap < NEARLY - TOUCH:
+        between = shapely.get_coordinates(shapely.shortest_line(own, shapely.Polygon(outline)))
+        across = between[1] - between[0]
+        gap = float(np.hypot(*across))
+        # The line between two sides stands on them.
+        if TOUCH < gap < NEARLY - TOUCH and not _is_sideways(np.array([across[1], -across[0]])):
             yield j, gap
+
+
+def _is_sideways(along: FloatArray) -> BoolArray:
+    """Tell whether edges with directions (..., 2) in the chain frame are sides that run along the push."""
+    return np.asarray(np.abs(along[..., 1]) <= math.tan(SIDEWAYS) * np.abs(along[..., 0]))
 
 
 def _trouble(i: int, touching: Mapping[int, FloatArray], parts: Sequence[Part], layout: Layout) -> str | None:

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenarios.conftest import Changed
 
+import pushplan
 from pushplan.errors import ScenarioError
 from pushplan.geometry import se2
 from pushplan.scenario.file import scenario_from_document, scenario_from_text
@@ -152,12 +153,34 @@ def test_beyond_the_tolerance_it_is_a_finding(
     )
 
 
-def test_what_nearly_touches_beside_the_plate_is_a_finding() -> None:
+def test_what_nearly_touches_in_front_of_another_is_a_finding() -> None:
     near = box("near", 0.1, 0.08, (0.05, 0.0, 0.0))
-    aside = box("aside", 0.1, 0.08, (0.05, 0.0804, 0.0))
+
+    def around(x: float) -> str:
+        corners = [[0.0, 0.05], [x, 0.05], [x, 0.0], [0.2, 0.0], [0.2, 0.12], [0.0, 0.12]]
+        return f"name: aside, shape: {{polygon: {corners}}}, mass: 1.0, pose: [0.0, 0.0, 0.0]"
+
+    aside = around(0.1004)
     for snap in ("", "snap: 5 mm"):
         assert findings(text([near, aside], snap)) == [
             "objects[1]: 'aside' and 'near' do not touch, but are only 0.4 mm apart: the least error makes a contact "
             "of it; allowed: at least 1 mm, or a contact"
         ]
-    scenario_from_text(text([near, box("aside", 0.1, 0.08, (0.05, 0.081, 0.0))], ""))
+    scenario_from_text(text([near, around(0.101)], ""))
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-4, 3e-4])
+def test_sides_that_touch_or_nearly_are_ignored(gap: float) -> None:
+    """Two by two boxes on a plate are two chains: in them, what is side by side does not move against one another."""
+    rows = [(x, y) for y in (0.0, 0.08 + gap) for x in (0.05, 0.15)]
+    boxes = [box(f"b{k}", 0.1, 0.08, (*row, 0.0)) for k, row in enumerate(rows)]
+    block = scenario_from_text(text([boxes[0].replace("pose", "offset: -0.04, pose"), *boxes[1:]], ""))
+    assert [(contact.pusher, contact.pushed) for contact in block.chain.contacts] == [
+        (-1, 0),
+        (0, 1),
+        (-1, 2),
+        (2, 3),
+    ]
+    plan = pushplan.plan(block, first=True, time_limit=60.0)
+    assert plan.solved, plan.reason
+    assert pushplan.simulate(plan, pushplan.World.from_scenario(block)).kept
