@@ -6,7 +6,11 @@ from importlib.metadata import version as installed
 from typing import Any
 
 from pydantic import BaseModel
+from sphinx.util.docutils import SphinxDirective
 from sphinx.util.inspect import TypeAliasForwardRef
+
+from pushplan.logging.signals import SIGNALS
+from pushplan.plans.execution import Execution
 
 project = "pushplan"
 author = "the pushplan authors"
@@ -61,6 +65,23 @@ def setup(app: Any) -> None:
     """
     app.connect("autodoc-process-docstring", _begin_with_comment, priority=400)  # before napoleon
     app.connect("autodoc-process-signature", _without_types)
+    app.add_directive("signals", SignalTable)
+
+
+class SignalTable(SphinxDirective):
+    """The recorded series, as `pushplan.logging.signals` declares them."""
+
+    def run(self) -> list[Any]:
+        """Return the table."""
+        rows = ["| record | series | what | shape | unit | columns in CSV | topic |", "|---" * 7 + "|"]
+        for kind, table in SIGNALS.items():
+            for one in table.values():
+                shape = ", ".join(map(str, one.shape("m", "n")))
+                where = {"plate": "", "object": "O.", "contact": "C."}[one.of]
+                columns = ", ".join(f"`{where}{column}`" for column in one.columns if kind is Execution)
+                cells = (kind.__name__, f"`{one.name}`", one.quantity, f"({shape})", one.unit, columns, one.topic)
+                rows.append("| " + " | ".join(cells) + " |")
+        return self.parse_text_to_nodes("\n".join(rows))
 
 
 def _begin_with_comment(_app: Any, what: str, _name: str, _obj: Any, _options: Any, lines: list[str]) -> None:

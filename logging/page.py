@@ -28,6 +28,7 @@ from pushplan.logging.shown import (
     viewed,
     worst_contacts,
 )
+from pushplan.logging.signals import series_of
 from pushplan.mechanics.contacts import friction_cone
 from pushplan.plans.execution import Execution
 from pushplan.plans.load import Load
@@ -160,29 +161,23 @@ def _way(line: Line, leads: bool) -> dict[str, Any]:
 
 
 def _execution(scenario: Scenario, execution: Execution | None) -> dict[str, Any]:
-    """Samples by column; margins, lambdas and forces by contact, null where nothing is pushed."""
+    """Samples by signal, object or contact, and column, null where nothing is pushed; which are shown as numbers."""
     if execution is None or len(execution.t) == 0:
-        nothing: dict[str, Any] = {"t": [], "margins": [[] for _ in scenario.poses], "forces": None}
-        return {"samples": nothing, "margin_range": [-0.05, 1.0], "largest_force": 1.0, "named": []}
+        nothing: dict[str, Any] = {"t": [], "margins": [[] for _ in scenario.poses]}
+        return {"samples": nothing, "margin_range": [-0.05, 1.0], "largest_force": 1.0, "named": [], "read_out": []}
     shown = viewed(execution)[:: math.ceil(len(viewed(execution)) / MOST_SAMPLES)]  # of very long ones less
     worst = np.argmin(np.where(np.isnan(execution.margins), np.inf, execution.margins), axis=0)
     kept = np.union1d(shown, [0, len(execution.t) - 1, *worst])
     margins = execution.margins[kept]
-    forces, lambdas = execution.forces, execution.lambdas
-    samples = {
-        "t": _plain(execution.t[kept]),
-        **dict(zip(("x", "y", "theta"), _plain(execution.poses[kept].T), strict=True)),
-        "objects": _plain(np.moveaxis(execution.objects[kept], 0, -1)),
-        "segment": execution.segment[kept].tolist(),
-        "margins": _plain(margins.T),
-        "lambdas": None if lambdas is None else _plain(lambdas[kept].T),
-        "forces": None if forces is None else _plain(np.moveaxis(forces[kept], 0, -1)),
-    }
+    shared = [(signal, values) for signal, values in series_of(execution) if signal.page]
+    samples = {signal.name: _plain(np.moveaxis(values[kept], 0, -1)) for signal, values in shared}
+    numbers = [one for one, values in shared if values.ndim == 1 and one.name not in ("t", "segment")]
+    read_out = [(one.name, one.quantity, one.unit) for one in numbers]
     known = margins[~np.isnan(margins)]
     low, high = min(0.0, float(known.min(initial=0.0))), float(known.max(initial=0.0))
     room = 0.05 * max(high - low, 0.1)
     scales = {"margin_range": [low - room, high + room], "largest_force": largest_force(execution)}
-    return {"samples": samples, **scales, "named": worst_contacts(execution)}
+    return {"samples": samples, **scales, "named": worst_contacts(execution), "read_out": read_out}
 
 
 def _plain(values: FloatArray) -> list[Any]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import pushplan.logging.metadata as metadata
 import pushplan.logging.schemas as schemas
@@ -17,6 +18,7 @@ from pushplan.errors import PushplanError, RunLogError, ScenarioError
 from pushplan.logging.codec import CodecError, decode, memory
 from pushplan.logging.mcap_file import Attachment, DamageError, Item, McapFile, Message, Metadata
 from pushplan.logging.recorded import LogLine, RecordedRun
+from pushplan.logging.signals import SIGNALS, series_of
 from pushplan.logging.topics import lines_of
 from pushplan.plans.execution import Execution, StabilityLoss, TrialEnd
 from pushplan.plans.plan import Improvement, Plan
@@ -241,8 +243,7 @@ class _Reading:
         self._file.require(end is not None or not parts, "the end of the execution")
         if not parts:
             return None
-        first = parts[0]
-        count = 0
+        first, count = parts[0], 0
         for part in parts:
             same = all(tuple(part[key]) == tuple(first[key]) for key in ("names", "judge", "arrays"))
             if not same or part["first"] != count:
@@ -250,14 +251,7 @@ class _Reading:
             count += len(part["arrays"]["t"])
         if tuple(first["names"]) != tuple(self._scenario.poses):
             raise CodecError("an execution with other objects than the scenario's")
-        arrays = {}
-        for name in first["arrays"]:
-            values = np.concatenate([part["arrays"][name] for part in parts])
-            shape, kind = _shape(name, count, len(first["names"]))
-            if values.shape != shape or values.dtype != kind:
-                raise CodecError(f"array {name!r} has shape {values.shape}, not {shape}")
-            values.setflags(write=False)
-            arrays[name] = values
+        arrays = self._joined(Execution, [part["arrays"] for part in parts])
         loss, error = self._end(end, count)
         return Execution(first["names"], first["judge"], **arrays, loss=loss, goal_error=error)
 
@@ -279,9 +273,21 @@ class _Reading:
         replans: list[Replan] = self._numbered(writer.REPLAN, Replan)
         if not (measured or events or replans):
             return None
-        t = np.concatenate([part.t for part in measured]) if measured else np.zeros(0)
-        poses = np.concatenate([part.poses for part in measured]) if measured else np.zeros((0, 1, 3))
-        return Feedback(Measured(t, poses), tuple(events), tuple(replans))
+        parts = [{signal.name: values for signal, values in series_of(part)} for part in measured]
+        arrays = self._joined(Measured, parts) if parts else {"t": np.zeros(0), "poses": np.zeros((0, 1, 3))}
+        return Feedback(Measured(**arrays), tuple(events), tuple(replans))
+
+    def _joined(self, kind: type, parts: Sequence[Mapping[str, NDArray[Any]]]) -> dict[str, Any]:
+        """Return the series of a record, read-only, of which a log has parts."""
+        count, arrays = sum(len(part["t"]) for part in parts), {}
+        for name in parts[0]:
+            values, signal = np.concatenate([part[name] for part in parts]), SIGNALS[kind][name]
+            shape = signal.shape(count, len(self._scenario.poses))
+            if values.shape != shape or values.dtype != signal.dtype:
+                raise CodecError(f"array {name!r} has shape {values.shape}, not {shape}")
+            values.setflags(write=False)
+            arrays[name] = values
+        return arrays
 
     def _trials(self) -> tuple[TrialEnd, ...]:
         """Return how the plan ended in sampled worlds."""
@@ -304,21 +310,8 @@ def _is_line(value: Any) -> bool:
 
 
 def _is_part(value: Any) -> bool:
-    """Tell whether a value is a part of an execution with all arrays that one has."""
+    """Tell whether a value is a part of an execution."""
     match value:
         case {"first": int(), "names": tuple(names), "judge": str(), "arrays": dict(arrays)}:
-            known = set(writer.SERIES) <= set(arrays) <= {*writer.SERIES, *writer.SERIES_KNOWN}
-            return known and all(isinstance(name, str) for name in names)
+            return arrays.keys() <= SIGNALS[Execution].keys() and all(isinstance(name, str) for name in names)
     return False
-
-
-def _shape(name: str, samples: int, objects: int) -> tuple[tuple[int, ...], type]:
-    tails: dict[str, tuple[int, ...]] = {
-        "t": (),
-        "segment": (),
-        "needed_forces": (),
-        "forces": (objects, 2),
-        "objects": (objects, 3),
-    }
-    tails |= dict.fromkeys(("poses", "twists", "wrenches"), (3,))
-    return (samples, *tails.get(name, (objects,))), np.int64 if name == "segment" else np.float64

@@ -6,7 +6,7 @@ code has to be kept. Field numbers never change their meaning; new fields take n
 - `Plan`: what planning found, in numbers; or why nothing. `Segment`: a part of a plan; on its topic when it begins.
 - `Progress`: one improvement of the best path. `Costs`: all of them in one message, as plots of one number over
   another want it.
-- `Twist`, `Wrench`, `Margins`: what the pusher does, with which force, and how far every contact is from slipping.
+- `Margins`: how far every contact is from slipping. `Twist`, `Wrench` and so on: series of the plate (see `signals`).
 - `ExecutionEnd`: what the execution came to.
 
 Messages are for viewers: what a run is stands in the attachments of its log (see `store`).
@@ -28,21 +28,21 @@ from google.protobuf.descriptor_pb2 import FieldDescriptorProto as Field
 from google.protobuf.message import DecodeError
 from google.protobuf.timestamp_pb2 import Timestamp
 
+from pushplan.logging.signals import MARGINS as MARGINS_TOPIC
+from pushplan.logging.signals import SIGNALS, Signal
+from pushplan.plans.execution import Execution
+
 MessageClass = Any
 """A generated protobuf class; protobuf publishes no type for its dynamic attributes."""
 
 _STAMP = "1 google.protobuf.Timestamp timestamp"
-
+_OF_CONTACTS = [
+    f"{'optional double' if len(one.columns) == 1 else 'foxglove.Vector2'} {one.field}"
+    for one in SIGNALS[Execution].values()
+    if one.topic == MARGINS_TOPIC and one.name != "margins"
+]
 _MESSAGES: dict[str, tuple[str, ...]] = {
-    "Twist": (_STAMP, "2 string frame_id", "3 double vx", "4 double vy", "5 double omega"),
-    "Wrench": (_STAMP, "2 string frame_id", "3 double fx", "4 double fy", "5 double torque"),
-    "ContactMargin": (
-        "1 string name",
-        "2 double margin",
-        "3 optional double friction_margin",
-        "4 optional double lambda",
-        "5 foxglove.Vector2 force",
-    ),
+    "ContactMargin": ("1 string name", "2 double margin", *(f"{k} {one}" for k, one in enumerate(_OF_CONTACTS, 3))),
     "Margins": (_STAMP, "2 double smallest", "3 repeated pushplan.ContactMargin contacts"),
     "Progress": (_STAMP, "2 uint64 iterations", "3 double cost"),
     "Costs": (_STAMP, "2 repeated double iterations", "3 repeated double cost"),
@@ -129,8 +129,6 @@ def _message_class(name: str) -> MessageClass:
     return message_factory.GetMessageClass(_POOL.FindMessageTypeByName(f"pushplan.{name}"))
 
 
-Twist = _message_class("Twist")
-Wrench = _message_class("Wrench")
 Margins = _message_class("Margins")
 Progress = _message_class("Progress")
 Costs = _message_class("Costs")
@@ -234,9 +232,7 @@ PLAN_TREE = Topic("/plan/tree", SceneUpdate)
 PLAN_NEAREST = Topic("/plan/nearest", SceneUpdate)
 PROGRESS = Topic("/planner/progress", Progress)
 COSTS = Topic("/planner/costs", Costs)
-PUSHER_TWIST = Topic("/pusher/twist", Twist)
-PUSHER_WRENCH = Topic("/pusher/wrench", Wrench)
-MARGINS = Topic("/margins", Margins)
+MARGINS = Topic(MARGINS_TOPIC, Margins)
 SEGMENT = Topic("/segment", Segment)
 EXECUTION_END = Topic("/execution/result", ExecutionEnd)
 LOG = Topic("/log", Log)
@@ -244,27 +240,28 @@ MEASURED = Topic("/measured", PosesInFrame)
 EVENTS = Topic("/events", Log)
 REPLANS = Topic("/plan/replans", Plan)
 
-TOPICS = (
-    SCENE,
-    TF,
-    PLAN,
-    PLAN_PATH,
-    PLAN_SMOOTHED,
-    PLAN_TREE,
-    PROGRESS,
-    PUSHER_TWIST,
-    MARGINS,
-    SEGMENT,
-    EXECUTION_END,
-    LOG,
-    CONTACTS,
-    PLAN_NEAREST,
-    COSTS,
-    MEASURED,
-    EVENTS,
-    REPLANS,
-    PUSHER_WRENCH,
-)
 
-REVISION = max(topic.since for topic in TOPICS)
-"""Of the topics, which every log states."""
+@cache
+def signal_topic(signal: Signal) -> Topic:
+    """Return the topic of a series that has one of its own; its message has the columns as fields.
+
+    Raises:
+        TypeError: When another message has the name.
+    """
+    name = signal.topic.rpartition("/")[2].title()
+    if name in _MESSAGES:
+        raise TypeError(f"series {signal.name!r}: its topic needs another name, there is a message {name}")
+    numbers = (f"{k} double {column}" for k, column in enumerate(signal.columns, 3))
+    _MESSAGES[name] = (_STAMP, "2 string frame_id", *numbers)
+    _POOL.Add(_file_descriptor(name))
+    return Topic(signal.topic, _message_class(name), signal.since)
+
+
+PUSHER_TWIST = signal_topic(SIGNALS[Execution]["twists"])
+
+_SERIES = [signal_topic(signal) for signal in SIGNALS[Execution].values() if signal.frame]
+TOPICS = tuple(dict.fromkeys([*(one for one in list(vars().values()) if isinstance(one, Topic)), *_SERIES]))
+REVISION = max(
+    [topic.since for topic in TOPICS] + [one.since for table in SIGNALS.values() for one in table.values()]
+)
+"""Of topics and series, which every log states."""

@@ -16,6 +16,7 @@ from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.shown import contact_names
+from pushplan.logging.signals import series_of
 from pushplan.plans.run import Run
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
@@ -47,11 +48,9 @@ def _lines(rows: Iterable[Iterable[object]]) -> bytes:
 def table(run: Run | RecordedRun) -> dict[str, FloatArray]:
     """Return the columns (m,) by name; SI units, radians; NaN where an object is not pushed.
 
-    `t`, `segment`; `x`, `y`, `theta` of the plate frame in the world; `vx`, `vy`, `omega` of its body twist;
-    `base_x`, `base_y`, `base_theta`, `base_vx`, `base_vy`, `base_omega` of the robot's base, in its own frame; for
-    each object O `O.x`, `O.y`, `O.theta` in the world; where contacts may slip `fx`, `fy`, `torque` with which the
-    plate pushes, contact's frame; then for each contact C `C.margin` and, where they are known, `C.dynamic_margin`,
-    `C.friction_margin`, `C.lambda`, `C.force_x`, `C.force_y` (contact's frame).
+    These are the columns of `signals.SIGNALS` that the run has: of the plate; then `base_x`, `base_y`, `base_theta`,
+    `base_vx`, `base_vy`, `base_omega` of the robot's base, in its own frame; then `O.x` and so on of each object O,
+    and `C.margin` and so on of each contact C.
 
     Raises:
         PushplanError: When nothing was executed.
@@ -59,32 +58,19 @@ def table(run: Run | RecordedRun) -> dict[str, FloatArray]:
     execution = run.execution
     if execution is None:
         raise PushplanError(f"{run.log}: nothing was executed, so there is no table to write")
-    base = base_in_plate(run.scenario)
-    series: dict[tuple[str, ...], FloatArray] = {
-        ("x", "y", "theta"): execution.poses,
-        ("vx", "vy", "omega"): execution.twists,
-        ("base_x", "base_y", "base_theta"): se2.compose(execution.poses, base),
-        ("base_vx", "base_vy", "base_omega"): se2.twist_of(base, execution.twists),
-    }
-    for k, name in enumerate(execution.names):
-        series[f"{name}.x", f"{name}.y", f"{name}.theta"] = execution.objects[:, k]
-    if execution.wrenches is not None:
-        series["fx", "fy", "torque"] = execution.wrenches
-    if execution.needed_forces is not None:
-        series["needed_force",] = execution.needed_forces[:, None]
-    columns = {"t": execution.t, "segment": execution.segment.astype(np.float64)}
-    for names, values in series.items():
-        columns |= dict(zip(names, values.T, strict=True))
-    known = {
-        "margin": execution.margins,
-        "dynamic_margin": execution.dynamic_margins,
-        "friction_margin": execution.friction_margins,
-        "lambda": execution.lambdas,
-        "force_x": None if execution.forces is None else execution.forces[..., 0],
-        "force_y": None if execution.forces is None else execution.forces[..., 1],
-    }
-    for k, contact in enumerate(contact_names(run.scenario)):
-        columns |= {f"{contact}.{name}": values[:, k] for name, values in known.items() if values is not None}
+    base, columns = base_in_plate(run.scenario), dict[str, FloatArray]()
+    moved = np.column_stack([se2.compose(execution.poses, base), se2.twist_of(base, execution.twists)])
+    owners = {"plate": ("",), "object": execution.names, "contact": contact_names(run.scenario)}
+    for of, names in owners.items():
+        for k, name in enumerate(names):
+            for signal, values in series_of(execution):
+                if signal.of == of:
+                    own = (values if of == "plate" else values[:, k]).reshape(len(values), -1)
+                    titles = (f"{name}.{column}" if name else column for column in signal.columns)
+                    columns |= dict(zip(titles, own.T.astype(np.float64), strict=True))
+        if of == "plate":
+            names = ("base_x", "base_y", "base_theta", "base_vx", "base_vy", "base_omega")
+            columns |= dict(zip(names, moved.T, strict=True))
     return columns
 
 

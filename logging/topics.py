@@ -25,22 +25,14 @@ from pushplan.drawing.scene import PATH_SPACING, smallest
 from pushplan.logging.recorded import LogLine, RecordedRun
 from pushplan.logging.scene import NANO, contact_messages, frame_messages, nearest, placed, scene, tree
 from pushplan.logging.schemas import MessageClass, Topic
-from pushplan.logging.shown import (
-    CHAIN,
-    WORLD,
-    LoadContacts,
-    contact_names,
-    pushed_at_samples,
-    smoothed_times,
-    viewed,
-)
+from pushplan.logging.shown import WORLD, LoadContacts, contact_names, pushed_at_samples, smoothed_times, viewed
+from pushplan.logging.signals import Signal, series_of
 from pushplan.plans.execution import Execution, inertia_warning
 from pushplan.plans.load import Load
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import WARNINGS, Feedback, segments_of
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray, IntArray
-from pushplan.util.names import PUSHER
 
 Sent = tuple[int, Topic, bytes]
 """Time of the log, ns, topic and serialised message."""
@@ -159,14 +151,10 @@ class _Messages:
         parts: dict[Topic, Iterable[bytes]] = {
             schemas.TF: frame_messages(scenario, plates, objects, instants),
             schemas.CONTACTS: self._contacts(execution, shown, instants),
-            schemas.PUSHER_TWIST: _filled(
-                schemas.Twist(frame_id=PUSHER), ("vx", "vy", "omega"), execution.twists[shown], instants
-            ),
         }
-        if execution.wrenches is not None:
-            parts[schemas.PUSHER_WRENCH] = _filled(
-                schemas.Wrench(frame_id=CHAIN), ("fx", "fy", "torque"), execution.wrenches[shown], instants
-            )
+        for signal, values in series_of(execution):
+            if signal.frame:
+                parts[schemas.signal_topic(signal)] = _filled(signal, values[shown], instants)
         parts[schemas.MARGINS] = _margin_messages(contact_names(scenario), execution, shown, instants)
         for instant, *data in zip(instants.tolist(), *parts.values(), strict=True):
             for topic, one in zip(parts, data, strict=True):
@@ -235,10 +223,11 @@ def poses_in_world(poses: FloatArray) -> PosesInFrame:
     return PosesInFrame(timestamp=Timestamp(), frame_id=WORLD, poses=made)
 
 
-def _filled(message: MessageClass, names: Sequence[str], rows: FloatArray, instants: IntArray) -> Iterator[bytes]:
-    """Yield a message for each instant (m,), ns, whose fields of some names have the numbers of a row (m, k)."""
-    for instant, row in zip(instants.tolist(), rows.tolist(), strict=True):
-        for name, value in zip(names, row, strict=True):
+def _filled(signal: Signal, values: FloatArray, instants: IntArray) -> Iterator[bytes]:
+    """Yield the message of a series (m, ...) of the plate for each instant (m,), ns."""
+    message = schemas.signal_topic(signal).message(frame_id=signal.frame)
+    for instant, row in zip(instants.tolist(), values.reshape(len(values), -1).tolist(), strict=True):
+        for name, value in zip(signal.columns, row, strict=True):
             setattr(message, name, value)
         message.timestamp.seconds, message.timestamp.nanos = divmod(instant, NANO)
         yield message.SerializeToString(deterministic=True)
@@ -250,21 +239,18 @@ def _margin_messages(
     """Yield the state of every contact: margins and, where they are known, the force and where it acts."""
     message = schemas.Margins(contacts=[{"name": name} for name in names])
     entries = list(message.contacts)
-    columns = {
-        "margin": execution.margins,
-        "friction_margin": execution.friction_margins,
-        "lambda": execution.lambdas,
-    }
-    rows = [(field, values[samples].tolist()) for field, values in columns.items() if values is not None]
-    forces = None if execution.forces is None else execution.forces[samples].tolist()
+    known = [(one, values) for one, values in series_of(execution) if one.topic == schemas.MARGINS.name]
+    numbers, pairs = ([(s.field, v[samples].tolist()) for s, v in known if len(s.columns) == k] for k in (1, 2))
     least = smallest(execution.margins)[samples].tolist()
     for i, instant in enumerate(instants.tolist()):
         message.smallest = least[i]
-        for field, values in rows:
-            for entry, value in zip(entries, values[i], strict=True):
+        for field, rows in numbers:
+            for entry, value in zip(entries, rows[i], strict=True):
                 setattr(entry, field, value)
-        for entry, (x, y) in zip(entries, [] if forces is None else forces[i], strict=forces is not None):
-            entry.force.x, entry.force.y = x, y
+        for field, rows in pairs:
+            for entry, (x, y) in zip(entries, rows[i], strict=True):
+                pair = getattr(entry, field)
+                pair.x, pair.y = x, y
         message.timestamp.seconds, message.timestamp.nanos = divmod(instant, NANO)
         yield message.SerializeToString(deterministic=True)
 

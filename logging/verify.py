@@ -24,8 +24,8 @@ from pushplan.geometry.se2 import compose, exp
 from pushplan.logging.mcap_file import Channel, Message
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.runs import number_in
+from pushplan.logging.signals import SIGNALS, series_of
 from pushplan.logging.topics import messages
-from pushplan.logging.writer import SERIES, SERIES_KNOWN
 from pushplan.plans.execution import Execution
 from pushplan.util.arrays import FloatArray
 
@@ -41,21 +41,6 @@ NOT_COMPARED = (
 )
 ELSEWHERE = "where the objects went (in a world that the log does not hold)"
 """What verification takes as it is; `ELSEWHERE` where the execution cannot be made again."""
-
-_WORDS = {
-    "t": "time",
-    "poses": "pose",
-    "twists": "twist",
-    "margins": "margin",
-    "dynamic_margins": "margin with inertia",
-    "friction_margins": "friction margin",
-    "lambdas": "point of application (lambda)",
-    "forces": "contact force",
-    "objects": "pose of an object",
-    "segment": "segment",
-    "wrenches": "wrench",
-    "needed_forces": "force of the plate",
-}
 
 
 @dataclass(frozen=True)
@@ -127,7 +112,6 @@ def verify(run: RecordedRun, execute: Callable[[RecordedRun], Execution | None])
         PushplanError: When the recorded plan cannot be executed at all.
     """
     checks: list[Check] = []
-    not_compared: tuple[str, ...] = NOT_COMPARED
     said = {key: value for key, value in run.fields.get(metadata.RUN, {}).items() if key.startswith("version.")}
     now = {f"version.{name}": version for name, version in metadata.versions().items()}
     others = [(key, value, now.get(key, "")) for key, value in said.items() if value != now.get(key)]
@@ -135,14 +119,20 @@ def verify(run: RecordedRun, execute: Callable[[RecordedRun], Execution | None])
     if run.other_scenario and not any(one.startswith("pushplan ") for one in versions):
         what = "says other than the scenario's file comes to"
         checks.append(Check("scenario.json", math.inf, what=what))
+    revision = number_in(run.fields.get(metadata.RUN, {}).get("topics", "")) or 0.0
+    left_out: list[str] = []
     if run.execution is not None:
         again = execute(run)
-        checks += () if again is None else compare_executions(run.execution, again)
-        not_compared += (ELSEWHERE,) if again is None else ()
-    compared, left_out = _compare_messages(run)
-    checks += compared
+        if again is None:
+            left_out.append(ELSEWHERE)
+        else:
+            checks += _compare_executions(run.execution, again, revision, left_out)
+    records = (run.execution, None if run.feedback is None else run.feedback.measured)
+    recorded = [signal for record in records if record is not None for signal, _ in series_of(record)]
+    left_out += [f"{signal.quantity} (the plan does not decide it)" for signal in recorded if not signal.decided]
+    checks += _compare_messages(run, revision, left_out)
     checks += _compare_words(run)
-    return VerifyReport(tuple(checks), versions, (*not_compared, *left_out))
+    return VerifyReport(tuple(checks), versions, (*NOT_COMPARED, *left_out))
 
 
 def check_way(execution: Execution) -> Check:
@@ -152,21 +142,29 @@ def check_way(execution: Execution) -> Check:
     return series_check("path of the plate", execution.t[1:], execution.poses[1:], after)
 
 
-def compare_executions(recorded: Execution, again: Execution) -> Iterator[Check]:
-    """Compare two executions of the same plan; the recorded one may have lost its end."""
+def _compare_executions(
+    recorded: Execution, again: Execution, revision: float, left_out: list[str]
+) -> Iterator[Check]:
+    """Compare two executions of the same plan; the recorded one may have lost its end.
+
+    Series that the log lacks because its `revision` is older are added to `left_out`.
+    """
     cut = math.isnan(recorded.goal_error[0])
     count = min(len(recorded.t), len(again.t))
     if not cut:
         yield Check("number of samples", abs(len(recorded.t) - len(again.t)), 0.0)
-    for name in (*SERIES, *SERIES_KNOWN):
+    for name, signal in SIGNALS[Execution].items():
         first, second = getattr(recorded, name), getattr(again, name)
-        if first is None and second is None:
+        if (first is None and second is None) or not signal.decided:
             continue
-        if first is None or second is None:
-            yield Check(_WORDS[name], math.inf, what="unknown on one side")
-            continue
-        scale = max(1.0, float(np.abs(second).max(initial=0.0))) if name == "forces" else 1.0
-        yield series_check(_WORDS[name], recorded.t[:count], first[:count], second[:count], TOLERANCE * scale)
+        if first is None and signal.since > revision:
+            left_out.append(f"{signal.quantity} (the log is older)")
+        elif first is None or second is None:
+            yield Check(signal.quantity, math.inf, what="unknown on one side")
+        else:
+            largest = float(np.abs(second).max(initial=1.0, where=np.isfinite(second)))
+            tolerance = TOLERANCE * (largest if signal.unit.startswith("N") else 1.0)
+            yield series_check(signal.quantity, recorded.t[:count], first[:count], second[:count], tolerance)
     if cut:
         return
     yield Check("goal error", float(np.abs(np.subtract(recorded.goal_error, again.goal_error)).max()))
@@ -189,15 +187,12 @@ def series_check(
     return Check(quantity, float(apart[worst]), tolerance, float(t[worst]))
 
 
-def _compare_messages(run: RecordedRun) -> tuple[list[Check], list[str]]:
+def _compare_messages(run: RecordedRun, revision: float, left_out: list[str]) -> list[Check]:
     """Compare the messages with those that the run leads to; of a log cut off, as far as it goes.
 
-    In the file topics may come in any order, as tools that rewrite logs leave them.
-
-    Returns:
-        The comparisons, and what of the messages was not compared.
+    In the file topics may come in any order, as tools that rewrite logs leave them. What was not compared is added to
+    `left_out`.
     """
-    revision = number_in(run.fields.get(metadata.RUN, {}).get("topics", "")) or 0.0
     topics = {topic.name: topic for topic in schemas.TOPICS if topic.since <= revision}
     worst = {name: Check(name, 0.0) for name in topics}
     recorded: dict[str, list[Message]] = {name: [] for name in topics}
@@ -207,13 +202,13 @@ def _compare_messages(run: RecordedRun) -> tuple[list[Check], list[str]]:
     expected: dict[str, list[tuple[int, bytes]]] = {name: [] for name in topics}
     for time, topic, data in messages(run):
         expected.setdefault(topic.name, []).append((time, data))
-    told = [f"topic {name} (not of pushplan)" for name in sorted(others)]
-    told += [f"{name} (not of pushplan)" for name in run.foreign]
-    told += [f"topic {topic.name} (the log is older)" for topic in schemas.TOPICS if topic.since > revision]
+    left_out += [f"topic {name} (not of pushplan)" for name in sorted(others)]
+    left_out += [f"{name} (not of pushplan)" for name in run.foreign]
+    left_out += [f"topic {topic.name} (the log is older)" for topic in schemas.TOPICS if topic.since > revision]
     for name, topic in topics.items():
         found, wanted = recorded[name], expected[name]
         kind, missing = _kind_in(run, topic)
-        told += [f"field {field} (the log has none)" for field in missing]
+        left_out += [f"field {field} (the log has none)" for field in missing]
         if kind is None:
             worst[f"{name} schema"] = Check(f"{name} schema", math.inf, what="declared as something else")
         elif len(found) != len(wanted) and not (run.losses and len(found) < len(wanted)):
@@ -228,7 +223,7 @@ def _compare_messages(run: RecordedRun) -> tuple[list[Check], list[str]]:
                 if message.data != made:
                     for check in _compare_fields(name, kind, message.data, made, 1e-9 * then):
                         _raise(worst, check)
-    return list(worst.values()), told
+    return list(worst.values())
 
 
 def _kind_in(run: RecordedRun, topic: schemas.Topic) -> tuple[schemas.MessageClass | None, list[str]]:

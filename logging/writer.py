@@ -29,6 +29,7 @@ from pushplan.logging.codec import MEDIA_TYPE, encode
 from pushplan.logging.layout import LAYOUT_FILE, layout_text
 from pushplan.logging.mcap_file import mcap_writer
 from pushplan.logging.recorded import LogLine, RecordedRun
+from pushplan.logging.signals import series_of
 from pushplan.logging.topics import lines_of, messages
 from pushplan.plans.execution import Execution, TrialEnd
 from pushplan.plans.plan import Improvement, Plan
@@ -52,10 +53,6 @@ ENCODED = (PLAN, IMPROVEMENT, SAMPLES, END, MEASURED, EVENT, REPLAN, TRIAL, LINE
 
 ATTACHMENTS = (SCENARIO_FILE, SCENARIO_JSON, SCENARIO_FOLDER, LAYOUT_FILE, *ENCODED)
 """What names of attachments begin with."""
-
-SERIES = ("t", "poses", "twists", "objects", "segment", "margins")
-SERIES_KNOWN = ("dynamic_margins", "friction_margins", "lambdas", "forces", "wrenches", "needed_forces")
-"""Arrays of an execution: those that every one has, and those that some do."""
 
 _LATEST = 1 << 33
 """Simulated time has to be before this, s."""
@@ -228,11 +225,10 @@ class RunLogWriter:
             what = f"time {execution.t[wrong[0]]} s cannot follow {before[wrong[0]]} s"
             raise RunLogError(str(self._file.path), what)
         about = {"names": execution.names, "judge": execution.judge}
-        arrays = {name: getattr(execution, name) for name in (*SERIES, *SERIES_KNOWN)}
         first = self._samples
         for these in _parts_of(execution.t[first:end], ended):
             these = slice(first + these.start, first + these.stop)
-            part = {name: values[these] for name, values in arrays.items() if values is not None}
+            part = {signal.name: values[these] for signal, values in series_of(execution)}
             self._numbered(SAMPLES, {"first": these.start, **about, "arrays": part})
             self._samples = these.stop
 
@@ -240,7 +236,8 @@ class RunLogWriter:
         """Write what a closed loop has measured, noticed, done and planned and is not written yet."""
         first, measured = self._measured, feedback.measured
         if len(measured.t) > first:
-            self._numbered(MEASURED, Measured(measured.t[first:], measured.poses[first:]))
+            new = {signal.name: values[first:] for signal, values in series_of(measured)}
+            self._numbered(MEASURED, Measured(**new))
             self._measured = len(measured.t)
         for event in feedback.events[self._counts[EVENT] :]:
             self._numbered(EVENT, event)

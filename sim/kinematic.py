@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from pushplan.errors import PushplanError
@@ -18,28 +16,6 @@ from pushplan.plans.trajectory import RESTING, Trajectory, advance
 from pushplan.scenario.model import Scenario
 from pushplan.sets.known_load_sets import EcofSet
 from pushplan.util.arrays import FloatArray, IntArray, columns_of, distinct
-
-
-class Contacts(NamedTuple):
-    """The n contacts of a load along m samples of a push, all arrays (m, n) but `forces` (m, n, 2).
-
-    Attributes:
-        judge: Name of the set that the margins are of.
-        margins: Without inertia.
-        dynamic: With inertia.
-        friction_margins: See `Execution`; like the next two None where the loads on the floor are not known.
-        lambdas: See `Execution`.
-        forces: See `Execution`.
-        needed: (m,) see `Execution.needed_forces`.
-    """
-
-    judge: str
-    margins: FloatArray
-    dynamic: FloatArray
-    needed: FloatArray
-    friction_margins: FloatArray | None
-    lambdas: FloatArray | None
-    forces: FloatArray | None
 
 
 def execute(scenario: Scenario, segments: tuple[Segment, ...], planned: str) -> Execution:
@@ -64,26 +40,23 @@ def execute(scenario: Scenario, segments: tuple[Segment, ...], planned: str) -> 
     ends = np.cumsum([segment.duration for segment in segments])
     owner = np.clip(np.searchsorted(ends, t, side="right"), 0, len(segments) - 1)
     objects = _carried(scenario, segments, poses, owner)
-    judge, needed, columns = "", np.full(len(t), np.nan), dict[str, FloatArray]()
+
+    def unknown(*each: int) -> FloatArray:
+        return np.full((len(t), *each), np.nan)
+
+    judge, count = "", len(names)
+    known = {"margins": unknown(count), "dynamic_margins": unknown(count), "needed_forces": unknown()}
     for k, segment in enumerate(segments):
         if segment.pushes and segment.load is not None:
             inside, moved = _samples(owner, k), [names.index(name) for name in segment.load.names]
-            found = contacts_along(segment, planned, t[inside] - (ends[k] - segment.duration))
-            judge, needed[inside] = found.judge, found.needed
-            for field in ("margins", "dynamic", "friction_margins", "lambdas", "forces"):
-                values = getattr(found, field)
-                if values is not None:
-                    whole = columns.setdefault(field, np.full((len(t), len(names), *values.shape[2:]), np.nan))
-                    whole[inside, moved] = values
-    unknown = np.full((len(t), len(names)), np.nan)
-    margins, dynamic = columns.get("margins", unknown), columns.get("dynamic", unknown)
-    deciding = np.fmin(margins, dynamic) if scenario.pusher.limits.contact == "dynamic" else margins
+            judge, found = contacts_along(segment, planned, t[inside] - (ends[k] - segment.duration))
+            for name, values in found.items():
+                whole = known.setdefault(name, unknown(*((count, *values.shape[2:]) if values.ndim > 1 else ())))
+                whole[inside if values.ndim == 1 else (inside, moved)] = values
+    margins = known["margins"]
+    deciding = np.fmin(margins, known["dynamic_margins"]) if scenario.pusher.limits.contact == "dynamic" else margins
     lost = np.flatnonzero((columns_of(deciding) <= 0.0).any(axis=0))
     count = int(lost[0]) + 1 if len(lost) else len(t)
-
-    def kept(name: str) -> FloatArray | None:
-        return columns[name][:count] if name in columns else None
-
     return Execution(
         names,
         judge,
@@ -92,14 +65,9 @@ def execute(scenario: Scenario, segments: tuple[Segment, ...], planned: str) -> 
         trajectory.twists[:count],
         objects[:count],
         owner[:count],
-        margins[:count],
-        _loss(segments, t, poses, owner, names, deciding, count - 1) if len(lost) else None,
-        worst_at_goal(scenario, objects[count - 1]),
-        dynamic[:count],
-        kept("friction_margins"),
-        kept("lambdas"),
-        kept("forces"),
-        needed_forces=needed[:count],
+        loss=_loss(segments, t, poses, owner, names, deciding, count - 1) if len(lost) else None,
+        goal_error=worst_at_goal(scenario, objects[count - 1]),
+        **{name: values[:count] for name, values in known.items()},
     )
 
 
@@ -130,8 +98,11 @@ def _carried(scenario: Scenario, segments: tuple[Segment, ...], poses: FloatArra
     return objects
 
 
-def contacts_along(segment: Segment, planned: str, t: FloatArray) -> Contacts:
-    """Return the contacts of a push at times (m,) from its beginning, s.
+def contacts_along(segment: Segment, planned: str, t: FloatArray) -> tuple[str, dict[str, FloatArray]]:
+    """Return the judge of a push, and what is known of its contacts at times (m,) from its beginning, s.
+
+    The arrays are those of `Execution` by name, for the contacts of this load: (m, n), `forces` (m, n, 2), and
+    `needed_forces` (m,).
 
     Args:
         segment: A push, timed.
@@ -149,13 +120,15 @@ def contacts_along(segment: Segment, planned: str, t: FloatArray) -> Contacts:
     dynamics = contact_dynamics(problem, judge.name)
     floor = state.wrenches if state is not None and dynamics.chain is judge.chain else None
     force, last = PushForce(dynamics), np.cumsum(fresh) - 1
-    margins, dynamic = margins[last], dynamics.margins(asked, rates, floor)[last]
-    needed = force.moving(asked, rates, floor)[last]
-    _count_starts(needed, force, segment, t)
-    if state is None:
-        return Contacts(judge.name, margins, dynamic, needed, None, None, None)
-    known = state.friction_margins[last], state.lambdas[last], state.forces[last]
-    return Contacts(judge.name, margins, dynamic, needed, *known)
+    known = {
+        "margins": margins[last],
+        "dynamic_margins": dynamics.margins(asked, rates, floor)[last],
+        "needed_forces": force.moving(asked, rates, floor)[last],
+    }
+    _count_starts(known["needed_forces"], force, segment, t)
+    if state is not None:
+        known |= {name: getattr(state, name)[last] for name in ("friction_margins", "lambdas", "forces")}
+    return judge.name, known
 
 
 def _count_starts(needed: FloatArray, force: PushForce, segment: Segment, t: FloatArray) -> None:

@@ -18,13 +18,25 @@ from conftest import Captured, Patch, there
 from rough import first_plans
 
 import pushplan
+import pushplan.logging.reader as reader
+import pushplan.logging.schemas as schemas
+import pushplan.verification as verification
 from pushplan.cli.main import main
+from pushplan.logging.page import render
+from pushplan.logging.reader import load_run
+from pushplan.logging.signals import SIGNALS, Signal, check_signals
+from pushplan.logging.tables import table
+from pushplan.logging.writer import RunLogWriter
 from pushplan.mechanics.support import FeetSupport
 from pushplan.planners.searches import SEARCHES
+from pushplan.plans.execution import Execution
 from pushplan.plans.segment import end_of
 from pushplan.scenario.goals import End, Goal, Poses, TaskGoal
 from pushplan.scenario.task import Task, Transport
+from pushplan.sim.kinematic import execute
 from pushplan.sim.slip import slip
+from pushplan.util.arrays import FloatArray
+from pushplan.verification import verify_log
 
 OUTSIDE = Path(__file__).with_name("outside")
 
@@ -142,3 +154,92 @@ def test_a_goal_type_is_a_class_and_an_entry_in_the_table(monkeypatch: Patch) ->
     assert goal.fulfilled(end_of(scenario, plan.segments))
     missed = pushplan.Planner(stated).plan(explain=False)
     assert goal.shortfall(end_of(scenario, missed.segments)).endswith("m from its place")
+
+
+@dataclass(frozen=True, eq=False)
+class Geared(Execution):
+    """An execution that knows what the drive takes."""
+
+    power: FloatArray | None = None
+
+
+def _executed_with_power(*args: Any) -> Geared:
+    """Return an execution, and the power of the drive, W."""
+    done = execute(*args)
+    power = 20.0 * np.hypot(done.twists[:, 0], done.twists[:, 1]) + 1.5 * np.arange(len(done.t))
+    return Geared(**{**vars(done), "power": power})
+
+
+def _declared(monkeypatch: Patch, **more: Any) -> Signal:
+    """Declare the series, as an entry of the table does when pushplan is imported, and return it."""
+    made = Signal("power", "power of the drive", "W", ("power",), "plate", "/drive/power", "pusher", True, **more)
+    check_signals(Geared, {**SIGNALS[Execution], made.name: made})
+    monkeypatch.setitem(SIGNALS[Execution], made.name, made)
+    monkeypatch.setattr(schemas, "TOPICS", (*schemas.TOPICS, schemas.signal_topic(made)))
+    monkeypatch.setattr(schemas, "REVISION", made.since)
+    monkeypatch.setattr(reader, "Execution", Geared)
+    monkeypatch.setitem(SIGNALS, Geared, SIGNALS[Execution])
+    monkeypatch.setattr(verification, "execute", _executed_with_power)
+    return made
+
+
+def _log(plan: pushplan.Plan, execution: Execution, path: Path) -> Path:
+    with RunLogWriter.create(path, plan.scenario, {"set": plan.stable_set, "seed": plan.seed}) as log:
+        log.plan(plan)
+        log.execution(execution)
+        log.finish("solved")
+    return path
+
+
+def test_a_signal_is_an_array_and_an_entry_in_the_table(tmp_path: Path, monkeypatch: Patch) -> None:
+    with pytest.raises(TypeError, match="'power' has to be a field of Geared and in logging/signals"):
+        check_signals(Geared, SIGNALS[Execution])
+    plan = pushplan.plan(pushplan.load_scenario("two-crates"), first=True, time_limit=60.0)
+    done = _executed_with_power(plan.scenario, plan.segments, plan.stable_set)
+    older = _log(plan, there(plan.execution), tmp_path / "older.mcap")
+    signal = _declared(monkeypatch, since=schemas.REVISION + 1)
+    run = load_run(_log(plan, done, tmp_path / "run.mcap"), messages=True)
+    assert isinstance(run.execution, Geared)
+    np.testing.assert_array_equal(run.execution.power, done.power)
+    np.testing.assert_array_equal(table(run)["power"], done.power)
+    sent = [schemas.signal_topic(signal).message.FromString(m.data) for m in run.messages if m.topic == signal.topic]
+    assert (sent[-1].frame_id, sent[-1].power) == ("pusher", there(done.power)[-1])
+    assert '"read_out":[["power","power of the drive","W"]]' in render(run)
+    report = verify_log(run.path)
+    assert report.matches
+    assert "power of the drive" in {check.quantity for check in report.checks}
+    other = _log(plan, replace(done, power=there(done.power) + 0.1), tmp_path / "other.mcap")
+    assert [check.quantity for check in verify_log(other).mismatches] == ["power of the drive"]
+    bare = _log(plan, replace(done, power=None), tmp_path / "bare.mcap")
+    assert "power of the drive: unknown on one side" in [check.text for check in verify_log(bare).mismatches]
+    report = verify_log(older)
+    assert [check.text for check in report.mismatches] == []
+    lacking = (signal.quantity, f"topic {signal.topic}")
+    assert {f"{what} (the log is older)" for what in lacking} <= {*report.not_compared}
+    monkeypatch.setitem(SIGNALS[Execution], "power", replace(signal, decided=False, topic="", frame=""))
+    monkeypatch.setattr(schemas, "TOPICS", schemas.TOPICS[:-1])
+    report = verify_log(_log(plan, replace(done, power=there(done.power) + 0.1), tmp_path / "measured.mcap"))
+    assert report.matches
+    assert "power of the drive (the plan does not decide it)" in report.not_compared
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "error"),
+    [
+        ("margins", {"since": 1}, "has the default None"),
+        ("lambdas", {"since": 1}, "what came later stands last"),
+        ("objects", {"frame": "world"}, "only the plate has topics of its own"),
+        ("needed_forces", {"topic": "/margins"}, "contacts are on /margins"),
+        ("forces", {"topic": "/forces"}, "contacts are on /margins"),
+        ("twists", {"topic": "/plan/plan"}, "there is a message Plan"),
+    ],
+)
+def test_an_entry_that_cannot_be_is_refused(name: str, changes: dict[str, Any], error: str) -> None:
+    entry = replace(SIGNALS[Execution][name], **changes)
+
+    def declare() -> None:
+        check_signals(Execution, {**SIGNALS[Execution], name: entry})
+        schemas.signal_topic(entry)
+
+    with pytest.raises(TypeError, match=error):
+        declare()

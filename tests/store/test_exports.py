@@ -47,7 +47,7 @@ def test_the_page_has_every_body_where_it_is(kind: str, runs: dict[str, Recorded
     kept = np.searchsorted(execution.t, np.array(told["samples"]["t"]) - 1e-5)
     objects = np.moveaxis(np.array(told["samples"]["objects"]), -1, 0)
     np.testing.assert_allclose(objects, execution.objects[kept], atol=1e-5)
-    np.testing.assert_allclose(told["samples"]["x"], execution.poses[kept, 0], atol=1e-5)
+    np.testing.assert_allclose(told["samples"]["poses"], execution.poses[kept].T, atol=1e-5)
     margins = np.array(told["samples"]["margins"], dtype=float).T
     np.testing.assert_allclose(margins, execution.margins[kept], atol=1e-5)
     assert [body["name"] for body in told["bodies"] if body["kind"] == "object"] == list(execution.names)

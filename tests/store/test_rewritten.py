@@ -107,10 +107,10 @@ def test_a_damaged_lz4_chunk_is_refused(logs: dict[str, Path], tmp_path: Path) -
 def test_a_topic_that_is_added_leaves_older_logs_verified(
     logs: dict[str, Path], cases: dict[str, Case], tmp_path: Path, monkeypatch: Patch
 ) -> None:
-    new = schemas.Topic("/new", schemas.Twist, since=schemas.REVISION + 1)
+    new = schemas.Topic("/new", schemas.PUSHER_TWIST.message, since=schemas.REVISION + 1)
 
     def more(run: Any) -> Iterator[Any]:
-        yield 0, new, schemas.Twist(vx=1.0).SerializeToString()
+        yield 0, new, schemas.PUSHER_TWIST.message(vx=1.0).SerializeToString()
         yield from messages(run)
 
     monkeypatch.setattr(schemas, "TOPICS", (*schemas.TOPICS, new))
@@ -136,7 +136,7 @@ def test_a_field_that_is_added_leaves_older_logs_verified(logs: dict[str, Path],
                 message.field[4].number = number
             record = replace(record, data=told.SerializeToString())
         elif isinstance(record, records.Message) and record.channel_id in twists:
-            message = schemas.Twist.FromString(record.data)
+            message = schemas.PUSHER_TWIST.message.FromString(record.data)
             message.ClearField("omega")
             record = replace(record, data=message.SerializeToString(deterministic=True))
         yield record
