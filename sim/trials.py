@@ -10,12 +10,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from numbers import Integral
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from pushplan.errors import ExtensionError, PushplanError
-from pushplan.geometry.se2 import compose, rotate
+from pushplan.geometry.se2 import compose, rotate, transform_points
 from pushplan.mechanics.chain import PLATE, Chain, Contact
+from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.support import FeetSupport
 from pushplan.plans.execution import TrialEnd, wilson
@@ -28,6 +30,9 @@ from pushplan.sim.slip import slip
 from pushplan.slip.world import World
 from pushplan.util.arrays import BoolArray, FloatArray
 from pushplan.util.naming import code_of_others, name_of
+
+INERTIA = "inertia"
+"""What a contact does, in a trial without inertia, that holds there and would not with it."""
 
 
 def sampled_world(scenario: Scenario, uncertainty: TrialUncertainty | None, rng: np.random.Generator) -> World:
@@ -137,6 +142,44 @@ def _local_motion(contact: Contact, aside: float, turn: float) -> FloatArray:
     return np.append(shift, turn)
 
 
+class InertiaLoss(NamedTuple):
+    """The first moment at which a contact does not hold with inertia.
+
+    Attributes:
+        object: Name of what the contact pushes.
+        contact: What it is called.
+        time: s.
+        point: Middle of its segment in the world, m.
+    """
+
+    object: str
+    contact: str
+    time: float
+    point: tuple[float, float]
+
+
+def inertia_loss(plan: Plan, world: World) -> InertiaLoss | None:
+    """Return where a margin with inertia is not positive on a plan that is executed as timed; None if nowhere.
+
+    Counted are frictions, masses and loads of the world; objects are where the plan has them.
+    """
+    begin = 0.0
+    for segment in plan.segments:
+        if segment.pushes and segment.load is not None:
+            own, chain = segment.contact_trajectory, world.pushed(segment.load.chain)
+            fresh = own.changes_at(own.t)
+            margins = ContactDynamics(chain).margins(own.directions[fresh], own.rates_at(own.t[fresh]))
+            lost = np.flatnonzero((margins <= 0.0).any(axis=1))
+            if len(lost):
+                k, at = int(margins[lost[0]].argmin()), own.t[fresh][lost[0]]
+                middle = 0.5 * (chain.contacts[k].left + chain.contacts[k].right)
+                x, y = transform_points(own.poses_at([at])[0], middle).tolist()
+                name = chain.objects[k].name
+                return InertiaLoss(name, segment.load.contact_name(name), begin + float(at), (x, y))
+        begin += segment.duration
+    return None
+
+
 Simulator = Callable[[Plan, World], ContactReport]
 """Executes a plan in a world where contacts may slip."""
 
@@ -192,6 +235,13 @@ class Trials:
         return np.array([end.jammed for end in self.ends])
 
     @property
+    def missed(self) -> dict[str, int]:
+        """In how many worlds a goal's tolerance of `position` and of `angle` was exceeded; 0 is left out."""
+        beyond = np.array([(goal_units(self.scenario, errors) > 1.0).any(axis=0) for errors in self.errors])
+        counts = zip(("position", "angle"), beyond.sum(axis=0).tolist(), strict=True)
+        return {name: count for name, count in counts if count}
+
+    @property
     def success(self) -> float:
         """Share of the worlds in which it arrives."""
         return float(self.arrived.mean())
@@ -202,13 +252,21 @@ class Trials:
         return wilson(int(self.arrived.sum()), self.samples)
 
     @property
+    def with_inertia(self) -> bool:
+        """Whether contacts that hold do so with inertia: not if the scenario leaves it out.
+
+        A simulator of the user's own, or the physics engine, is taken at its word.
+        """
+        return self.simulator is not slip or _counts_inertia(self.scenario)
+
+    @property
     def held(self) -> float:
-        """Share of the worlds in which every contact holds to the end."""
+        """Share of the worlds in which every contact holds to the end, see `with_inertia`."""
         return float(np.mean(~self.lost & ~self.jammed))
 
     @property
     def lost(self) -> BoolArray:
-        """(k,) whether a contact moved or opened."""
+        """(k,) whether a contact moved or opened, or would with inertia."""
         return np.array([bool(end.contact) for end in self.ends])
 
     @property
@@ -266,22 +324,28 @@ def execute_trials(
     if not callable(simulator):
         raise PushplanError(f"{simulator!r:.40} is no simulator: a function of a plan and a world")
 
-    def one(i: int) -> tuple[ContactReport, bool]:
+    def one(i: int) -> tuple[ContactReport, bool, InertiaLoss | None]:
         world = sampled_world(plan.scenario, uncertainty, np.random.default_rng([seed, i]))
         with code_of_others("simulator", simulator):
             report = simulator(plan, world)
         if not isinstance(report, ContactReport):
             what = f"the simulator {name_of(simulator)} returns a {type(report).__name__}"
             raise ExtensionError(f"{what}; allowed: a ContactReport, as pushplan.simulate returns it")
-        return report, report.arrived(plan.scenario)
+        checked = simulator is slip and report.loss is None and _counts_inertia(plan.scenario)
+        return report, report.arrived(plan.scenario), inertia_loss(plan, world) if checked else None
 
     ends: list[TrialEnd] = []
     with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
-        for report, arrived in pool.map(one, range(samples)):
-            ends.append(_end(len(ends), plan.scenario, report, arrived))
+        for report, arrived, lost in pool.map(one, range(samples)):
+            end = _end(len(ends), plan.scenario, report, arrived)
+            ends.append(end if lost is None else replace(end, mode=INERTIA, **lost._asdict()))
             if progress is not None:
                 progress(ends[-1])
     return Trials(plan, uncertainty, seed, simulator, tuple(ends))
+
+
+def _counts_inertia(scenario: Scenario) -> bool:
+    return scenario.pusher.limits.contact == "dynamic"
 
 
 def _end(sample: int, scenario: Scenario, report: ContactReport, arrived: bool) -> TrialEnd:

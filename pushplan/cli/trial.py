@@ -156,6 +156,7 @@ def draw_trials(plan: Plan, ends: Sequence[TrialEnd], path: Path, console: Conso
 
 def _rows(trials: Trials) -> list[tuple[str, str]]:
     from pushplan.plans.robustness import TrialUncertainty
+    from pushplan.sim.trials import INERTIA
 
     position, angle = _percentiles(trials)
     scenario = trials.scenario
@@ -165,10 +166,17 @@ def _rows(trials: Trials) -> list[tuple[str, str]]:
     uncertainty = (trials.uncertainty or TrialUncertainty()).words
     if trials.uncertainty is None and scenario.has_intervals:
         uncertainty = f"the scenario's intervals, {TrialUncertainty(0.0, 0.0, 0.0, 0.0).words}"
+    if slipping := sum(end.mode == INERTIA for end in trials.ends):
+        failed += f"; {slipping} of them only with inertia"
+    left_out = "" if trials.with_inertia else ", inertia left out (limits.contact: quasi-static)"
+    goal = next(goals[0] for goals in scenario.goals.values())
+    words = {"position": length_text(goal.position_tolerance), "angle": angle_text(goal.angle_tolerance)}
+    missed = ", ".join(f"{name} ({words[name]}) in {count} samples" for name, count in trials.missed.items())
     found = [
         ("uncertainty", uncertainty),
-        ("contacts held", f"in {100.0 * trials.held:.1f} %"),
+        ("contacts held", f"in {100.0 * trials.held:.1f} %{left_out}"),
         ("first to move", failed or "none"),
+        ("tolerance missed", missed or "none"),
         (f"goal error ({of})", f"median {_off(position[0], angle[0])}, 90 % within {_off(position[1], angle[1])}"),
         ("largest error", _off(position[2], angle[2])),
     ]
@@ -207,6 +215,8 @@ def _document(trials: Trials, worst: Path | None) -> dict[str, object]:
         "success": trials.success,
         "interval": list(trials.interval),
         "held": trials.held,
+        "with_inertia": trials.with_inertia,
+        "missed": trials.missed,
         "jammed": int(trials.jammed.sum()),
         "first_failures": trials.first_failures,
         "failures": [

@@ -144,7 +144,7 @@ class TrialEnd:
         errors: (n, 2) how far (m) and by what angle (rad) every object is away from its pose at the goal.
         objects: (n, 3) where the objects are, in the world.
         contact: What the first contact that moved is called; empty where all held.
-        mode: What it did, a name of `sim.report.Mode` in lower case.
+        mode: What it did, a name of `sim.report.Mode` in lower case; `inertia` where it held without inertia only.
         time: When, s; NaN where all held.
         object: Name of the object that it pushes; empty where all held.
         point: Middle of its segment then, in the world, m; NaN where all held.

@@ -6,22 +6,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Captured
+from conftest import Captured, there
 
 import pushplan
 from pushplan.cli.main import main
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
+from pushplan.mechanics.dynamics import dynamic_margins
 from pushplan.planner import plan
 from pushplan.plans.execution import TrialEnd
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty
 from pushplan.sim.report import ContactLoss, contact_motion, motions_of
 from pushplan.sim.slip import slip
-from pushplan.sim.trials import Trials, execute_trials, sampled_world
+from pushplan.sim.trials import INERTIA, Trials, execute_trials, inertia_loss, sampled_world
+from pushplan.slip.world import World
 from pushplan.trial import write_trial
 from pushplan.verification import verify_run
 
+TEN = [file.stem for file in sorted((Path(pushplan.__file__).parent / "scenarios").glob("*.yaml"))][-10:]
 SLIPPERY = TrialUncertainty(contact_friction=0.6, load=0.3, position=2e-3)
 
 
@@ -54,6 +57,35 @@ def test_trials_count_what_their_reports_say(trials: Trials) -> None:
     for name in ("object", "contact", "time", "point"):
         assert getattr(loss, name) == getattr(end, name)
     assert not report.arrived(trials.scenario)
+
+
+def test_contacts_hold_in_a_sample_only_with_inertia() -> None:
+    """Against margins at every sample of the trajectory, object by object, of ten plans."""
+    held = lost = 0
+    for name in TEN:
+        found = plan(pushplan.load_scenario(name), seed=1, first=True, iterations=2_000, time_limit=60.0)
+        assert found.solved, name
+        tried = execute_trials(found, 4, TrialUncertainty(contact_friction=0.3, position=0.0, angle=0.0), seed=2)
+        assert tried.with_inertia
+        for end in tried.ends:
+            least = np.inf
+            for segment in found.segments:
+                if segment.pushes and segment.load is not None:
+                    own, chain = segment.contact_trajectory, tried.world(end.sample).pushed(segment.load.chain)
+                    least = min(least, dynamic_margins(chain, own.directions, own.rates_at(own.t)).min())
+            assert not (least < 0.0 and not end.contact), (name, end.sample)
+            assert end.mode != INERTIA or least <= 0.0
+            held, lost = held + (not end.contact), lost + (end.mode == INERTIA)
+    assert held > 0
+    assert lost > 0
+
+
+def test_two_crates_do_not_hold_beyond_their_robustness_to_friction(planned: Plan) -> None:
+    stated, robust = World.from_scenario(planned.scenario), there(there(planned.robustness).contact_friction)
+    for factor, slips in ((robust + 1e-3, False), (robust - 1e-3, True)):
+        world = stated.with_contact_friction(factor)
+        assert slip(planned, world).loss is None
+        assert (inertia_loss(planned, world) is not None) == slips
 
 
 def test_objects_that_stand_off_their_places_touch_and_do_not_overlap() -> None:
