@@ -240,7 +240,7 @@ def _kind_in(run: RecordedRun, topic: schemas.Topic) -> tuple[schemas.MessageCla
 def _raise(worst: dict[str, Check], check: Check) -> None:
     """Keep the largest difference of each quantity; one that is no number counts as the largest."""
     before = worst.get(check.quantity)
-    if before is None or not check.difference <= before.difference:
+    if before is None or not (math.isnan(before.difference) or check.difference <= before.difference):
         worst[check.quantity] = check
 
 

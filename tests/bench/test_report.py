@@ -26,7 +26,7 @@ from pushplan.bench.report import (
     write_report,
 )
 from pushplan.bench.results import Results, read_results, write_tables
-from pushplan.bench.statistics import compare_versions, holm, median_interval, percentiles
+from pushplan.bench.statistics import compare_versions, holm, median_interval, percentiles, rank_test
 from pushplan.bench.store import Machine, ResultsFolder
 from pushplan.bench.suite import RunSpec, suite_from_text
 from pushplan.cli.main import main
@@ -192,6 +192,22 @@ def test_versions_are_compared_beyond_chance_and_threshold(
     found = compare_versions(old, new)
     assert (len(found.better), len(found.worse), found.is_regression) == (better, worse, regression)
     assert compare_versions(old, new, threshold=10.0).is_regression is ("fail" in change)
+
+
+def test_what_is_not_solved_has_the_largest_rank() -> None:
+    """An infinite value counts as any that is larger than all others, on either side."""
+    first, second = np.array([1.0, 1.1, 1.2, 3.0, 1.4, 1.5]), np.array([2.0, 1.0, 1.9, 1.0, 1.8, 2.9])
+    for side in (first, second):
+        for lost in (0, 3):
+            side[lost], kept = np.inf, side[lost]
+            infinite = rank_test(first, second)
+            side[lost] = 1e6
+            assert infinite == rank_test(first, second)
+            side[lost] = kept
+    assert rank_test(first, second) == rank_test(second, first)
+    assert rank_test(np.ones(6), np.arange(2.0, 8.0)) < rank_test(first, second)
+    first[1], second[2] = np.inf, np.inf
+    assert rank_test(first, second) == rank_test(second, first)
 
 
 def test_the_command_tells_regressions_with_exit_code_4(tmp_path: Path, capsys: Captured) -> None:

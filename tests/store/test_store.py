@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import random
 import re
 from collections.abc import Iterator
@@ -20,10 +21,12 @@ import pushplan.logging.schemas as schemas
 from pushplan.errors import RunLogError
 from pushplan.logging.reader import load_run
 from pushplan.logging.recording import recover
+from pushplan.logging.verify import verify
 from pushplan.logging.writer import RunLogWriter
+from pushplan.plans.execution import Execution, StabilityLoss
 from pushplan.plans.load import Load
 from pushplan.scenario.model import Scenario
-from pushplan.verification import verify_log
+from pushplan.verification import execute_again, verify_log
 
 EVERY = pytest.mark.parametrize("kind", KINDS)
 
@@ -77,6 +80,40 @@ def test_every_kind_of_log_is_verified_by_reading_it_once(kind: str, logs: dict[
     assert ("measured pose (the plan does not decide it)" in report.not_compared) == (kind == "closed loop")
     expected = {"push", "multi-push", "rearrangement", "trial"}
     assert ({"pose", "margin", "goal error"} <= {check.quantity for check in report.checks}) == (kind in expected)
+
+
+@pytest.mark.parametrize(("off", "which"), [((0.1, 0.5, 0.2), 1), ((0.5, math.nan, 1e-12), 1), ((0.5, 0.1, 0.2), 0)])
+def test_the_largest_difference_of_a_quantity_is_told(
+    off: tuple[float, ...], which: int, logs: dict[str, Path]
+) -> None:
+    run = load_run(logs["push"], messages=True)
+    twists = [k for k, message in enumerate(run.messages) if message.topic == "/pusher/twist"][5:8]
+    altered = list(run.messages)
+    for k, difference in zip(twists, off, strict=True):
+        message = schemas.PUSHER_TWIST.message.FromString(altered[k].data)
+        message.vx += difference
+        altered[k] = altered[k]._replace(data=message.SerializeToString(deterministic=True))
+    (check,) = verify(dataclasses.replace(run, messages=tuple(altered)), execute_again).mismatches
+    assert check.quantity == "/pusher/twist vx"
+    assert check.difference == pytest.approx(off[which], nan_ok=True)
+    assert check.time == pytest.approx(1e-9 * run.messages[twists[which]].time)
+
+
+def test_lost_contacts_are_compared(logs: dict[str, Path]) -> None:
+    run = load_run(logs["push"], messages=True)
+
+    def lost(time: float | None, contact: str = "a-b") -> Execution:
+        loss = None if time is None else StabilityLoss(time, 0, "b", contact, 0.0, (0.0, 0.0, 0.0))
+        return dataclasses.replace(there(run.execution), loss=loss)
+
+    def apart(recorded: Execution, again: Execution) -> list[float]:
+        report = verify(dataclasses.replace(run, execution=recorded), lambda _: again)
+        return [check.difference for check in report.checks if check.quantity == "lost contact"]
+
+    assert apart(lost(None), lost(None)) == []
+    assert apart(lost(1.0), lost(1.25)) == [0.25]
+    assert apart(lost(1.0), lost(None)) == apart(lost(None), lost(1.0)) == [math.inf]
+    assert apart(lost(1.0), lost(1.0, "plate-a")) == [math.inf]
 
 
 def noticed(path: Path) -> bool:
