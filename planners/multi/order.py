@@ -68,6 +68,9 @@ CAREFUL = ((0, 0), (3, 0))
 ROUNDS = 6
 """Times that all is delivered again, what was left the last time first."""
 
+QUICK = ((0, 0), (3, 0))
+"""The same of rounds once something was put out of the way."""
+
 FREED = 24
 """Bodies that are put out of the way while more can be delivered then, at most."""
 
@@ -263,9 +266,9 @@ class Order:
             step = self._search(plan.here, piece, places, delivers=False) if places else None
             if step is not None:
                 # What was left comes first: what is put aside could shut it in again.
-                more = self._delivered(self._extended_by(plan, (step,)), only=plan.here.left)
+                more = self._delivered(self._extended_by(plan, (step,)), QUICK, plan.here.left)
                 if len(more.here.left) <= len(plan.here.left):
-                    more = self._delivered(more)
+                    more = self._delivered(more, QUICK)
                 if len(more.here.left) < len(plan.here.left):
                     yield more
 

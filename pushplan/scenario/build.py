@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations, product
 from typing import Any
 
@@ -56,7 +57,10 @@ def _rearrangement(source: Source, attachments: Attachments) -> Scenario | None:
     loads = tuple(load for load in found.values() if load is not None)
     if not loads:
         return None
-    goals = (_row(file, source),) if isinstance(file, GatheringFile) else _poses(file, loads)
+    if isinstance(file, GatheringFile):
+        goals: tuple[TaskGoal, ...] = (_in_place(_row(file, source), loads),)
+    else:
+        goals = _poses(file, loads)
     scenario = Scenario(**common, task=transport_of(file, loads, goals, source))
     for i, name in enumerate(found):
         if found[name] is not None:
@@ -132,6 +136,37 @@ def _row(file: GatheringFile, source: Source) -> Row:
         (stated.tolerance.position, stated.tolerance.angle),
         stated.placed,
     )
+
+
+def _in_place(row: Row, loads: tuple[PlacedLoad, ...]) -> Row:
+    """Return a row of which some stand in their places at its front already: these count as placed."""
+    by_name = {load.name: load for load in loads}
+    if row.pose is None or row.placed or not set(row.of) <= set(by_name):
+        return row
+    ways = {name: ways_through(by_name[name].chain.objects[0].outline) for name in row.of}
+    lengths = [{round(float(one.across[0]), 9) for one in each if one.across is not None} for each in ways.values()]
+    best: tuple[str, ...] = ()
+    for length in {sum(each) for each in product(*lengths)}:
+        front, found = se2.compose(row.pose, [length, 0.0, 0.0]), tuple[str, ...]()
+        while len(found) < len(row.of) - 1:
+            left = [name for name in row.of if name not in found]
+            names = left[-1:] if row.order == "given" else left
+            each = [
+                (name, se2.compose(by_name[name].pose, one.exit), se2.compose(by_name[name].pose, one.entry))
+                for name in names
+                for one in ways[name]
+                if one.exit is not None
+            ]
+            errors = [se2.pose_error(leaves, front) for _, leaves, _ in each]
+            near = [
+                k for k, (away, turn) in enumerate(errors) if away <= row.tolerance[0] and turn <= row.tolerance[1]
+            ]
+            if not near:
+                break
+            name, _, front = each[near[0]]
+            found = (name, *found)
+        best = max(best, found, key=len)
+    return replace(row, placed=best)
 
 
 def _part_of(source: Source, i: int, name: str) -> Source:
@@ -228,11 +263,14 @@ def _check_apart(scenario: Scenario, source: Source) -> None:
     loads, kept = scenario.task.by_name, scenario.clearance
     names = list(loads)
     standing = {name: _area(load.chain, load.start) for name, load in loads.items()}
+    flush = [set(goal.placed) for goal in scenario.task.goals if isinstance(goal, Row)]
     for one, other in combinations(names, 2):
         gap = float(standing[one].distance(standing[other]))
         if gap < kept:
             there = (_outlines(loads[name].chain, loads[name].start) for name in (one, other))
             depth = max(overlap_depth(a, b) for a, b in product(*there))
+            if depth <= TOUCH and any({one, other} <= placed for placed in flush):
+                continue
             where = f"overlaps '{one}' by {millimetres(depth)}" if depth else f"is {millimetres(gap)} from '{one}'"
             what = f"'{other}' {where}; allowed: at least {millimetres(kept)} apart"
             source.error(("objects", names.index(other), "pose"), what)

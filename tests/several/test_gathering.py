@@ -377,3 +377,31 @@ def test_what_closes_onto_the_row_comes_squarely_and_what_it_turns_may_wait_for_
     assert delivered.left() == others
     delivered.take(others)
     assert delivered.left() == {first}
+
+
+IN_PLACE = {"a": [1.0, 1.0, 0.2], "b": [1.8, 2.6, 0.3], "c": [2.775, 1.6, 0.0]}
+
+
+@pytest.mark.parametrize(
+    ("poses", "row", "placed"),
+    [
+        (IN_PLACE, {}, {"c"}),
+        (IN_PLACE, {"order": "any"}, {"c"}),
+        (IN_PLACE | {"b": [2.625, 1.6, 0.0]}, {}, {"b", "c"}),
+        (IN_PLACE | {"b": [2.625, 1.6, 0.0]}, {"placed": ["b", "c"]}, {"b", "c"}),
+        (IN_PLACE | {"c": [2.79, 1.6, 0.0]}, {}, set()),
+    ],
+    ids=["in place", "any order", "two in place", "two declared", "15 mm short of it"],
+)
+def test_what_stands_in_its_place_counts_as_placed(
+    poses: dict[str, list[float]], row: dict[str, Any], placed: set[str]
+) -> None:
+    stated = document()
+    objects = [{**obj, "shape": {"box": [0.15, 0.2]}, "pose": poses[obj["name"]]} for obj in stated["objects"]]
+    goals = {"row": {"of": ["a", "b", "c"], "pose": [2.4, 1.6, 0.0], **row}}
+    scenario = scenario_from_document({**stated, "objects": objects, "goals": goals, "gather": "auto"})
+    assert set(scenario.transport.row.placed) == placed
+    assert scenario_from_document(scenario.resolved()) == scenario
+    plan = pushplan.plan(scenario, first=True, time_limit=60.0)
+    assert plan.solved, plan.reason
+    assert {name for push in plan.pushes for name in push.pushed} == {"a", "b", "c"} - placed

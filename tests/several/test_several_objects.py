@@ -12,6 +12,7 @@ from scenarios.conftest import Changed
 
 from pushplan.cli.main import main
 from pushplan.errors import PushplanError
+from pushplan.planner import plan
 from pushplan.scenario.file import scenario_from_document, scenario_from_text
 
 
@@ -96,3 +97,29 @@ def test_goals_that_overlap_are_refused_at_once(command: str, goals: str, tmp_pa
     assert main([command, str(file)]) == 2
     told = capsys.readouterr().err
     assert "10:42: goals.other: at their goals, 'red-box' and 'other' are 0 mm apart; allowed: at least" in told
+
+
+DOOR = """\
+format: pushplan/1
+name: idle-in-the-door
+floor: {friction: 0.3}
+objects:
+  - {name: cargo, shape: {box: [0.2, 0.2]}, mass: 2.0, pose: [4.5, 2.2, 0.3]}
+  - {name: idle, shape: {box: [0.25, 0.25]}, mass: 2.0, pose: [3.0, 1.5, 0.0]}
+pusher: {width: 0.24, friction: 0.5}
+robot:
+  footprint: {box: [0.35, 0.24], pose: [-0.175, 0.0, 0.0]}
+  drive: {car: {axle: [-0.3, 0, 0], min_radius: 0.6}}
+  start: [0.5, 1.5, 0.0]
+goals: {cargo: {pose: [5.0, 1.5, 0.0], symmetry: 4}}
+workspace: {x: [-1.0, 7.0], y: [0.0, 3.0]}
+obstacles:
+  - {box: [0.1, 1.2], pose: [3.0, 0.6, 0]}
+  - {box: [0.1, 1.2], pose: [3.0, 2.4, 0]}
+"""
+
+
+def test_an_idle_object_in_a_door_that_the_robot_alone_has_to_pass_is_moved() -> None:
+    found = plan(scenario_from_text(DOOR), first=True, time_limit=60.0)
+    assert found.solved, found.reason
+    assert found.pushes[0].pushed == ("idle",)
