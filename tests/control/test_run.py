@@ -77,7 +77,7 @@ def test_a_loop_writes_what_has_happened_as_it_goes(run: ClosedLoopRun, back: Re
     halves = list[RecordedRun]()
 
     def told(now: float) -> None:
-        if now >= 3.0:
+        if now >= 5.0:
             halves.append(load_run(tmp_path / "cut.mcap.partial"))
             raise InterruptedError
 
@@ -95,7 +95,7 @@ def test_a_loop_writes_what_has_happened_as_it_goes(run: ClosedLoopRun, back: Re
     # margins of a few twists and of many at once are rounded differently
     np.testing.assert_allclose(execution.margins, whole.margins[:count], atol=1e-12)
     np.testing.assert_array_equal(measured.t, run.simulated.measured.t[: len(measured.t)])
-    assert [event.kind for event in stopped[:2]] == ["plan", "deviation"]  # contacts are less rough than believed
+    assert [event.kind for event in stopped[:2]] == ["plan", "disturbance"]
     assert stopped == there(back.feedback).events[: len(stopped)]
 
 
