@@ -107,7 +107,8 @@ class Controller:
         self._wheels = relative(scenario.pusher.plate_pose, scenario.pusher.wheels_pose)
         self._now, self._began, self._since, self._late = 0.0, math.inf, 0.0, False
         self._planned, self._at, self._before, self._rests = plan, 0, 0, 0
-        self._again, self._backing, self._blind, self._lost = 0, False, False, ""
+        self._again, self._backing, self._lost = 0, False, ""
+        self._blind, self._distrusted = False, False  # whether nothing is seen; whether something wrong was
         self._slips: Counter[str] = Counter()  # how often objects have slid since the plan was made, by name
         self._most = settings.most(travel_of(plan.segments))
         self._push: PushLoop | None = None
@@ -196,13 +197,20 @@ class Controller:
         push, plate = self._push, self._plate
         if push is not None:
             plate = compose(push.by_odometry, inverse(push.load.frame_plate))
-        for taken, poses in sightings.come(self._now, plate):
+        for taken, poses in sightings.come(self._now, plate, self._distrust):
             self._standing.measured(poses)
             if push is not None:
                 push.learn(taken, poses)
         if not self.over:
             self._decide()
         return self._twist()
+
+    def _distrust(self, k: int) -> None:
+        """Tell once that the camera sees what is not there."""
+        if not self._distrusted:
+            name = self._standing.names[k]
+            self._tell("dropped", f"{name} was seen elsewhere once: what leaps counts only if it is seen there again")
+        self._distrusted = True
 
     def _moved(self) -> None:
         """Take down how the plate has moved since the last step."""

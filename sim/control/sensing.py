@@ -13,6 +13,7 @@ import numpy as np
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import between, compose, exp, pose_error, relative, wrap_angle
 from pushplan.plans.run import Measured
+from pushplan.sim.control.gate import Gate
 from pushplan.util.arrays import FloatArray, plain_number
 
 JUMP = (0.01, math.radians(0.5))
@@ -118,6 +119,7 @@ class Sightings:
         self._seen: deque[tuple[float, FloatArray]] = deque()
         self._ahead: deque[tuple[float, FloatArray, bool]] = deque()
         self._plates: deque[FloatArray] = deque()  # time and pose of each (4,)
+        self._gate = Gate()
         self._last = np.zeros(0)  # when each object was seen last (n,); empty before the first measurement
 
     def see(
@@ -134,13 +136,16 @@ class Sightings:
         self.rides = frame == "plate"
         self._ahead.append((time, object_poses, self.rides))
 
-    def come(self, now: float, plate: FloatArray) -> list[tuple[float, FloatArray]]:
+    def come(self, now: float, plate: FloatArray, wrong: Callable[[int], None]) -> list[tuple[float, FloatArray]]:
         """Return what has come since, in the world; measurements stamped ahead wait until `now` is there.
+
+        What leaps is NaN until the next one agrees, see `Gate`.
 
         Args:
             now: Time, s.
             plate: (3,) pose of the plate frame then, in the world, from which is seen what is measured in it.
                 Not one that was learned from such measurements, which would confirm itself.
+            wrong: Told the number of an object of which the measurement before was wrong.
         """
         self._plates.append(np.append(now, plate))
         while self._plates[0][0] < now - MEMORY:
@@ -148,7 +153,11 @@ class Sightings:
         come = []
         while self._ahead and self._ahead[0][0] <= now:
             time, poses, on_plate = self._ahead.popleft()
-            come.append((time, compose(self._plate_at(time), poses) if on_plate else poses))
+            then = self._plate_at(time)
+            passed, off = self._gate.passed(time, compose(then, poses) if on_plate else poses, then, self.noise)
+            come.append((time, passed))
+            if off >= 0:
+                wrong(off)
         self._seen.extend(come)
         for time, poses in come:
             seen = np.where(np.isnan(poses[:, 0]), -np.inf, time)

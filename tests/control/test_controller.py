@@ -23,6 +23,7 @@ from pushplan.scenario.parts import CircleObstacle
 from pushplan.sim.control import pushing
 from pushplan.sim.control.controller import Controller
 from pushplan.sim.control.departures import Slide
+from pushplan.sim.control.gate import Gate
 from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
@@ -132,6 +133,47 @@ def test_after_an_outage_of_the_measurements_the_loop_goes_on(pushes: int) -> No
     assert [event.kind for event in controller.events].count("unseen") == 1
     speeds = np.abs(course.twists[:, :2]).max(axis=1)
     assert (speeds[(course.t > 0.4 * duration + 3.0) & (course.t < 0.4 * duration + 7.9)] == 0.0).all()
+
+
+@pytest.mark.parametrize("what", ["elsewhere", "exchanged"])
+@pytest.mark.parametrize("name", ["two-crates", "hook"])
+def test_single_wrong_frames_neither_stop_nor_divert_the_loop(name: str, what: str) -> None:
+    """Every 2 s an object is measured 5 cm elsewhere, or the names of two are exchanged."""
+    controller, rng, due = Controller(plan_of(name), SELDOM), np.random.default_rng(58), [2.0]
+
+    def step(now: float, poses: ArrayLike | None = None, measured_at: float | None = None) -> FloatArray:
+        if poses is not None and now >= due[0]:
+            due[0] += 2.0
+            poses, way = np.array(poses), rng.uniform(-np.pi, np.pi)
+            poses[rng.integers(len(poses)), :2] += [0.05 * np.cos(way), 0.05 * np.sin(way)]
+            poses = poses[::-1] if what == "exchanged" else poses
+        return controller.step(now, poses, measured_at)
+
+    course = simulate_push(pushplan.World.from_scenario(scenario(name)), controller, SELDOM.rate, step=step)
+    assert [event.kind for event in controller.events].count("dropped") == 1
+    assert {event.kind for event in controller.events} <= {"plan", "dropped", "re-localisation", "sensor", "arrived"}
+    planned = there(plan_of(name).trajectory).duration
+    assert controller.phase is Phase.ARRIVED, controller.reason
+    assert course.t[-1] < planned + 3.0
+
+
+def test_what_leaps_counts_once_it_is_seen_there_again() -> None:
+    gate, noise, rest = Gate(), np.array([1e-3, 0.005]), np.zeros(3)
+    away, other = np.array([[0.04, 0.0, 0.0], [0.5, 0.0, 0.0]]), np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]])
+
+    def passed(k: int, poses: FloatArray, plate: FloatArray = rest) -> tuple[list[bool], int]:
+        let, wrong = gate.passed(k / 30.0, poses, plate, noise)
+        return np.isfinite(let[:, 0]).tolist(), wrong
+
+    assert passed(0, other) == ([True, True], -1)
+    assert passed(1, away) == ([False, True], -1)
+    assert passed(2, other) == ([True, True], 0)
+    assert passed(3, away) == ([False, True], -1)
+    assert passed(4, away) == ([True, True], -1)  # it was displaced
+    for k in range(5, 9):
+        assert passed(k, away[::-1]) == ([False, False], -1)  # exchanged
+    driven = np.array([0.1, 0.0, 0.0])
+    assert passed(9, away + driven, driven) == ([True, True], 1)  # carried by the plate meanwhile
 
 
 def test_a_measured_plate_is_led_back_to_the_path_on_twists_that_the_contacts_bear() -> None:
