@@ -58,7 +58,9 @@ class Gate:
             if off is not None:
                 self._lately.append(off)
             if off is None or (off <= allowed).all():
-                wrong = i if self._held.pop(i, None) is not None else wrong
+                held = self._held.pop(i, None)
+                if held is not None and (_leap(held, now) > allowed).any():
+                    wrong = i
                 self._kept[i] = now
             else:
                 leapt[i] = now

@@ -174,6 +174,9 @@ def test_what_leaps_counts_once_it_is_seen_there_again() -> None:
         assert passed(k, away[::-1]) == ([False, False], -1)  # exchanged
     driven = np.array([0.1, 0.0, 0.0])
     assert passed(9, away + driven, driven) == ([True, True], 1)  # carried by the plate meanwhile
+    gate = Gate()
+    for k, far in ((10, 0.0), (11, 0.0105), (12, 0.0095)):  # about its limit: what was held back was not wrong
+        assert passed(k, other + np.array([far, 0.0, 0.0])) == ([k != 11] * 2, -1)
 
 
 def test_a_measured_plate_is_led_back_to_the_path_on_twists_that_the_contacts_bear() -> None:
