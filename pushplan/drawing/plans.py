@@ -227,9 +227,9 @@ class _Steps:
 def _title(plan: Plan, scene: Scene, executed: bool, letters: int) -> list[str]:
     """Return the lines of the title: what the plan, or another execution, comes to, or why there is none."""
     if not plan.solved:
-        return broken(
-            f"{cut(plan.scenario.name, letters // 2)}: no plan: {plan.reason}", letters, max_lines=8, placeholder=" …"
-        )
+        what = "partial plan" if plan.segments else "no plan"
+        said = f"{cut(plan.scenario.name, letters // 2)}: {what}: {plan.reason}"
+        return broken(said, letters, max_lines=8, placeholder=" …")
     if executed:
         replans = sum(mark.kind == "replan" for mark in scene.marks)
         outcome = f": executed in {scene.t[-1]:.1f} s, {replans} replan{'' if replans == 1 else 's'}"
