@@ -132,7 +132,7 @@ def test_a_plate_that_closes_contacts_may_not_have_met_its_load_yet(plan: Plan, 
         return ()
 
     monkeypatch.setattr(StallWatch, "stalled", stalled)
-    apart = Disturbance(0.2, 0, 8e-3, 0.0, 0.09)
+    apart = Disturbance(8.0, 0, 8e-3, 0.0, 0.09)
     simulate_push(World.from_scenario(plan.scenario), controller, controller.settings.rate, [apart])
     assert "close" in [event.kind for event in controller.events]
     assert Phase.PUSHING in asked
