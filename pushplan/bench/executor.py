@@ -31,6 +31,7 @@ from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from itertools import islice
+from multiprocessing import forkserver
 from multiprocessing.connection import wait as wait_for
 from multiprocessing.context import ForkServerContext
 from pathlib import Path
@@ -227,13 +228,27 @@ def _isolated_on_worker(spec: RunSpec, work: Work) -> Outcome:
     return isolated(spec, work=work)
 
 
+SAFE_PATH = "PYTHONSAFEPATH"
+_STARTS = threading.Lock()
+
+
 def _context() -> ForkServerContext:
     """Return what starts processes: they are forked from one that has loaded all that runs and `__main__` need."""
     main = getattr(sys.modules["__main__"], "__spec__", None)
-    # Python puts the working directory first on the path of the fork server, which would import a `secrets.py` there.
-    os.environ["PYTHONSAFEPATH"] = "1"
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([PRELOAD, __name__, *([main.name] if main is not None else [])])
+    # Python puts the working directory first on the path of the fork server, which would import a `secrets.py` there.
+    # The variable is set while the server starts only: programs that the caller starts look up modules as ever.
+    with _STARTS:
+        before = os.environ.get(SAFE_PATH)
+        os.environ[SAFE_PATH] = "1"
+        try:
+            forkserver.ensure_running()
+        finally:
+            if before is None:
+                os.environ.pop(SAFE_PATH, None)
+            else:
+                os.environ[SAFE_PATH] = before
     return context
 
 

@@ -186,12 +186,13 @@ def test_modules_in_the_working_directory_are_not_those_of_the_standard_library(
     program = tmp_path / "elsewhere" / "program.py"
     program.parent.mkdir()
     program.write_text(
+        "import os\n"
         "from pushplan.bench import executor\n"
-        "executor.PRELOAD = 'secrets'\n"
-        "with executor.local_engine(1): print('done')\n"
+        "executor.PRELOAD, before = 'secrets', dict(os.environ)\n"
+        "with executor.local_engine(1): print('done', dict(os.environ) == before)\n"  # its own programs get it, too
     )
     for name in ("secrets", "selectors", "json"):
         (tmp_path / f"{name}.py").write_text("open('executed', 'w').close()\n")
     done = subprocess.run([sys.executable, program], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.stdout == "done\n", done.stderr
+    assert done.stdout == "done True\n", done.stderr
     assert not (tmp_path / "executed").exists()
