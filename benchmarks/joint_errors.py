@@ -29,8 +29,8 @@ from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
 from pushplan.planner import plan
 from pushplan.scenario.file import example_names, load_scenario, scenario_from_text
 from pushplan.scenario.model import Scenario
-from pushplan.sim.course import Course, Moments, thinned
 from pushplan.sim.joint_robustness import ErrorBox, JointErrors
+from pushplan.sim.moments import ChainMotion, Moments, thinned
 from pushplan.util.arrays import FloatArray
 
 
@@ -99,11 +99,11 @@ def descend(errors: JointErrors, scale: float, restarts: int, rng: np.random.Gen
     number, by differences over a tenth of the box, says the corner to go to; so often as `steps` says. What is found
     there is judged by chains that are built anew.
     """
-    box, moments = errors.box, errors.course.moments
+    box, moments = errors.box, errors.motion.moments
     found, shape = np.inf, box.widths.shape
     for _ in range(restarts):
         point = rng.uniform(-1.0, 1.0, shape)
-        values = errors.values(np.array([scale]), point[None], None)[0] / errors.course.nominal.reshape(
+        values = errors.values(np.array([scale]), point[None], None)[0] / errors.motion.nominal.reshape(
             len(moments.twists), -1
         )
         moment, row = np.unravel_index(rng.choice(values.argsort(axis=None)[:64]), values.shape)
@@ -149,7 +149,7 @@ def main() -> int:
             continue
         trajectory, box = push.contact_trajectory, ErrorBox.of(push.load)
         moments = thinned(trajectory.directions, trajectory.rates_at(trajectory.t), box.chain.characteristic_length)
-        errors = JointErrors(Course(box.chain, moments), box)
+        errors = JointErrors(ChainMotion(box.chain, moments), box)
         rho, corner = errors.worst()
         assert abs(rho / stated.joint - 1.0) < 1e-5
         rng = np.random.default_rng([asked.seed, count])

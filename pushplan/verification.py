@@ -229,9 +229,8 @@ class _PlanChecks:
     def _check_solution(self) -> Iterator[Check]:
         """Judge the plan, its motion and its paths, by the validator, which the searches do not use."""
         segments, name = self._own, self._set
-        if (
-            self._set is None
-        ):  # margins above -1 are had by all twists: other code judges the contacts in the execution
+        if self._set is None:
+            # Margins above -1 are had by all twists: other code checks the contacts in the execution.
             segments = tuple(replace(segment, margin=-1.0) for segment in segments)
         judge = Validator(self._scenario)
         timed = all(segment.trajectory is not None for segment in segments)

@@ -20,7 +20,7 @@ from pushplan.mechanics.packed import contact_facets, push_room
 from pushplan.mechanics.perturb import aside_slides, displace
 from pushplan.plans.load import Load
 from pushplan.plans.robustness import BOX, MOST_ANGLE
-from pushplan.sim.course import Course, Variants
+from pushplan.sim.moments import ChainMotion, Variants
 from pushplan.util.arrays import FloatArray, IntArray
 
 FINE = 1e-6
@@ -114,9 +114,9 @@ def _half_widths(spans: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class JointErrors:
-    """A course on which all numbers may be off at once."""
+    """A motion on which all numbers may be off at once."""
 
-    course: Course
+    motion: ChainMotion
     box: ErrorBox
 
     @cached_property
@@ -126,9 +126,9 @@ class JointErrors:
         least = [MOST_SCALE]
         least += [1.0 / off for off in [*share, *widths[:, 0], *widths[:, 1]] if off > 0.0]
         least += [MOST_ANGLE / off for off in widths[:, 5] if off > 0.0]
-        height = self.course.chain.contact_height
-        for i, (obj, row) in enumerate(zip(self.course.chain.objects, widths, strict=True)):
-            leans = sum(row[2 + axis] / max(self.course.most_lean(i, axis)[1], 1e-300) for axis in (0, 1))
+        height = self.motion.chain.contact_height
+        for i, (obj, row) in enumerate(zip(self.motion.chain.objects, widths, strict=True)):
+            leans = sum(row[2 + axis] / max(self.motion.most_lean(i, axis)[1], 1e-300) for axis in (0, 1))
             if leans > 0.0:
                 least.append((1.0 - 1e-9 * (height > 0.0)) / leans)
             if height > 0.0:  # a push shifts more with more friction, and what leans bears less of it
@@ -141,14 +141,14 @@ class JointErrors:
 
         `changed` compares them with the last of them if `about_last`, else with the chain's nominal numbers.
         """
-        itself, chain = self.course.itself, self.course.chain
+        itself, chain = self.motion.itself, self.motion.chain
         off = scales[:, None, None] * corners * self.box.widths
         arrays = [np.repeat(a, len(scales), axis=0) for a in (itself.objects, itself.parts, itself.centers)]
         links = itself.links
         if off[:, :, 2:4].any():
             links = links.copy()
             links[:, 0] = np.where(links[:, 0] == UNIFORM, AFFINE, links[:, 0])
-            for k, slopes in enumerate(self.course.lean_slopes):
+            for k, slopes in enumerate(self.motion.lean_slopes):
                 i, axis = divmod(k, 2)
                 for array, slope in zip(arrays, slopes, strict=True):
                     array += off[:, i, 2 + axis, None, None] * slope
@@ -156,7 +156,7 @@ class JointErrors:
         arrays[0][:, :, SHIFT] *= 1.0 + off[:, :, 0]
         moved = displace(chain, aside_slides(chain, off[:, :, 4]), off[:, :, 5])
         exist = np.asarray((moved.lengths > SHORTEST_CONTACT).all(axis=1))
-        ends = np.where(exist[:, None, None, None], moved.ends, self.course.ends)
+        ends = np.where(exist[:, None, None, None], moved.ends, self.motion.ends)
         friction = np.array([contact.friction for contact in chain.contacts])
         friction = friction * (1.0 - scales[:, None] * self.box.contact_friction)
         changed = np.concatenate([off[:, :, :4], moved.poses], axis=2)
@@ -182,7 +182,7 @@ class JointErrors:
         """
         variants = self.variants(scales, corners, about_last)
         masses = 1.0 + scales[:, None] * corners[:, :, 1] * self.box.widths[:, 1]
-        found = self.course.values_of(variants, which, masses, about_last)
+        found = self.motion.values_of(variants, which, masses, about_last)
         found = found.reshape(*found.shape[:2], -1)
         found[~variants.exist] = -NO_CONTACT
         return np.asarray(found)
@@ -192,11 +192,11 @@ class JointErrors:
 
         The point is zero where none does up to there, or where a contact is lost with all numbers in the middle.
         """
-        middle = np.zeros((1, len(self.course.chain.objects), len(KINDS)))
+        middle = np.zeros((1, len(self.motion.chain.objects), len(KINDS)))
         scale, known, about = min(most, self.most), middle, middle[0]
         if not scale > 0.0 or (self.values(np.zeros(1), middle, None) <= 0.0).any():
             return 0.0, about
-        which = self.course.order[:WEAK]
+        which = self.motion.order[:WEAK]
         for _ in range(ROUNDS):
             corners = self._corners(scale if len(known) > 1 else min(1.0, scale), about, which)
             fresh = np.array([c for c in corners if not (known == c).all(axis=(1, 2)).any()])
@@ -217,7 +217,7 @@ class JointErrors:
         either_way[np.arange(len(numbers)), :, numbers[:, 0], numbers[:, 1]] = 1.0, -1.0
         scale = min(most, self.most)
         if scale > 0.0:
-            scale, _ = self._first_loss(either_way.reshape(-1, *shape), scale, self.course.order[:FEW])
+            scale, _ = self._first_loss(either_way.reshape(-1, *shape), scale, self.motion.order[:FEW])
             for points in either_way:  # one by one: what is not off is not worked out again
                 scale, _ = self._first_loss(points, scale, None)
         return scale

@@ -16,8 +16,8 @@ from pushplan.mechanics.heights import is_pressed
 from pushplan.plans.robustness import BOX, MOST_ANGLE, MOST_SHARE, USED_UP, Robustness
 from pushplan.plans.segment import Segment
 from pushplan.plans.trajectory import Trajectory
-from pushplan.sim.course import Course, thinned
 from pushplan.sim.joint_robustness import MOST_SCALE, ErrorBox, JointErrors
+from pushplan.sim.moments import ChainMotion, thinned
 from pushplan.util.arrays import FloatArray
 
 
@@ -62,22 +62,22 @@ def robustness_along(
 ) -> Robustness:
     """Return that of a motion with body twists (m, 3), none zero, and rates (m, 3); see `robustness_of`."""
     moments = thinned(twists, rates, chain.characteristic_length)
-    course = Course(chain, moments)
-    if not course.nominal.min() > 0.0:
+    motion = ChainMotion(chain, moments)
+    if not motion.nominal.min() > 0.0:
         return USED_UP
     length = 2.0 * chain.characteristic_length  # more than any contact is long
     least = least or Robustness(0.0, MOST_SHARE, MOST_SHARE, length, MOST_ANGLE, MOST_SCALE)
     friction, floor, load, position, angle, scale = astuple(least)
 
     def alone(kind: str, most: float) -> float:
-        return JointErrors(course, ErrorBox.of_kind(chain, kind)).alone(most)
+        return JointErrors(motion, ErrorBox.of_kind(chain, kind)).alone(most)
 
     floor, load = alone("floor_friction", floor), alone("lean_y", alone("lean_x", load))
     position, angle = alone("position", position), alone("angle", angle)
-    below, above = course.nominal[..., 0], course.nominal[..., 1]  # mu f_n - f_t and mu f_n + f_t
+    below, above = motion.nominal[..., 0], motion.nominal[..., 1]  # mu f_n - f_t and mu f_n + f_t
     box = ErrorBox.fixed(chain) if box is None else box
-    about = course if box.chain is chain else Course(box.chain, moments)
-    if about is course:  # what one number alone loses, all lose together
+    about = motion if box.chain is chain else ChainMotion(box.chain, moments)
+    if about is motion:  # what one number alone loses, all lose together
         scale = min(scale, floor / BOX.floor_friction, load / BOX.load, position / BOX.position, angle / BOX.angle)
     friction = max(friction, float(np.max(np.abs(above - below) / (above + below))))
     return Robustness(friction, floor, load, position, angle, JointErrors(about, box).worst(scale)[0])

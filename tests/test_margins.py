@@ -26,8 +26,8 @@ from pushplan.scenario.file import example_names, example_text, load_scenario, s
 from pushplan.scenario.model import Scenario
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
-from pushplan.sim.course import Course, Moments, thinned
 from pushplan.sim.joint_robustness import ErrorBox, JointErrors
+from pushplan.sim.moments import ChainMotion, Moments, thinned
 from pushplan.sim.robustness import least_robustness, robustness_along, robustness_of
 from pushplan.util.arrays import FloatArray
 
@@ -216,7 +216,7 @@ def test_every_margin_is_positive_just_below_the_robustness_and_one_is_not_just_
             assert (least > 0.0) == holds or (share > 1.0 and size >= MOST[kind]), (kind, share)
     # And all at once, at corners of the box by lot and at the one that is named.
     box = ErrorBox.fixed(scenario.chain)
-    scale, corner = JointErrors(Course(scenario.chain, moments), box).worst()
+    scale, corner = JointErrors(ChainMotion(scenario.chain, moments), box).worst()
     assert scale == pytest.approx(robustness.joint, rel=1e-5)
     rng = np.random.default_rng(1)
     for point in [corner, *rng.choice([-1.0, 1.0], (8, *corner.shape))]:

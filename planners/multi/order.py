@@ -63,13 +63,10 @@ PLAIN = ((8, 0), (8, 1), (8, 2))
 """The same of rounds that a loop over plans for single bodies would make."""
 
 CAREFUL = ((0, 0), (3, 0))
-"""The same of rounds in which no delivery may shut in what is left."""
+"""The same of careful rounds, in which no delivery may shut in what is left."""
 
 ROUNDS = 6
 """Times that all is delivered again, what was left the last time first."""
-
-QUICK = ((0, 0), (3, 0))
-"""The same of rounds once something was put out of the way."""
 
 FREED = 24
 """Bodies that are put out of the way while more can be delivered then, at most."""
@@ -201,14 +198,17 @@ class Order:
         return plan
 
     def _delivered(
-        self, plan: PartialPlan, rounds: Sequence[tuple[int, int]] = GREEDY, only: frozenset[int] | None = None
+        self,
+        plan: PartialPlan,
+        rounds: Sequence[tuple[int, int]] = GREEDY,
+        only: frozenset[int] | None = None,
+        careful: bool = False,
     ) -> PartialPlan:
         """Return a plan with deliveries until nothing can be delivered, the nearest pieces first.
 
         A piece that cannot be delivered is tried again once all others were. In careful rounds, so is one that would
         shut in a piece that is left. With `only`, other pieces stay where they are.
         """
-        careful = rounds is CAREFUL
         for self._patience, self._level in rounds:
             found = True
             while found and plan.here.left and not self._over():
@@ -230,7 +230,7 @@ class Order:
         best, first = begin, frozenset[int]()
         for _ in range(ROUNDS):
             plan = self._delivered(begin, only=first) if first else begin
-            plan = self._delivered(self._delivered(plan, CAREFUL))
+            plan = self._delivered(self._delivered(plan, CAREFUL, careful=True))
             best = min(best, plan, key=_worth)
             if not plan.here.left - first or self._over():
                 break
@@ -266,9 +266,9 @@ class Order:
             step = self._search(plan.here, piece, places, delivers=False) if places else None
             if step is not None:
                 # What was left comes first: what is put aside could shut it in again.
-                more = self._delivered(self._extended_by(plan, (step,)), QUICK, plan.here.left)
+                more = self._delivered(self._extended_by(plan, (step,)), CAREFUL, plan.here.left, careful=True)
                 if len(more.here.left) <= len(plan.here.left):
-                    more = self._delivered(more, QUICK)
+                    more = self._delivered(more, CAREFUL, careful=True)
                 if len(more.here.left) < len(plan.here.left):
                     yield more
 

@@ -276,7 +276,7 @@ class WordGoal(ob.GoalSampleableRegion):  # type: ignore[misc]
         return 1
 
     def distanceGoal(self, state: Any) -> float:  # noqa: N802 OMPL's name
-        """Return 0 in the region, elsewhere the cost of the cheapest word to the other root, m."""
+        """Return 0 in the region, elsewhere the cost of the cheapest steering path to the other root, m."""
         return self._distance(state)
 
 

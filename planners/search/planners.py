@@ -26,7 +26,7 @@ from pushplan.planners.search.search import Factory
 from pushplan.planners.search.session import CHUNK, Session
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import GONE_PLANNERS
-from pushplan.util.naming import PLANNER_NAMES, attribute_named, name_of
+from pushplan.util.naming import PLANNER_NAMES, attribute_named, gone_planner, name_of
 
 _SPECK = 1e-7 * np.array([[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]])
 
@@ -283,7 +283,7 @@ ARCS = 60.0
 
 
 class Auto(AnytimePlanner):
-    """OMPL's RRTs until there is a path; rounds of best-first search; while there is no path, ways through gaps."""
+    """OMPL's RRTs and steering paths through gaps until there is a path; rounds of best-first search."""
 
     name = "auto"
 
@@ -332,12 +332,12 @@ class LatticeSearch(AnytimePlanner):
 
 
 class Bottlenecks(AnytimePlanner):
-    """Ways through narrow gaps by words alone; where they lead nowhere, there is no more to try."""
+    """Only steering paths through narrow gaps; where they lead nowhere, there is nothing more to try."""
 
     name = "bottlenecks"
 
     def rounds(self, information: PushInformation) -> Iterator[None]:
-        """Try words, then shorten the path."""
+        """Try steering paths, then shorten the path that was found."""
         session = information.session
         ways = Ways(session)
         while True:
@@ -372,8 +372,7 @@ def planner_named(planner: str | Factory) -> tuple[str, Factory]:
     )
     if found is None:
         if planner in GONE_PLANNERS:
-            what, instead = GONE_PLANNERS[planner]
-            raise PlanningError(f"{planner!r} is {what}; allowed: {instead}")
+            raise PlanningError(gone_planner(planner))
         raise PlanningError(
             f"no planner is called {planner!r}; there are {', '.join(PLANNERS)}, those of installed packages, and "
             "any other as module:attribute"

@@ -150,8 +150,7 @@ def open_name(known: naming.OpenNames) -> Word:
 
     def read(name: str) -> str:
         if known is naming.PLANNER_NAMES and name in GONE_PLANNERS:
-            what, instead = GONE_PLANNERS[name]
-            raise ValueError(f"{name!r} is {what}; allowed: {instead}")
+            raise ValueError(naming.gone_planner(name))
         if name not in known:
             raise ValueError(f"{name!r} is not known{naming.nearest(name, known)} allowed: {known.words}")
         return name

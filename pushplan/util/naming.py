@@ -82,6 +82,14 @@ PLANNER_NAMES = OpenNames(names.PLANNERS, "pushplan.planners")
 STABLE_SET_NAMES = OpenNames(names.STABLE_SETS, "pushplan.sets")
 SIMULATOR_NAMES = OpenNames(names.SIMULATORS, "pushplan.simulators")
 EXPORTER_NAMES = OpenNames((), "pushplan.exporters")
+
+
+def gone_planner(name: str) -> str:
+    """Return what has become of a planner of `names.GONE_PLANNERS`, and what to use."""
+    what, instead = names.GONE_PLANNERS[name]
+    return f"{name!r} is {what}; allowed: {instead}"
+
+
 """What planners, stable sets, simulators of trials and exporters of others may be called."""
 
 

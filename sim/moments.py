@@ -98,7 +98,7 @@ class Variants(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class ChainMotion:
     """A chain, all loads known, and the moments at which its contacts have to hold.
 
     Raises:
