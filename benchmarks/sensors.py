@@ -2,8 +2,8 @@
 
 Run `python benchmarks/sensors.py [--seeds 101 102 103] [--only NAME ...] [--filter ERROR ...] [--disturbances]
 [--jobs 2]`; prints a line an error: runs that arrive with at most three replans, travel over the plan's, and how many
-stop although nothing happened. Tuned on seeds 1 to 3, judged on 101 to 103. `--told` gives today's noise to the
-settings. `--filter none --pairs 0 --seeds 1 2 3 4 5 6 7 8 9` are 108 runs in which nothing is wrong.
+stop although nothing happened. Tuned on seeds 1 to 3, judged on 101 to 103. `--told` tells the settings the
+noise. `--filter none --pairs 0 --seeds 1 2 3 4 5 6 7 8 9` are 108 runs in which nothing is wrong.
 
 `--disturbances` (5 mm and 3 deg at 0.1 to 0.9 of the time, friction off by 20 %) tells how many of them are noticed
 within a second. Where they are not, the simulator says what they left: an object that stands again where it stood on
@@ -13,6 +13,10 @@ others are missed.
 `--slides` lets what a contact pushes slide along it by 10 mm a metre, from 0.1 to 0.7 of the way on, until the loop
 stops and looks, and tells how many slides are noticed before 8 mm of them were on arcs, or 15 mm anywhere. Where the
 push ended before that, there was nothing to notice.
+
+`--matrix` lets everything go wrong at once, see `ALL`, in single pushes (`--matrix single`) or plans of several
+(`--matrix several`); `--physics` does so in MuJoCo. A run is good if the controller says that it arrived, and all
+objects are within the tolerance and the camera's error of their goals by the world's poses.
 
 An error of the camera is injected between world and controller, one of odometry between controller and world: the
 plate moves otherwise than it was told, and no `plate_pose` says so but in runs in which that jumps. A run arrives if
@@ -26,14 +30,15 @@ import argparse
 import math
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from closed_loop import way_of
+from closed_loop import several_pushes, way_of
 from numpy.typing import ArrayLike
 from tracker import Tracker
 
@@ -41,9 +46,11 @@ from pushplan.bench.store import Machine
 from pushplan.core.slip import Trace
 from pushplan.geometry.se2 import compose, exp, inverse, relative, rotate, twist_of, wrap_angle
 from pushplan.mechanics.contacts import carried_objects
+from pushplan.planner import plan as plan_for
 from pushplan.plans.execution import wilson
+from pushplan.plans.goals import tolerance_of, worst_at_goal
 from pushplan.plans.plan import Plan
-from pushplan.scenario.file import example_names, load_scenario
+from pushplan.scenario.file import example_names, load_scenario, scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.aim import Aim
 from pushplan.sim.control.controller import Controller
@@ -51,11 +58,12 @@ from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance, SimulatedPush, Simulator, simulate_push
+from pushplan.sim.physics.simulator import PhysicsSimulator
 from pushplan.slip.simulator import SlipSimulator
 from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
-MOST_REPLANS = 3
+MOST_REPLANS, MOST_EVENTS = 3, 20
 LONGEST = 200.0
 """Simulated seconds."""
 DEG = math.pi / 180.0
@@ -83,6 +91,9 @@ class Errors:
         start: m and rad, of the plate.
         jump: m and rad, of the localisation half-way; the plate's pose is measured then.
         unseen: Share of times that an object is not seen.
+        wrong: m, by which one object is seen elsewhere in one frame every 2 s.
+        outage: s, without any measurement, once.
+        swapped: s, for which the first two objects are taken for one another, once.
     """
 
     bias: float = 0.0
@@ -94,6 +105,9 @@ class Errors:
     start: tuple[float, float] = (0.0, 0.0)
     jump: tuple[float, float] = (0.0, 0.0)
     unseen: float = 0.0
+    wrong: float = 0.0
+    outage: float = 0.0
+    swapped: float = 0.0
 
     def and_(self, other: Errors) -> Errors:
         """Return both errors at once; the first of two of the same number."""
@@ -126,6 +140,35 @@ ERRORS = {
     "jump 30 mm": Errors(jump=(0.03, DEG)),
     "unseen 30 %": Errors(unseen=0.3),
 }
+ALL = Errors(
+    bias=3e-3,
+    turned=0.7 * DEG,
+    clock=0.025,
+    odometry=(0.015, 0.0, 0.0),
+    unseen=0.02,
+    wrong=0.05,
+    outage=8.0,
+    swapped=2.0,
+)
+"""What goes wrong in the matrix, beside a friction of contacts that is 20 % less and an object that is displaced."""
+MATRIX = {
+    "single": ("two-crates", "carts", "hook", "one-box", "feet", "trapezoids"),
+    "several": ("bring-it-home", "load-2", "load-16", "boxes-3", "in-a-row"),
+}
+IN_A_ROW = """\
+format: pushplan/1
+name: in-a-row
+floor: {friction: 0.30}
+objects:
+  - {name: left, shape: {box: [0.15, 0.20]}, mass: 1.0, pose: [1.0, 1.0, 0.0]}
+  - {name: right, shape: {box: [0.20, 0.20]}, mass: 1.2, pose: [1.8, 1.2, 20 deg]}
+contacts: {friction: 0.50}
+pusher: {width: 0.28, friction: 0.50}
+robot: {footprint: {box: [0.42, 0.285], pose: [-0.225, 0, 0]}, start: [0.5, 0.5, 0.0]}
+goals: {row: {of: [left, right], pose: [2.4, 1.6, 0.0]}}
+gather: always
+workspace: {x: [0.0, 3.6], y: [0.0, 3.6]}
+"""
 
 
 @dataclass(eq=False)
@@ -136,7 +179,7 @@ class Erring:
         controller: What it drives by.
         errors: What is wrong.
         random: Draws.
-        half: When the localisation jumps, s.
+        half: When the localisation jumps, s; outages begin at half of that, exchanged names at one and a half.
         seen: The last measurement.
     """
 
@@ -145,6 +188,7 @@ class Erring:
     random: np.random.Generator
     half: float
     seen: FloatArray | None = None
+    due: float = 2.0
     shift: FloatArray = field(init=False)
     own: bool = field(init=False)
     sign: float = field(init=False)
@@ -168,9 +212,16 @@ class Erring:
         if object_poses is not None and measured_at is not None:
             poses = np.asarray(object_poses)
             poses = compose(poses, self.shift) if self.own else poses + self.shift
+            if e.wrong and now >= self.due:
+                self.due, way = now + 2.0, self.random.uniform(-math.pi, math.pi)
+                poses[self.random.integers(len(poses)), :2] += [e.wrong * math.cos(way), e.wrong * math.sin(way)]
+            if 0.0 <= now - 1.5 * self.half < e.swapped:
+                poses[:2] = poses[:2][::-1].copy()
             rows = np.where(self.random.random(len(poses))[:, None] < e.unseen, np.nan, poses)
             measured_at = None if e.unstamped else measured_at + e.clock
             self.seen = poses
+            if 0.0 <= now - 0.5 * self.half < e.outage:
+                rows = measured_at = None
         plate = None
         if any(e.jump):
             plate = self.plate if now < self.half else compose(self.leap, self.plate)
@@ -206,6 +257,9 @@ class Row:
     """What of a disturbance is left 0.5 s later, m and rad."""
     slid: tuple[float, float]
     """How far a slide had gone on arcs, and at all, when it was noticed or all was over, m."""
+    events: int = 0
+    longer: float = 1.0
+    """How many events there were, and the time of the run over that of the plan."""
 
     @property
     def good(self) -> bool:
@@ -346,14 +400,86 @@ def run(job: Job) -> Row:
     )
 
 
+@cache
+def _problem(name: str) -> tuple[Scenario, Plan]:
+    """Return a scenario of the matrix and the plan that it begins with."""
+    if name in MATRIX["single"]:
+        return _first(name, False)
+    if "-" in name and name.rpartition("-")[2].isdigit():
+        return next(several_pushes([name]))
+    file = Path(__file__).parents[1] / "examples" / f"{name.replace('-', '_')}.yaml"
+    scenario = scenario_from_text(IN_A_ROW) if name == "in-a-row" else load_scenario(file)
+    return scenario, plan_for(scenario, seed=1, time_limit=60.0, first=True)
+
+
+def endure(job: Job) -> Row:
+    """Run a problem of the matrix."""
+    scenario, plan = _problem(job.name)
+    assert plan.trajectory is not None
+    random = np.random.default_rng([job.seed, *job.name.encode()])
+    controller = Controller(scenario, plan=plan)
+    robot = Erring(controller, job.errors, random, 0.5 * plan.trajectory.duration)
+    world = World.from_scenario(scenario).with_contact_friction(0.8)
+    hit = _kick(plan.trajectory.duration, len(world.names), random)
+    began, made = time.process_time(), PhysicsSimulator if job.what == "physics" else SlipSimulator
+    course = simulate_push(
+        world, controller, controller.settings.rate, [hit], seed=job.seed, simulator_of=made, step=robot.step
+    )
+    placed, allowed = controller.scenario, np.add(tolerance_of(scenario, 5e-3, DEG), [ALL.bias, ALL.turned])
+    error = worst_at_goal(placed, course.object_poses[-1])
+    says = controller.phase is Phase.ARRIVED
+    there = says and bool((np.array(error) <= allowed).all())
+    outcome = "jammed" if course.jammed else controller.reason or controller.phase.value
+    return Row(
+        job.name,
+        there,
+        "arrived elsewhere" if says and not there else outcome,
+        error,
+        sum(replan.solved for replan in controller.replans),
+        way_of(course.poses),
+        way_of(plan.trajectory.poses),
+        None,
+        time.process_time() - began,
+        0,
+        (0.0, 0.0),
+        (0.0, 0.0),
+        len(controller.events),
+        float(course.t[-1] / plan.trajectory.duration),
+    )
+
+
+def matrix(kind: str, only: Sequence[str], seeds: Sequence[int], what: str, jobs: int, verbose: bool) -> None:
+    """Run the problems of a kind, and print a line a run that is not good, a problem, and all."""
+    every, names = list[Row](), [name for name in MATRIX[kind] if name in (only or [name])]
+    with ProcessPoolExecutor(jobs) as pool:
+        asked = [Job(name, "all", ALL, seed, what, False, False) for name in names for seed in seeds]
+        for row, job in zip(pool.map(endure, asked), asked, strict=True):
+            every.append(row)
+            if verbose or not row.arrived or row.events > MOST_EVENTS:
+                off = f"{1e3 * row.error[0]:.1f} mm {row.error[1] / DEG:.2f} deg"
+                way = f"{row.travel:.1f} of {row.planned:.1f} m in {row.longer:.1f} of the time"
+                print(f"{row.name:14} {job.seed:4} {way}, {row.events} events, {off}: {row.outcome}", flush=True)
+    good, told = sum(row.arrived for row in every), [row.events for row in every]
+    print(
+        f"{kind}{', MuJoCo' * (what == 'physics')}: {good} of {len(every)} good, "
+        f"{sum(row.outcome == 'arrived elsewhere' for row in every)} arrived elsewhere; travel "
+        f"{np.median([row.travel / row.planned for row in every]):.2f} of the plan's, {np.median(told):.0f} events, "
+        f"at most {max(told)}; {sum(row.seconds for row in every):.0f} s of CPU"
+    )
+
+
 def _disturbed(world: World, duration: float, random: np.random.Generator) -> tuple[World, Disturbance]:
     """Return a world whose friction is off, and a disturbance."""
     for name in world.names:
         world = world.with_contact_friction(1.0 + 0.2 * random.choice([-1.0, 1.0]), name)
         world = world.with_floor_friction(1.0 + 0.2 * random.choice([-1.0, 1.0]), name)
+    return world, _kick(duration, len(world.names), random)
+
+
+def _kick(duration: float, count: int, random: np.random.Generator) -> Disturbance:
     way, turn = random.uniform(-math.pi, math.pi), 3.0 * DEG * random.choice([-1.0, 1.0])
-    at, index = random.uniform(0.1, 0.9) * duration, int(random.integers(len(world.names)))
-    return world, Disturbance(at, index, 5e-3 * math.cos(way), 5e-3 * math.sin(way), turn)
+    at, index = random.uniform(0.1, 0.9) * duration, int(random.integers(count))
+    return Disturbance(at, index, 5e-3 * math.cos(way), 5e-3 * math.sin(way), turn)
 
 
 def _left(course: SimulatedPush, time: float) -> tuple[float, float]:
@@ -382,11 +508,17 @@ def main() -> int:
         happens.add_argument(f"--{what}", dest="what", action="store_const", const=what, default="")
     parser.add_argument("--told", action="store_true", help="settings know of noise of 2 mm and 0.6 deg")
     parser.add_argument("--tracker", action="store_true", help="a tracker in place of the controller")
+    parser.add_argument("--matrix", choices=list(MATRIX), help="everything goes wrong at once, instead")
+    parser.add_argument("--physics", action="store_true", help="in MuJoCo (extra `physics`)")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--verbose", action="store_true", help="print runs that do not arrive")
     asked = parser.parse_args()
     time.perf_counter = time.process_time  # searches then count CPU time, whatever else the machine does
     print(Machine.this().words)
+    if asked.matrix:
+        what = "physics" if asked.physics else ""
+        matrix(asked.matrix, asked.only, asked.seeds, what, asked.jobs, asked.verbose)
+        return 0
     errors = dict(ERRORS)
     random, names = np.random.default_rng(asked.seeds[0]), list(ERRORS)[1:]
     for _ in range(asked.pairs):

@@ -49,6 +49,11 @@ RESTS = 12
 """Plans for the rest of several pushes, at most."""
 AGAIN = 2
 """So often the plate backs off and comes up to a load again that it met aside, at most."""
+DOUBTS = {
+    "wrong": "{} was seen elsewhere once: what leaps counts only if it is seen there again",
+    "exchanged": "objects were seen where others had been: they are taken for those",
+    "frozen": "measurements repeat one another though the plate is driven on: they do not count until they change",
+}
 NEAR = 0.5
 """Share of the slack by which a load may be off its planned place so that planned ways to it are driven."""
 
@@ -108,7 +113,7 @@ class Controller:
         self._now, self._began, self._since, self._late = 0.0, math.inf, 0.0, False
         self._planned, self._at, self._before, self._rests = plan, 0, 0, 0
         self._again, self._backing, self._lost = 0, False, ""
-        self._blind, self._distrusted = False, False  # whether nothing is seen; whether something wrong was
+        self._blind, self._doubts = False, set[str]()  # whether nothing is seen; what was wrong with measurements
         self._slips: Counter[str] = Counter()  # how often objects have slid since the plan was made, by name
         self._most = settings.most(travel_of(plan.segments))
         self._push: PushLoop | None = None
@@ -197,20 +202,22 @@ class Controller:
         push, plate = self._push, self._plate
         if push is not None:
             plate = compose(push.by_odometry, inverse(push.load.frame_plate))
-        for taken, poses in sightings.come(self._now, plate, self._distrust):
+        for taken, poses in sightings.come(self._now, plate, push is not None and push.carrying, self._doubt):
             self._standing.measured(poses)
             if push is not None:
                 push.learn(taken, poses)
+        if "noise" not in self._doubts and (more := sightings.noisier()):
+            self._doubts.add("noise")
+            self._tell("sensor", f"measurements scatter by {more}: the larger ones count")
         if not self.over:
             self._decide()
         return self._twist()
 
-    def _distrust(self, k: int) -> None:
-        """Tell once that the camera sees what is not there."""
-        if not self._distrusted:
-            name = self._standing.names[k]
-            self._tell("dropped", f"{name} was seen elsewhere once: what leaps counts only if it is seen there again")
-        self._distrusted = True
+    def _doubt(self, what: str, k: int) -> None:
+        """Tell once what is wrong with measurements."""
+        if what not in self._doubts:
+            self._tell("dropped", DOUBTS[what].format(self._standing.names[k]))
+        self._doubts.add(what)
 
     def _moved(self) -> None:
         """Take down how the plate has moved since the last step."""

@@ -168,6 +168,11 @@ class PushLoop:
         """Whether it follows a path, and nothing has made it stop."""
         return self.phase is Phase.PUSHING and not self._following.drive.stopping
 
+    @property
+    def carrying(self) -> bool:
+        """Whether it pushes a load that was met, its contacts closed."""
+        return self._touch.over and self.phase is Phase.PUSHING
+
     def moved(self, now: float) -> None:
         """Take down where the plate is by odometry."""
         self._now = now
@@ -237,6 +242,8 @@ class PushLoop:
         elif self.phase is Phase.LOOKING:
             self._look()
         elif self._following.drive.over:
+            if self.phase is Phase.CLOSING:
+                self._stall.restart()  # only a part of the load may have had to move
             self.phase, self._since = Phase.LOOKING, self._now
         elif not self._following.drive.stopping:
             self._watch(unseen)

@@ -14,12 +14,17 @@ from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import between, compose, exp, pose_error, relative, wrap_angle
 from pushplan.plans.run import Measured
 from pushplan.sim.control.gate import Gate
+from pushplan.sim.control.settings import words
 from pushplan.util.arrays import FloatArray, plain_number
 
 JUMP = (0.01, math.radians(0.5))
 """What (m, rad) the measured pose of the plate may be off from one to the next."""
 MEMORY = 3.0
 """How long poses of the plate and measurements are kept, s."""
+STILL = 2e-3
+"""Way (m) of the plate that pushes during which measurements that repeat one another are no news of its load."""
+OUTLIER = 4.0
+"""Measurements of a mean are so many standard deviations from their median, at most."""
 NOISY, CLOSE = 24, 0.15
 """Measurements of an object from which noise is estimated, and time (s) up to which one comes next to another."""
 
@@ -110,17 +115,28 @@ class Sightings:
         noise: (2,) standard deviations of measurements that come without, m and rad.
 
     Attributes:
-        noise: (2,) likewise of the last one, the largest of all objects.
         rides: Whether the last one came from a camera on the robot, which may see nothing on its way.
     """
 
     def __init__(self, noise: FloatArray) -> None:
-        self.noise, self._usual, self.rides = noise, noise, False
+        self._stated, self._usual, self.rides = noise, noise, False
         self._seen: deque[tuple[float, FloatArray]] = deque()
         self._ahead: deque[tuple[float, FloatArray, bool]] = deque()
         self._plates: deque[FloatArray] = deque()  # time and pose of each (4,)
         self._gate = Gate()
         self._last = np.zeros(0)  # when each object was seen last (n,); empty before the first measurement
+        self._came: tuple[FloatArray, FloatArray] | None = None  # the last one, and where the plate was at first
+        self._frozen = False
+
+    @property
+    def noise(self) -> FloatArray:
+        """(2,) standard deviations of measurements, m and rad: as stated last, or as seen where that is more."""
+        return self._gate.noise(self._stated)
+
+    def noisier(self) -> str:
+        """Return by how much measurements scatter more than is stated; empty where they do not."""
+        stated, seen = self._stated, self._gate.noise(np.maximum(self._stated, self._usual))
+        return f"{words(*seen)}, and {words(*stated)} are stated" if (seen > stated).any() else ""
 
     def see(
         self, time: float, object_poses: FloatArray, frame: str = "world", noise: FloatArray | None = None
@@ -132,20 +148,24 @@ class Sightings:
         """
         if frame not in ("world", "plate"):
             raise PushplanError(f"frame is {frame!r:.40}; allowed: 'world' and 'plate'")
-        self.noise = self._usual if noise is None else noise
+        self._stated = self._usual if noise is None else noise
         self.rides = frame == "plate"
         self._ahead.append((time, object_poses, self.rides))
 
-    def come(self, now: float, plate: FloatArray, wrong: Callable[[int], None]) -> list[tuple[float, FloatArray]]:
+    def come(
+        self, now: float, plate: FloatArray, pushing: bool, doubt: Callable[[str, int], None]
+    ) -> list[tuple[float, FloatArray]]:
         """Return what has come since, in the world; measurements stamped ahead wait until `now` is there.
 
-        What leaps is NaN until the next one agrees, see `Gate`.
+        What leaps is NaN until the next one agrees, see `Gate`; what repeats the measurement before to the last
+        digit, though the load is pushed, is left out.
 
         Args:
             now: Time, s.
             plate: (3,) pose of the plate frame then, in the world, from which is seen what is measured in it.
                 Not one that was learned from such measurements, which would confirm itself.
-            wrong: Told the number of an object of which the measurement before was wrong.
+            pushing: Whether the plate pushes, all contacts being closed.
+            doubt: Told what is wrong with measurements (`wrong`, `exchanged`, `frozen`), and the number of an object.
         """
         self._plates.append(np.append(now, plate))
         while self._plates[0][0] < now - MEMORY:
@@ -154,10 +174,17 @@ class Sightings:
         while self._ahead and self._ahead[0][0] <= now:
             time, poses, on_plate = self._ahead.popleft()
             then = self._plate_at(time)
-            passed, off = self._gate.passed(time, compose(then, poses) if on_plate else poses, then, self.noise)
+            if self._repeats(poses, then, pushing):
+                doubt("frozen", 0)
+                continue
+            passed, wrong, exchanged = self._gate.passed(
+                compose(then, poses) if on_plate else poses, then, self.noise
+            )
             come.append((time, passed))
-            if off >= 0:
-                wrong(off)
+            for k in wrong:
+                doubt("wrong", k)
+            if exchanged:
+                doubt("exchanged", 0)
         self._seen.extend(come)
         for time, poses in come:
             seen = np.where(np.isnan(poses[:, 0]), -np.inf, time)
@@ -165,6 +192,12 @@ class Sightings:
         while self._seen and self._seen[0][0] < now - MEMORY:
             self._seen.popleft()
         return come
+
+    def _repeats(self, poses: FloatArray, plate: FloatArray, pushing: bool) -> bool:
+        if self._came is None or not np.array_equal(poses, self._came[0], equal_nan=True):
+            self._came, self._frozen = (poses, plate), False
+        self._frozen |= pushing and pose_error(plate, self._came[1])[0] > STILL
+        return self._frozen
 
     def _plate_at(self, time: float) -> FloatArray:
         """Return where the plate was (3,) at a time, s: at a constant twist between two steps."""
@@ -192,7 +225,7 @@ class Sightings:
         return blind
 
     def mean(self, around: FloatArray, least: int, since: float, columns: list[int]) -> FloatArray | None:
-        """Return the mean poses (n, 3) of measurements of some objects; None when there are too few of one of them.
+        """Return the mean poses (n, 3) of measurements of some objects, without outliers; None if there are too few.
 
         Args:
             around: (n, 3) poses about which angles are taken.
@@ -206,7 +239,14 @@ class Sightings:
         there = ~np.isnan(off[..., 0])
         if (there.sum(axis=0) < least).any():
             return None
-        return np.asarray(around + [off[there[:, i], i].mean(axis=0) for i in range(len(around))])
+        return np.asarray(around + [_middle(off[there[:, i], i]) for i in range(len(around))])
+
+
+def _middle(values: FloatArray) -> FloatArray:
+    """Return the mean (3,) of those of the values (k, 3) that are not far from their median."""
+    off = np.abs(values - np.median(values, axis=0))
+    usual = OUTLIER * 1.48 * np.median(off, axis=0) + 1e-9
+    return np.asarray(values[(off <= usual).all(axis=1)].mean(axis=0))
 
 
 def noise_between(times: FloatArray, errors: FloatArray) -> FloatArray | None:
@@ -240,6 +280,8 @@ class Odometry:
         """Begin at a pose (3,)."""
         self.pose, self.travel, self.watched = pose, 0.0, False
         self._measured: tuple[FloatArray, FloatArray] | None = None
+        self._leapt: tuple[FloatArray, FloatArray] | None = None  # one that leapt, likewise
+        self._sure = False  # whether two have agreed
         self._rolled: tuple[FloatArray, FloatArray] | None = None  # what was told last, and the pose then
 
     def drive(self, twist: FloatArray, period: float) -> None:
@@ -264,19 +306,27 @@ class Odometry:
     def _take_pose(self, pose: FloatArray) -> tuple[float, float] | None:
         """Take a measured pose (3,); return by what it jumped.
 
-        A jump is one of the measurement: then the plate has moved as it was told to, or as its wheels say.
+        One that leaps is wrong, or a jump of the measurement if the next one agrees: then the plate has moved as it
+        was told to, or as its wheels say. The first two have to agree.
         """
-        jump = None
-        if self._measured is not None:
-            before, odometry = self._measured
-            told, moved = relative(odometry, self.pose), relative(before, pose)
-            off = pose_error(moved, told)
-            if off[0] > JUMP[0] or off[1] > JUMP[1]:
-                jump, moved = off, told
-            self.pose = compose(odometry, moved)
+        first, jump = self._measured is None, None
+        offs = []
+        for reference in (self._measured, self._leapt):
+            if reference is None:
+                continue
+            before, odometry = reference
+            offs.append(pose_error(relative(before, pose), relative(odometry, self.pose)))
+            if offs[-1][0] <= JUMP[0] and offs[-1][1] <= JUMP[1]:
+                leapt = reference is self._leapt
+                jump = offs[0] if leapt and self._sure else None
+                self.pose = pose if leapt and not self._sure else compose(odometry, relative(before, pose))
+                self._measured, self._leapt, self._sure = (pose, self.pose), None, True
+                break
         else:
-            self.pose = pose
-        self._measured, self.watched = (pose, self.pose), True
+            self.pose = pose if first else self.pose
+            found = pose, self.pose
+            self._measured, self._leapt = (found, None) if first else (self._measured, found)
+        self.watched = True
         if self._rolled is not None:
             self._rolled = self._rolled[0], self.pose
         return jump
