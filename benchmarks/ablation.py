@@ -1,11 +1,11 @@
 """What each part of `auto` gains: the same searches without it, on four families of scenes, by CPU time.
 
 Run `python benchmarks/ablation.py [--families series ...] [--parts lattice ...] [--seeds 6] [--seconds 1]`.
-Every scene is searched with `auto` as it is, again with other seeds (what differs there is chance), and with one
-part after the other left out (`PARTS`). Prints for each family and part the share of runs that find a path, the
-shares within 1 % of the cheapest path that any run here found, after 0.1, 0.3 and 1 of the time, the mean excess
-over that path, and first paths. Families: packaged scenarios (everyday), `dense_scenes.py`, rooms in series and
-narrow gaps of `series.py`.
+Every scene is planned with `auto` as it is, again with other seeds (what differs there is chance), and with one
+part after the other left out (`PARTS`). Plans are ranked by the default objective, their duration. Prints for each
+family and part the share of runs that find a plan, the shares within 1 % of the shortest duration that any run here
+found, with 0.1, 0.3 and 1 of the time, the mean excess over that duration, and first paths. Families: packaged
+scenarios (everyday), `dense_scenes.py`, rooms in series and narrow gaps of `series.py`.
 """
 
 from __future__ import annotations
@@ -25,46 +25,35 @@ import numpy as np
 import series
 
 from pushplan.bench.store import Machine
-from pushplan.core.problem import Problem
-from pushplan.planners.controls import margins_to_try
-from pushplan.planners.problem import build_problem, sampling_box
+from pushplan.planner import Planner
 from pushplan.planners.search import planners
-from pushplan.planners.search.planners import planner_named
-from pushplan.planners.search.search import Search
-from pushplan.planners.search.session import Session, StopRule
+from pushplan.planners.search.session import Session
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
 
 MARKS = (0.1, 0.3, 1.0)
-"""Shares of the time at which costs are looked at."""
+"""Shares of the time that plans are made with."""
 
 NEAR = 1.01
-NEVER = 10**12
 FAMILIES = ("everyday", "dense", "series", "gaps")
 
 
 @dataclass(frozen=True)
 class Run:
-    """Costs (m) at the marks and in the end, and CPU seconds to the first path; infinite if there is none."""
+    """Durations (s) of the plans with the shares of the time, and CPU seconds to the first path; infinite if none."""
 
-    costs: tuple[float, ...]
-    cost: float
+    durations: tuple[float, ...]
     first: float
 
 
-def run(scenario: Scenario, problem: Problem, seed: int, seconds: float) -> Run:
-    """Search with all of the time, without an end by stalling."""
-    found: list[tuple[float, float]] = []
-
-    def improved(_: object, cost: float, __: int, spent: float) -> None:
-        found.append((spent, cost))
-
-    session = Session(problem, scenario.start, StopRule(seconds, stall=NEVER), seed, improved)
-    Search(session, planner_named("auto")[1], sampling_box(scenario), scenario.chain.reach).run()
+def run(scenario: Scenario, seed: int, seconds: float) -> Run:
+    """Plan with each share of the time."""
+    planner = Planner(scenario, planner="auto")
+    plans = [planner.plan(first=False, seed=seed, time_limit=m * seconds, explain=False) for m in MARKS]
+    first = plans[-1].first_solution_s
     return Run(
-        tuple(min((cost for spent, cost in found if spent <= m * seconds), default=math.inf) for m in MARKS),
-        session.best.cost,
-        found[0][0] if found else math.inf,
+        tuple(math.inf if plan.duration is None else plan.duration for plan in plans),
+        math.inf if first is None else first,
     )
 
 
@@ -108,33 +97,27 @@ def scenes(family: str, count: int) -> Iterator[Scenario]:
 
 
 def measure(scenario: Scenario, arguments: argparse.Namespace) -> dict[str, list[Run]]:
-    scenario = scenario.with_planner(cost="travel", arc_price=0.0)
-    stable = scenario.stable_set()
-    posed = scenario.with_margin(margins_to_try(scenario, stable)[0])
-    problem = build_problem(posed, stable)
     found: dict[str, list[Run]] = {}
     for part in arguments.parts:
         with PARTS[part]():
             begin = 1001 if part == AGAIN else 1
-            found[part] = [
-                run(posed, problem, seed, arguments.seconds) for seed in range(begin, begin + arguments.seeds)
-            ]
-    best = min(r.cost for runs in found.values() for r in runs)
+            found[part] = [run(scenario, seed, arguments.seconds) for seed in range(begin, begin + arguments.seeds)]
+    best = min(r.durations[-1] for runs in found.values() for r in runs)
     return {
-        part: [replace(r, cost=r.cost / best, costs=tuple(c / best for c in r.costs)) for r in runs]
+        part: [replace(r, durations=tuple(duration / best for duration in r.durations)) for r in runs]
         for part, runs in found.items()
         if math.isfinite(best)
     }
 
 
 def report(family: str, every: dict[str, list[Run]]) -> None:
-    """Print a line for each part; the mean excess is of the runs that found a path."""
+    """Print a line for each part; the mean excess is of the runs that found a plan."""
     print(
         f"\n{family + ', without':28} {'solved':>7}  {'within 1 % after 0.1, 0.3, 1':28} {'excess':>7} first ms, 90 %"
     )
     for part, runs in every.items():
-        end, firsts = np.array([r.cost for r in runs]), 1e3 * np.array([r.first for r in runs])
-        near = (np.array([r.costs for r in runs]) <= NEAR).mean(axis=0)
+        durations, firsts = np.array([r.durations for r in runs]), 1e3 * np.array([r.first for r in runs])
+        end, near = durations[:, -1], (durations <= NEAR).mean(axis=0)
         excess = end[np.isfinite(end)].mean() - 1.0
         print(
             f"{part:28} {100 * np.isfinite(end).mean():7.1f}  "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterable
 from dataclasses import replace
@@ -308,19 +309,20 @@ class Planner:
     def _fastest(self, scenario: Scenario, outcome: Outcome, set_name: str | None) -> tuple[Segments, str]:
         """Return the plan that is driven fastest, timed; or the best one, and why none can be driven.
 
-        Where paths are ranked by time, the ones that were best by travel are driven as well: an objective knows a
-        motion only roughly.
+        Where paths are ranked by time, others are driven as well: an objective knows a motion only roughly. The best
+        one comes last, as it needs the most stops.
         """
-        found: list[Segments] = []
-        reason = ""
-        for segments in outcome.candidates:
+        fastest, least, reason = outcome.candidates[0], math.inf, ""
+        for segments in reversed(outcome.candidates):
             try:
-                found.append(time_segments(scenario, segments, self.rate, set_name, outcome.scene))
+                timed = time_segments(scenario, segments, self.rate, set_name, outcome.scene, least)
             except TimingError as error:
-                reason = reason or f"a plan was found that cannot be driven: {error}"
-        if not found:
-            return outcome.candidates[0], reason
-        return min(found, key=lambda segments: sum(segment.duration for segment in segments)), ""
+                reason = f"a plan was found that cannot be driven: {error}"
+                continue
+            duration = sum(segment.duration for segment in timed)
+            if duration < least:
+                fastest, least = timed, duration
+        return fastest, reason if least == math.inf else ""
 
 
 def _why_not(

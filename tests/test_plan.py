@@ -21,6 +21,7 @@ from pushplan.mechanics.intervals import IntervalChain
 from pushplan.planner import Planner, plan
 from pushplan.planners.clearance import find_collision
 from pushplan.planners.timing.arc_limits import Bounds
+from pushplan.planners.timing.blending import time_segments
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.validator import Validator
 from pushplan.plans.execution import Execution
@@ -160,6 +161,15 @@ def test_a_plan_in_cof_is_cut_down_to_what_the_judge_accepts() -> None:
     found = dynamic_margins(scenario.chain, own.directions, own.rates_at(own.t))
     assert found.min() == pytest.approx(result.min_dynamic_margin)
     assert found.min() > 0.0
+
+
+def test_a_path_with_more_room_is_driven_where_the_best_one_would_have_to_stop() -> None:
+    scenario, own, alone = load_scenario("two-crates"), 0.0, 0.0
+    for seed in range(1, 7):
+        found = plan(scenario, seed=seed, time_limit=60.0, iterations=10_000)
+        own += there(found.duration)
+        alone += sum(each.duration for each in time_segments(found.scenario, found.improvements[-1].segments))
+    assert own < 0.99 * alone
 
 
 def test_a_path_that_is_driven_too_fast_for_its_contacts_is_no_plan(monkeypatch: Patch) -> None:

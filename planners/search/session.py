@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -167,6 +167,7 @@ class Session:
         self._on_progress, self._hopeless = on_progress, hopeless
         self._worth_beating, self._improved_at = float("inf"), self.iterations
         self._lower_bound, self._refining = 0.0, REFINE_CHUNK
+        self._taken: list[tuple[float, PushPath]] = []
         self.stop: Callable[[], bool] = self.settled
 
     @property
@@ -197,6 +198,15 @@ class Session:
     def best_path(self) -> PushPath | None:
         """The best path, if there is one."""
         return None if self.best.arcs is None else PushPath.of_arcs(self.start, self.best.arcs)
+
+    def near_best(self, shares: Sequence[float]) -> list[PushPath]:
+        """Return the first paths whose values exceed the best one's by no more than some shares, the last one first.
+
+        The best path itself is not among them.
+        """
+        within = ((1.0 + share) * self.best.value for share in shares)
+        firsts = {next(k for k, (value, _) in enumerate(self._taken) if value <= most) for most in within}
+        return [self._taken[k][1] for k in sorted(firsts, reverse=True) if k < len(self._taken) - 1]
 
     @property
     def nearest_path(self) -> PushPath:
@@ -310,6 +320,7 @@ class Session:
             return
         if self.best.horizon < self._worth_beating * (1.0 - WORTHWHILE):
             self._worth_beating, self._improved_at = self.best.horizon, self.iterations
+        path = PushPath.of_arcs(self.start, arcs)
+        self._taken.append((self.best.value, path))
         if self._on_progress is not None:
-            path = PushPath.of_arcs(self.start, arcs)
             self._on_progress(path, self.best.cost, self.iterations, self.common.elapsed)

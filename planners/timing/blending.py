@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cache
@@ -282,6 +283,7 @@ def blend_path(
     bounds: Bounds,
     rate: float = SAMPLE_RATE,
     scene: Scene | None = None,
+    below: float = math.inf,
 ) -> Blend:
     """Return the trajectory along a path that stops at few corners and takes no longer than the exact one.
 
@@ -292,6 +294,7 @@ def blend_path(
         bounds: What limits the motion.
         rate: Samples per second of the trajectory.
         scene: The scenario's, where it is there already.
+        below: Duration (s) from which on a blend need not be found; the exact trajectory may be returned instead.
 
     Raises:
         TimingError: When an arc cannot be timed.
@@ -304,7 +307,7 @@ def blend_path(
     least = float(least_times(path.twists, path.lengths, bounds.limits).sum())
 
     def worthwhile(duration: float) -> bool:
-        return duration < least or duration < exact().duration
+        return duration < below and (duration < least or duration < exact().duration)
 
     blend = BlendSearch(scenario, scene, inset.path, path.end, stable, rate, bounds).blended(worthwhile)
     if blend is None:
@@ -320,6 +323,7 @@ def time_segments(
     rate: float = SAMPLE_RATE,
     stable_set: str | None = None,
     scene: Scene | None = None,
+    below: float = math.inf,
 ) -> Segments:
     """Return segments with their trajectories, within the limits of the pusher and, if asked for, of the contacts.
 
@@ -330,14 +334,17 @@ def time_segments(
         rate: Samples per second of the trajectories.
         stable_set: That they were planned in; None stands for the scenario's.
         scene: Of a single push, where it is there already.
+        below: Duration (s) from which on a push need not be blended.
 
     Raises:
         TimingError: When an arc cannot be timed within the limits.
     """
-    return tuple(_timed(scenario, segment, rate, stable_set, scene) for segment in segments)
+    return tuple(_timed(scenario, segment, rate, stable_set, scene, below) for segment in segments)
 
 
-def _timed(scenario: Scenario, segment: Segment, rate: float, stable_set: str | None, scene: Scene | None) -> Segment:
+def _timed(
+    scenario: Scenario, segment: Segment, rate: float, stable_set: str | None, scene: Scene | None, below: float
+) -> Segment:
     pusher = scenario.pusher
     if not segment.pushes or segment.load is None:
         alone = time_path(segment.path, Bounds(pusher.limits), rate)
@@ -345,7 +352,7 @@ def _timed(scenario: Scenario, segment: Segment, rate: float, stable_set: str | 
     problem, stable = segment.problem(scenario), segment.load.stable_set(stable_set)
     bounds = motion_bounds(problem, stable)
     if scenario.trajectory == "blended":
-        timed: Trajectory = blend_path(problem, segment.contact_path, stable, bounds, rate, scene).trajectory
+        timed: Trajectory = blend_path(problem, segment.contact_path, stable, bounds, rate, scene, below).trajectory
     else:
         timed = time_path(segment.contact_path, bounds, rate)
     own = segment.load.chain.pusher

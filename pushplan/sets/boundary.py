@@ -270,19 +270,9 @@ def find_meridians(asked: Asked, longitude: FloatArray) -> Meridians:
     table = first_meridians(asked)
     order = np.argsort(table.at)
     around = np.where(np.abs(longitude) > np.pi, np.arctan2(np.sin(longitude), np.cos(longitude)), longitude)
-    asked_for = np.argsort(around, kind="stable")
-    around = around[asked_for]
-    # of each gap, the asked ones from `first` to before `last` are between the meridians `left` and `right`
-    cuts = np.searchsorted(around, table.at[order[1:-1]])
-    first, last = np.concatenate([[0], cuts]), np.concatenate([cuts, [len(around)]])
-    left, right, place = order[:-1], order[1:], np.empty(len(around), np.int64)
-    while (first < last).any():
-        left, right, first, last = (each[first < last] for each in (left, right, first, last))
-        middle, new = (first + last) // 2, len(table.at) + np.arange(len(first))
-        table, _ = put_between(asked, table, (left, right, around[middle]))
-        place[asked_for[middle]] = new
-        left, right = np.concatenate([left, new]), np.concatenate([new, right])
-        first, last = np.concatenate([first, middle + 1]), np.concatenate([middle, last])
+    gap = np.searchsorted(table.at[order[1:-1]], around, "right")
+    place = len(table.at) + np.arange(len(around))
+    table, _ = put_between(asked, table, (order[gap], order[gap + 1], around))
     gained = place
     while len(gained):
         table, gained = search_again(asked, table)
