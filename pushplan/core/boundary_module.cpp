@@ -47,19 +47,19 @@ Row<const std::int64_t> chosen_of(const Gaps &gaps, const Integers &chosen) {
     return found;
 }
 
-nb::tuple arrays_of(Questions &&questions) {
-    return nb::make_tuple(to_numpy(std::move(questions.member)), to_numpy(std::move(questions.x)));
+auto arrays_of(Questions &&questions) {
+    return std::make_tuple(to_numpy(std::move(questions.member)), to_numpy(std::move(questions.x)));
 }
 
-nb::tuple arrays_of(Intervals &&intervals) {
+auto arrays_of(Intervals &&intervals) {
     static_assert(sizeof(Ends) == 8 * sizeof(double), "brackets (2, 4)");
     const auto n = static_cast<std::ptrdiff_t>(intervals.member.size());
     auto ends = new_array<double>({n, 2, 4});
     std::copy_n(reinterpret_cast<const double *>(intervals.ends.data()), 8 * n, ends.data());
-    return nb::make_tuple(to_numpy(std::move(intervals.member)), ends);
+    return std::make_tuple(to_numpy(std::move(intervals.member)), ends);
 }
 
-nb::tuple bends_of(const TableArrays &arrays, const GapArrays &between, const TableArrays &middle) {
+auto bends_of(const TableArrays &arrays, const GapArrays &between, const TableArrays &middle) {
     const MeridianTable table = meridian_table(arrays), found = meridian_table(middle);
     const Gaps gaps = gaps_in(table, between);
     if (found.at.size != gaps.size())
@@ -67,7 +67,7 @@ nb::tuple bends_of(const TableArrays &arrays, const GapArrays &between, const Ta
     Bends known = bends(table, gaps, found);
     auto more = new_array<bool>({gaps.size()});
     std::copy(known.more.begin(), known.more.end(), more.data());
-    return nb::make_tuple(to_numpy(std::move(known.bend), {gaps.size(), found.width, 2}), more);
+    return std::make_tuple(to_numpy(std::move(known.bend), {gaps.size(), found.width, 2}), more);
 }
 
 template <class Search> void take(Search &search, const Numbers &values) {
@@ -83,7 +83,18 @@ template <class Search> void bind_questions(nb::class_<Search> &bound) {
 }
 
 void bind_root_search(nb::module_ &m) {
-    nb::class_<RootSearch> bound(m, "RootSearch");
+    nb::class_<RootSearch> bound(m, "RootSearch", R"(
+    The last points with f > 0 on the way from the inside (f > 0) to the outside (f <= 0).
+
+    ITP method (Oliveira & Takahashi 2020): superlinear on smooth functions, never worse than bisection by
+    more than a few steps, jumps included.
+
+    Args:
+        brackets: (m, 4) places inside and outside, and the values there.
+
+    Attributes:
+        ends: (m,) the innermost places that are known to be inside.
+    )");
     bound.def(MadeBy(+[](const Numbers &brackets) {
                   require_shape(brackets, {-1, 4}, "brackets");
                   static_assert(sizeof(Bracket) == 4 * sizeof(double), "a row of a table");
@@ -117,7 +128,20 @@ PeakSearch peak_search(const Numbers &low, const Numbers &high, double goal, int
 }
 
 void bind_peak_search(nb::module_ &m) {
-    nb::class_<PeakSearch> bound(m, "PeakSearch");
+    nb::class_<PeakSearch> bound(m, "PeakSearch", R"(
+    Golden-section searches of maxima; each stops once above `goal`.
+
+    Args:
+        low: (m,) where to begin.
+        high: (m,) where to end.
+        goal: Value that is enough.
+        iterations: Most values asked for after the first two.
+        ends: (m,) values at `low` and `high`. With them, a search is given up where a rise by 4 times what a concave
+            function could still have would not reach the goal.
+
+    Attributes:
+        best: The best places and the values there, (m,) each.
+    )");
     bound.def(MadeBy(&peak_search), nb::arg("low"), nb::arg("high"), nb::arg("goal"), nb::arg("iterations"),
               nb::arg("ends") = nb::none());
     bind_questions(bound);
@@ -127,7 +151,7 @@ void bind_peak_search(nb::module_ &m) {
             places.push_back(section.fb >= section.fc ? section.b : section.c);
             values.push_back(section.fb >= section.fc ? section.fb : section.fc);
         }
-        return nb::make_tuple(to_numpy(std::move(places)), to_numpy(std::move(values)));
+        return std::make_tuple(to_numpy(std::move(places)), to_numpy(std::move(values)));
     });
 }
 
@@ -139,7 +163,11 @@ void bind_functions(nb::module_ &m) {
             const Gaps gaps = gaps_in(table, between);
             return arrays_of(fans(table, gaps, chosen_of(gaps, chosen)));
         },
-        nb::arg("table"), nb::arg("gaps"), nb::arg("chosen"));
+        nb::arg("table"), nb::arg("gaps"), nb::arg("chosen"), R"(
+    Return gaps (k,) and latitudes (k,) around the intervals to both sides of chosen gaps, and the poles.
+
+    A fan opens with the distance in longitude, as intervals may lean. Where gaps are wide, there are more.
+    )");
     m.def(
         "probes",
         [](const TableArrays &arrays, const GapArrays &between, const Integers &chosen, double wider) {
@@ -147,7 +175,12 @@ void bind_functions(nb::module_ &m) {
             const Gaps gaps = gaps_in(table, between);
             return arrays_of(probes(table, gaps, chosen_of(gaps, chosen), wider));
         },
-        nb::arg("table"), nb::arg("gaps"), nb::arg("chosen"), nb::arg("wider"));
+        nb::arg("table"), nb::arg("gaps"), nb::arg("chosen"), nb::arg("wider"), R"(
+    Return gaps (k,) and latitudes (k,) that tell whether as many intervals as to both sides are as expected.
+
+    They are, for each interval, outside and inside of its lower end, its middle, inside and outside of the upper one;
+    and one between two intervals.
+    )");
     m.def(
         "followed",
         [](const Numbers &x, const Numbers &value, const Integers &member) {
@@ -155,8 +188,17 @@ void bind_functions(nb::module_ &m) {
                 throw std::invalid_argument("latitudes, values and members are not equally many");
             return arrays_of(followed(row(x), row(value), row(member)));
         },
-        nb::arg("x"), nb::arg("value"), nb::arg("member"));
-    m.def("bends", &bends_of, nb::arg("table"), nb::arg("gaps"), nb::arg("found"));
+        nb::arg("x"), nb::arg("value"), nb::arg("member"), R"(
+    Return the members (c,) of the intervals that are as expected, and brackets (c, 2, 4) of their ends.
+
+    Args:
+        x: (k,) latitudes; see `probes`.
+        value: (k,) excess there.
+        member: (k,) whose it is.
+    )");
+    m.def(
+        "bends", &bends_of, nb::arg("table"), nb::arg("gaps"), nb::arg("found"),
+        "Return the bends (g, c, 2) of meridians found in gaps, and in which gaps (g,) the boundary is not flat yet.");
 }
 
 } // namespace
@@ -167,7 +209,9 @@ namespace pushplan {
 
 void bind_boundary(nb::module_ &core) {
     using namespace boundary;
-    nb::module_ m = core.def_submodule("boundary", "The boundary of stable sets on and between meridians.");
+    nb::module_ m = core.def_submodule(
+        "boundary",
+        "The boundary of stable sets on and between meridians: brackets of ends, and where to look for them.");
     m.attr("TOLERANCE") = TOLERANCE;
     m.attr("FLATNESS") = FLATNESS;
     bind_root_search(m);

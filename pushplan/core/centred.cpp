@@ -6,7 +6,7 @@ namespace pushplan::mechanics {
 
 namespace {
 
-constexpr double FLAT = 1e-12, TINY = 1e-9, HIGH = 1e3;
+constexpr double FLAT = 1e-12, TINY = 1e-9, ABSENT = 1e3;
 constexpr int PIVOTS = 60, ROUNDS = 6;
 
 } // namespace
@@ -149,7 +149,7 @@ Shares CentredLoad::shares(double x, double y) const {
 // The plane through the basic loads; high where there is none yet.
 Plane CentredLoad::plane(const Facet &g) const {
     const auto &[first, second, third] = basis_;
-    const auto height = [&](const Basic &basic) { return basic.there ? dot(g, basic.load.pull) : HIGH; };
+    const auto height = [&](const Basic &basic) { return basic.there ? dot(g, basic.load.pull) : ABSENT; };
     const double q0 = height(first), q1 = height(second), q2 = height(third);
     const double x1 = second.load.x - first.load.x, y1 = second.load.y - first.load.y;
     const double x2 = third.load.x - first.load.x, y2 = third.load.y - first.load.y;

@@ -94,7 +94,14 @@ std::shared_ptr<Shapes> shared(const std::shared_ptr<const Shapes> &shapes) {
 Made<double> circle_array(const Circle &circle) { return copied(&circle.x, {3}); }
 
 void bind_shapes(nb::module_ &m) {
-    nb::class_<Shapes>(m, "Shapes")
+    nb::class_<Shapes>(m, "Shapes", R"(
+    Convex polygons, flattened.
+
+    Attributes:
+        corners: (v, 4) counter-clockwise corners and the outward unit normal of the edge that begins there.
+        starts: (q + 1,) index of each polygon's first corner.
+        bounds: (q, 3) centre and radius of a circle around each polygon.
+    )")
         .def(MadeBy(&to_shapes), nb::arg("corners"), nb::arg("starts"), nb::arg("bounds"))
         .def_prop_ro("corners",
                      [](const nb::object &self) {
@@ -117,7 +124,19 @@ Scene to_scene(const std::shared_ptr<Shapes> &body, const Numbers &body_bound, c
 }
 
 void bind_scene(nb::module_ &m) {
-    nb::class_<Scene>(m, "Scene")
+    nb::class_<Scene>(m, "Scene", R"(
+    What moves and what stands still.
+
+    Attributes:
+        body: Convex pieces of pusher and objects in the chain frame.
+        body_bound: (3,) centre and radius of a circle around the body, chain frame.
+        obstacles: Convex pieces of the polygonal obstacles, world frame.
+        circles: (c, 3) centre and radius of the round obstacles, world frame.
+        tree: (t, 9) boxes around groups of obstacles, a tree in preorder; see `standing_shapes`.
+        walls: (4,) workspace (xmin, ymin, xmax, ymax); infinite where there is none.
+        clearance: Distance (m) from everything at the poses that are looked at.
+        kept: Distance (m), smaller, that is proven between these poses.
+    )")
         .def(MadeBy(&to_scene), nb::arg("body"), nb::arg("body_bound"), nb::arg("obstacles"), nb::arg("circles"),
              nb::arg("tree"), nb::arg("walls"), nb::arg("clearance"), nb::arg("kept"))
         .def_prop_ro("body", [](const Scene &self) { return shared(self.body->pieces); })
@@ -133,26 +152,32 @@ void bind_scene(nb::module_ &m) {
             [](const Scene &self, double clearance, double kept) {
                 return self.with_distances(require_finite(clearance, "clearance"), require_finite(kept, "kept"));
             },
-            nb::arg("clearance"), nb::arg("kept"))
+            nb::arg("clearance"), nb::arg("kept"), "Return a scene that keeps other distances, m.")
         .def(
             "with_gap",
             [](const Scene &self, double gap, double clearance) {
                 return scene_with_gap(self, require_finite(gap, "gap"), require_finite(clearance, "clearance"));
             },
-            nb::arg("gap"), nb::arg("clearance"))
+            nb::arg("gap"), nb::arg("clearance"), R"(
+    Return a scene with the distances that can be kept where start and goal have the distance `gap`, m.
+
+    The poses looked at keep that, or the clearance if that is more; those between keep the clearance, less
+    `CLEARANCE_ROOM` at most where start and goal leave no room to prove it.
+    )")
         .def(
             "with_body",
             [](const Scene &self, const std::shared_ptr<Shapes> &body, const Numbers &body_bound) {
                 return Scene{to_body(body, body_bound), self.obstacles, self.clearance, self.kept};
             },
-            nb::arg("body"), nb::arg("body_bound"))
+            nb::arg("body"), nb::arg("body_bound"), "Return a scene in which something else moves.")
         .def(
             "with_obstacles",
             [](const Scene &self, const std::shared_ptr<Shapes> &obstacles, const Numbers &circles, const Numbers &tree,
                const Numbers &walls) {
                 return Scene{self.body, to_obstacles(obstacles, circles, tree, walls), self.clearance, self.kept};
             },
-            nb::arg("obstacles"), nb::arg("circles"), nb::arg("tree"), nb::arg("walls"))
+            nb::arg("obstacles"), nb::arg("circles"), nb::arg("tree"), nb::arg("walls"),
+            "Return a scene in which something else stands.")
         .def(PickledBy{"body", "body_bound", "obstacles", "circles", "tree", "walls", "clearance", "kept"});
 }
 
@@ -166,12 +191,12 @@ std::shared_ptr<Shapes> flat(const Numbers &corners, const Integers &starts) {
     return std::make_shared<Shapes>(flattened(to_outlines(corners, starts)));
 }
 
-nb::tuple bulges(const Numbers &corners, const Integers &starts) {
+auto bulges(const Numbers &corners, const Integers &starts) {
     Bulges found = bulges_of(to_outlines(corners, starts));
-    return nb::make_tuple(to_numpy(std::move(found.out)), to_numpy(std::move(found.left)));
+    return std::make_tuple(to_numpy(std::move(found.out)), to_numpy(std::move(found.left)));
 }
 
-nb::tuple standing_shapes(const Numbers &corners, const Integers &starts, const Numbers &circles) {
+auto standing_shapes(const Numbers &corners, const Integers &starts, const Numbers &circles) {
     const Outlines polygons = to_outlines(corners, starts);
     const auto discs = to_rows<Circle>(circles, "circles");
     std::vector<Area> boxes = boxes_around(polygons);
@@ -191,10 +216,10 @@ nb::tuple standing_shapes(const Numbers &corners, const Integers &starts, const 
         begins.push_back(static_cast<std::int64_t>(standing.corners.size()));
     }
     standing.starts = {begins.data(), static_cast<std::ptrdiff_t>(begins.size())};
-    return nb::make_tuple(std::make_shared<Shapes>(flattened(standing)), to_table(round), from_tree(tree));
+    return std::make_tuple(std::make_shared<Shapes>(flattened(standing)), to_table(round), from_tree(tree));
 }
 
-nb::tuple rings_of(const Numbers &corners, const Integers &origin, const Integers &twin) {
+auto rings_of(const Numbers &corners, const Integers &origin, const Integers &twin) {
     const auto points = to_rows<Point>(corners, "corners");
     const auto begins = row(origin), twins = row(twin);
     const auto inside = [](Row<const std::int64_t> numbers, std::int64_t first, std::size_t last) {
@@ -207,7 +232,7 @@ nb::tuple rings_of(const Numbers &corners, const Integers &origin, const Integer
         !inside(twins, -1, static_cast<std::size_t>(begins.size)))
         throw std::invalid_argument("triangles have three edges each, which begin at corners");
     Rings rings = join_triangles(points, begins, twins);
-    return nb::make_tuple(to_numpy(std::move(rings.corners)), to_numpy(std::move(rings.starts)));
+    return std::make_tuple(to_numpy(std::move(rings.corners)), to_numpy(std::move(rings.starts)));
 }
 
 Made<double> separations(const Scene &scene, const Numbers &poses, double enough) {
@@ -225,23 +250,71 @@ Made<double> separations(const Scene &scene, const Numbers &poses, double enough
 } // namespace
 
 void bind_collision(nb::module_ &core) {
-    auto m = core.def_submodule("collision");
+    auto m = core.def_submodule("collision", R"(
+    The chain against the obstacles: separation and swept arcs, and the scene they are asked in.
+
+    A swept arc is proven free by conservative advancement (Mirtich 1996): from a pose whose separation from
+    every obstacle is d, no point of the body can touch anything before it has travelled d.
+    )");
     bind_shapes(m);
     bind_scene(m);
     m.attr("SLACK") = SLACK;
     m.attr("ROUNDING") = ROUNDING;
     m.attr("CLEARANCE_ROOM") = CLEARANCE_ROOM;
-    m.def("flatten", &flat, nb::arg("corners"), nb::arg("starts"));
-    m.def("bulges", &bulges, nb::arg("corners"), nb::arg("starts"));
-    m.def("standing_shapes", &standing_shapes, nb::arg("corners"), nb::arg("starts"), nb::arg("circles"));
-    m.def("join_triangles", &rings_of, nb::arg("corners"), nb::arg("origin"), nb::arg("twin"));
-    m.def("separations", &separations, nb::arg("scene"), nb::arg("poses"), nb::arg("enough"));
+    m.def("flatten", &flat, nb::arg("corners"), nb::arg("starts"), R"(
+    Return convex polygons with edge normals and bounding circles.
+
+    Args:
+        corners: (v, 2) counter-clockwise, polygon after polygon.
+        starts: (q + 1,) index of each polygon's first corner.
+    )");
+    m.def("bulges", &bulges, nb::arg("corners"), nb::arg("starts"), R"(
+    Return how far corners stand out of polygons, (v,), < 0 inwards, m, and which of these turn left, (q,), 0 or 1.
+
+    Args:
+        corners: (v, 2), polygon after polygon.
+        starts: (q + 1,) index of each polygon's first corner.
+    )");
+    m.def("standing_shapes", &standing_shapes, nb::arg("corners"), nb::arg("starts"), nb::arg("circles"), R"(
+    Return obstacles in the order of their tree.
+
+    It is halved at the median along the longer side of the extent of the obstacles' centres.
+
+    Args:
+        corners: (v, 2) of convex polygons, counter-clockwise, polygon after polygon.
+        starts: (q + 1,) index of each polygon's first corner.
+        circles: (c, 3) centre and radius of round obstacles.
+
+    Returns:
+        The polygons; the circles (c, 3); and (t, 9) nodes in preorder: box, row of the next node that is not below
+        it, and for leaves first and last + 1 of its polygons and of its circles, empty ranges for other nodes.
+    )");
+    m.def("join_triangles", &rings_of, nb::arg("corners"), nb::arg("origin"), nb::arg("twin"), R"(
+    Join triangles to convex pieces (Hertel and Mehlhorn 1983).
+
+    Args:
+        corners: (n, 2) points.
+        origin: (3 t,) the point that each edge begins at, three edges a triangle.
+        twin: (3 t,) the edge that runs along each the other way, or -1.
+
+    Returns:
+        The corners (k,) of convex pieces, piece after piece, and where each begins (p + 1,).
+    )");
+    m.def(
+        "separations", &separations, nb::arg("scene"), nb::arg("poses"), nb::arg("enough"),
+        "Return lower bounds (m,) on the distance of the body at poses (m, 3) from everything, capped at `enough`, m.");
     m.def(
         "sweep_is_free",
         [](const Scene &scene, const Numbers &pose, const Numbers &twist, double length) {
             return sweep_is_free(scene, to_pose(pose), to_twist(twist), require_not_negative(length, "length"));
         },
-        nb::arg("scene"), nb::arg("pose"), nb::arg("twist"), nb::arg("length"));
+        nb::arg("scene"), nb::arg("pose"), nb::arg("twist"), nb::arg("length"), R"(
+    Return whether the body keeps clear of everything along an arc from a pose (3,): proven, never merely sampled.
+
+    Every pose looked at has `scene.clearance`, every one between has `scene.kept` at least: a separation d at s
+    covers all s' with |s' - s| <= (d - kept) / (top speed of the body). Intervals are looked at in the
+    middle first, where a collision shows soonest. An arc that comes closer than `scene.clearance` may be refused.
+    )");
 }
 
 } // namespace pushplan

@@ -110,7 +110,7 @@ Made<double> contact_margins_of(const PackedChain &packed, const Numbers &wrench
     return out;
 }
 
-nb::tuple facet_rows(const Numbers &facets, const Numbers &wrenches, double length) {
+auto facet_rows(const Numbers &facets, const Numbers &wrenches, double length) {
     require_shape(facets, {-1, 4, 3}, "facets");
     const std::ptrdiff_t n = facets.shape(0);
     require_shape(wrenches, {-1, n, 3}, "wrenches");
@@ -128,7 +128,7 @@ nb::tuple facet_rows(const Numbers &facets, const Numbers &wrenches, double leng
                 *row++ = dot(g, w);
         }
     }
-    return nb::make_tuple(rows, size);
+    return std::make_tuple(rows, size);
 }
 
 Made<double> moved_wrenches_of(const PackedChain &packed, const Numbers &twists, const Numbers &moves) {
@@ -216,7 +216,23 @@ PackedChain packed_chain(const Numbers &objects, const Numbers &parts, const Ser
 }
 
 void bind_packed_chain(nb::module_ &m) {
-    nb::class_<PackedChain> bound(m, "PackedChain");
+    nb::class_<PackedChain> bound(m, "PackedChain", R"(
+    Objects and contacts in the chain frame.
+
+    Attributes:
+        objects: (n, 11) friction load mu N (N), anchor x, y, radius (m), density a and gradient b (2) of
+            the base pressure of a unit weight, h mu (m), stiffness moments S_xx, S_xy, S_yy. The anchor is
+            the centroid of a polygon, the stiffness centre of points.
+        parts: (e, 5) polygon edges about the anchor: t_x, t_y, n . p, t . p and length, p being the first vertex;
+            or points about the anchor: x, y, fraction of the weight, stiffness, 0.
+        series: (5 n, TERMS) power series of the polygons (see `packed.series_coefficients`); zero for points.
+        links: (n, 4) kind, first part, one past the last part, pushing object (an earlier one) or -1.
+        rows: (n, 4, 3) unit facets g of the contacts, g . (f_x, f_y, m / length) > 0; (0, 4, 3) without contacts.
+        length: Characteristic length of the chain, m.
+
+    Raises:
+        ValueError: On arrays that do not fit together.
+    )");
     bound.def(MadeBy(&packed_chain), nb::kw_only(), nb::arg("objects"), nb::arg("parts"), nb::arg("series"),
               nb::arg("links"), nb::arg("rows"), nb::arg("length"));
     def_shown(bound, "objects", &PackedChain::objects);
@@ -236,7 +252,8 @@ namespace pushplan {
 
 void bind_contacts(nb::module_ &core) {
     using namespace mechanics;
-    nb::module_ m = core.def_submodule("contacts", "Contacts of chains whose loads are known.");
+    nb::module_ m = core.def_submodule("contacts", "Contacts of chains whose loads are known: the floor's friction, "
+                                                   "what contacts transmit, how far it is from slip.");
     bind_packed_chain(m);
     m.attr("ORDER") = ORDER;
     m.attr("REACH") = REACH;
@@ -244,14 +261,53 @@ void bind_contacts(nb::module_ &core) {
     m.attr("UNIFORM") = UNIFORM;
     m.attr("AFFINE") = AFFINE;
     m.attr("POINTS") = POINTS;
-    m.def("margins_of", &margins_of, nb::arg("packed"), nb::arg("twists"), nb::arg("floor") = -2.0);
-    m.def("wrenches_of", &wrenches_of, nb::arg("packed"), nb::arg("twists"));
-    m.def("contact_margins_of", &contact_margins_of, nb::arg("packed"), nb::arg("wrenches"));
-    m.def("facet_rows", &facet_rows, nb::arg("facets"), nb::arg("wrenches"), nb::arg("length"));
-    m.def("object_wrenches_of", &object_wrenches_of, nb::arg("packed"), nb::arg("twists"));
-    m.def("moved_wrenches_of", &moved_wrenches_of, nb::arg("packed"), nb::arg("twists"), nb::arg("moves"));
-    m.def("inertia_per_object", &inertia_per_object, nb::arg("table"), nb::arg("twists"), nb::arg("rates"));
-    m.def("sum_over_carried", &sum_over_carried, nb::arg("per_object").noconvert(), nb::arg("pushers"));
+    m.def("margins_of", &margins_of, nb::arg("packed"), nb::arg("twists"), nb::arg("floor") = -2.0, R"(
+    Return the smallest margin (k,) over the contacts at many body twists (k, 3) in the chain frame.
+
+    It is in [-1, 1], > 0 exactly when the twist keeps all contacts, and 0 at the zero twist. As soon as a contact's
+    margin is at most `floor`, that one is returned.
+    )");
+    m.def("wrenches_of", &wrenches_of, nb::arg("packed"), nb::arg("twists"), R"(
+    Return the wrenches (k, n, 3) that contacts transmit at many twists (k, 3): f_x, f_y (N), moment (N m) about 0.
+
+    Only a twist's direction matters; the zero twist gives zero wrenches.
+    )");
+    m.def("contact_margins_of", &contact_margins_of, nb::arg("packed"), nb::arg("wrenches"),
+          "Return the margins (k, n) of transmitted wrenches (k, n, 3), in [-1, 1]; 0 for no wrench.");
+    m.def("facet_rows", &facet_rows, nb::arg("facets"), nb::arg("wrenches"), nb::arg("length"), R"(
+    Return the rows g . w (k, n, 4) of facets (n, 4, 3) and wrenches (k, n, 3), and the wrenches' sizes (k, n).
+
+    Moments are divided by `length`, m.
+    )");
+    m.def("object_wrenches_of", &object_wrenches_of, nb::arg("packed"), nb::arg("twists"),
+          "Return the wrenches (k, 3) that move the first object at many twists (k, 3), none of them zero.");
+    m.def("moved_wrenches_of", &moved_wrenches_of, nb::arg("packed"), nb::arg("twists"), nb::arg("moves"), R"(
+    Return by how much each object's wrench (m, n, 3) changes where its load's centre is moved by (m, n, 2), m.
+
+    Args:
+        packed: The objects.
+        twists: (m, 3) body twists with which they slide, none of them 0.
+        moves: Beside what the friction of the object itself moves; in the chain frame.
+    )");
+    m.def("inertia_per_object", &inertia_per_object, nb::arg("table"), nb::arg("twists"), nb::arg("rates"), R"(
+    Return the wrench (m, n, 3) that each object's inertia asks for, about the chain frame's origin.
+
+    By Newton and Euler (m a(c), I domega/dt + c x m a(c)) with the acceleration of the centre of mass
+
+        a(c) = dv/dt + domega/dt J c + omega J (v + omega J c).
+
+    Args:
+        table: An `InertiaTable`: masses (n,), centres (n, 2), moments of inertia (n,).
+        twists: (m, 3) body twists V in the chain frame.
+        rates: (m, 3) their time derivatives dV/dt.
+    )");
+    m.def("sum_over_carried", &sum_over_carried, nb::arg("per_object").noconvert(), nb::arg("pushers"), R"(
+    Add to what each object has (m, n, 3) that of all objects that its contact carries.
+
+    Args:
+        per_object: Changed in place.
+        pushers: (n,) the object that pushes each one, -1 for the plate.
+    )");
 }
 
 } // namespace pushplan

@@ -169,26 +169,24 @@ Wheels to_wheels(WheelKind kind, const Numbers &axle, double radius) {
 }
 
 // The words as pairs of their letters and lengths, each (k,).
-nb::list reeds_shepp_as_arrays(double x, double y, double phi) {
+auto reeds_shepp_as_arrays(double x, double y, double phi) {
     ReedsSheppWords found;
     for (const double number : {x, y, phi})
         require_finite(number, "pose");
     find_reeds_shepp(x, y, phi, found);
-    nb::list out;
-    for (const ReedsSheppWord &word : found) {
-        out.append(
-            nb::make_tuple(copied(word.letters.data(), {word.count}), copied(word.lengths.data(), {word.count})));
-    }
+    std::vector<std::tuple<Made<double>, Made<double>>> out;
+    for (const ReedsSheppWord &word : found)
+        out.emplace_back(copied(word.letters.data(), {word.count}), copied(word.lengths.data(), {word.count}));
     return out;
 }
 
 // The arcs (k, 4) of every word.
-nb::list drives_as_arrays(const Wheels &wheels, const Numbers &start, const Numbers &goal) {
+std::vector<Made<double>> drives_as_arrays(const Wheels &wheels, const Numbers &start, const Numbers &goal) {
     DrivenWords found;
     find_drives(wheels, to_pose(start), to_pose(goal), found);
-    nb::list out;
+    std::vector<Made<double>> out;
     for (const DrivenWord &word : found)
-        out.append(to_table(word.arcs.data(), static_cast<std::size_t>(word.count)));
+        out.push_back(to_table(word.arcs.data(), static_cast<std::size_t>(word.count)));
     return out;
 }
 
@@ -207,18 +205,34 @@ Made<double> shortest_between(const Wheels &wheels, const Numbers &starts, const
 } // namespace
 
 void bind_driving(nb::module_ &core) {
-    auto m = core.def_submodule("driving");
-    nb::enum_<WheelKind>(m, "WheelKind")
+    auto m = core.def_submodule("driving", "How the robot drives alone: shortest words of its wheels (Reeds-Shepp for "
+                                           "a car), and what it must not touch.");
+    nb::enum_<WheelKind>(m, "WheelKind", "What the wheels of a robot can do.")
         .value("OMNIDIRECTIONAL", WheelKind::OMNIDIRECTIONAL)
         .value("DIFFERENTIAL", WheelKind::DIFFERENTIAL)
         .value("CAR", WheelKind::CAR);
-    nb::class_<Wheels>(m, "Wheels")
+    nb::class_<Wheels>(m, "Wheels", R"(
+    How the robot can move alone.
+
+    Attributes:
+        kind: What its wheels can do.
+        axle: (3,) pose in the robot's frame of the point that words are about: the axle's middle with +x forward;
+            of an omnidirectional robot, its middle.
+        radius: Smallest turning radius of the axle's middle, m (of a car only).
+    )")
         .def(MadeBy(&to_wheels), nb::arg("kind"), nb::arg("axle"), nb::arg("radius"))
         .def_ro("kind", &Wheels::kind)
         .def_prop_ro("axle", [](const Wheels &wheels) { return to_array(wheels.axle); })
         .def_ro("radius", &Wheels::radius)
         .def(PickledBy{"kind", "axle", "radius"});
-    nb::class_<Surroundings>(m, "Surroundings")
+    nb::class_<Surroundings>(m, "Surroundings", R"(
+    What the robot must not touch when it drives alone.
+
+    Attributes:
+        room: The robot among what stands in the room.
+        load: The robot among the objects, these in the frame of the load.
+        place: (3,) pose of that frame in the world.
+    )")
         .def(MadeBy(+[](const Scene &room, const Scene &load, const Numbers &place) {
                  return Surroundings{room, load, to_pose(place)};
              }),
@@ -226,9 +240,16 @@ void bind_driving(nb::module_ &core) {
         .def_ro("room", &Surroundings::room)
         .def_ro("load", &Surroundings::load)
         .def_prop_ro("place", [](const Surroundings &around) { return to_array(around.place); });
-    m.def("find_reeds_shepp", &reeds_shepp_as_arrays, nb::arg("x"), nb::arg("y"), nb::arg("phi"));
-    m.def("find_drives", &drives_as_arrays, nb::arg("wheels"), nb::arg("start"), nb::arg("goal"));
-    m.def("shortest_drives", &shortest_between, nb::arg("wheels"), nb::arg("starts"), nb::arg("goals"));
+    m.def("find_reeds_shepp", &reeds_shepp_as_arrays, nb::arg("x"), nb::arg("y"), nb::arg("phi"), R"(
+    Return the words of a car that lead from the origin to a pose, in turning radii and rad (Reeds and Shepp 1990).
+
+    Of each word its letters (k,), signs of the curvature: 1 left, 0 straight, -1 right; and their lengths (k,), < 0
+    backwards.
+    )");
+    m.def("find_drives", &drives_as_arrays, nb::arg("wheels"), nb::arg("start"), nb::arg("goal"),
+          "Return the arcs (k, 4) of every word between two poses (3,) of the robot, whatever is in the way.");
+    m.def("shortest_drives", &shortest_between, nb::arg("wheels"), nb::arg("starts"), nb::arg("goals"),
+          "Return (n, m) costs of cheapest words from poses (n, 3) of the robot to poses (m, 3) in an empty room, m.");
 }
 
 } // namespace pushplan

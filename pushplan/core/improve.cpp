@@ -51,17 +51,49 @@ Made<double> bind_cut_short(const Problem &problem, const Numbers &start, const 
 } // namespace
 
 void bind_improve(nb::module_ &core) {
-    auto m = core.def_submodule("improve");
+    auto m = core.def_submodule("improve", "Paths made shorter: by steering paths between their places, and by small "
+                                           "changes of their twists and lengths.");
     m.def(
         "objective_value",
         [](const Objective &objective, const Numbers &path) { return objective_value(objective, to_arcs(path)); },
-        nb::arg("objective"), nb::arg("path"));
-    m.def("merged", [](const Numbers &arcs) { return to_table(merged(to_arcs(arcs))); }, nb::arg("arcs"));
+        nb::arg("objective"), nb::arg("path"), "Return the value of a path (k, 4).");
+    m.def(
+        "merged", [](const Numbers &arcs) { return to_table(merged(to_arcs(arcs))); }, nb::arg("arcs"),
+        "Return a path (k, 4) without empty arcs and with neighbours of the same motion made one.");
     m.def("vary", &bind_vary, nb::arg("problem"), nb::arg("start"), nb::arg("arcs"), nb::arg("state"),
-          nb::arg("attempts") = 1);
+          nb::arg("attempts") = 1, R"(
+    Return a path (k, 4) after local changes: one arc changed and three closing it, each kept if it is cheaper.
+
+    Args:
+        problem: What to plan.
+        start: (3,) pose at the path's beginning.
+        arcs: (m, 4) twists and lengths of a path to the goal.
+        state: (1,) state of the random generator.
+        attempts: Changes to try.
+
+    Raises:
+        ValueError: On a path without arcs.
+    )");
     m.def("shorten", &bind_shorten, nb::arg("problem"), nb::arg("start"), nb::arg("arcs"), nb::arg("state"),
-          nb::arg("attempts"));
-    m.def("cut_short", &bind_cut_short, nb::arg("problem"), nb::arg("start"), nb::arg("arcs"), nb::arg("per_arc"));
+          nb::arg("attempts"), R"(
+    Return the shortened path (k, 4) of twists and lengths.
+
+    Args:
+        problem: What to plan.
+        start: (3,) pose at the path's beginning.
+        arcs: (m, 4) the path.
+        state: (1,) state of the random generator.
+        attempts: Pairs of poses, or local changes, to try.
+    )");
+    m.def("cut_short", &bind_cut_short, nb::arg("problem"), nb::arg("start"), nb::arg("arcs"), nb::arg("per_arc"), R"(
+    Return the path (k, 4) with pieces exchanged for free words that are shorter, or of fewer arcs.
+
+    Args:
+        problem: What to plan.
+        start: (3,) pose at the path's beginning.
+        arcs: (m, 4) twists and lengths.
+        per_arc: What an arc counts beside its length, m.
+    )");
 }
 
 } // namespace pushplan

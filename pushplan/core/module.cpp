@@ -1,7 +1,7 @@
 // The compiled core as Python sees it: `pushplan.core`, with a submodule for each kind of work.
 //
 // Numbers only cross over: no Python object is called from here, and no state outlives a call but that of the objects
-// that callers hold. A submodule NAME is bound in NAME.cpp and described in NAME.pyi.
+// that callers hold. Stubs are made of what is bound here, with the docstrings.
 #include "numpy.hpp"
 
 namespace pushplan {
@@ -23,7 +23,7 @@ void bind_timing(nb::module_ &);
 void bind_transit(nb::module_ &);
 void bind_uncertain(nb::module_ &);
 
-extern const char *const SOURCES; // in sources.cpp, which alone is compiled anew with every change
+extern const char *const SOURCES; // the digest of the sources; `building.py` defines it
 } // namespace pushplan
 
 NB_MODULE(core, m) {

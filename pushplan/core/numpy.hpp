@@ -145,13 +145,16 @@ struct PickledBy : nb::def_visitor<PickledBy> {
     PickledBy(std::initializer_list<const char *> names) : names(names) {}
 
     template <class Bound> void execute(Bound &bound) {
-        bound.def("__reduce__", [names = names](const nb::object &self) {
-            nb::dict arguments;
-            for (const char *name : names)
-                arguments[name] = self.attr(name);
-            const nb::object partial = nb::module_::import_("functools").attr("partial");
-            return nb::make_tuple(partial(self.type(), **arguments), nb::tuple());
-        });
+        bound.def(
+            "__reduce__",
+            [names = names](const nb::object &self) {
+                nb::dict arguments;
+                for (const char *name : names)
+                    arguments[name] = self.attr(name);
+                const nb::object partial = nb::module_::import_("functools").attr("partial");
+                return nb::make_tuple(partial(self.type(), **arguments), nb::tuple());
+            },
+            nb::sig("def __reduce__(self) -> tuple[object, ...]"));
     }
 };
 
@@ -163,9 +166,10 @@ template <class Class, class Self> struct Pickled : nb::def_visitor<Pickled<Clas
     Pickled(nb::tuple (*state)(Self), Class (*make)(const nb::tuple &)) : state(state), make(make) {}
 
     template <class Bound> void execute(Bound &bound) {
-        bound.def("__getstate__", state);
-        bound.def("__setstate__",
-                  [make = make](Class &self, const nb::tuple &state) { new (&self) Class(make(state)); });
+        bound.def("__getstate__", state, nb::sig("def __getstate__(self) -> tuple[object, ...]"));
+        bound.def(
+            "__setstate__", [make = make](Class &self, const nb::tuple &state) { new (&self) Class(make(state)); },
+            nb::sig("def __setstate__(self, state: tuple[object, ...], /) -> None"));
     }
 };
 
@@ -173,7 +177,9 @@ template <class Class, class Self> struct Pickled : nb::def_visitor<Pickled<Clas
 
 template <class Number> struct nanobind::detail::type_caster<pushplan::Array<Number>> {
     using Base = typename pushplan::Array<Number>::Base;
-    NB_TYPE_CASTER(pushplan::Array<Number>, make_caster<Base>::Name)
+    // What stubs say: kind of the numbers alone.
+    static constexpr auto Kind = dtype_name<std::remove_const_t<Number>>::name;
+    NB_TYPE_CASTER(pushplan::Array<Number>, const_name("numpy.ndarray[") + Kind + const_name("]"))
 
     bool from_python(handle source, uint32_t flags, cleanup_list *cleanup) noexcept {
         make_caster<Base> caster;

@@ -34,7 +34,18 @@ void bind_objective(nb::module_ &m) {
     m.attr("REST_TO_REST") = REST_TO_REST;
     m.attr("PASSING") = PASSING;
     m.attr("GAIN") = GAIN;
-    nb::class_<Objective>(m, "Objective")
+    nb::class_<Objective>(m, "Objective", R"(
+    What paths are ranked by; the table holds, for twists scaled to a cost rate of 1, what the kind needs.
+
+    Attributes:
+        kind: `TRAVEL` (no table), `MARGIN` (rate), `REST_TO_REST` or `PASSING` (top speed, time
+            from rest to it, s, and the power of its length with which the time of a shorter arc grows).
+        per_arc: Value of an arc beside its length.
+        lowest: Smallest value of a metre of arc.
+        length: Characteristic length of the twist sphere, m.
+        box: (4,) first and last longitude, first and last latitude of the table, rad.
+        table: (n, n, 3) by longitude and latitude.
+    )")
         .def(MadeBy(&to_objective), nb::arg("kind"), nb::arg("per_arc"), nb::arg("lowest"), nb::arg("length"),
              nb::arg("box"), nb::arg("table"))
         .def_ro("kind", &Objective::kind)
@@ -52,8 +63,8 @@ void bind_objective(nb::module_ &m) {
 
 Problem to_problem(const Scene &scene, const Numbers &segments, const Numbers &families, const Numbers &goal,
                    double longest, const Objective &objective) {
-    Problem problem{scene,    to_rows<Segment>(segments, "segments"), to_families(families), to_pose(goal),
-                    require_positive(longest, "longest"), objective};
+    Problem problem{scene,         to_rows<Segment>(segments, "segments"), to_families(families),
+                    to_pose(goal), require_positive(longest, "longest"),   objective};
     if (problem.segments.empty() || problem.families.empty())
         throw std::invalid_argument("a problem has a segment and a family at least");
     return problem;
@@ -61,7 +72,17 @@ Problem to_problem(const Scene &scene, const Numbers &segments, const Numbers &f
 
 void bind_problem_class(nb::module_ &m) {
     m.attr("TURN_WEIGHT") = TURN_WEIGHT;
-    nb::class_<Problem>(m, "Problem")
+    nb::class_<Problem>(m, "Problem", R"(
+    What a search needs to know.
+
+    Attributes:
+        scene: The body and what it must not touch.
+        segments: (k, 6) stable twists between two end twists: every positive combination of them is stable.
+        families: (f, 3, 3) left, straight and right twists for exact connections.
+        goal: (3,) pose of the chain frame in the world.
+        longest: Longest arc sampled, m of cost.
+        objective: What makes one path better than another.
+    )")
         .def(MadeBy(&to_problem), nb::arg("scene"), nb::arg("segments"), nb::arg("families"), nb::arg("goal"),
              nb::arg("longest"), nb::arg("objective"))
         .def_ro("scene", &Problem::scene)
@@ -84,7 +105,7 @@ void bind_problem_class(nb::module_ &m) {
                 self.goal = to_pose(goal);
                 return self;
             },
-            nb::arg("goal"))
+            nb::arg("goal"), "Return it with another goal (3,).")
         .def(
             "with_segments",
             [](Problem self, const Numbers &segments) {
@@ -93,20 +114,22 @@ void bind_problem_class(nb::module_ &m) {
                     throw std::invalid_argument("a problem has a segment at least");
                 return self;
             },
-            nb::arg("segments"))
+            nb::arg("segments"), "Return it with other stable twists (k, 6).")
         .def(
             "with_objective",
             [](Problem self, const Objective &objective) {
                 self.objective = objective;
                 return self;
             },
-            nb::arg("objective"))
+            nb::arg("objective"), "Return it with another objective.")
         .def(PickledBy{"scene", "segments", "families", "goal", "longest", "objective"});
     m.def(
-        "remaining",
-        [](const Numbers &pose, const Numbers &goal) { return remaining(to_pose(pose), to_pose(goal)); },
-        nb::arg("pose"), nb::arg("goal"));
-    m.def("random", [](RandomState state) { return random_of(state)(); }, nb::arg("state"));
+        "remaining", [](const Numbers &pose, const Numbers &goal) { return remaining(to_pose(pose), to_pose(goal)); },
+        nb::arg("pose"), nb::arg("goal"),
+        "Return a lower bound on the cost from a pose (3,) to the goal: straight travel plus the smallest turn.");
+    m.def(
+        "random", [](RandomState state) { return random_of(state)(); }, nb::arg("state"),
+        "Draw a number in [0, 1) from the generator's state (1,) uint64 (splitmix64, Steele et al. 2014).");
 }
 
 // Cost, letters and lengths of words (n, 7).
@@ -138,7 +161,8 @@ void bind_steering(nb::module_ &m) {
             std::memcpy(&letters, family.data(), sizeof(Family));
             return words_table(find_words(letters, to_pose(start), to_pose(goal)));
         },
-        nb::arg("family"), nb::arg("start"), nb::arg("goal"));
+        nb::arg("family"), nb::arg("start"), nb::arg("goal"),
+        "Return cost, letters and lengths (n, 7) of every word of a family (3, 3) between two poses (3,).");
     m.def(
         "connect",
         [](const Scene &scene, const Numbers &families, const Numbers &start, const Numbers &goal, double bound,
@@ -147,13 +171,30 @@ void bind_steering(nb::module_ &m) {
             require_number(bound, "bound");
             const Connection found = connect(scene, {rows.data(), static_cast<std::ptrdiff_t>(rows.size())},
                                              to_pose(start), to_pose(goal), bound, tries);
-            nb::object arcs = nb::none();
+            std::optional<Made<double>> arcs;
             if (found.cost < INF)
-                arcs = nb::cast(to_table(found.arcs));
-            return nb::make_tuple(found.cost, found.promise, arcs);
+                arcs = to_table(found.arcs);
+            return std::make_tuple(found.cost, found.promise, arcs);
         },
         nb::arg("scene"), nb::arg("families"), nb::arg("start"), nb::arg("goal"), nb::arg("bound") = INF,
-        nb::arg("tries") = MAX_WORDS);
+        nb::arg("tries") = MAX_WORDS, R"(
+    Find the cheapest free connection below a bound.
+
+    Args:
+        scene: The body and what it must not touch.
+        families: (f, 3, 3) left, straight and right twists; f is at most 3.
+        start: (3,) pose.
+        goal: (3,) pose.
+        bound: Only words cheaper than this are looked at; infinite if nothing is given.
+        tries: So many words, cheapest first, are swept for collisions at most; all if nothing is given.
+
+    Returns:
+        (cost, promise, arcs): the connection's cost, infinite if there is none; the cheapest word's cost,
+        free or not; and the connection's twists and lengths (3, 4), None if there is none.
+
+    Raises:
+        ValueError: On more families.
+    )");
     m.def(
         "reach",
         [](const Scene &scene, const Numbers &families, const Numbers &starts, const Numbers &goals, double clearance) {
@@ -170,7 +211,16 @@ void bind_steering(nb::module_ &m) {
             }
             return costs;
         },
-        nb::arg("scene"), nb::arg("families"), nb::arg("starts"), nb::arg("goals"), nb::arg("clearance"));
+        nb::arg("scene"), nb::arg("families"), nb::arg("starts"), nb::arg("goals"), nb::arg("clearance"), R"(
+    Return the costs (n, m) of the cheapest free words from starts (n, 3) to goals (m, 3), inf where none is.
+
+    Args:
+        scene: One of `open_scene`; between two poses it keeps what the nearer of them leaves, see `Scene.with_gap`.
+        families: (f, 3, 3) left, straight and right twists.
+        starts: Poses of the chain frame.
+        goals: Likewise.
+        clearance: What start and goal must have at least, m.
+    )");
 }
 
 void bind_chart(nb::module_ &m) {
@@ -185,7 +235,8 @@ void bind_chart(nb::module_ &m) {
             }
             return to_table(arcs);
         },
-        nb::arg("problem"), nb::arg("controls"));
+        nb::arg("problem"), nb::arg("controls"),
+        "Return the arcs (k, 4), twists and lengths, of controls (k, 4): coordinates, and units that they go on for.");
     m.def(
         "controls_of",
         [](const Problem &problem, const Numbers &path) {
@@ -195,20 +246,22 @@ void bind_chart(nb::module_ &m) {
                 controls.push_back(control_of(problem, arc));
             return to_table(controls);
         },
-        nb::arg("problem"), nb::arg("arcs"));
+        nb::arg("problem"), nb::arg("arcs"),
+        "Return controls (k, 4) of arcs (k, 4), with whole units; not finite where a twist is on no segment.");
     m.def(
         "poses_along",
         [](const Scene &scene, const Numbers &start, const Numbers &path) {
             const Followed followed = follow(scene, to_pose(start), to_arcs(path));
-            return nb::make_tuple(to_table(followed.poses), followed.free);
+            return std::make_tuple(to_table(followed.poses), followed.free);
         },
-        nb::arg("scene"), nb::arg("start"), nb::arg("arcs"));
+        nb::arg("scene"), nb::arg("start"), nb::arg("arcs"),
+        "Return the poses (k + 1, 3) at the ends of arcs (k, 4), and how many arcs come before one that is not free.");
 }
 
 } // namespace
 
 void bind_problem(nb::module_ &core) {
-    auto m = core.def_submodule("problem");
+    auto m = core.def_submodule("problem", "Objectives, problems, and the steering paths that connect their poses.");
     bind_objective(m);
     bind_problem_class(m);
     bind_steering(m);

@@ -139,7 +139,20 @@ Made<double> families_array(const PackedMode &mode) {
 Made<double> settling_array(const PackedMode &mode) { return copied(&mode.settling.vx, {3}); }
 
 void bind_mode(nb::module_ &m) {
-    nb::class_<PackedMode>(m, "PackedMode")
+    nb::class_<PackedMode>(m, "PackedMode", R"(
+    A contact and the pushes that it can make.
+
+    Attributes:
+        families: (f, 3, 3) left, straight and right twists in the contact's chain frame; f is at most 3.
+        contact: (3,) pose of that frame in the load's.
+        robot: (3,) pose of the robot's frame in that frame.
+        settling: (3,) twist of the straight push that a push begins with.
+        settle: Its length, m.
+        approach: Length of the straight way to the contact, m.
+        retreat: Length of the straight way back from it, m.
+        clearance: What is kept from everything, m.
+        faster: How much faster than a push's cost grows the origin of the load's frame moves, at most.
+    )")
         .def(MadeBy(&to_mode), nb::arg("families"), nb::arg("contact"), nb::arg("robot"), nb::arg("settling"),
              nb::arg("settle"), nb::arg("approach"), nb::arg("retreat"), nb::arg("clearance"), nb::arg("faster"))
         .def_prop_ro("families", &families_array)
@@ -156,7 +169,8 @@ void bind_mode(nb::module_ &m) {
             [](const PackedMode &mode, const Numbers &load, double behind) {
                 return to_array(mode.robot_at(to_pose(load), require_finite(behind, "behind")));
             },
-            nb::arg("load"), nb::arg("behind"))
+            nb::arg("load"), nb::arg("behind"),
+            "Return the robot's pose (3,) so far behind the contact, m, with the load at a pose (3,).")
         .def(PickledBy{"families", "contact", "robot", "settling", "settle", "approach", "retreat", "clearance",
                        "faster"});
 }
@@ -175,14 +189,14 @@ Made<double> costs_between(const PackedMode &mode, const Numbers &starts, const 
     return to_numpy(std::move(costs), {starts.shape(0), goals.shape(0)});
 }
 
-nb::tuple push_between(const Scene &scene, const PackedMode &mode, const Numbers &start, const Numbers &goal) {
+auto push_between(const Scene &scene, const PackedMode &mode, const Numbers &start, const Numbers &goal) {
     const Pose first = to_pose(start), last = to_pose(goal);
     Push found;
     {
         nb::gil_scoped_release free;
         found = find_push(scene, mode, first, last);
     }
-    return nb::make_tuple(found.cost, to_table(found.arcs));
+    return std::make_tuple(found.cost, to_table(found.arcs));
 }
 
 // Return (r, m, g) what single pushes cost in rooms, by contacts, to goals; infinite where none is free.
@@ -211,8 +225,8 @@ Made<double> push_costs(const std::vector<Scene> &rooms, const std::vector<std::
     return to_numpy(std::move(costs), shape);
 }
 
-nb::tuple passings_of(const PackedMode &mode, const Numbers &load, const Numbers &inner, const Numbers &goals,
-                      const Numbers &within, double far) {
+auto passings_of(const PackedMode &mode, const Numbers &load, const Numbers &inner, const Numbers &goals,
+                 const Numbers &within, double far) {
     if (within.size() != 2)
         throw std::invalid_argument("a tolerance is a distance and an angle");
     for (int k = 0; k < 2; ++k)
@@ -224,7 +238,7 @@ nb::tuple passings_of(const PackedMode &mode, const Numbers &load, const Numbers
     std::vector<std::int64_t> rows;
     for (const Passing &one : found)
         poses.push_back(one.load), rows.push_back(one.goal);
-    return nb::make_tuple(to_table(poses), to_numpy(std::move(rows)));
+    return std::make_tuple(to_table(poses), to_numpy(std::move(rows)));
 }
 
 bool settles_at(const Scene &scene, const PackedMode &mode, const Numbers &load) {
@@ -246,19 +260,59 @@ Made<bool> approaches_are_free(const Scene &robot, const PackedMode &mode, const
 } // namespace
 
 void bind_pushes(nb::module_ &core) {
-    auto m = core.def_submodule("pushes");
+    auto m = core.def_submodule(
+        "pushes",
+        "Pushes of the load by one contact between two poses, and the straight ways to the contact and back.");
     bind_mode(m);
     m.attr("ARCS") = std::tuple_size_v<decltype(Push::arcs)>;
     m.def("word_costs", &costs_between, nb::arg("mode"), nb::arg("starts"), nb::arg("goals"), nb::arg("sofar"),
-          nb::arg("left"), nb::arg("below"));
-    m.def("find_push", &push_between, nb::arg("scene"), nb::arg("mode"), nb::arg("start"), nb::arg("goal"));
+          nb::arg("left"), nb::arg("below"), R"(
+    Return what the cheapest pushes from loads at `starts` (n, 3) to `goals` (m, 3) cost, whatever is in the way.
+
+    A pair is left out (infinite) that cannot be part of a plan which costs less than `below`, as what comes before
+    the start costs at least `sofar` (n,) and what comes after the goal `left` (m,).
+    )");
+    m.def("find_push", &push_between, nb::arg("scene"), nb::arg("mode"), nb::arg("start"), nb::arg("goal"), R"(
+    Find the cheapest free push between two poses of the load.
+
+    Args:
+        scene: The chain with this contact in the room.
+        mode: The contact.
+        start: (3,) pose of the load.
+        goal: Likewise.
+
+    Returns:
+        Its cost, m, infinite if there is none; and (ARCS, 4) the twists, in the contact's frame, and lengths.
+    )");
     m.def("push_costs", &push_costs, nb::arg("rooms"), nb::arg("contacts"), nb::arg("start"), nb::arg("goals"),
-          nb::arg("asked"));
+          nb::arg("asked"), R"(
+    Return what single pushes cost from a pose of the load, with room for approach and retreat, (r, m, g), m.
+
+    Args:
+        rooms: r times the robot among what stands there.
+        contacts: m times the chain with a contact in any room, and the contact.
+        start: (3,) pose of the load.
+        goals: (g, 3) likewise.
+        asked: (m, g) which of them are looked for; the others cost infinitely much, as those that are not free.
+    )");
     m.def("find_passings", &passings_of, nb::arg("mode"), nb::arg("load"), nb::arg("inner"), nb::arg("goals"),
-          nb::arg("within"), nb::arg("far"));
-    m.def("settles", &settles_at, nb::arg("scene"), nb::arg("mode"), nb::arg("load"));
-    m.def("approaches_are_free", &approaches_are_free, nb::arg("robot"), nb::arg("mode"), nb::arg("loads"),
-          nb::arg("back"));
+          nb::arg("within"), nb::arg("far"), R"(
+    Return where turns and straight pushes pass by goals, (k, 3) poses of the load, and by which, (k,) rows.
+
+    Args:
+        mode: The contact.
+        load: (3,) pose that the pushes begin at.
+        inner: (3,) pose in the load's frame of the frame that the goals are of.
+        goals: (g, 3) poses of it.
+        within: (2,) how far from a goal counts, m and rad.
+        far: Length of each push, m; 400 poses along it are looked at, and the nearest to a goal is taken.
+    )");
+    m.def("settles", &settles_at, nb::arg("scene"), nb::arg("mode"), nb::arg("load"),
+          "Return whether the settling push is free with the load at a pose (3,).");
+    m.def(
+        "approaches_are_free", &approaches_are_free, nb::arg("robot"), nb::arg("mode"), nb::arg("loads"),
+        nb::arg("back"),
+        "Return (k,) whether the straight way to the contact, or back from it, is free with the load at poses (k, 3).");
 }
 
 } // namespace pushplan

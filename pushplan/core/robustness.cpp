@@ -174,10 +174,23 @@ namespace pushplan {
 
 void bind_robustness(nb::module_ &core) {
     using namespace mechanics;
-    nb::module_ m = core.def_submodule("robustness", "Contact conditions of perturbed chains.");
-    m.def("floor_wrenches", &floor_wrenches, nb::arg("variants"), nb::arg("series"), nb::arg("directions"));
+    nb::module_ m =
+        core.def_submodule("robustness", "Contact conditions of perturbed chains at the moments of a motion.");
+    m.def(
+        "floor_wrenches", &floor_wrenches, nb::arg("variants"), nb::arg("series"), nb::arg("directions"),
+        "Return the wrenches (m, n, 3) that move each object of the last variant against the floor at twists (m, 3).");
     m.def("facet_values", &facet_values, nb::arg("variants"), nb::arg("series"), nb::arg("mass"), nb::arg("moment"),
-          nb::arg("moments"), nb::arg("known"));
+          nb::arg("moments"), nb::arg("known"), R"(
+    Return the facets' values (q, m, n, 4) of the contacts of q variants at m moments, N and N m.
+
+    Args:
+        variants: The chains.
+        series: Of the `PackedChain`.
+        mass: (q, n) or (1, n), kg.
+        moment: (q, n) or (1, n) moments of inertia, kg m^2.
+        moments: When.
+        known: (m, n, 3) wrenches that move the objects against the floor where that is not `changed`.
+    )");
 }
 
 } // namespace pushplan

@@ -203,18 +203,47 @@ Made<double> descent_at_random(const Modes &modes, const Numbers &start, const N
 } // namespace
 
 void bind_samples(nb::module_ &core) {
-    auto m = core.def_submodule("samples");
+    auto m = core.def_submodule(
+        "samples",
+        "Poses of the load between which pushes may lead: random ones, and descents that shorten whole sequences.");
     m.def(
         "pushed_at_random",
         [](const PackedMode &mode, const Numbers &pose, double sense, RandomState state) {
-            return to_array(
-                pushed_at_random(mode, to_pose(pose), require_finite(sense, "sense"), random_of(state)));
+            return to_array(pushed_at_random(mode, to_pose(pose), require_finite(sense, "sense"), random_of(state)));
         },
-        nb::arg("mode"), nb::arg("pose"), nb::arg("sense"), nb::arg("state").noconvert());
+        nb::arg("mode"), nb::arg("pose"), nb::arg("sense"), nb::arg("state").noconvert(),
+        "Return where a random push by a contact brings a load at a pose (3,), or, with sense -1, brings it from.");
     m.def("descend", &descend_between, nb::arg("modes"), nb::arg("sequence"), nb::arg("ends"),
-          nb::arg("poses").noconvert(), nb::arg("scale"), nb::arg("moves"), nb::arg("state").noconvert());
+          nb::arg("poses").noconvert(), nb::arg("scale"), nb::arg("moves"), nb::arg("state").noconvert(), R"(
+    Move the poses between pushes so that these get cheaper; return the sum of the pushes' costs.
+
+    Args:
+        modes: All contacts.
+        sequence: (k,) contact of each push.
+        ends: (2, 3) first and last pose of the load.
+        poses: (k - 1, 3) between the pushes; changed.
+        scale: Of the first moves, m.
+        moves: Tried, at most.
+        state: Of the random numbers.
+    )");
     m.def("random_descent", &descent_at_random, nb::arg("modes"), nb::arg("start"), nb::arg("goals"), nb::arg("firsts"),
-          nb::arg("lasts"), nb::arg("most"), nb::arg("changes"), nb::arg("below"), nb::arg("state").noconvert());
+          nb::arg("lasts"), nb::arg("most"), nb::arg("changes"), nb::arg("below"), nb::arg("state").noconvert(), R"(
+    Draw a sequence of contacts and the poses between its pushes, and descend.
+
+    Args:
+        modes: All contacts.
+        start: (3,) pose of the load.
+        goals: (g, 3).
+        firsts: Contacts that a first push can have.
+        lasts: Likewise a last one.
+        most: Pushes, at most.
+        changes: (m, m) the least that changes of the contact cost.
+        below: What the whole has to cost less than, m.
+        state: Of the random numbers.
+
+    Returns:
+        The poses (k, 3) between the pushes; none where the sequence costs too much.
+    )");
 }
 
 } // namespace pushplan

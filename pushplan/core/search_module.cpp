@@ -18,10 +18,10 @@ Area to_area(const Numbers &array) {
 }
 
 // A path (k, 4), or None where there is none.
-nb::object path_or_none(const std::vector<Arc> &path) {
+std::optional<Made<double>> path_or_none(const std::vector<Arc> &path) {
     if (path.empty())
-        return nb::none();
-    return nb::cast(to_table(path));
+        return std::nullopt;
+    return to_table(path);
 }
 
 // The pose that a caller names with its row of a tree, -1 for none, to go on from towards another tree.
@@ -51,15 +51,34 @@ void require_cells(double cells, const char *name) {
 
 void bind_tree(nb::module_ &m) {
     using Row = std::int64_t;
-    nb::class_<Tree>(m, "Tree")
+    nb::class_<Tree>(m, "Tree", R"(
+    A tree that another program drives, OMPL's planners, which say from where and along what it grows.
+
+    An extension is (kept, cost, promise, x, y, theta): whether there is a new node that may be on a path below the
+    bound; the cost of the whole path through it, infinite when all connections are blocked; the cost of the cheapest
+    word to the other tree's root, blocked or not; and its pose.
+
+    Args:
+        problem: What to plan.
+        root: (3,) pose.
+        heading_length: Metres that a radian counts as in the choice of the other tree's nearest nodes.
+        back: The tree grows against the direction of travel: its arcs lead to the root.
+
+    Attributes:
+        nodes: The tree, a copy (n, 9): pose, cost to the root, parent, arc between both (vx, vy, omega, length).
+        path: The path (k, 4) that the last connection closed, from the start to the goal; None before the first
+            one.
+    )")
         .def(MadeBy(+[](const Shared &problem, const Numbers &root, double heading_length, bool back) {
                  return Tree(problem, to_pose(root), require_positive(heading_length, "heading_length"), back);
              }),
              nb::arg("problem"), nb::arg("root"), nb::arg("heading_length"), nb::arg("back") = false)
         .def(
-            "take", [](Tree &self, const Shared &problem) { self.take(problem); }, nb::arg("problem"))
+            "take", [](Tree &self, const Shared &problem) { self.take(problem); }, nb::arg("problem"),
+            "Go on with another problem.")
         .def(
-            "clear", [](Tree &self, const Numbers &root) { self.clear(to_pose(root)); }, nb::arg("root"))
+            "clear", [](Tree &self, const Numbers &root) { self.clear(to_pose(root)); }, nb::arg("root"),
+            "Forget the tree but for its root.")
         .def("__len__", [](const Tree &self) { return self.nodes().size(); })
         .def_prop_ro("nodes", [](const Tree &self) { return to_table(self.nodes()); })
         .def_prop_ro("path", [](const Tree &self) { return path_or_none(self.path()); })
@@ -69,17 +88,37 @@ void bind_tree(nb::module_ &m) {
                double bound, const Tree &other) {
                 const Pose from = check_place(self, row, pose, bound, other);
                 const Extension found = self.extend(row, from, to_controls(controls.data()), bound, other);
-                return nb::make_tuple(found.kept, found.cost, found.promise, found.pose.x, found.pose.y,
-                                      found.pose.theta);
+                return std::make_tuple(found.kept, found.cost, found.promise, found.pose.x, found.pose.y,
+                                       found.pose.theta);
             },
-            nb::arg("row"), nb::arg("pose"), nb::arg("controls"), nb::arg("bound"), nb::arg("other"))
+            nb::arg("row"), nb::arg("pose"), nb::arg("controls"), nb::arg("bound"), nb::arg("other"), R"(
+    Grow by one arc from the pose of a row, and try to connect its end exactly to a tree that grows towards it.
+
+    Args:
+        row: Of the parent; what is kept becomes the last row. -1 where no arc led to the pose: nothing becomes a
+            row then.
+        pose: x, y and theta.
+        controls: Which segment of the stable set, where on it, and the share of the longest arc, in [0, 1].
+        bound: Cost that a whole path must stay below.
+        other: The tree, whose root and two nearest nodes are tried.
+
+    Returns:
+        Whether it was kept, the cost of the whole path, that of the cheapest word, and the pose.
+
+    Raises:
+        ValueError: Where the row or a number is none, or both trees grow the same way.
+    )")
         .def(
             "connect",
             [](const Tree &self, Row row, const std::array<double, 3> &pose, double bound, const Tree &other) {
                 const Extension found = self.connect(row, check_place(self, row, pose, bound, other), bound, other);
-                return nb::make_tuple(found.cost, found.promise);
+                return std::make_tuple(found.cost, found.promise);
             },
-            nb::arg("row"), nb::arg("pose"), nb::arg("bound"), nb::arg("other"))
+            nb::arg("row"), nb::arg("pose"), nb::arg("bound"), nb::arg("other"), R"(
+    Return the cost of a path through a row (-1: none) and any free word, and the cost of the cheapest word.
+
+    The words are those to the root of the other tree.
+    )")
         .def(
             "room_at",
             [](const Tree &self, double x, double y, double theta) {
@@ -87,7 +126,11 @@ void bind_tree(nb::module_ &m) {
                     require_finite(number, "pose");
                 return self.room_at({x, y, theta});
             },
-            nb::arg("x"), nb::arg("y"), nb::arg("theta"));
+            nb::arg("x"), nb::arg("y"), nb::arg("theta"), R"(
+    Return how far (m) the body is from everything at a pose, beyond the clearance; negative if too near.
+
+    Distances above twice the clearance are not told apart.
+    )");
     m.def(
         "branch",
         [](const Numbers &nodes, Row node) {
@@ -100,7 +143,7 @@ void bind_tree(nb::module_ &m) {
             trace(rows, node, path);
             return to_table(path);
         },
-        nb::arg("nodes"), nb::arg("node"));
+        nb::arg("nodes"), nb::arg("node"), "Return the arcs (k, 4) from the root of a tree (n, 9) to a node.");
 }
 
 // Lower left corner and side of the cells (3,), m, of a table.
@@ -132,7 +175,22 @@ Lattice to_lattice(const Shared &problem, const Numbers &start, const Numbers &m
 }
 
 void bind_lattice(nb::module_ &m) {
-    nb::class_<Lattice>(m, "Lattice")
+    nb::class_<Lattice>(m, "Lattice", R"(
+    Best-first search over a lattice of poses: one at a time, the next one takes over the memory.
+
+    Args:
+        problem: What to plan.
+        start: (3,) pose.
+        middle: (2 or more,) the body's point for which distances over the floor count, chain frame, m.
+        grid: (3,) lower left corner of their cells and the side of these, m.
+        to_start: (nx, ny) distance of a place from the start around the obstacles, m.
+        to_goal: Likewise from the goal.
+
+    Attributes:
+        path: The best path (k, 4), None while there is none.
+        tried: Arcs tried.
+        nodes: The nodes (n, 9), a copy; see `Tree.nodes`.
+    )")
         .def(MadeBy(&to_lattice), nb::arg("problem"), nb::arg("start"), nb::arg("middle"), nb::arg("grid"),
              nb::arg("to_start"), nb::arg("to_goal"))
         .def(
@@ -148,7 +206,17 @@ void bind_lattice(nb::module_ &m) {
                 require_cells(2.0 * PI / require_positive(angle, "angle"), "cells of a turn");
                 self.plant(back, area, {side, angle, require_positive(arc, "arc")}, room);
             },
-            nb::arg("back"), nb::arg("box"), nb::arg("side"), nb::arg("angle"), nb::arg("arc"), nb::arg("room"))
+            nb::arg("back"), nb::arg("box"), nb::arg("side"), nb::arg("angle"), nb::arg("arc"), nb::arg("room"), R"(
+    Begin a search with the start alone.
+
+    Args:
+        back: Search from the goal back to the start instead.
+        box: (4,) xmin, ymin, xmax, ymax that the cells cover, m.
+        side: Of a cell, m.
+        angle: Of a cell, rad.
+        arc: Typical length of an arc, m of cost.
+        room: For so many nodes, a power of two.
+    )")
         .def(
             "expand",
             [](Lattice &self, RandomState state, double bound, std::int64_t arcs) {
@@ -159,7 +227,17 @@ void bind_lattice(nb::module_ &m) {
                 nb::gil_scoped_release free;
                 return self.expand(bound, arcs, random);
             },
-            nb::arg("state"), nb::arg("bound"), nb::arg("arcs"))
+            nb::arg("state"), nb::arg("bound"), nb::arg("arcs"), R"(
+    Expand nodes, the most promising first, until arcs are tried or nothing promises less than the bound.
+
+    Args:
+        state: (1,) of the random generator.
+        bound: Cost that a path must stay below, m; falls to that of each path that is found.
+        arcs: To try; may be exceeded by three.
+
+    Returns:
+        The bound then, and whether the search is over.
+    )")
         .def_prop_ro("path", used(+[](const Lattice &self) { return path_or_none(self.path()); }))
         .def_prop_ro("tried", used(+[](const Lattice &self) { return self.tried(); }))
         .def_prop_ro("nodes", used(+[](const Lattice &self) { return to_table(self.nodes()); }));
@@ -179,17 +257,31 @@ void bind_lattice(nb::module_ &m) {
                 nb::gil_scoped_release free;
                 away = floor_distances(point, cells, least, places);
             }
-            return nb::make_tuple(to_numpy(std::move(away[0]), {columns, rows}),
-                                  to_numpy(std::move(away[1]), {columns, rows}));
+            return std::make_tuple(to_numpy(std::move(away[0]), {columns, rows}),
+                                   to_numpy(std::move(away[1]), {columns, rows}));
         },
         nb::arg("point"), nb::arg("grid"), nb::arg("columns"), nb::arg("rows"), nb::arg("least"), nb::arg("start"),
-        nb::arg("goal"));
+        nb::arg("goal"), R"(
+    Return the lengths (columns, rows) of ways to the start and to the goal, m.
+
+    They lead through cells whose middles keep `least` from everything. Steps to or from other cells count as ways
+    along all the floor: a gap that the cells miss is not closed, but looked at last.
+
+    Args:
+        point: A scene in which a point moves.
+        grid: (3,) lower left corner of the cells and their side, m.
+        columns: Number of cells along x.
+        rows: Number of cells along y.
+        least: Distance from everything, m.
+        start: (2,) m.
+        goal: (2,) m.
+    )");
 }
 
 } // namespace
 
 void bind_search(nb::module_ &core) {
-    auto m = core.def_submodule("search");
+    auto m = core.def_submodule("search", "What grows trees of arcs, one class for each way.");
     bind_tree(m);
     bind_lattice(m);
 }

@@ -198,8 +198,8 @@ SequenceCosts to_costs(const Numbers &pushes, const Numbers &changes, const Numb
     return {pushes.shape(0), pushes.shape(1), pushes.data(), changes.data(), first.data()};
 }
 
-nb::tuple cheapest_rows(const Numbers &pushes, const Numbers &changes, const Numbers &first, std::ptrdiff_t goals,
-                        std::ptrdiff_t most) {
+auto cheapest_rows(const Numbers &pushes, const Numbers &changes, const Numbers &first, std::ptrdiff_t goals,
+                   std::ptrdiff_t most) {
     const SequenceCosts costs = to_costs(pushes, changes, first);
     if (goals < 1 || goals >= costs.nodes || most < 1)
         throw std::invalid_argument("there are a start, one goal or more among the nodes, and one push or more");
@@ -213,7 +213,7 @@ nb::tuple cheapest_rows(const Numbers &pushes, const Numbers &changes, const Num
     for (const SequenceStep &step : found.steps)
         rows.insert(rows.end(), {step.mode, step.first, step.last});
     const auto count = static_cast<std::ptrdiff_t>(found.steps.size());
-    return nb::make_tuple(found.cost, to_numpy(std::move(rows), {count, 3}));
+    return std::make_tuple(found.cost, to_numpy(std::move(rows), {count, 3}));
 }
 
 Made<double> tours_of(const std::vector<Numbers> &ways, const std::vector<Numbers> &pushes) {
@@ -243,10 +243,36 @@ Made<double> tours_of(const std::vector<Numbers> &ways, const std::vector<Number
 } // namespace
 
 void bind_sequences(nb::module_ &core) {
-    auto m = core.def_submodule("sequences");
+    auto m = core.def_submodule(
+        "sequences",
+        "The cheapest sequence of pushes through a graph of poses of the load, and the cheapest tour through loads.");
     m.def("cheapest_sequence", &cheapest_rows, nb::arg("pushes"), nb::arg("changes"), nb::arg("first"),
-          nb::arg("goals"), nb::arg("most"));
-    m.def("cheapest_tours", &tours_of, nb::arg("ways"), nb::arg("pushes"));
+          nb::arg("goals"), nb::arg("most"), R"(
+    Find the cheapest sequence of pushes from node 0 to one of nodes 1 to `goals`.
+
+    By the number of pushes, cheapest first, as in the recursion of Bellman and Ford.
+
+    Args:
+        pushes: (m, v, v) cost of a push by mode from node to node.
+        changes: (v, m, m) cost of a change at a node from mode to mode.
+        first: (m,) cost of what comes before a first push.
+        goals: How many nodes are goals.
+        most: Pushes, at most.
+
+    Returns:
+        The cost, infinite where there is none, and (k, 3) mode, first and last node of each push.
+    )");
+    m.def("cheapest_tours", &tours_of, nb::arg("ways"), nb::arg("pushes"), R"(
+    Return what the cheapest tours cost through each set of n loads (by bits) from each end of a push, (2^n, k).
+
+    Each load is pushed once, by one of its contacts to one of its ends: those of all loads, one after another, are k.
+    By the recursion of Held and Karp (1962).
+
+    Args:
+        ways: n times what the ways from all ends to the contacts of a load cost, (k, m).
+        pushes: n times what its pushes cost by contact and end, each load alone being at its goal (0), or not brought
+            there yet (1), (n, 2, m, e); the dearest of these counts.
+    )");
 }
 
 } // namespace pushplan

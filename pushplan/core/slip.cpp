@@ -218,7 +218,15 @@ Simulation simulation_from_tuple(const nb::tuple &t) {
 
 // A trace as arrays.
 struct TraceArrays {
-    nb::object poses, modes, forces, wrenches, others, residual, end;
+    using Reals = nb::typed<nb::object, Made<double>>;
+    using Wholes = nb::typed<nb::object, Made<std::int64_t>>;
+
+    Reals poses;
+    Wholes modes;
+    Reals forces, wrenches;
+    Wholes others;
+    Reals residual;
+    Wholes end;
 };
 
 TraceArrays march(Simulation &simulation, const Numbers &twists, double limit) {
@@ -265,13 +273,45 @@ namespace pushplan {
 
 void bind_slip(nb::module_ &parent) {
     using namespace slip;
-    nb::module_ m = parent.def_submodule("slip");
+    nb::module_ m = parent.def_submodule(
+        "slip", "Quasi-static pushing in which contacts stick, slide, roll off an end, open and close again.");
     bind_constants(m);
-    nb::class_<World>(m, "World")
+    nb::class_<World>(m, "World", R"(
+    What does not change while bodies are pushed about.
+
+    Bodies are counted: the n objects, then the pusher (n), then all that stands still (n + 1).
+
+    Attributes:
+        feet: (f, 4) x, y in the object's frame (m), mu N (N), share in carrying a load that shifts.
+        first_foot: (n + 1,) where the feet of each object begin.
+        loads: (n, 5) sum of mu N (N), h mu (m), second moments of the stiffness xx, xy, yy (m^2).
+        center: (n, 2) stiffness centre in the object's frame, m.
+        corners: (v, 5) x, y (m) and outward normal of the edge that begins there, in the body's frame, and 1 or 0.
+            0 where the edge is no piece of the outline but parts two convex pieces.
+        parts: (p, 3) body, first corner, one past the last, of each convex piece; one corner is a disc.
+        circles: (p, 4) centre and radius (m) of a circle around each piece in the body's frame, rounding of its
+            corners.
+        pairs: (q, 3) pieces a and b that may touch, and the chain's contact whose bodies these are, or -1.
+        friction: (q,) coefficient between them.
+        length: Characteristic length L, m.
+        order: (n,) the caller's number of every object: the order of poses and columns outside.
+        room: Manifolds that a step has room for: 16 an object and 16 more, or one for every pair.
+    )")
         .def(MadeBy(&make_world), nb::kw_only(), nb::arg("feet"), nb::arg("first_foot"), nb::arg("loads"),
              nb::arg("center"), nb::arg("corners"), nb::arg("parts"), nb::arg("circles"), nb::arg("pairs"),
              nb::arg("friction"), nb::arg("length"), nb::arg("order"))
-        .def("with_loads", &with_loads, nb::arg("friction_loads"), nb::arg("foot_loads"), nb::arg("contact_frictions"))
+        .def("with_loads", &with_loads, nb::arg("friction_loads"), nb::arg("foot_loads"), nb::arg("contact_frictions"),
+             R"(
+    Return the world with other frictions and loads, weights the same.
+
+    Args:
+        friction_loads: (n,) sum of mu N of every object, N.
+        foot_loads: (f,) mu N of every foot, N.
+        contact_frictions: (k,) coefficients of the chain's contacts.
+
+    Raises:
+        ValueError: On other sizes.
+    )")
         .def_prop_ro("feet", [](const World &world) { return to_table(world.feet); })
         .def_prop_ro("first_foot", &first_foot_of)
         .def_prop_ro("loads", &loads_of)
@@ -286,7 +326,19 @@ void bind_slip(nb::module_ &parent) {
         .def_prop_ro("room", &World::room)
         .def(PickledBy{"feet", "first_foot", "loads", "center", "corners", "parts", "circles", "pairs", "friction",
                        "length", "order"});
-    nb::class_<TraceArrays>(m, "Trace")
+    nb::class_<TraceArrays>(m, "Trace", R"(
+    What m steps leave behind; columns are the caller's objects.
+
+    Attributes:
+        poses: (m, n, 3) of the objects after every step.
+        modes: (m, n) of the chain's contacts, `OPEN` to `ROLL_SLIDE`.
+        forces: (m, n, 3) of the chain's contacts: normal force at the right and the left end, tangential force, N.
+        wrenches: (m, 3) with which the plate pushes on all that it touches, in its own frame: N, N, N m.
+        others: (m, n) number of other active contacts of every object. With obstacles, walls, or bodies it was not
+            stacked on.
+        residual: (m,) of the balance, over the sum of mu N of all objects.
+        end: (m,) how every step ended, `CONVERGED` to `STALLED`.
+    )")
         .def_ro("poses", &TraceArrays::poses)
         .def_ro("modes", &TraceArrays::modes)
         .def_ro("forces", &TraceArrays::forces)
@@ -299,7 +351,14 @@ void bind_slip(nb::module_ &parent) {
                 return nb::make_tuple(t.poses, t.modes, t.forces, t.wrenches, t.others, t.residual, t.end);
             },
             +[](const nb::tuple &t) { return TraceArrays{t[0], t[1], t[2], t[3], t[4], t[5], t[6]}; }));
-    nb::class_<Simulation>(m, "Simulation")
+    nb::class_<Simulation>(m, "Simulation", R"(
+    Where everything is, and the last step's solution, with which the next one begins.
+
+    Attributes:
+        world: What there is.
+        object_poses: (n, 3) of the caller's objects, in the world.
+        plate_pose: (3,) of the frame that the plate is moved in.
+    )")
         .def(MadeBy(&make_simulation), nb::arg("world"), nb::arg("object_poses"), nb::arg("plate_pose"))
         .def_prop_ro("world", [](const Simulation &simulation) { return simulation.world; })
         .def_prop_ro("object_poses", &object_poses_of)
@@ -308,7 +367,16 @@ void bind_slip(nb::module_ &parent) {
                          const InUse use(simulation.lock);
                          return to_array(simulation.state.poses.back());
                      })
-        .def("march", &march, nb::arg("twists"), nb::arg("limit") = std::numeric_limits<double>::infinity())
+        .def("march", &march, nb::arg("twists"), nb::arg("limit") = std::numeric_limits<double>::infinity(), R"(
+    Move the plate by body twists times time (m, 3), one after the other, and the objects with it.
+
+    It ends early where there is no solution, more manifolds than there is room for, or the plate would have to
+    push with more than `limit` (N; infinite unless it is given); the step that ended it is the last one in the
+    trace. The interpreter's lock is let go meanwhile.
+
+    Raises:
+        ValueError: On another shape.
+    )")
         .def(Pickled(&simulation_to_tuple, &simulation_from_tuple));
 }
 

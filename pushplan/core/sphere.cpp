@@ -17,7 +17,7 @@ constexpr std::ptrdiff_t SPOKES = 8;
 
 double largest(double x, double y, double z) { return std::max(std::max(std::abs(x), std::abs(y)), std::abs(z)); }
 
-nb::tuple directions(const Numbers &twists, double length) {
+auto directions(const Numbers &twists, double length) {
     const auto rows = twist_table(twists);
     std::vector<std::int64_t> owner(rows.rows), first;
     Twist direction{0.0, 0.0, 0.0};
@@ -32,7 +32,7 @@ nb::tuple directions(const Numbers &twists, double length) {
         }
         owner[i] = static_cast<std::int64_t>(first.size()) - 1;
     }
-    return nb::make_tuple(to_numpy(std::move(owner)), to_numpy(std::move(first)));
+    return std::make_tuple(to_numpy(std::move(owner)), to_numpy(std::move(first)));
 }
 
 Made<double> twists_on(const Numbers &east, const Numbers &north, double length, const Integers &member,
@@ -115,12 +115,40 @@ void move(Written &at, Written &values, Written &step, const Integers &live, con
 
 void bind_sphere(nb::module_ &core) {
     nb::module_ m = core.def_submodule("sphere", "Many places on the sphere of twist directions at once.");
-    m.def("directions", &directions, nb::arg("twists"), nb::arg("length"));
-    m.def("twists_on", &twists_on, nb::arg("east"), nb::arg("north"), nb::arg("length"), nb::arg("member"),
-          nb::arg("latitude"));
-    m.def("neighbours", &neighbours, nb::arg("at"), nb::arg("step"), nb::arg("live"), nb::arg("turn"));
+    m.def("directions", &directions, nb::arg("twists"), nb::arg("length"), R"(
+    Return the number of the direction that each twist (m, 3) has, (m,), and the first twist of each (d,).
+
+    Neighbours whose components, as shares of the largest one, differ by at most 1e-12 have one direction.
+
+    Args:
+        twists: None of them zero.
+        length: By which angular velocities are multiplied to be compared with the others, m.
+    )");
+    m.def(
+        "twists_on", &twists_on, nb::arg("east"), nb::arg("north"), nb::arg("length"), nb::arg("member"),
+        nb::arg("latitude"),
+        "Return the unit twists (k, 3) at latitudes (k,) of meridians `member` (k,), given by their directions (m,).");
+    m.def("neighbours", &neighbours, nb::arg("at"), nb::arg("step"), nb::arg("live"), nb::arg("turn"), R"(
+    Return unit vectors (8 m, 3) at angles `step` (k,) around those m of the unit vectors (k, 3) that are `live`.
+
+    Args:
+        at: Unit vectors.
+        step: rad.
+        live: (m,) indices.
+        turn: Of the first neighbour's direction, rad.
+    )");
     m.def("move", &move, nb::arg("at").noconvert(), nb::arg("values").noconvert(), nb::arg("step").noconvert(),
-          nb::arg("live"), nb::arg("around"), nb::arg("found"));
+          nb::arg("live"), nb::arg("around"), nb::arg("found"), R"(
+    Go to the highest of the neighbours, or look closer.
+
+    Args:
+        at: (k, 3) unit vectors; changed in place, as `values` and `step`.
+        values: (k,) at them.
+        step: (k,) rad.
+        live: (m,) indices of those that move.
+        around: (8 m, 3) their neighbours.
+        found: (8 m,) values at these.
+    )");
 }
 
 } // namespace pushplan

@@ -28,7 +28,7 @@ Made<double> rows_of(std::vector<double> &&numbers, std::ptrdiff_t columns) {
     return to_numpy(std::move(numbers), {count, columns});
 }
 
-nb::tuple bind_step_sum(const Numbers &levels, const Numbers &centers, const Numbers &widths) {
+auto bind_step_sum(const Numbers &levels, const Numbers &centers, const Numbers &widths) {
     const auto level_rows = table(levels), width_rows = table(widths);
     const auto times = row(centers);
     for (const Numbers *array : {&levels, &centers, &widths})
@@ -40,8 +40,8 @@ nb::tuple bind_step_sum(const Numbers &levels, const Numbers &centers, const Num
         nb::gil_scoped_release free;
         pieces = step_sum(level_rows, times, width_rows);
     }
-    return nb::make_tuple(to_numpy(std::move(pieces.durations)), stack_of(std::move(pieces.coefficients)),
-                          to_numpy(std::move(pieces.level)));
+    return std::make_tuple(to_numpy(std::move(pieces.durations)), stack_of(std::move(pieces.coefficients)),
+                           to_numpy(std::move(pieces.level)));
 }
 
 Made<double> bind_poses_after(const Numbers &start, const Numbers &coefficients, const Numbers &durations) {
@@ -78,10 +78,10 @@ Made<double> bind_limit_use(const Numbers &durations, const Numbers &coefficient
     return rows_of(std::move(shares), 3);
 }
 
-nb::tuple bind_instants(const Numbers &durations, const Numbers &coefficients) {
+auto bind_instants(const Numbers &durations, const Numbers &coefficients) {
     Instants instants = instants_of(row(durations), quadratics(coefficients));
-    return nb::make_tuple(rows_of(std::move(instants.twists), 3), rows_of(std::move(instants.rates), 3),
-                          to_numpy(std::move(instants.piece)));
+    return std::make_tuple(rows_of(std::move(instants.twists), 3), rows_of(std::move(instants.rates), 3),
+                           to_numpy(std::move(instants.piece)));
 }
 
 using Wrenches = std::pair<Numbers, Numbers>;
@@ -95,8 +95,8 @@ ContactRows contact_rows(const Wrenches &wrenches, std::ptrdiff_t instants, std:
     return {rows.data(), size.data()};
 }
 
-nb::tuple bind_contact_use(const Wrenches &floor, const Wrenches &inertia, const Wrenches &steady,
-                           const Integers &piece, std::ptrdiff_t pieces, double margin, double room) {
+auto bind_contact_use(const Wrenches &floor, const Wrenches &inertia, const Wrenches &steady, const Integers &piece,
+                      std::ptrdiff_t pieces, double margin, double room) {
     const auto instants = row(piece);
     if (floor.second.ndim() != 2)
         throw std::invalid_argument("sizes of wrenches must be (k, n) for k instants and n contacts");
@@ -112,27 +112,91 @@ nb::tuple bind_contact_use(const Wrenches &floor, const Wrenches &inertia, const
         nb::gil_scoped_release free;
         use = contact_use(question, instants, pieces);
     }
-    return nb::make_tuple(to_numpy(std::move(use.shares)), to_numpy(std::move(use.slowing)));
+    return std::make_tuple(to_numpy(std::move(use.shares)), to_numpy(std::move(use.slowing)));
 }
 
 } // namespace
 
 void bind_timing(nb::module_ &core) {
-    nb::module_ m = core.def_submodule("timing");
-    m.def("step_sum", bind_step_sum, nb::arg("levels"), nb::arg("centers"), nb::arg("widths"));
+    nb::module_ m = core.def_submodule(
+        "timing", "Blended twists as pieces of quadratics of time, and bounds of what they use of their limits.");
+    m.def("step_sum", bind_step_sum, nb::arg("levels"), nb::arg("centers"), nb::arg("widths"), R"(
+    Return the twist that passes through `levels`, one smooth step after the other.
+
+    V(t) = V_0 + sum_j (V_j+1 - V_j) b_j(t), where b_j is a step from 0 to 1: a jump at its centre, averaged over both
+    of its windows. With `wider_steps`, a convex set that contains the levels contains V.
+
+    Args:
+        levels: (m + 1, 3) body twists.
+        centers: (m,) times of the steps between them, never decreasing, s; at least one.
+        widths: (m, 2) their long and short windows, s; those of a step between equal levels do not matter.
+
+    Returns:
+        Durations (q,) of the pieces, s; (q, 3, 3) coefficients of the twist from the beginning of each piece on,
+        lowest order first; and (q,) the level that each belongs to, that of the last step that is over.
+
+    Raises:
+        ValueError: On other shapes.
+    )");
     m.def(
         "wider_steps",
         [](const Numbers &centers, const Numbers &widths) {
             WiderSteps found = wider_steps(row(centers), table(widths));
-            return nb::make_tuple(to_numpy(std::move(found.which)), rows_of(std::move(found.bounds), 2));
+            return std::make_tuple(to_numpy(std::move(found.which)), rows_of(std::move(found.bounds), 2));
         },
-        nb::arg("centers"), nb::arg("widths"));
-    m.def("poses_after", bind_poses_after, nb::arg("start"), nb::arg("coefficients"), nb::arg("durations"));
+        nb::arg("centers"), nb::arg("widths"), R"(
+    Return which steps have to be wider (w,) for the levels' weights to stay positive, and within which bounds.
+
+    Args:
+        centers: (m,) times of the steps, s.
+        widths: (m, 2) their long and short windows, s; zero where there is no step.
+
+    Returns:
+        Their indices (w,), and bounds (w, 2) on the first and the second derivative of a step from 0 to 1, 1/s and
+        1/s^2, within which the fastest one is just wide enough.
+
+    Raises:
+        ValueError: On other shapes.
+    )");
+    m.def("poses_after", bind_poses_after, nb::arg("start"), nb::arg("coefficients"), nb::arg("durations"),
+          "Return the poses (q + 1, 3) at the ends of pieces with twists `coefficients` (q, 3, 3), from `start` on.");
     m.def("limit_use", bind_limit_use, nb::arg("durations"), nb::arg("coefficients"), nb::arg("sides"), nb::arg("jerk"),
-          nb::arg("angular_jerk"));
-    m.def("instants", bind_instants, nb::arg("durations"), nb::arg("coefficients"));
+          nb::arg("angular_jerk"), R"(
+    Return bounds on the share of its limits that each piece of a trajectory uses.
+
+    Args:
+        durations: (q,) of the pieces, s.
+        coefficients: (q, 3, 3) of the twist, lowest order first.
+        sides: (4, 2) limits of speed, acceleration, angular speed and angular acceleration, each where the quantity
+            is negative and where it is not.
+        jerk: Limit of the jerk, m/s^3.
+        angular_jerk: Limit of the angular jerk, rad/s^3.
+
+    Returns:
+        (q, 3): of speed, acceleration and jerk, the larger of the linear and the angular share.
+    )");
+    m.def(
+        "instants", bind_instants, nb::arg("durations"), nb::arg("coefficients"),
+        "Return twists and their rates (k, 3) where pieces begin and half-way, unless at rest, and (k,) which pieces.");
     m.def("contact_use", bind_contact_use, nb::arg("floor"), nb::arg("inertia"), nb::arg("steady"), nb::arg("piece"),
-          nb::arg("pieces"), nb::arg("margin"), nb::arg("room"));
+          nb::arg("pieces"), nb::arg("margin"), nb::arg("room"), R"(
+    Return what pieces use of their contacts.
+
+    What inertia asks for at a steady twist stays when the twist changes more slowly; the rest shrinks in proportion.
+
+    Args:
+        floor: Rows (k, n, 4) and sizes (k, n) of what contacts transmit without inertia, N; see `Wrenches`.
+        inertia: The like of what inertia adds.
+        steady: The like of what it adds where the twist does not change.
+        piece: (k,) pieces that the instants are on.
+        pieces: How many pieces there are, q.
+        margin: Share of the size that every row keeps.
+        room: Share of what a row has to spare above that which inertia may use up.
+
+    Returns:
+        Shares (q,) of what there is to spare, 0 where nothing is known of; and (q,) the factor by which the same
+        twists have to change more slowly for the contacts to hold.
+    )");
 }
 
 } // namespace pushplan

@@ -172,8 +172,9 @@ Way shortened(const Surroundings &around, const Wheels &wheels, const Pose &star
 
 namespace {
 
-nb::object transit_between(const Surroundings &around, const Wheels &wheels, const Numbers &start, const Numbers &goal,
-                           const std::array<double, 4> &box, double spread, RandomState state, int iterations) {
+std::optional<Made<double>> transit_between(const Surroundings &around, const Wheels &wheels, const Numbers &start,
+                                            const Numbers &goal, const std::array<double, 4> &box, double spread,
+                                            RandomState state, int iterations) {
     const Pose first = to_pose(start), last = to_pose(goal);
     require_all_finite(box.data(), 4, "box");
     require_finite(spread, "spread");
@@ -186,8 +187,8 @@ nb::object transit_between(const Surroundings &around, const Wheels &wheels, con
         way = find_transit(around, wheels, first, last, region, spread, random, iterations);
     }
     if (!way)
-        return nb::none();
-    return nb::cast(to_table(*way));
+        return std::nullopt;
+    return to_table(*way);
 }
 
 Made<double> shortened_arcs(const Surroundings &around, const Wheels &wheels, const Numbers &start, const Numbers &arcs,
@@ -206,11 +207,38 @@ Made<double> shortened_arcs(const Surroundings &around, const Wheels &wheels, co
 } // namespace
 
 void bind_transit(nb::module_ &core) {
-    auto m = core.def_submodule("transit");
+    auto m = core.def_submodule(
+        "transit",
+        "The robot's way alone between two poses: a direct word, or trees from both ends (Kuffner and LaValle 2000).");
     m.def("find_transit", &transit_between, nb::arg("around"), nb::arg("wheels"), nb::arg("start"), nb::arg("goal"),
-          nb::arg("box"), nb::arg("spread"), nb::arg("state").noconvert(), nb::arg("iterations"));
+          nb::arg("box"), nb::arg("spread"), nb::arg("state").noconvert(), nb::arg("iterations"), R"(
+    Find a free way between two poses of the robot.
+
+    Args:
+        around: What not to touch.
+        wheels: How the robot moves.
+        start: (3,) pose.
+        goal: (3,) pose.
+        box: (xmin, ymin, xmax, ymax) of poses that are drawn.
+        spread: How far from the ends others are drawn, m.
+        state: Of the random numbers.
+        iterations: Poses that are drawn, at most.
+
+    Returns:
+        The arcs (k, 4), none where both poses are the same; None if no way was found.
+    )");
     m.def("shortened", &shortened_arcs, nb::arg("around"), nb::arg("wheels"), nb::arg("start"), nb::arg("arcs"),
-          nb::arg("state").noconvert(), nb::arg("attempts"));
+          nb::arg("state").noconvert(), nb::arg("attempts"), R"(
+    Join random pairs of places on a way (k, 4) anew where that is cheaper; return the arcs that it has then.
+
+    Args:
+        around: What not to touch.
+        wheels: How the robot moves.
+        start: (3,) pose.
+        arcs: (k, 4) a free way from there.
+        state: Of the random numbers.
+        attempts: Pairs, at most.
+    )");
 }
 
 } // namespace pushplan

@@ -67,9 +67,8 @@ Made<double> forces_at(const PackedLoads &packed, std::ptrdiff_t count, Table<co
 }
 
 // The rows and sizes that `set` and `ranges` lead to at each of many moments: `set(least, t)` prepares moment t.
-template <class Set>
-nb::tuple rows_at(const PackedLoads &packed, std::ptrdiff_t count, Table<const double> ranges, const Set &set,
-                  bool slopes = false) {
+template <bool slopes = false, class Set>
+auto rows_at(const PackedLoads &packed, std::ptrdiff_t count, Table<const double> ranges, const Set &set) {
     const std::ptrdiff_t n = packed.count();
     const std::ptrdiff_t leaning = slopes ? n : 0;
     auto rows = new_array<double>({count, n, 4}), sizes = new_array<double>({count, n}),
@@ -88,23 +87,24 @@ nb::tuple rows_at(const PackedLoads &packed, std::ptrdiff_t count, Table<const d
                 slope = std::copy(least.slopes().begin(), least.slopes().end(), slope);
         }
     }
-    if (slopes)
-        return nb::make_tuple(rows, sizes, steep);
-    return nb::make_tuple(rows, sizes);
+    if constexpr (slopes)
+        return std::make_tuple(rows, sizes, steep);
+    else
+        return std::make_tuple(rows, sizes);
 }
 
 auto moving_with(Table<const double> twists) {
     return [=](LeastRows &least, std::ptrdiff_t t) { least.set_twist(twist_at(twists[t])); };
 }
 
-nb::tuple rows_of(const PackedLoads &packed, const Numbers &twists) {
+auto least_rows_of(const PackedLoads &packed, const Numbers &twists) {
     const auto rows = twist_table(twists);
     return rows_at(packed, rows.rows, packed.loads.table(), moving_with(rows));
 }
 
-nb::tuple sloped_rows_of(const PackedLoads &packed, const Numbers &twists) {
+auto sloped_rows_of(const PackedLoads &packed, const Numbers &twists) {
     const auto rows = twist_table(twists);
-    return rows_at(packed, rows.rows, packed.loads.table(), moving_with(rows), true);
+    return rows_at<true>(packed, rows.rows, packed.loads.table(), moving_with(rows));
 }
 
 void require_places(const PackedLoads &packed) {
@@ -138,8 +138,7 @@ Made<double> inertia_forces_of(const PackedLoads &packed, const Numbers &masses,
     return forces_at(packed, known.shape(0), table(masses), wrenches_at(packed, known, pulls));
 }
 
-nb::tuple inertia_rows_of(const PackedLoads &packed, const Numbers &masses, const Numbers &known,
-                          const Numbers &pulls) {
+auto inertia_rows_of(const PackedLoads &packed, const Numbers &masses, const Numbers &known, const Numbers &pulls) {
     require_wrenches(packed, masses, known, pulls);
     return rows_at(packed, known.shape(0), table(masses), wrenches_at(packed, known, pulls));
 }
@@ -162,7 +161,31 @@ PackedLoads of_state(const nb::tuple &s) {
 }
 
 void bind_packed_loads(nb::module_ &m) {
-    nb::class_<PackedLoads> bound(m, "PackedLoads");
+    nb::class_<PackedLoads> bound(m, "PackedLoads", R"(
+    The loads and contacts of n objects.
+
+    Attributes:
+        units: Those objects whose load is known, with a unit friction load.
+        unit: (n,) where an object is among `units`, -1 where it is not.
+        points: (p, 4) x, y (m), least and largest part of the load of what is uncertain on points.
+        first: (n + 1,) where the points of each object begin.
+        total: (n,) what the parts of an object's points sum to.
+        miss: (n, 2) share, and part of the load, by which points miss what varies between them.
+        centers: (n, 8) of objects of which only the centre is known: its place x, y (m), least shift h mu (m), the
+            nudge that takes it off edges between loads (2), how much more the shift may be (m), and by how much the
+            centre may be off along x and y (m).
+        free: (n,) 0 for objects of other kinds, 1 for feet, 2 for a whole outline that carries the load.
+        corners: (c, 2) feet, or corners of the convex outline, counter-clockwise, about that centre, m.
+        corner: (n + 1,) where the corners of each object begin.
+        centred: Whether of any object only the centre is known.
+        loads: (n, 2) least and largest friction load of every object, N.
+        carried: (n, n) whether contact k carries object i.
+        facets: (n, 4, 3) unit facets g of the contacts, g . (f_x, f_y, m / length) > 0.
+        length: Characteristic length of the chain, m.
+
+    Raises:
+        ValueError: On arrays that do not fit together.
+    )");
     bound.def(MadeBy(&packed_loads), nb::kw_only(), nb::arg("units"), nb::arg("unit"), nb::arg("points"),
               nb::arg("first"), nb::arg("total"), nb::arg("miss"), nb::arg("centers"), nb::arg("free"),
               nb::arg("corners"), nb::arg("corner"), nb::arg("centred"), nb::arg("loads"), nb::arg("carried"),
@@ -174,7 +197,7 @@ void bind_packed_loads(nb::module_ &m) {
     def_shown(bound, "carried", &PackedLoads::carried);
     def_shown(bound, "facets", &PackedLoads::facets);
     bound.def_ro("length", &PackedLoads::length);
-    bound.def("without_miss", &without_miss);
+    bound.def("without_miss", &without_miss, "Return the same with a `miss` of 0.");
     bound.def(Pickled(&state_of, &of_state));
 }
 
@@ -186,16 +209,37 @@ namespace pushplan {
 
 void bind_uncertain(nb::module_ &core) {
     using namespace mechanics;
-    nb::module_ m = core.def_submodule("uncertain", "The least of the contact conditions over uncertain loads.");
+    nb::module_ m = core.def_submodule(
+        "uncertain", "The least of every contact condition over all that loads and frictions may be.");
     bind_packed_loads(m);
-    m.def("margins_of", &least_margins_of, nb::arg("packed"), nb::arg("twists"), nb::arg("floor"));
-    m.def("rows_of", &rows_of, nb::arg("packed"), nb::arg("twists"));
-    m.def("sloped_rows_of", &sloped_rows_of, nb::arg("packed"), nb::arg("twists"));
-    m.def("forces_of", &forces_of, nb::arg("packed"), nb::arg("twists"));
+    m.def("margins_of", &least_margins_of, nb::arg("packed"), nb::arg("twists"), nb::arg("floor"),
+          "Return the smallest margins (m,) at many twists (m, 3), none 0; any number up to `floor` for smaller ones.");
+    m.def(
+        "rows_of", &least_rows_of, nb::arg("packed"), nb::arg("twists"),
+        "Return the least rows (m, n, 4) and bounds of the wrenches (m, n), N, at many twists (m, 3), none of them 0.");
+    m.def(
+        "sloped_rows_of", &sloped_rows_of, nb::arg("packed"), nb::arg("twists"),
+        "Return the same, and (m, n, 4, n) how much a metre by which an object's centre moves takes from a row, N/m.");
+    m.def("forces_of", &forces_of, nb::arg("packed"), nb::arg("twists"), R"(
+    Return the forces (m, 3) that slide all objects together at twists (m, 3), none of them 0.
+
+    Each is x, y in the middle of what it may be, and by how much it may differ at most, N. No load may be known by
+    its centre alone.
+    )");
     m.def("inertia_forces_of", &inertia_forces_of, nb::arg("packed"), nb::arg("masses"), nb::arg("known"),
-          nb::arg("pulls"));
-    m.def("inertia_rows_of", &inertia_rows_of, nb::arg("packed"), nb::arg("masses"), nb::arg("known"),
-          nb::arg("pulls"));
+          nb::arg("pulls"), "Return likewise the forces (m, 3) that inertia asks for; see `inertia_rows_of`.");
+    m.def("inertia_rows_of", &inertia_rows_of, nb::arg("packed"), nb::arg("masses"), nb::arg("known"), nb::arg("pulls"),
+          R"(
+    Return the least that inertia adds to the rows (m, n, 4), and its largest wrenches (m, n), N.
+
+    The wrench of a mass point is a polynomial of its place, so that points miss next to nothing of it.
+
+    Args:
+        packed: The chain, nothing of it known by its centre alone, its `miss` 0.
+        masses: (n, 2) least and largest, kg.
+        known: (m, n, 3) that 1 kg of each object with a known load asks for, N, moments about the origin, N m.
+        pulls: (m, p, 3) that 1 kg on each of the points asks for.
+    )");
 }
 
 } // namespace pushplan
