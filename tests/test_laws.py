@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from conftest import there
 
+import pushplan.core.slip as slip
+from pushplan.geometry import se2
 from pushplan.planner import plan
 from pushplan.planners.timing.blending import time_segments
 from pushplan.plans.load import Load
@@ -16,6 +18,8 @@ from pushplan.scenario.builders import build_scenario, plate, polygon
 from pushplan.scenario.model import Scenario
 from pushplan.sim.kinematic import execute
 from pushplan.sim.robustness import least_robustness
+from pushplan.slip.simulator import SlipSimulator
+from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
 STATED: tuple[dict[str, Any], ...] = (
@@ -25,12 +29,18 @@ STATED: tuple[dict[str, Any], ...] = (
 )
 
 
-def _scenario(seed: int, size: float = 1.0, side: float = 1.0, mass: float = 1.0) -> Scenario:
-    """Two or three random polygons in a row; times grow with the root of lengths, for weight stays as it is."""
+def _scenario(seed: int, size: float = 1.0, side: float = 1.0, mass: float = 1.0, notch: float = 0.0) -> Scenario:
+    """Two or three random polygons in a row; times grow with the root of lengths, for weight stays as it is.
+
+    With a notch, m, in their rear.
+    """
     rng, time, objects = np.random.default_rng(seed), size**0.5, []
     for k in range(2 + seed % 2):
         a, b, c = rng.uniform(0.06, 0.12, 3)
-        outline = np.array([[0.0, -a], [b, -c], [b, a], [0.0, c]]) * [size, side * size]
+        corners = [[0.0, -a], [b, -c], [b, a], [0.0, c]]
+        if notch:
+            corners += [[0.0, 0.3 * c], [notch, 0.1 * c], [0.0, -0.4 * a]]
+        outline = np.array(corners) * [size, side * size]
         weight, aside = mass * rng.uniform(0.5, 3.0), side * size * rng.uniform(-0.02, 0.02)
         objects.append(polygon(f"object {k}", outline, weight, offset=aside))
     turns = np.sort([-0.5 * side, side]) / time
@@ -69,3 +79,20 @@ def test_a_push_keeps_what_does_not_depend_on_how_it_is_seen(seed: int, factors:
     seen = PushPath(path.start * scale, moved / cost_rate(moved)[:, None], cost_rate(moved))
     told = _numbers(scenario, path, margin), _numbers(other, seen, margin, size, mass)
     np.testing.assert_allclose(told[1], told[0], rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_slips_is_the_same_in_a_mirror_and_anywhere_in_the_world(seed: int) -> None:
+    """Objects with two prongs, pushed beyond their cones and past their edges."""
+    rng, start = np.random.default_rng(seed), np.array([0.3, -0.2, 1.0])
+    twist, seen = rng.normal((1.0, 0.0, 0.0), (0.1, 1.0, 8.0)), []
+    for side in (1.0, -1.0):
+        mirror, begin = np.array([1.0, side, side]), start if side > 0.0 else np.zeros(3)
+        world = World.from_chain(_scenario(seed, side=side, notch=0.02).chain, begin)
+        trace = SlipSimulator(world).follow(np.tile(1e-3 * twist * mirror, (200, 1)))
+        poses = se2.relative(begin, trace.poses) * mirror
+        forces = np.stack([trace.forces[..., :2].sum(axis=2), side * trace.forces[..., 2]])
+        seen.append((poses, forces, trace.wrenches * mirror))
+    for one, other, tolerance in zip(*seen, (1e-4, 0.05, 0.05), strict=True):
+        np.testing.assert_allclose(other, one, atol=tolerance)
+    assert (trace.modes == slip.STICK).mean() < 0.8

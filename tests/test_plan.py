@@ -246,3 +246,16 @@ def test_the_loss_lies_between_the_samples_around_the_exact_end_of_the_set(make_
     pushed = push_of(stable.chain, trajectory)
     loss = there(execute(pushed.scenario, pushed.segments, "ecof").loss)
     assert low <= loss.time <= low + 1.0 / trajectory.rate + 1e-9
+
+
+@pytest.mark.parametrize("turns", [1, -2])
+def test_what_is_pushed_after_the_robot_has_turned_fully_does_not_turn_with_it(turns: int) -> None:
+    plain = pushplan.plan(load_scenario("one-box"), seed=1, first=True, time_limit=PATIENT)
+    (push,) = plain.segments
+    spin = PushPath(
+        push.path.start, np.array([[0.0, 0.0, 10.0 * np.sign(turns)]]), np.array([0.2 * np.pi * abs(turns)])
+    )
+    spun = time_segments(plain.scenario, (Segment("transit", spin, push.before, push.before), push))
+    found, alone = execute(plain.scenario, spun, "ecof"), there(plain.execution)
+    np.testing.assert_allclose(found.poses[-1] - alone.poses[-1], [0.0, 0.0, 2.0 * np.pi * turns], atol=1e-6)
+    np.testing.assert_allclose(found.objects[-1], alone.objects[-1], atol=1e-6)

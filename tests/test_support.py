@@ -9,8 +9,10 @@ from conftest import ChainMaker
 from pushplan.cli.check import support_text
 from pushplan.errors import SupportError
 from pushplan.geometry.polygon import convex_hull
+from pushplan.geometry.se2 import rotate
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.contacts import friction_wrench
+from pushplan.mechanics.perturb import with_leaning_load
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import (
     FeetSupport,
@@ -139,3 +141,23 @@ def test_a_support_model_of_a_users_own_is_shown_simulated_and_identified_as_wha
         middle = unknowns.values(np.array([0.0 if one.kind == "border" else 0.5 for one in unknowns.each]))
         center = unknowns.fractions(middle)[0] @ unknowns.loads[0].points
         np.testing.assert_allclose(center, support.center, atol=1e-5)  # before anything was measured
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_load_leans_as_far_as_none_of_it_is_negative_and_the_way_that_is_named(
+    make_chain: ChainMaker, seed: int
+) -> None:
+    """The centre moves along the direction in the chain frame, whatever way the object is turned."""
+    rng = np.random.default_rng(seed)
+    outline, e = make_chain.star(rng, 5), rotate(rng.uniform(-3.0, 3.0), [1.0, 0.0])
+    for support in (UniformSupport(outline), FeetSupport(outline, rng.dirichlet(np.ones(5)))):
+        most = support.most_lean(e)
+        assert support.leaning(e, 0.999 * most).known
+        with pytest.raises(SupportError):
+            support.leaning(e, 1.001 * most)
+    chain = make_chain.boxes(2)
+    turned = tuple(replace(obj, pose_chain=np.add(obj.pose_chain, [0.0, 0.01, 0.7])) for obj in chain.objects)
+    leaning = with_leaning_load(replace(chain, objects=turned), e, 0.4)
+    for obj, before in zip(leaning.objects, turned, strict=True):
+        moved = rotate(before.pose_chain[2], obj.support.center - before.support.center)
+        np.testing.assert_allclose(moved / np.linalg.norm(moved), e, atol=1e-6)

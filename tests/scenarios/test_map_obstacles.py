@@ -275,6 +275,9 @@ def test_obstacles_cover_what_is_in_the_way_and_little_more(
     area = found.workspace
     if turned == 0.0:
         np.testing.assert_allclose([area.xmin, area.xmax, area.ymin, area.ymax], [-1.0, 3.0, -2.0, 1.0])
+    else:  # what is beyond the map is no floor
+        corners = shapely.points([(x, y) for x in (area.xmin, area.xmax) for y in (area.ymin, area.ymax)])
+        assert shapely.distance(covered, corners).max() < 1e-9
 
 
 @pytest.mark.parametrize(("old", "new", "what"), [

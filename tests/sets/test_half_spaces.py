@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -256,3 +257,24 @@ def test_what_cannot_be_answered_is_refused(what: str, make_chain: ChainMaker) -
     ask, said = WRONG[what]
     with pytest.raises(PushplanError, match=re.escape(said)):
         ask(make_chain)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_stable_over_intervals_of_friction_is_stable_at_all_their_ends(make_chain: ChainMaker, seed: int) -> None:
+    """Three objects or four: where their centre may be is a polygon that its middle does not mirror onto itself."""
+    chain = make_chain.random(seed, 3 + seed % 2, tree=seed == 2)
+    ends = {
+        obj.name: (0.7 * obj.floor_friction, (1.1 + 0.4 * i) * obj.floor_friction)
+        for i, obj in enumerate(chain.objects)
+    }
+    over = stable_set_over(IntervalChain.from_ranges(chain, floor_friction=ends), "stable")
+    twists = np.random.default_rng(seed).normal((1.0, 0.0, 0.0), (0.1, 0.2, 1.0), (300, 3))
+    least = np.full((300, len(chain.objects)), np.inf)
+    for frictions in product(*ends.values()):
+        objects = (replace(obj, floor_friction=mu) for obj, mu in zip(chain.objects, frictions, strict=True))
+        least = np.minimum(
+            least, stable_set(replace(chain, objects=tuple(objects)), "stable").contact_margins(twists)
+        )
+    found = over.contact_margins(twists)
+    assert (least[found > 0.0] > 0.0).all()
+    np.testing.assert_allclose(found, least, atol=8e-3)  # rows of other centres have other sizes

@@ -3,6 +3,7 @@
 import re
 import runpy
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,12 @@ import pytest
 from conftest import ChainMaker, there
 
 import pushplan.core.contacts as contacts
+import pushplan.core.uncertain as uncertain
 from pushplan.errors import SupportError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY
 from pushplan.mechanics.dynamics import ContactDynamics
-from pushplan.mechanics.heights import counts_by_centre, load_areas, tipping_room
+from pushplan.mechanics.heights import counts_by_centre, inertia_shifts, load_areas, tipping_room
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.packed import pack_chain
 from pushplan.mechanics.support import FeetSupport
@@ -27,14 +29,18 @@ GRID = 12
 
 
 def cubes(
-    make: ChainMaker, spans: list[tuple[float, float]], z: float | None = None, share: float = 0.2
+    make: ChainMaker,
+    spans: list[tuple[float, float]],
+    z: float | None = None,
+    share: float = 0.2,
+    masses: tuple[float, ...] = (1.0, 1.0),
 ) -> IntervalChain:
     """Return cubes with contacts at heights in spans, whose frictions and loads may be off by a share."""
     chain = make.boxes(len(spans), contact_friction=0.45, pusher_friction=0.5)
     contacts = tuple(
         replace(c, height=h, friction=(1.0 - share) * c.friction) for c, h in zip(chain.contacts, spans, strict=True)
     )
-    objects = tuple(replace(obj, center_height=z) for obj in chain.objects)
+    objects = tuple(replace(obj, center_height=z, mass=m) for obj, m in zip(chain.objects, masses, strict=False))
     names = [obj.name for obj in objects]
     return IntervalChain.from_ranges(
         replace(chain, objects=objects, contacts=contacts),
@@ -132,6 +138,7 @@ SPANS = {
     "somewhere": [(0.0, 0.06)],
     "two": [(0.05, 0.055), (0.05, 0.055)],
     "uneven": [(0.03, 0.04), (0.0, 0.02)],
+    "heavy far object": [(0.015, 0.015), (0.0, 0.004)],
 }
 
 
@@ -139,7 +146,7 @@ SPANS = {
 def test_what_is_in_the_set_holds_in_every_world(make_chain: ChainMaker, what: str) -> None:
     """Frictions, loads, heights and accelerations at random: no condition of an allowed push is missed."""
     rng = np.random.default_rng(7)
-    interval = cubes(make_chain, SPANS[what], z=0.05)
+    interval = cubes(make_chain, SPANS[what], z=0.05, masses=(0.5, 2.0) if "heavy" in what else (1.0, 1.0))
     dynamics = ContactDynamics(interval.chain, interval=interval)
     stable = stable_set_over(interval)
     held = 0
@@ -212,3 +219,63 @@ def test_what_is_planned_holds_in_an_engine_with_six_degrees_of_freedom() -> Non
     assert "up to 5" in said
     held, count, said = tried(case("tower", 0.06, 0.3, ((0.12, 0.12),), knowing=False), 1, 3)
     assert (held, count) == (0, 2), said
+
+
+def _uneven(make: ChainMaker) -> IntervalChain:
+    """Return three boxes, two of them pushed by the first, nothing of them equal: masses, heights, spans."""
+    chain, heights = make.boxes(3), [(0.01, 0.02), (0.0, 0.005), (0.03, 0.034)]
+    contacts = tuple(
+        replace(c, height=h, pusher=min(c.pusher, 0)) for c, h in zip(chain.contacts, heights, strict=True)
+    )
+    objects = tuple(
+        replace(obj, mass=m, center_height=z, pose_chain=np.add(obj.pose_chain, [0.0, 0.01 * m, 0.3 * m]))
+        for obj, m, z in zip(chain.objects, (1.0, 2.0, 0.7), (0.04, 0.05, None), strict=True)
+    )
+    return IntervalChain.from_ranges(
+        replace(chain, objects=objects, contacts=contacts),
+        mass={obj.name: (0.8 * obj.mass, 1.3 * obj.mass) for obj in objects},
+        floor_friction={"box0": (0.2, 0.3), "box1": (0.15, 0.4), "box2": (0.3, 0.32)},
+    )
+
+
+def test_loads_move_as_far_as_the_worst_heights_and_masses_move_them(make_chain: ChainMaker) -> None:
+    """By enumeration: inertia of what an object pushes acts at another height than what pushes the object."""
+    interval, worst = _uneven(make_chain), np.zeros((3, 3))
+    for mass, height in product(product(*interval.mass), product(*interval.chain.contact_heights)):
+        for i, k in ((0, 1), (0, 2)):
+            worst[i, k] = max(worst[i, k], abs(height[i] - height[k]) * mass[k] / (mass[i] * GRAVITY))
+        for i, z in ((0, 0.04), (1, 0.05)):
+            worst[i, i] = max(worst[i, i], abs(height[i] - z) / GRAVITY)
+    np.testing.assert_allclose(inertia_shifts(interval.chain, interval), worst, rtol=1e-12)
+
+
+def test_inertia_takes_what_the_accelerations_of_all_masses_move_loads_by(make_chain: ChainMaker) -> None:
+    interval = _uneven(make_chain)
+    dynamics, shifts = ContactDynamics(interval.chain, interval=interval), inertia_shifts(interval.chain, interval)
+    rng = np.random.default_rng(2)
+    v, dv = rng.normal((0.2, 0.0, 0.0), (0.1, 0.1, 0.5), (20, 3)), rng.normal(size=(20, 3))
+    _, _, slopes = uncertain.sloped_rows_of(dynamics.loads, v)
+    moved = np.zeros((20, 3))
+    for k, obj in enumerate(interval.chain.objects):
+        x, y = transform_points(obj.pose_chain, obj.support.center)
+        ax = dv[:, 0] - dv[:, 2] * y - v[:, 2] * (v[:, 1] + v[:, 2] * x)
+        ay = dv[:, 1] + dv[:, 2] * x + v[:, 2] * (v[:, 0] - v[:, 2] * y)
+        moved += np.hypot(ax, ay)[:, None] * shifts[:, k]
+    lost = dynamics.inertia(v, dv).rows - dynamics.rows_of_inertia(v, v, dv).rows
+    np.testing.assert_allclose(lost, np.einsum("mkji,mi->mkj", slopes, moved), atol=1e-9)
+    assert lost.max() > 0.01
+
+
+def test_forces_of_what_is_pushed_move_a_load_within_its_area_and_to_its_ends(make_chain: ChainMaker) -> None:
+    interval = _uneven(make_chain)
+    chain, (h0, h1, h2) = interval.chain, np.array(interval.chain.contact_heights)
+    ends, moved = np.random.default_rng(0).integers(0, 2, (9, 20_000)), np.zeros((20_000, 2))
+    for contact, k, height, end in ((chain.contacts[1], 1, h1, ends[:4]), (chain.contacts[2], 2, h2, ends[4:8])):
+        aside = contact.friction / np.hypot(1.0, contact.friction) * (2.0 * end[0, :, None] - 1.0)
+        force = interval.loads[k, 1] * (end[1, :, None] * contact.normal + aside * contact.tangent)
+        moved += (h0[end[2]] - height[end[3]])[:, None] * force
+    moved /= interval.mass[0, ends[8], None] * GRAVITY
+    area = load_areas(chain, interval)[0]
+    place = transform_points(chain.objects[0].pose_chain, chain.objects[0].support.center)
+    off = moved + place - area.center
+    np.testing.assert_allclose(np.abs(off).max(axis=0), area.drift, atol=1e-9)

@@ -405,3 +405,14 @@ def test_what_stands_in_its_place_counts_as_placed(
     plan = pushplan.plan(scenario, first=True, time_limit=60.0)
     assert plan.solved, plan.reason
     assert {name for push in plan.pushes for name in push.pushed} == {"a", "b", "c"} - placed
+
+
+def test_an_order_is_kept_where_another_one_is_cheaper() -> None:
+    """c is near its place at the front, and the plate near a, which stands last: any order takes another one."""
+    places = {"a": [2.2, 2.0, 0.0], "b": [1.6, 2.6, 0.0], "c": [1.0, 2.0, 0.0]}
+    objects = [{**one, "pose": places[one["name"]]} for one in DOCUMENT["objects"]]
+    orders = []
+    for order in ("any", "given"):
+        plan = solved(document({"pose": [3.0, 2.0, 0.0], "order": order}, objects=objects))
+        orders.append(sorted("abc", key=lambda name: float(plan.segments[-1].after[name][0])))
+    assert orders[1] == ["a", "b", "c"] != orders[0]

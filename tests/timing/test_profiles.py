@@ -162,3 +162,15 @@ def test_what_ruckig_refuses_is_an_error_of_timing() -> None:
         step_windows(np.array([[-1.0, 1.0]]))
     with pytest.raises(TimingError, match="Ruckig cannot make a profile: "):
         rest_to_rest(1.0, ArcLimits(-0.2, 0.5, 0.5, 5.0))
+
+
+def test_steps_take_the_limits_of_the_way_they_go() -> None:
+    """From rest the speed grows, to rest it falls; between, either bound may count, less the centripetal part."""
+    limits = Limits(acceleration=(-0.3, 0.7), angular_acceleration=(-1.0, 3.0), jerk=8.0, angular_jerk=50.0)
+    levels = np.array(
+        [[0.0, 0, 0], [0.2, 0, 0], [0.5, 0, 0], [0.5, 0, 0.1], [0.5, 0, -0.1], [0, 0, -0.1], [0.0, 0, 0]]
+    )
+    rates, jerks = step_bounds(levels, limits).T
+    wanted = [0.7 / 0.2, 0.3 / 0.3, 3.0 / 0.1, 1.0 / 0.2, (0.3 - 0.05) / 0.5, 3.0 / 0.1]
+    np.testing.assert_allclose(rates, wanted)
+    np.testing.assert_allclose(jerks, [8.0 / 0.2, 8.0 / 0.3, 50.0 / 0.1, 50.0 / 0.2, 8.0 / 0.5, 50.0 / 0.1])
