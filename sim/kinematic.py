@@ -51,8 +51,9 @@ def execute(scenario: Scenario, segments: tuple[Segment, ...], planned: str) -> 
             inside, moved = _samples(owner, k), [names.index(name) for name in segment.load.names]
             judge, found = contacts_along(segment, planned, t[inside] - (ends[k] - segment.duration))
             for name, values in found.items():
-                whole = known.setdefault(name, unknown(*((count, *values.shape[2:]) if values.ndim > 1 else ())))
-                whole[inside if values.ndim == 1 else (inside, moved)] = values
+                if name not in known:
+                    known[name] = unknown(*((count, *values.shape[2:]) if values.ndim > 1 else ()))
+                known[name][inside if values.ndim == 1 else (inside, moved)] = values
     margins = known["margins"]
     deciding = np.fmin(margins, known["dynamic_margins"]) if scenario.pusher.limits.contact == "dynamic" else margins
     lost = np.flatnonzero((columns_of(deciding) <= 0.0).any(axis=0))

@@ -36,6 +36,9 @@ PATIENCE = 0.5
 
 BOXED_IN = "boxed in"
 
+OFFSETS_TRIED = (0.1, 0.2, 0.3, 0.4, 0.5)
+"""Shares of the plate's width by which a plate beside the middle of a face is tried for a hint."""
+
 
 class MultiPushSearch(TaskSearch):
     """Searches for several pushes of one load; what does not depend on start and goals is kept.
@@ -156,18 +159,17 @@ class MultiPushSearch(TaskSearch):
             explain=lambda: _explanation(room, query, found, limit),
         )
 
-    def why_not(self, batches: int) -> str:
-        """Return in words why no plan is found; a search with a number of batches of poses finds it out."""
+    def why_not(self) -> str:
+        """Return in words why no plan is found, as far as start and goals alone say it."""
         try:
             goals = free_goals(self.scenario)
         except PlanningError as error:
             return str(error)
         room = self.room(0)
         query = Query(backed_off(room, self.scenario), np.array(self.scenario.start), goals)
-        found = search(room, query, Limits(math.inf, first=True, iterations=batches), 0)
-        told = [reason.text for reason in _reasons(room, query, found)]
-        hint = "; pusher.offsets may help" if self.scenario.transport.offsets == (0.0,) else ""
-        return "; ".join(told) + hint if told else f"no plan was found in {found.looked_at} pushes and transits"
+        found = search(room, query, Limits(math.inf, first=True, iterations=0), 0)
+        reasons = "; ".join(reason.text for reason in _reasons(room, query, found))
+        return reasons or "no pushes to its goal were found among the other objects"
 
     def _proof(self) -> Diagnosis | None:
         """Return the proof that the robot does not reach the load."""
@@ -283,7 +285,8 @@ def _explanation(
     """Return why a search found nothing, most certain first."""
     told = sorted(_reasons(room, query, found), key=lambda reason: not reason.proven)
     if not told:
-        text = f"the search was not over after {found.looked_at} pushes and transits"
+        faces = ", ".join(dict.fromkeys(one.mode.place.face for one in _first_contacts(room, found)))
+        text = f"the search was not over after {found.looked_at} pushes and transits (first pushes: {faces})"
         told = [Diagnosis("time", text, False)]
     words = "; ".join(reason.text for reason in told)
     if not any(reason.proven for reason in told):
@@ -295,7 +298,7 @@ def _reasons(room: PushRoom, query: Query, found: Found) -> Iterator[Diagnosis]:
     usable = [contact for contact, begins in zip(room.contacts, found.begins, strict=True) if begins]
     if not usable:
         what = "at the start, the robot has no room to drive up to any face that it may push"
-        yield _no_room(room, query.load[None], what)
+        yield _no_room(room, query.load[None], what + _offset_hint(room, query.load[None]))
         return
     faces = ", ".join(dict.fromkeys(contact.mode.place.face for contact in usable))
     if not (found.begins & found.leaves).any():
@@ -309,11 +312,35 @@ def _reasons(room: PushRoom, query: Query, found: Found) -> Iterator[Diagnosis]:
         return
     if not found.ends.any():
         what = "at the goal, the robot has no room to push the load there from any face, and to back off"
-        yield _no_room(room, query.goals, what)
+        yield _no_room(room, query.goals, what + _offset_hint(room, query.goals))
         return
     if not found.arrives:
         what = f"the robot found no transit to where it would push first ({faces})"
         yield Diagnosis(BOXED_IN, what, False)
+
+
+def _first_contacts(room: PushRoom, found: Found) -> list[Contact]:
+    """Return the contacts that the robot can drive up to and push at the start."""
+    can = found.begins & found.leaves
+    return [contact for contact, first in zip(room.contacts, can, strict=True) if first]
+
+
+def _offset_hint(room: PushRoom, loads: FloatArray) -> str:
+    """Return which `pusher.offsets` give the robot room beside the load at one of the poses (k, 3), in words."""
+    if room.scenario.transport.offsets != (0.0,):
+        return ""
+    width = float(np.ptp(room.scenario.chain.pusher.outline[:, 1]))
+    poses = np.array([
+        [mode.robot_at(load, share * mode.approach) for share in (0.0, 0.5, 1.0)]
+        for mode in (contact.packed for contact in room.contacts)
+        for load in loads
+    ])  # fmt: skip
+    for shift in (round(share * width, 3) for share in OFFSETS_TRIED):
+        beside = np.stack([se2.compose(poses, [0.0, side * shift, 0.0]) for side in (-1.0, 1.0)])
+        gaps = separations(room.robot, beside.reshape(-1, 3), 1.0).reshape(-1, poses.shape[1])
+        if (gaps >= room.scenario.clearance).all(axis=1).any():
+            return f"; with pusher.offsets [-{shift:g}, 0, {shift:g}] there is room"
+    return ""
 
 
 def _no_room(room: PushRoom, loads: FloatArray, what: str) -> Diagnosis:

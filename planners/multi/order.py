@@ -23,7 +23,16 @@ from shapely.geometry.base import BaseGeometry
 
 from pushplan.planners.multi.search import Limits
 from pushplan.planners.multi.tours import MOST, Tours
-from pushplan.planners.multi.transfers import Piece, Situation, Transfer, find_transfer, posed, situation_after
+from pushplan.planners.multi.transfers import (
+    Piece,
+    Situation,
+    Transfer,
+    depths,
+    find_transfer,
+    nudged_goals,
+    posed,
+    situation_after,
+)
 from pushplan.planners.outcome import Budget
 from pushplan.plans.settings import Observer
 from pushplan.scenario.goals import Goal
@@ -55,24 +64,18 @@ Batches, not seconds: the same seed finds the same order, however busy the machi
 SOON, SOON_MOST = 3, 60
 """Stages with which an order of up to `MOST` bodies is searched for at once, and transfers for each body then."""
 
-GREEDY = ((0, 0), (3, 0), (15, 0), (15, 1), (15, 2))
+QUICK = ((0, 0), (3, 0), (0, 1), (0, 2), (0, 3), (0, 4))
 """How many batches of poses the search for one transfer may take, and the level of its margins, in one round of
 greedy deliveries after the other."""
 
-PLAIN = ((8, 0), (8, 1), (8, 2))
-"""The same of rounds that a loop over plans for single bodies would make."""
-
-CAREFUL = ((0, 0), (3, 0))
-"""The same of careful rounds, in which no delivery may shut in what is left."""
+GREEDY = (*QUICK, (15, 0), (15, 1), (15, 2))
+"""The same with more effort."""
 
 ROUNDS = 6
 """Times that all is delivered again, what was left the last time first."""
 
 FREED = 24
 """Bodies that are put out of the way while more can be delivered then, at most."""
-
-TRIES = 15
-"""Batches of poses of the search that finds out why a body is not delivered."""
 
 PLACES = 4
 """Places that are tried for a body that is in the way."""
@@ -139,6 +142,7 @@ class Order:
         self._pieces, self._seed, self._until = pieces, budget.seed, budget.until
         self._cancelled, self._most = observer.cancelled, budget.iterations or math.inf
         self._patience = self._level = 0
+        self._depths = [0] * len(pieces)
         self._known: dict[tuple[object, ...], Transfer | None] = {}
         self._tours: Tours | None = None
         self._turn = math.inf
@@ -152,21 +156,24 @@ class Order:
         """Return transfers that bring as many of the pieces that are left to a goal as were found in time.
 
         Greedy deliveries, as tours lead, come first. Where they leave something, an order is searched for with little
-        effort if the pieces are few. Then all is delivered with care, the nearest first, and with what is in the way
-        put aside. So no plan brings fewer than a loop over plans for single pieces. The search for an order uses
-        up what time is left.
+        effort if the pieces are few. Then all is delivered again, the deepest goals and the nearest pieces first, and
+        with what is in the way put aside. So no plan brings fewer than a loop over plans for single pieces.
+
+        The search for an order uses up the time that is left.
         """
         self._patience = 0
         begun = PartialPlan(0.0, 0.0, (), now), self._led(now)
+        if begun[1].here.left:
+            self._depths = depths(self._pieces)
         best, soon = begun[1], STAGES[:SOON] if len(now.left) <= MOST else ()
         if best.here.left and soon:
             self._turn = self.looked_at + SOON_MOST * len(now.left)
             best = min(best, self._in_order(begun, soon), key=_worth)
             self._turn = math.inf
         if best.here.left and not self._over():
-            best = min(best, self._careful(begun[0]), key=_worth)
+            best = min(best, self._by_layers(begun[0]), key=_worth)
         if best.here.left and not self._over():
-            best = min(best, self._delivered(begun[0], PLAIN), self._delivered(begun[1]), key=_worth)
+            best = min(best, self._delivered(begun[1]), key=_worth)
         if best.here.left and not self._over():
             best = self._freed(best)
         if best.here.left and not self._over():
@@ -198,16 +205,11 @@ class Order:
         return plan
 
     def _delivered(
-        self,
-        plan: PartialPlan,
-        rounds: Sequence[tuple[int, int]] = GREEDY,
-        only: frozenset[int] | None = None,
-        careful: bool = False,
+        self, plan: PartialPlan, rounds: Sequence[tuple[int, int]] = GREEDY, only: frozenset[int] | None = None
     ) -> PartialPlan:
         """Return a plan with deliveries until nothing can be delivered, the nearest pieces first.
 
-        A piece that cannot be delivered is tried again once all others were. In careful rounds, so is one that would
-        shut in a piece that is left. With `only`, other pieces stay where they are.
+        A piece that cannot be delivered is tried again once all others were. With `only`, other pieces stay.
         """
         for self._patience, self._level in rounds:
             found = True
@@ -217,36 +219,28 @@ class Order:
                     piece = next(k for k in self._nearest_first(plan.here) if k in waiting)
                     waiting.remove(piece)
                     step = self._delivery(plan.here, piece)
-                    if step is not None and not (careful and self._shuts_in(plan.here, step)):
+                    if step is not None:
                         found, plan = True, self._extended_by(plan, (step,))
         self._patience, self._level = 0, 0
         return plan
 
-    def _careful(self, begin: PartialPlan) -> PartialPlan:
-        """Return the best of plans that shut in nothing where they can; what one leaves, the next one brings first.
+    def _by_layers(self, begin: PartialPlan) -> PartialPlan:
+        """Return the best of plans that bring the pieces with the deepest goals first, layer by layer.
 
-        The last piece of a grid cannot be brought to its middle, the first one can.
+        What one plan leaves, the next one brings before all others.
         """
         best, first = begin, frozenset[int]()
         for _ in range(ROUNDS):
-            plan = self._delivered(begin, only=first) if first else begin
-            plan = self._delivered(self._delivered(plan, CAREFUL, careful=True))
+            plan = self._delivered(begin, QUICK, only=first) if first else begin
+            for depth in range(max(self._depths), -1, -1):
+                layer = frozenset(k for k, own in enumerate(self._depths) if own == depth)
+                plan = self._delivered(plan, QUICK, only=layer)
+            plan = self._delivered(plan)
             best = min(best, plan, key=_worth)
-            if not plan.here.left - first or self._over():
+            if not plan.here.left or self._over():
                 break
             first |= plan.here.left
         return best
-
-    def _shuts_in(self, now: Situation, step: Transfer) -> bool:
-        """Tell whether a delivery takes the plan at hand from a piece near its end."""
-        after = situation_after(self._pieces, step, now)
-        for k in sorted(after.left):
-            spots = np.array([now.poses[k], *(goal.pose_chain for goal in self._pieces[k].goals)])[:, :2]
-            if (np.hypot(*(spots - step.end[:2]).T) < NEAR).any():
-                was, is_open = (self._delivery(one, k, patience=0) is not None for one in (now, after))
-                if was and not is_open:
-                    return True
-        return False
 
     def _freed(self, plan: PartialPlan) -> PartialPlan:
         """Return a plan with bodies put out of the way, one after the other, as long as more is delivered then."""
@@ -266,9 +260,9 @@ class Order:
             step = self._search(plan.here, piece, places, delivers=False) if places else None
             if step is not None:
                 # What was left comes first: what is put aside could shut it in again.
-                more = self._delivered(self._extended_by(plan, (step,)), CAREFUL, plan.here.left, careful=True)
+                more = self._delivered(self._extended_by(plan, (step,)), QUICK, plan.here.left)
                 if len(more.here.left) <= len(plan.here.left):
-                    more = self._delivered(more, CAREFUL, careful=True)
+                    more = self._delivered(more, QUICK)
                 if len(more.here.left) < len(plan.here.left):
                     yield more
 
@@ -387,13 +381,13 @@ class Order:
         return self._make_way(now, relocations) if relocations else None
 
     def _nearest_first(self, now: Situation) -> list[int]:
-        """Return the pieces that are left, those first that the robot drives to and pushes the shortest way."""
+        """Return the pieces that are left: deep goals first, then those that are driven to and pushed soonest."""
 
-        def way(piece: int) -> float:
+        def way(piece: int) -> tuple[int, float]:
             own = self._pieces[piece]
             weight, start = own.search.scenario.transport.transit_weight, now.poses[piece]
             push = min(math.hypot(*(goal.pose_chain - start)[:2]) for goal in own.goals)
-            return weight * math.hypot(*(start - now.plate)[:2]) + push
+            return -self._depths[piece], weight * math.hypot(*(start - now.plate)[:2]) + push
 
         return sorted(sorted(now.left), key=way)
 
@@ -420,7 +414,9 @@ class Order:
             first = self._delivery(now, piece, 0, patience) if effort else None
             if first is not None and first.beyond_bound < SPARE / (effort or 1):
                 return first
-            goals, cost_to_go = (self._pieces[piece].goals, None if effort is None else self.cost_to_go(now, piece))
+            goals, cost_to_go = self._pieces[piece].goals, None if effort is None else self.cost_to_go(now, piece)
+            if patience and not effort:  # there is no quick plan to the goals themselves
+                goals += nudged_goals(self._pieces, now, piece)
             self._known[key] = self._search(
                 now, piece, goals, cost_to_go=cost_to_go, effort=effort or 0, patience=patience
             )
@@ -497,7 +493,7 @@ class Order:
             names = ", ".join(f"'{self._pieces[k].name}'" for k in sorted(frozenset().union(*takers)))
             return f"its goal is taken by {names}"
         scenario = posed(self._pieces, now, piece, own.goals)
-        return own.search.with_obstacles(scenario).why_not(TRIES)
+        return own.search.with_obstacles(scenario).why_not()
 
     def _parking(self, now: Situation, piece: int) -> tuple[Goal, ...]:
         """Return places for a piece that no goal needs, nearest first: along straight pushes, and around it."""

@@ -12,9 +12,10 @@ from shapely.geometry.base import BaseGeometry
 
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
+from pushplan.mechanics.chain import area_at
 from pushplan.planners.multi.graph import PushSequence
 from pushplan.planners.multi.multi_push import MultiPushSearch, backed_off, free_goals
-from pushplan.planners.multi.room import TOLERANCE_USED, PushRoom, Query
+from pushplan.planners.multi.room import NOWHERE, TOLERANCE_USED, PushRoom, Query
 from pushplan.planners.multi.search import Limits, search
 from pushplan.planners.outcome import Segments
 from pushplan.plans import segment as plans
@@ -224,6 +225,55 @@ def plates_after(room: PushRoom, goals: FloatArray) -> FloatArray:
     """Return where the plate is after pushes by each contact to each of some goals (g, 3), (m g, 3)."""
     modes, plate = [contact.packed for contact in room.contacts], room.scenario.chain.pusher.plate_pose
     return se2.compose(np.array([mode.robot_at(goal, mode.retreat) for mode in modes for goal in goals]), plate)
+
+
+def depths(pieces: tuple[Piece, ...]) -> list[int]:
+    """Return how many layers of pieces at their goals have to be taken away before the robot gets to each piece.
+
+    A grid of goals is filled from its middle: 0 is for the goals that can be left to the end.
+    """
+    areas = [piece.goal_areas[0] if piece.goals else None for piece in pieces]
+    in_the_way: list[list[set[int]]] = []
+    for k, piece in enumerate(pieces):
+        scenario, modes = piece.search.scenario, [contact.packed for contact in piece.search.room(0).contacts]
+        robots = [
+            np.concatenate([shapely.get_coordinates(area_at(scenario.chain.carried, mode.robot_at(NOWHERE, back)))
+                            for back in (0.0, mode.retreat)])
+            for mode in modes
+        ]  # fmt: skip
+        swept = [
+            shapely.multipoints(se2.transform_points(goal.pose_chain, robot))
+            for goal in piece.goals
+            for robot in robots
+        ]
+        hulls = shapely.convex_hull(np.array(swept))
+        close = shapely.dwithin(hulls[:, None], np.array(areas), scenario.clearance)
+        in_the_way.append([set(np.flatnonzero(row).tolist()) - {k} for row in close])
+    found, left, depth = [0] * len(pieces), {k for k, area in enumerate(areas) if area is not None}, 0
+    while left:
+        free = {k for k in left if any(not others & left for others in in_the_way[k])} or left
+        for k in free:
+            found[k] = depth
+        left, depth = left - free, depth + 1
+    return found
+
+
+def nudged_goals(pieces: tuple[Piece, ...], now: Situation, piece: int) -> tuple[Goal, ...]:
+    """Return poses beside the goals of a piece, within their tolerance, where others stand or shall stand close.
+
+    A plate that is wider than the object touches the neighbours of an exact goal; a little short of it, it does not.
+    """
+    own = pieces[piece]
+    used, room = own.beside
+    others = [other.area(now.poses[k]) for k, other in enumerate(pieces) if k != piece]
+    others += [area for k in sorted(now.left - {piece}) for area in pieces[k].goal_areas]
+    if not others or (shapely.distance(np.array(own.goal_areas)[:, None], others) > room).all():
+        return ()
+    steps = used[0] * np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
+    poses = [pose for goal in own.goals for pose in se2.compose(goal.pose_chain, steps)]
+    away = shapely.distance(np.array([own.area(pose) for pose in poses])[:, None], others)
+    free = np.flatnonzero(np.min(away, axis=1) >= own.search.scenario.clearance)
+    return tuple(Goal.of_chain(poses[k], own.goals[0].tolerance) for k in free)
 
 
 def _within(pieces: tuple[Piece, ...], now: Situation, piece: int) -> FloatArray:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import numpy as np
 
+from pushplan.geometry import se2
 from pushplan.plans.diagnosis import Diagnosis
 from pushplan.plans.path import PushPath
 from pushplan.plans.segment import Segment, join
@@ -375,15 +376,20 @@ class Plan:
             "margin": segment.margin,
             "max_force": None if self.execution is None else self.execution.max_force(k),
             "arcs": _arcs(segment.contact_path if segment.pushes else segment.path),
-            "robot_before": segment.path.start.tolist(),
-            "robot_after": segment.path.end.tolist(),
-            "object_before": segment.before[moved[0]].tolist(),
-            "object_after": segment.after[moved[0]].tolist(),
-            "before": {name: pose.tolist() for name, pose in segment.before.items()},
-            "after": {name: pose.tolist() for name, pose in segment.after.items()},
+            "robot_before": _wrapped(segment.path.start),
+            "robot_after": _wrapped(segment.path.end),
+            "object_before": _wrapped(segment.before[moved[0]]),
+            "object_after": _wrapped(segment.after[moved[0]]),
+            "before": {name: _wrapped(pose) for name, pose in segment.before.items()},
+            "after": {name: _wrapped(pose) for name, pose in segment.after.items()},
             "t0": float(t0),
             "t1": float(t1),
         }
+
+
+def _wrapped(pose: FloatArray) -> list[float]:
+    """Return a pose (3,) with its heading from -pi to pi, as files take it: a robot that circles turns on and on."""
+    return [*pose[:2].tolist(), float(se2.wrap_angle(pose[2]))]
 
 
 def _arcs(path: PushPath) -> list[dict[str, object]]:

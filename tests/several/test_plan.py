@@ -122,6 +122,23 @@ def test_a_goal_that_no_robot_can_back_off_from_is_said_so(problem: Problem) -> 
     assert found.blocking == {0, 1, 2, 3}
 
 
+def test_offsets_are_suggested_where_they_give_the_robot_room(problem: Problem) -> None:
+    # A box in a niche: the robot, 0.28 m wide, fits behind it only more than 2 cm farther to the left.
+    niche = [{"box": [0.14, 0.02], "pose": [2.0, 1.0 + y, 0.0]} for y in (-0.1, 0.1)]
+    niche += [{"box": [0.02, 0.2], "pose": [2.14, 1.0, 0.0]}, {"box": [0.3, 0.02], "pose": [1.6, 0.87, 0.0]}]
+    goal = {"pose": [2.0, 1.0, 0.0], "of": "b0"}
+    found = plan(problem("omnidirectional", obstacles=niche, goal=goal), time_limit=10.0, iterations=20)
+    assert not found.solved
+    assert "with pusher.offsets [-0.04, 0, 0.04] there is room" in found.reason
+    offset = plan(
+        problem("omnidirectional", obstacles=niche, goal=goal, pusher={"offsets": [-0.04, 0.0, 0.04]}),
+        first=True,
+        time_limit=60.0,
+        iterations=500,
+    )
+    assert offset.solved, offset.reason
+
+
 @pytest.mark.parametrize("option", [{"planner": "rrt"}, {"cost": "time"}])
 def test_what_is_for_a_single_push_is_refused(problem: Problem, option: Any) -> None:
     with pytest.raises(PlanningError, match=r"multi-push plans \(robot.start\)"):

@@ -17,7 +17,7 @@ from pushplan.planner import Planner, plan
 from pushplan.planners.multi.rearrangement import RearrangementSearch
 from pushplan.planners.multi.room import TOLERANCE_USED
 from pushplan.planners.multi.tours import Ends, Rooms, Tours
-from pushplan.planners.multi.transfers import Situation
+from pushplan.planners.multi.transfers import Situation, depths
 from pushplan.planners.validator import Validator
 from pushplan.plans.goals import worst_at_goal
 from pushplan.plans.plan import Plan
@@ -146,3 +146,27 @@ def test_an_object_without_a_face_for_a_plate_is_refused() -> None:
     objects = [{"name": "a", "shape": corners(*[0.1, 0.04] * 5), "mass": 1.0, "pose": [1.0, 1.0, 0.0]}]
     with pytest.raises(ScenarioError, match=r"objects\[0\]\.shape: 'a' has no edge that a plate could lie flat on"):
         boxes({"a": (HERE, THERE)}, objects=objects)
+
+
+@pytest.mark.parametrize("gap", [0.001, 0.005])
+def test_goals_beside_one_another_use_the_tolerance_for_a_wide_plate(gap: float) -> None:
+    # Plate and box of 0.2 and 0.15 m: at the exact goals, the plate touches the neighbour's rear.
+    away = 0.15 + gap
+    ways = {
+        f"b{i}{j}": ((0.8 + 2.0 * i, 0.8 + 2.0 * j), (1.8 + away * i, 1.8 + away * j)) for i in (0, 1) for j in (0, 1)
+    }
+    scenario = boxes(ways)
+    found = plan(scenario, first=True, time_limit=LIMIT, iterations=500)
+    assert found.solved, found.reason
+    assert Validator(scenario).flaw(found.segments, found.execution) == ""
+    assert off_goals(found) < 0.01
+
+
+def test_a_grid_is_filled_from_its_middle() -> None:
+    pieces = RearrangementSearch.of(
+        boxes({
+            f"b{i}{j}": ((0.5 + i, 0.3), (1.5 + 0.45 * i, 1.5 + 0.45 * j)) if j == 0 else
+            ((0.5 + i, 0.5 + 3.0 * (j - 1)), (1.5 + 0.45 * i, 1.5 + 0.45 * j))
+            for i in range(3) for j in range(3)
+        }), PlanSettings()).pieces  # fmt: skip
+    assert depths(pieces) == [0, 0, 0, 0, 1, 0, 0, 0, 0]
