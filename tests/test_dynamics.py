@@ -10,6 +10,7 @@ from test_contacts import slack
 
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject, inertia_of
+from pushplan.mechanics.contacts import carried_objects
 from pushplan.mechanics.dynamics import ContactDynamics, dynamic_margins, dynamic_rows
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.support import FeetSupport, UnknownSupport
@@ -69,6 +70,19 @@ def test_rows_agree_with_newton_by_differences_and_a_linear_program_over_forces(
             assert (lowest > 0.0) == (slack(chain, needed, poses[1]) > 0.0)
             kept += 1
     assert kept > 20
+
+
+@pytest.mark.parametrize("tree", [False, True])
+def test_each_contact_moves_the_masses_that_it_carries_as_newton_says(make_chain: ChainMaker, tree: bool) -> None:
+    rng, chain = np.random.default_rng(tree), make_chain.random(5, 4, tree=tree)
+    twist, speed, acceleration = rng.normal(size=3) * [1.0, 1.0, 4.0], 1.3, -0.7
+    found = ContactDynamics(chain).mass_wrenches((speed * twist)[None], (acceleration * twist)[None])[0]
+    poses = _motion(twist, speed, acceleration)
+    x, y, theta = poses[1]
+    for wrench, carried in zip(found, carried_objects(chain), strict=True):
+        fx, fy, moment = np.sum([_momentum_rate(chain.objects[i], poses) for i in np.flatnonzero(carried)], axis=0)
+        np.testing.assert_allclose(wrench[:2], se2.rotate(-theta, [fx, fy]), atol=1e-3)
+        assert wrench[2] == pytest.approx(moment - (x * fy - y * fx), abs=1e-3)
 
 
 def test_the_worst_case_is_below_every_pressure_with_the_same_centre_and_near_the_worst(

@@ -64,12 +64,21 @@ def bounds_use(pieces: Pieces, bounds: Bounds) -> Use:
     pusher = limit_use(pieces, bounds.limits)
     held, slowing = np.zeros(len(pusher)), np.ones(len(pusher))
     for one in bounds.conditions:
-        twists, rates, piece = timing.instants(pieces.durations, pieces.coefficients)
+        twists, rates, piece = _instants(pieces)
         floor, inertia = one.quasi_static(twists), one.rows_of_inertia(twists, twists, rates)
         steady = one.rows_of_inertia(twists, twists, np.zeros_like(rates))
         own = timing.contact_use(floor, inertia, steady, piece, len(pusher), bounds.margin, ROOM)
         held, slowing = np.maximum(held, own[0]), np.maximum(slowing, own[1])
     return Use(np.vstack([pusher.T, held]), slowing)
+
+
+def _instants(pieces: Pieces) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Return twists and their rates (k, 3) where pieces begin and half-way, unless at rest, and (k,) which pieces."""
+    t, piece = np.outer(pieces.durations, [0.0, 0.5]).reshape(-1, 1), np.repeat(np.arange(len(pieces.durations)), 2)
+    c0, c1, c2 = pieces.coefficients[piece].transpose(1, 0, 2)
+    twists, rates = c0 + t * (c1 + t * c2), c1 + 2.0 * t * c2
+    moving = twists.any(axis=1)
+    return twists[moving], rates[moving], piece[moving]
 
 
 def limit_use(pieces: Pieces, limits: Limits) -> FloatArray:

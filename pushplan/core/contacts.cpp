@@ -184,23 +184,6 @@ Made<double> inertia_per_object(const InertiaTable &inertia, const Numbers &twis
     return out;
 }
 
-void sum_over_carried(Written &per_object, const Integers &pushers) {
-    const auto pusher = row(pushers);
-    const std::ptrdiff_t n = pusher.size;
-    require_shape(per_object, {-1, n, 3}, "wrenches");
-    for (std::ptrdiff_t k = 0; k < n; ++k)
-        if (pusher[k] >= k)
-            throw std::invalid_argument("object " + std::to_string(k) + " is pushed by a later one");
-    double *wrenches = per_object.data();
-    const std::ptrdiff_t count = per_object.shape(0);
-    nb::gil_scoped_release free;
-    for (std::ptrdiff_t i = 0; i < count; ++i, wrenches += 3 * n)
-        for (std::ptrdiff_t k = n - 1; k >= 0; --k)
-            if (pusher[k] >= 0)
-                for (int j = 0; j < 3; ++j)
-                    wrenches[3 * pusher[k] + j] += wrenches[3 * k + j];
-}
-
 using Series = Kept<std::complex<double>>::Array;
 
 PackedChain packed_chain(const Numbers &objects, const Numbers &parts, const Series &series, const Integers &links,
@@ -300,13 +283,6 @@ void bind_contacts(nb::module_ &core) {
         table: An `InertiaTable`: masses (n,), centres (n, 2), moments of inertia (n,).
         twists: (m, 3) body twists V in the chain frame.
         rates: (m, 3) their time derivatives dV/dt.
-    )");
-    m.def("sum_over_carried", &sum_over_carried, nb::arg("per_object").noconvert(), nb::arg("pushers"), R"(
-    Add to what each object has (m, n, 3) that of all objects that its contact carries.
-
-    Args:
-        per_object: Changed in place.
-        pushers: (n,) the object that pushes each one, -1 for the plate.
     )");
 }
 

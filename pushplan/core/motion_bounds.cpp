@@ -153,27 +153,6 @@ std::vector<double> limit_use(Row<const double> durations, Row<const Quadratic> 
     return shares;
 }
 
-Instants instants_of(Row<const double> durations, Row<const Quadratic> coefficients) {
-    require_pieces(durations, coefficients);
-    Instants instants;
-    for (std::ptrdiff_t i = 0; i < durations.size; ++i) {
-        const auto &c = coefficients[i].c;
-        for (const double time : {0.0, 0.5 * durations[i]}) {
-            double twist[3], rate[3];
-            for (int d = 0; d < 3; ++d) {
-                twist[d] = c[0][d] + time * (c[1][d] + time * c[2][d]);
-                rate[d] = c[1][d] + 2.0 * time * c[2][d];
-            }
-            if (twist[0] == 0.0 && twist[1] == 0.0 && twist[2] == 0.0)
-                continue;
-            instants.twists.insert(instants.twists.end(), twist, twist + 3);
-            instants.rates.insert(instants.rates.end(), rate, rate + 3);
-            instants.piece.push_back(i);
-        }
-    }
-    return instants;
-}
-
 ContactUse contact_use(const ContactQuestion &question, Row<const std::int64_t> piece, std::ptrdiff_t pieces) {
     const auto &[contacts, floor, inertia, steady, margin, room_share] = question;
     ContactUse use{std::vector<double>(static_cast<std::size_t>(pieces), 0.0),

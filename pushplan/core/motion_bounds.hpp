@@ -30,14 +30,6 @@ struct PusherLimits {
 std::vector<double> limit_use(Row<const double> durations, Row<const Quadratic> coefficients,
                               const PusherLimits &limits);
 
-// Twists and their rates where pieces begin and half-way, unless at rest, row after row, and which pieces these are.
-struct Instants {
-    std::vector<double> twists;
-    std::vector<double> rates;
-    std::vector<std::int64_t> piece;
-};
-Instants instants_of(Row<const double> durations, Row<const Quadratic> coefficients);
-
 // What is known of the wrenches of n contacts at k instants: the least value of each of their four conditions, N,
 // (k, n, 4), and a bound (k, n) on their size, N.
 struct ContactRows {

@@ -78,12 +78,6 @@ Made<double> bind_limit_use(const Numbers &durations, const Numbers &coefficient
     return rows_of(std::move(shares), 3);
 }
 
-auto bind_instants(const Numbers &durations, const Numbers &coefficients) {
-    Instants instants = instants_of(row(durations), quadratics(coefficients));
-    return std::make_tuple(rows_of(std::move(instants.twists), 3), rows_of(std::move(instants.rates), 3),
-                           to_numpy(std::move(instants.piece)));
-}
-
 using Wrenches = std::pair<Numbers, Numbers>;
 
 ContactRows contact_rows(const Wrenches &wrenches, std::ptrdiff_t instants, std::ptrdiff_t contacts) {
@@ -175,9 +169,6 @@ void bind_timing(nb::module_ &core) {
     Returns:
         (q, 3): of speed, acceleration and jerk, the larger of the linear and the angular share.
     )");
-    m.def(
-        "instants", bind_instants, nb::arg("durations"), nb::arg("coefficients"),
-        "Return twists and their rates (k, 3) where pieces begin and half-way, unless at rest, and (k,) which pieces.");
     m.def("contact_use", bind_contact_use, nb::arg("floor"), nb::arg("inertia"), nb::arg("steady"), nb::arg("piece"),
           nb::arg("pieces"), nb::arg("margin"), nb::arg("room"), R"(
     Return what pieces use of their contacts.

@@ -33,7 +33,7 @@ from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.packed import chain_rows, pack_chain
 from pushplan.mechanics.sphere import WORTHWHILE, by_direction, checked_twists
 from pushplan.mechanics.uncertain import IntervalInertia, pack_centred, pack_loads
-from pushplan.util.arrays import FloatArray, IntArray, frozen
+from pushplan.util.arrays import FloatArray, frozen
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,11 +154,6 @@ class ContactDynamics(MotionConditions):
         return inertia_table(self.chain)
 
     @cached_property
-    def _pushers(self) -> IntArray:
-        """(n,) the object that pushes each one, -1 for the plate."""
-        return np.array([contact.pusher for contact in self.chain.contacts], dtype=np.int64)
-
-    @cached_property
     def facets(self) -> FloatArray:
         """(n, 4, 3) unit facets g of the contacts, g . (f_x, f_y, m / length)."""
         return chain_rows(self.chain)
@@ -272,7 +267,9 @@ class ContactDynamics(MotionConditions):
 
     def _with_carried(self, wrenches: FloatArray) -> FloatArray:
         """Add to what each object has (m, n, 3), in place, that of all objects that its contact carries."""
-        contacts.sum_over_carried(wrenches, self._pushers)
+        for k, contact in reversed([*enumerate(self.chain.contacts)]):
+            if contact.pusher != PLATE:
+                wrenches[:, contact.pusher] += wrenches[:, k]
         return wrenches
 
     def _exactly(self, wrenches: FloatArray) -> Wrenches:
