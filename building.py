@@ -122,7 +122,8 @@ class BuildCore(build_ext):
             ext.extra_objects = list(pool.map(compiled, units(each=bool(kept))))
         finally:
             pool.shutdown(cancel_futures=True)  # what is wrong is said at once
-        ext.extra_link_args, self.force = more, True
+        ext.extra_link_args = more
+        self.force = self.compiler.force = True  # kept objects may be older than what was linked from others
         super().build_extension(ext)
 
 

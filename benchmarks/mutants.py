@@ -20,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -96,8 +97,8 @@ IN_CORE = (
 """What is looked for in a line of C++, and what takes its place."""
 
 
-WORDS = {"badly": "noticed", "well": "SURVIVED", "not in time": "STOPPED"}
-"""What is said of a mutant, by how the tests ended."""
+NOTICED, SURVIVED, STOPPED, NONE = "noticed", "SURVIVED", "STOPPED", "no mutant: it does not compile"
+"""How a mutant ends; one that was stopped in time passed all tests until then."""
 
 
 class Mutant(NamedTuple):
@@ -200,25 +201,25 @@ class Checkout:
         shutil.copytree(ROOT, folder, symlinks=True, ignore=leave)
         self._environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
 
-    def run(self, *words: str) -> str:
-        """Run Python in the copy; return how it ended: well, badly, or not in time."""
+    def run(self, *words: str) -> tuple[str, str]:
+        """Run Python in the copy; return how a mutant ends there, and the last line that was said."""
         command = [sys.executable, "-W", "ignore", *words]
         done = subprocess.run(
-            command, cwd=self.folder, env=self._environment, capture_output=True, preexec_fn=self._limit
+            command, cwd=self.folder, env=self._environment, capture_output=True, text=True, preexec_fn=self._limit
         )
-        ends = {0: "well", -signal.SIGXCPU: "not in time"}
-        return ends.get(done.returncode, "badly")
+        said = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+        return {0: SURVIVED, -signal.SIGXCPU: STOPPED}.get(done.returncode, NOTICED), "".join(said[-1:])
 
     def _limit(self) -> None:
         resource.setrlimit(resource.RLIMIT_CPU, (self.limit, self.limit + 5))
 
-    def end_of(self, path: str) -> str:
-        """Return how the tests that fit a file end, after a build where it is the core's."""
-        if "/core/" in path and self.run("building.py") != "well":
-            return "badly"
+    def end_of(self, path: str) -> tuple[str, str]:
+        """Return how the tests that fit a file end, after a build if it is the core's, and the test that failed."""
+        if "/core/" in path and self.run("building.py")[0] != SURVIVED:
+            return NONE, ""
         return self.run("-m", "pytest", "-q", "-x", "-n", "0", "-p", "no:cacheprovider", *fitting(path))
 
-    def end_with(self, mutant: Mutant) -> str:
+    def end_with(self, mutant: Mutant) -> tuple[str, str]:
         """Return the same with a mutant, and put the file right again."""
         file = self.folder / mutant.path
         before = file.read_text(encoding="utf-8")
@@ -227,6 +228,8 @@ class Checkout:
             return self.end_of(mutant.path)
         finally:
             file.write_text(before, encoding="utf-8")
+            if "/core/" in mutant.path:
+                self.run("building.py")
 
 
 def every_mutant(only: list[str]) -> list[Mutant]:
@@ -252,20 +255,21 @@ def main() -> int:
     options = parser.parse_args()
     every = every_mutant([name for name in options.only.split(",") if name])
     chosen = random.Random(options.seed).sample(every, min(options.count, len(every)))
-    noticed = 0
+    ends: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as temporary:
         copy = Checkout(Path(temporary) / "checkout", options.limit)
         for mutant in chosen:
-            begun, end = time.monotonic(), copy.end_with(mutant)
-            noticed += end == "badly"
+            begun, (end, test) = time.monotonic(), copy.end_with(mutant)
+            ends[end] += 1
             source = (copy.folder / mutant.path).read_text(encoding="utf-8")
             line = source.count("\n", 0, mutant.begin)
             sys.stdout.write(
-                f"{WORDS[end]} {mutant.path}:{line + 1} [{source[mutant.begin : mutant.end]}] -> [{mutant.text}] "
-                f"{time.monotonic() - begun:.0f} s\n    {source.splitlines()[line].strip()}\n"
+                f"{end} {mutant.path}:{line + 1} [{source[mutant.begin : mutant.end]}] -> [{mutant.text}] "
+                f"{time.monotonic() - begun:.0f} s {test}\n    {source.splitlines()[line].strip()}\n"
             )
             sys.stdout.flush()
-    sys.stdout.write(f"{noticed} of {len(chosen)} noticed, of {len(every)} possible changes\n")
+    tried = sum(ends.values()) - ends[NONE]
+    sys.stdout.write(f"{ends[NOTICED]} of {tried} noticed, of {len(every)} possible changes\n")
     return 0
 
 
