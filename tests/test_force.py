@@ -3,6 +3,7 @@
 import json
 import runpy
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from several.conftest import problem_document
 from test_dynamics import motions, widened, world, worlds
 
 import pushplan
+import pushplan.core.uncertain as uncertain
 from pushplan.cli.main import main
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Limits, inertia_of
@@ -56,6 +58,20 @@ def test_no_world_takes_more_than_the_bound_and_the_heaviest_nearly_as_much(
         assert (exact.moving(twists, rates) <= moving * (1.0 + 1e-9)).all()
     # Friction points the same way within 90 deg, so that no other world takes more.
     assert (steady <= 1.005 * PushForce(ContactDynamics(heaviest)).steady(twists)).all()
+
+
+def test_forces_over_intervals_are_those_of_their_middle_and_reach_to_their_ends(make_chain: ChainMaker) -> None:
+    interval = widened(make_chain.random(7, 2))
+    twists, _ = motions(interval.chain, 7)
+    found = uncertain.forces_of(ContactDynamics(interval.chain, interval=interval).loads, twists)
+    off = []
+    for masses in product(*interval.mass):
+        for frictions in product(*interval.floor_friction):
+            objects = world(interval, np.array(masses), np.array(frictions)).objects
+            total = -np.sum([friction_wrench(obj, twists)[:, :2] for obj in objects], axis=0)
+            off.append(np.hypot(*(total - found[:, :2]).T))
+    assert (np.max(off, axis=0) <= found[:, 2] * (1.0 + 1e-9)).all()
+    assert (np.max(off, axis=0) >= 0.7 * found[:, 2]).all()
 
 
 def test_unknown_loads_take_at_most_the_bound_over_all_pressures(make_chain: ChainMaker) -> None:

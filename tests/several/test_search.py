@@ -10,8 +10,8 @@ import pytest
 from conftest import there
 from several.conftest import Problem, problem_document
 
-from pushplan.core.pushes import ARCS, find_passings, find_push, word_costs
-from pushplan.core.samples import descend
+from pushplan.core.pushes import ARCS, PackedMode, find_passings, find_push, word_costs
+from pushplan.core.samples import descend, pushed_at_random
 from pushplan.core.sequences import cheapest_sequence, cheapest_tours
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import places
@@ -229,3 +229,18 @@ def test_many_goals_and_offsets_take_little_memory_and_end_when_they_are_told_to
     looks = itertools.count()
     plan(scenario, time_limit=600.0, observer=Observer(cancelled=lambda: next(looks) >= 20))
     assert next(looks) < 60
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_a_random_push_moves_the_contact_along_one_of_its_twists(sense: float) -> None:
+    """Wherever the contact is on the load, and whichever way it looks."""
+    families = np.array([[[0.5, 0.1, 2.0], [1.0, 0.0, 0.0], [0.5, -0.2, -1.0]]])
+    contact, load, state = np.array([0.1, 0.07, 0.5]), np.array([1.0, -2.0, 2.5]), np.array([3], dtype=np.uint64)
+    mode = PackedMode(families, contact, np.zeros(3), families[0, 1], 0.02, 0.05, 0.05, 0.0, 2.0)
+    for _ in range(20):
+        pushed = pushed_at_random(mode, load, sense, state)
+        before, after = se2.compose(load, contact), se2.compose(pushed, contact)
+        away = se2.relative(before, after) if sense > 0.0 else se2.relative(after, before)
+        lengths = [abs(away[2] / w) if w else float(np.hypot(*away[:2])) for w in families[0, :, 2]]
+        ways = [se2.exp(length * twist) for length, twist in zip(lengths, families[0], strict=True)]
+        assert min(np.abs(way - away).max() for way in ways) < 1e-9
