@@ -46,10 +46,10 @@ from pushplan.bench.store import Machine
 from pushplan.core.slip import Trace
 from pushplan.geometry.se2 import compose, exp, inverse, relative, rotate, twist_of, wrap_angle
 from pushplan.mechanics.contacts import carried_objects
-from pushplan.planner import plan as plan_for
 from pushplan.plans.execution import wilson
 from pushplan.plans.goals import tolerance_of, worst_at_goal
 from pushplan.plans.plan import Plan
+from pushplan.plans.run import collapsed
 from pushplan.scenario.file import example_names, load_scenario, scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.aim import Aim
@@ -259,7 +259,7 @@ class Row:
     """How far a slide had gone on arcs, and at all, when it was noticed or all was over, m."""
     events: int = 0
     longer: float = 1.0
-    """How many events there were, and the time of the run over that of the plan."""
+    """How many lines of events are printed, and the time of the run over that of the plan."""
 
     @property
     def good(self) -> bool:
@@ -406,10 +406,11 @@ def _problem(name: str) -> tuple[Scenario, Plan]:
     if name in MATRIX["single"]:
         return _first(name, False)
     if "-" in name and name.rpartition("-")[2].isdigit():
-        return next(several_pushes([name]))
+        scenario, _ = next(several_pushes([name]))
+        return scenario, Controller(scenario).plan
     file = Path(__file__).parents[1] / "examples" / f"{name.replace('-', '_')}.yaml"
     scenario = scenario_from_text(IN_A_ROW) if name == "in-a-row" else load_scenario(file)
-    return scenario, plan_for(scenario, seed=1, time_limit=60.0, first=True)
+    return scenario, Controller(scenario).plan
 
 
 def endure(job: Job) -> Row:
@@ -425,8 +426,8 @@ def endure(job: Job) -> Row:
     course = simulate_push(
         world, controller, controller.settings.rate, [hit], seed=job.seed, simulator_of=made, step=robot.step
     )
-    placed, allowed = controller.scenario, np.add(tolerance_of(scenario, 5e-3, DEG), [ALL.bias, ALL.turned])
-    error = worst_at_goal(placed, course.object_poses[-1])
+    allowed = np.add(tolerance_of(controller.scenario, 5e-3, DEG), [ALL.bias, ALL.turned])
+    error = worst_at_goal(controller.scenario, course.object_poses[-1])
     says = controller.phase is Phase.ARRIVED
     there = says and bool((np.array(error) <= allowed).all())
     outcome = "jammed" if course.jammed else controller.reason or controller.phase.value
@@ -443,7 +444,7 @@ def endure(job: Job) -> Row:
         0,
         (0.0, 0.0),
         (0.0, 0.0),
-        len(controller.events),
+        len(collapsed(controller.events)),
         float(course.t[-1] / plan.trajectory.duration),
     )
 
@@ -458,12 +459,12 @@ def matrix(kind: str, only: Sequence[str], seeds: Sequence[int], what: str, jobs
             if verbose or not row.arrived or row.events > MOST_EVENTS:
                 off = f"{1e3 * row.error[0]:.1f} mm {row.error[1] / DEG:.2f} deg"
                 way = f"{row.travel:.1f} of {row.planned:.1f} m in {row.longer:.1f} of the time"
-                print(f"{row.name:14} {job.seed:4} {way}, {row.events} events, {off}: {row.outcome}", flush=True)
+                print(f"{row.name:14} {job.seed:4} {way}, {row.events} lines, {off}: {row.outcome}", flush=True)
     good, told = sum(row.arrived for row in every), [row.events for row in every]
     print(
         f"{kind}{', MuJoCo' * (what == 'physics')}: {good} of {len(every)} good, "
         f"{sum(row.outcome == 'arrived elsewhere' for row in every)} arrived elsewhere; travel "
-        f"{np.median([row.travel / row.planned for row in every]):.2f} of the plan's, {np.median(told):.0f} events, "
+        f"{np.median([row.travel / row.planned for row in every]):.2f} of the plan's, {np.median(told):.0f} lines, "
         f"at most {max(told)}; {sum(row.seconds for row in every):.0f} s of CPU"
     )
 

@@ -60,6 +60,8 @@ class ClosedLoopRun:
         sensor: How objects were measured.
         seed: Of the sensor's noise.
         disturbances: What happened to objects.
+        measured_error: How far (m) and by what angle (rad) the goal's object was measured off it at last; or None.
+        camera_error: What errors of the camera (m, rad) were not excluded when it arrived; None where it did not.
         log: The log that was written meanwhile; None where there is none, or it could not be written.
     """
 
@@ -74,6 +76,8 @@ class ClosedLoopRun:
     sensor: Sensor
     seed: int
     disturbances: tuple[Disturbance, ...]
+    measured_error: tuple[float, float] | None = None
+    camera_error: tuple[float, float] | None = None
     log: Path | None = None
 
     @property
@@ -285,7 +289,9 @@ def run_closed_loop(
             outcome, reason = _end_of(controller, course)
         events = events_until(float(course.t[-1]), course.names, disturbances, controller)
         replans = () if controller is None else tuple(controller.replans)
-        return growing.completed(ClosedLoopRun(scenario, plan, course, events, replans, outcome, reason, *asked))
+        known = (None, None) if controller is None else (controller.measured_error, controller.camera_error)
+        done = ClosedLoopRun(scenario, plan, course, events, replans, outcome, reason, *asked, *known)
+        return growing.completed(done)
 
 
 def _end_of(controller: Controller, course: SimulatedPush) -> tuple[str, str]:

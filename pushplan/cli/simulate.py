@@ -170,13 +170,19 @@ def _simulated(
         return run_closed_loop(scenario, world, disturbances, observer=observer, progress=told, **how)
 
 
+def _pair(errors: tuple[float, float]) -> dict[str, float]:
+    return {"position": float(errors[0]), "angle": float(errors[1])}
+
+
 def _tell(done: ClosedLoopRun, page: Path | None, incomplete: IncompleteLogError | None, console: Console) -> None:
+    from pushplan.plans.run import collapsed
+
     position, angle = done.goal_errors
     console.say((done.scenario.name, "bold"), f": {done.outcome}{f': {done.reason}' if done.reason else ''}")
     of = "worst object"
     if done.scenario.task.one_load and done.scenario.goal.of is not None:
         of = done.scenario.goal.of
-    rows = [(f"{event.time:.2f} s", f"{event.kind}: {event.text}") for event in done.events]
+    rows = [(f"{event.time:.2f} s", f"{event.kind}: {event.text}") for event in collapsed(done.events)]
     rows.append(("goal error", f"{length_text(position)}, {angle_text(angle)} ({of})"))
     rows += [(name, str(file)) for name, file in (("log", done.log), ("page", page)) if file is not None]
     console.table(rows)
@@ -186,7 +192,9 @@ def _tell(done: ClosedLoopRun, page: Path | None, incomplete: IncompleteLogError
             "closed_loop": done.settings is not None,
             "outcome": done.outcome,
             "reason": done.reason,
-            "goal_error": {"position": float(position), "angle": float(angle)},
+            "goal_error": _pair(done.goal_errors),
+            "measured_error": None if done.measured_error is None else _pair(done.measured_error),
+            "camera_error_not_excluded": None if done.camera_error is None else _pair(done.camera_error),
             "duration_s": float(done.simulated.t[-1]),
             "events": [{"time": e.time, "kind": e.kind, "text": e.text} for e in done.events],
             "replans": [{"time": r.time, "solved": r.solved, "seconds": r.seconds} for r in done.replans],

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pushplan.plans.execution import Execution
@@ -29,10 +30,14 @@ KINDS = {
     "sensor": "what was found to be wrong with sensors and wheels",
     "stall": "the plate is driven on, and all that it pushes stands still",
     "unseen": "no measurement has come for a while",
-    "arrived": "the goal's object is within its tolerances",
+    "arrived": "the goal's object is within its tolerances as measured, and what error of the camera is not excluded",
     "gave up": "nothing more can be done, and why",
 }
 """Kinds of events, and what they mean."""
+
+LINES = 20
+"""Events of a run that people are shown, at most."""
+NUMBER = re.compile(r"[-\d.]+")
 
 WARNINGS = ("deviation", "stall", "moved", "dropped", "unseen", "gave up")
 """Kinds that are told as warnings."""
@@ -51,6 +56,25 @@ class Event:
     time: float
     kind: str
     text: str
+
+
+def collapsed(events: Sequence[Event], most: int = LINES) -> list[Event]:
+    """Return events as people read them: of more than `most`, those that differ in numbers only are one with a count.
+
+    Where these are too many still, those of one kind are.
+    """
+    merged = list(events)
+    for longest in (1000, 0):
+        if len(merged) <= most:
+            break
+        groups: dict[tuple[str, str], list[Event]] = {}
+        for event in events:
+            groups.setdefault((event.kind, NUMBER.sub("", event.text)[:longest]), []).append(event)
+        merged = [
+            one if not more else replace(one, text=f"{one.text} ({len(more) + 1} times until {more[-1].time:.2f} s)")
+            for one, *more in groups.values()
+        ]
+    return merged
 
 
 @dataclass(frozen=True, eq=False)

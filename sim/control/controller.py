@@ -29,11 +29,11 @@ from pushplan.plans.segment import Segment, standing_obstacles
 from pushplan.plans.settings import Observer
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Obstacle
-from pushplan.sim.control.estimator import Estimator
+from pushplan.sim.control.estimator import DOUBT, Estimator
 from pushplan.sim.control.following import Following
 from pushplan.sim.control.jobs import Phase, PushJob, alone, is_last, push_job
 from pushplan.sim.control.pushing import PushLoop
-from pushplan.sim.control.replanner import Replanner, first_plan
+from pushplan.sim.control.replanner import Replanner, bears, first_plan
 from pushplan.sim.control.rest import Leg, RestPlanner, legs_to, travel_of
 from pushplan.sim.control.sensing import MEMORY, Odometry, Sightings
 from pushplan.sim.control.settings import ControlSettings, words
@@ -54,6 +54,10 @@ DOUBTS = {
     "exchanged": "objects were seen where others had been: they are taken for those",
     "frozen": "measurements repeat one another though the plate is driven on: they do not count until they change",
 }
+SURE = 2.0
+"""Standard deviations of what is known of a camera's error up to which it is not excluded."""
+STALLS = 1
+"""After so many stalls what is left is planned again, through another face if there is one; the next one ends it."""
 NEAR = 0.5
 """Share of the slack by which a load may be off its planned place so that planned ways to it are driven."""
 
@@ -68,6 +72,8 @@ class Controller:
         events: All that it noticed and did.
         replans: All attempts to plan after the first one.
         reason: Why it gave up; empty while it has not.
+        measured_error: How far (m) and by what angle (rad) the goal's object was measured off it at last; or None.
+        camera_error: What errors of the camera (m, rad) it could not exclude when it arrived; None before.
     """
 
     def __init__(
@@ -100,19 +106,25 @@ class Controller:
         self._phase, self.reason = Phase.PUSHING if plan.segments[0].pushes else Phase.LOOKING, ""
         self.events: list[Event] = []
         self.replans: list[Replan] = []
+        self.measured_error: tuple[float, float] | None = None
+        self.camera_error: tuple[float, float] | None = None
         self._intake = Intake(partial(self._tell, "dropped"))
         self._sightings = Sightings(np.array([settings.position_noise, settings.angle_noise]))
         self._estimator: Estimator | None = None  # of the last push: what it found of clock and wheels
         self._standing = Standing(scenario.poses, settings, self._sightings)
         self._delivered = Deliveries(scenario, settings, self._standing)
-        self._rest_planner = RestPlanner(scenario, plan, self._delivered.tolerance, settings.friction, observer)
+        asked = self._delivered.tolerance, settings.friction, observer
+        wary = self._replanner is None and bears(plan, settings.friction)
+        self._rest_planner = RestPlanner(scenario, plan, *asked, wary)
         self._plate = self._told = np.array(scenario.plate_start)
         self._alone = 0.0, 0.0  # how far (m, rad) the plate has driven and turned since it pushed something
         self._odometry = Odometry(self._plate)
         self._wheels = relative(scenario.pusher.plate_pose, scenario.pusher.wheels_pose)
         self._now, self._began, self._since, self._late = 0.0, math.inf, 0.0, False
         self._planned, self._at, self._before, self._rests = plan, 0, 0, 0
-        self._again, self._backing, self._lost = 0, False, ""
+        self._again, self._backing, self._lost, self._stalled = 0, False, "", list[str]()
+        self._headings = np.zeros((len(self._standing.names), 2))  # what is known of errors of headings: values and
+        self._headings[:, 1] = settings.bias[1]  # standard deviations, rad
         self._blind, self._doubts = False, set[str]()  # whether nothing is seen; what was wrong with measurements
         self._slips: Counter[str] = Counter()  # how often objects have slid since the plan was made, by name
         self._most = settings.most(travel_of(plan.segments))
@@ -197,6 +209,7 @@ class Controller:
                 self._push.estimator.unstamped()
             poses = intake.poses(object_poses, list(self._standing.names), "poses of the objects")
             stamp = intake.stamp(measured_at, sightings.latest(), max(self._began, self._now) - MEMORY)
+            poses[:, 2] -= self._headings[:, 0]
             if stamp is not None and not np.isnan(poses).all():
                 sightings.see(stamp, poses, frame, intake.deviations(covariance, len(poses)))
         push, plate = self._push, self._plate
@@ -340,7 +353,8 @@ class Controller:
         left = self._delivered.left()
         if not left:
             out = f"; not delivered: {', '.join(self.plan.undelivered)}" if self.plan.undelivered else ""
-            self._end(Phase.ARRIVED, f"{words(*worst_at_goal(self.scenario, standing.poses))} off the goal{out}")
+            self.measured_error = worst_at_goal(self.scenario, standing.poses)
+            self._end(Phase.ARRIVED, f"{words(*self.measured_error)} off the goal{out}")
             return
         loads = [segment.load for segment in segments[self._at :] if segment.pushes]
         ahead = {name for load in loads if load is not None for name in load.names}
@@ -380,7 +394,8 @@ class Controller:
             self._give_up(f"{RESTS} plans were made for the rest, and it is not there: {why}")
             return
         asked = self._plate, self._standing.by_name, self._obstacles, self._delivered.names, self._rests
-        replan = self._rest_planner.plan(self._now, *asked, self._most - self._odometry.travel, self._slips)
+        most = self._most - self._odometry.travel
+        replan = self._rest_planner.plan(self._now, *asked, most, self._slips, self._stalled)
         self._slips = Counter()
         self.replans.append(replan)
         result = replan.result
@@ -416,7 +431,13 @@ class Controller:
         else:
             job = PushJob(self.scenario, self.plan, self._standing.columns(load.names), self._most)
         self._push = PushLoop(
-            replace(job, again=self._again < AGAIN, alone=self._alone, slips=self._slips),
+            replace(
+                job,
+                again=self._again < AGAIN,
+                alone=self._alone,
+                slips=self._slips,
+                headings=self._headings[job.columns, 1],
+            ),
             replanner,
             self.settings,
             self._sightings,
@@ -436,13 +457,16 @@ class Controller:
         names = push.load.names
         self._push, self._estimator, self._slips = None, push.estimator, push.slips
         self._plate, self._alone = compose(push.plate_after, inverse(push.load.frame_plate)), (0.0, 0.0)
+        self._learn_headings(push)
         if self._replanner is not None:
+            self.measured_error = push.error
             self._end(push.phase, push.text)
             return
         self._tell("pushed", f"{', '.join(names)}: {push.phase.value}, {push.text}")
-        if push.stalled:
+        if push.stalled and len(self._stalled) == STALLS:
             self._give_up(push.text)
             return
+        self._stalled += [push.load.face] * push.stalled
         self._standing.put(self._standing.columns(names), compose(push.plate, push.places))
         if push.phase is Phase.GAVE_UP:
             retreat = next(s for s in self._planned.segments[self._at :] if s.kind == RETREAT)
@@ -459,6 +483,13 @@ class Controller:
             self._delivered.take(names)
         self._go_on()
 
+    def _learn_headings(self, push: PushLoop) -> None:
+        """Take down by what the headings of pushed objects are measured wrong: that stays from push to push."""
+        columns = self._standing.columns(push.load.names)
+        values, deviations = push.estimator.headings
+        self._headings[columns, 0] += values
+        self._headings[columns, 1] = np.maximum(deviations, DOUBT * self.settings.bias[1])
+
     def _give_up(self, reason: str) -> None:
         self._end(Phase.GAVE_UP, reason)
 
@@ -469,6 +500,9 @@ class Controller:
             self._tell("sensor", found)
         self._push, self._following, self._phase = None, None, phase
         self.reason = text if phase is Phase.GAVE_UP else ""
+        if phase is Phase.ARRIVED:
+            self.camera_error = SURE * self.settings.bias[0], SURE * float(self._headings[:, 1].max())
+            text += f", as measured; an error of the camera of up to {words(*self.camera_error)} is not excluded"
         self._tell(phase.value, text)
 
     def _tell(self, kind: str, text: str) -> None:

@@ -103,6 +103,7 @@ class Estimator:
         aside_deviation: Standard deviation of where the load is along the plate, m: the plate has come up to it.
             That is no error of the camera, and the plate stands elsewhere by as much.
         places: (n, 3) of the objects in such a load.
+        headings: (n,) standard deviations of what their headings are measured wrong, rad; None: as settings have it.
 
     Attributes:
         settings: See there.
@@ -119,6 +120,7 @@ class Estimator:
         *,
         aside_deviation: float = 0.0,
         places: FloatArray | None = None,
+        headings: FloatArray | None = None,
     ) -> None:
         self.settings, self._normals, self._wheels = settings, normals, wheels
         self._count = count = len(normals)
@@ -126,6 +128,8 @@ class Estimator:
         scale = settings.odometry_error
         bias = [settings.bias[0]] * 2 + [settings.bias[1]]
         self._prior = np.array([*gauge, settings.delay_error, scale, scale, scale, *(bias * count)])
+        if headings is not None:
+            self._prior[COMMON + 2 :: 3] = headings
         self._center = np.zeros(len(self._prior))
         if known is not None:
             self._center[OWN] = known.values[OWN]
@@ -151,6 +155,11 @@ class Estimator:
     def count(self) -> int:
         """Number of samples that are kept."""
         return len(self._samples)
+
+    @property
+    def headings(self) -> tuple[FloatArray, FloatArray]:
+        """By what headings are measured wrong (n,), and standard deviations, rad."""
+        return self.values[COMMON + 2 :: 3], np.sqrt(np.diag(self.covariance)[COMMON + 2 :: 3])
 
     @property
     def late(self) -> float:

@@ -50,6 +50,7 @@ class PushJob:
         will_do: How far off its goal it may end where no plan leads nearer, m and rad.
         straight: Whether it is over after that straight push, wherever it ends: it closes onto an object that rests.
         onto: Name of the object that the load is pushed up to; empty where there is none.
+        headings: (n,) standard deviations of what headings are measured wrong, rad; None: as settings have it.
     """
 
     scenario: Scenario
@@ -63,6 +64,7 @@ class PushJob:
     will_do: tuple[float, float] = (0.0, 0.0)
     straight: bool = False
     onto: str = ""
+    headings: FloatArray | None = None
 
 
 def push_job(

@@ -22,7 +22,15 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.run import Replan
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.parts import Obstacle
-from pushplan.sim.control.closing import LONGEST, ClosingPush, Closings, Contacts, Touch, contacts_at
+from pushplan.sim.control.closing import (
+    LONGEST,
+    ClosingPush,
+    Closings,
+    Contacts,
+    Touch,
+    contacts_at,
+    shift_at_contact,
+)
 from pushplan.sim.control.departures import Slide, find_slide, off_place
 from pushplan.sim.control.estimator import HOLD, Estimator, Sample
 from pushplan.sim.control.following import Following
@@ -30,7 +38,7 @@ from pushplan.sim.control.jobs import Phase, PushJob
 from pushplan.sim.control.replanner import BARELY, BOLD, CLEARLY, OFTEN, Replanner
 from pushplan.sim.control.sensing import Odometry, Sightings
 from pushplan.sim.control.settings import SIGMAS, ControlSettings, words
-from pushplan.sim.control.stall import StallWatch
+from pushplan.sim.control.stall import WINDOWS, StallWatch
 from pushplan.sim.follower import Steering
 from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
@@ -70,6 +78,7 @@ class PushLoop:
         slips: See `PushJob`, those of this push included.
         met_aside: It is over because the load was met where it takes a long way round from.
         stalled: It is over because the load is too heavy.
+        error: How far (m) and by what angle (rad) the goal's object was measured off it last.
     """
 
     def __init__(
@@ -95,7 +104,7 @@ class PushLoop:
         self._closings = Closings(World.from_scenario(scenario), settings)
         self._wheels = scenario.pusher.wheels_pose
         self._normals = np.array([contact.normal for contact in scenario.chain.contacts])
-        self.estimator = Estimator(settings, self._normals, self._wheels, known)
+        self.estimator = Estimator(settings, self._normals, self._wheels, known, headings=job.headings)
         self._odometry, self._before = odometry, odometry.travel
         self._take_place(plate)
         self._now, self._began, self._fitted, self._blind = now, now, -math.inf, False
@@ -108,7 +117,7 @@ class PushLoop:
         self._heed_slides()
         self._touch = Touch(scenario.chain, job.settle, job.straight, settings)
         self._ahead = plan.path.twists[0]
-        self.met_aside, self.stalled = False, False
+        self.met_aside, self.stalled, self.error = False, False, (math.inf, math.inf)
         self._stall = StallWatch([obj.name for obj in scenario.chain.objects], job.onto)
         if not self._touch.over:
             self._straight(self._ahead, self._touch.length)
@@ -254,6 +263,11 @@ class PushLoop:
         force = "" if math.isinf(limit) else f", and has {limit:.3g} N"
         stands = f"{heavy[0]} stands" if len(heavy) == 1 else f"{', '.join(heavy)} stand"
         self._tell("stall", f"{stands} still in the measurements though the plate is driven on")
+        around, since = compose(self.plate, self.places), self._now - WINDOWS[0]
+        seen = self._sightings.mean(around, 2, since, self._job.columns)
+        if seen is not None:  # the plate stands, too, where it touches the load
+            ahead = float(shift_at_contact(self.scenario.chain, self.plate, seen)[0])
+            self._take_place(compose(self.plate, [min(ahead, 0.0), 0.0, 0.0]))
         self._give_up(f"the plate stalls: it cannot push {', '.join(heavy)}{force}")
 
     def _watch(self, unseen: float) -> None:
@@ -300,7 +314,9 @@ class PushLoop:
         poses = self._unbiased(measured)
         self.places = places = relative(self.plate, poses)
         contacts = contacts_at(self.scenario.chain, places)
-        off = words(*self._replanner.aim.errors(poses))
+        distance, angle = self._replanner.aim.errors(poses)
+        self.error = float(distance), float(angle)
+        off = words(*self.error)
         open_by = words(max(float(contacts.opening.max()), 0.0), float(np.abs(contacts.rotation).max()))
         self._tell("re-localisation", f"the goal is {off} away; contacts are open by up to {open_by}")
         aim = self._replanner.aim
@@ -326,8 +342,8 @@ class PushLoop:
             self._replan(contacts, measured, off)
 
     def _unbiased(self, measured: FloatArray) -> FloatArray:
-        if self._job.settle > 0.0:
-            return measured  # where a contact tells where the plate is, goals are where the camera sees them
+        if self._job.settle > 0.0:  # where a contact tells where the plate is, goals are where the camera sees them
+            return measured - np.outer(self.estimator.headings[0], [0.0, 0.0, 1.0])
         return self.estimator.unbiased(measured, self._replanner.chain.places)
 
     def _is_undecided(self, measured: FloatArray) -> bool:
@@ -410,7 +426,13 @@ class PushLoop:
         known, places = self.estimator, self.scenario.chain.places
         off = known.astray(*self._job.alone)
         self.estimator = Estimator(
-            self.settings, self._normals, self._wheels, known, aside_deviation=off, places=places
+            self.settings,
+            self._normals,
+            self._wheels,
+            known,
+            aside_deviation=off,
+            places=places,
+            headings=self._job.headings,
         )
         self.moved(self._now)
         if not self._touch.over:

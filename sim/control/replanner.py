@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from pushplan.errors import ChainError, PlanningError, PushplanError
+from pushplan.errors import ChainError, EmptyStableSetError, PlanningError, PushplanError
 from pushplan.geometry.se2 import compose, pose_error
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.intervals import IntervalChain
@@ -16,6 +18,7 @@ from pushplan.mechanics.perturb import slid, with_contact_friction
 from pushplan.planner import Planner, plan
 from pushplan.planners.clearance import find_collision
 from pushplan.planners.multi.room import DETOUR
+from pushplan.plans.load import Load
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Replan
@@ -345,6 +348,47 @@ def with_chain(scenario: Scenario, chain: Chain) -> Scenario:
     return scenario.with_load(chain=chain, interval=interval)
 
 
+def planned_for_least(scenario: Scenario, friction: float, make: Callable[[Scenario], Plan]) -> Plan:
+    """Return a plan of several pushes that is made for a friction of contacts that is less by a share.
+
+    Its loads and its scenario are those that are believed: what follows it plans with caution of its own.
+    """
+    made = make(cautious(scenario, friction))
+    if friction == 0.0 or any(load.interval is not None for load in scenario.loads):
+        return made
+    loads = {id(s.load): s.load for s in made.segments if s.load is not None}
+    believed: dict[int, Load | None] = {id(None): None}
+    for key, load in loads.items():
+        chain = with_contact_friction(load.chain, 1.0 / (1.0 - friction))
+        believed[key] = Load(load.links, load.problem.with_load(chain=chain, interval=None))
+    segments = tuple(replace(segment, load=believed[id(segment.load)]) for segment in made.segments)
+    return replace(made, scenario=scenario, segments=segments)
+
+
+def bears(plan: Plan, friction: float) -> bool:
+    """Tell whether contacts hold in all pushes of a plan with a friction that is less by a share."""
+    for push in plan.pushes:
+        problem = push.pushed_load.problem
+        less = problem.with_load(chain=with_contact_friction(problem.chain, 1.0 - friction), interval=None)
+        try:
+            if less.stable_set().margin(push.contact_path.twists).min() <= 0.0:
+                return False
+        except EmptyStableSetError:
+            return False
+    return True
+
+
+def first_of_several(scenario: Scenario, settings: ControlSettings, observer: Observer) -> Plan:
+    """Return a plan of several pushes: for the least friction if there is one that brings as many objects."""
+    found = plan(scenario, observer=observer)
+    if settings.friction > 0.0 and found.segments:
+        with suppress(PushplanError):
+            careful = planned_for_least(scenario, settings.friction, partial(plan, observer=observer))
+            if careful.segments and len(careful.undelivered) <= len(found.undelivered):
+                return careful
+    return found
+
+
 def first_plan(
     scenario: Scenario, given: Plan | None, settings: ControlSettings, observer: Observer
 ) -> tuple[Plan, Replanner | None]:
@@ -358,7 +402,7 @@ def first_plan(
     replanner = Replanner(scenario, settings, observer) if scenario.task.held else None
     found = given
     if found is None:
-        found = plan(scenario, observer=observer) if replanner is None else replanner.first()
+        found = first_of_several(scenario, settings, observer) if replanner is None else replanner.first()
     if found.trajectory is None:
         raise PlanningError(f"there is no plan to begin with: {found.reason}")
     if replanner is not None and found.path is not None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -21,9 +23,9 @@ from pushplan.plans.segment import Poses, Segment, end_of, standing_obstacles
 from pushplan.plans.settings import Margin, Observer, PlanSettings
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Obstacle
-from pushplan.sim.control.replanner import OFTEN, cautious
+from pushplan.sim.control.replanner import OFTEN, planned_for_least
 from pushplan.util.arrays import FloatArray
-from pushplan.util.names import APPROACH, AUTO, TRANSIT
+from pushplan.util.names import APPROACH, AUTO, FACES, TRANSIT
 
 TIME_LIMIT = 20.0
 """Of a plan for the rest, s: its search ends by itself, so that runs repeat."""
@@ -34,6 +36,9 @@ CAREFUL = 0.08
 than planned, as corrections ask for; with 0.12 a plan for two boxes behind one another took twice the travel."""
 SAME = 1e-4, 1e-4
 """Up to so far (m, rad) off its beginning a planned way is driven as it is."""
+BERTH = 0.03
+"""Clearance (m) with which the robot drives alone if there is such a way: wheels that are off by 1.5 % lead it astray
+by so much in 2 m."""
 Leg = tuple[int, Segment]
 """Index of a segment of the plan, and how it is driven."""
 
@@ -74,8 +79,7 @@ def legs_to(
     load = segments[k].pushed_load
     contact = carried_by(load, poses)
     off, away = (pose_error(contact, segments[k].contact_path.start), pose_error(plate, segments[begin].path.start))
-    if all(e <= m for e, m in zip((*off, *away), (*near, *SAME), strict=True)):
-        return [(i, segments[i]) for i in range(begin, k)]
+    as_planned = all(e <= m for e, m in zip((*off, *away), (*near, *SAME), strict=True))
     pushes = scenario.transport
     around = (*obstacles, *standing_obstacles(scenario, poses, load.names))
     problem = replace(
@@ -85,7 +89,12 @@ def legs_to(
         clearance=scenario.clearance,
     )
     robot = compose(plate, load.frame_plate)
-    arcs = find_drive(problem, contact, robot, pushes.approach, plan.seed)
+    wide = replace(problem, clearance=max(scenario.clearance, min(BERTH, 0.6 * pushes.approach)))
+    arcs = find_drive(wide, contact, robot, pushes.approach, plan.seed)
+    if arcs is None and as_planned:
+        return [(i, segments[i]) for i in range(begin, k)]
+    if arcs is None:
+        arcs = find_drive(problem, contact, robot, pushes.approach, plan.seed)
     if arcs is None:
         return []
     ways = {
@@ -103,6 +112,10 @@ def legs_to(
     return [(index[one.kind], one) for one in time_segments(scenario, tuple(made), rate)]
 
 
+def _planned(scenario: Scenario, settings: PlanSettings, first: bool) -> Plan:
+    return Planner(scenario, settings=settings).plan(first=first, explain=False)
+
+
 class RestPlanner:
     """Plans what is left to do from where everything was measured.
 
@@ -112,13 +125,20 @@ class RestPlanner:
         tolerance: Distance (m) and angle (rad) by which an object that was brought to its goal may be off.
         friction: Share by which coefficients of friction may be off.
         observer: Takes messages about what takes long.
+        wary: Whether plans are made for the least friction from the beginning, if there are any: as the first was.
     """
 
     def __init__(
-        self, scenario: Scenario, plan: Plan, tolerance: tuple[float, float], friction: float, observer: Observer
+        self,
+        scenario: Scenario,
+        plan: Plan,
+        tolerance: tuple[float, float],
+        friction: float,
+        observer: Observer,
+        wary: bool = False,
     ) -> None:
         self._scenario, self._friction, self._observer = scenario, friction, observer
-        self._wary = False
+        self._wary = wary
         end = end_of(scenario, plan.segments)
         self._goals = tuple(goal.resumed(end, tolerance) for goal in scenario.task.goals)
 
@@ -132,6 +152,7 @@ class RestPlanner:
         seed: int,
         most: float,
         slips: Mapping[str, int],
+        avoided: Collection[str] = (),
     ) -> Replan:
         """Return a plan for the rest: one with room for corrections, unless it takes more travel than it may.
 
@@ -145,13 +166,15 @@ class RestPlanner:
             most: Travel that it may take, m.
             slips: How often objects have slid since the last plan, by name. Where one did so again and again, this
                 and all later plans are for the least friction, if there is one.
+            avoided: Faces through which nothing is pushed if there is such a plan: a push through them stalled.
         """
         began, reason, result = time.process_time(), "", None
         self._wary |= max(slips.values(), default=0) >= OFTEN
         levels = [(0.0, margin) for margin in self._margins]
-        for friction, margin in [(self._friction, None), *levels] if self._wary else levels:
+        levels = [(self._friction, None), *levels] if self._wary else levels
+        for faces, (friction, margin) in itertools.product(self._faces(avoided), levels):
             try:
-                asked = cautious(self._asked(plate, poses, obstacles, delivered), friction)
+                asked = self._asked(plate, poses, obstacles, delivered).with_task(faces=faces)
                 several = not asked.task.one_load
                 settings = PlanSettings(
                     first=several,
@@ -161,13 +184,20 @@ class RestPlanner:
                     margin=margin,
                     observer=self._observer,
                 )
-                result = Planner(asked, settings=settings).plan(first=several, explain=False)
+                make = partial(_planned, settings=settings, first=several)
+                result = planned_for_least(asked, friction, make)
                 reason = result.reason
             except PushplanError as error:
                 result, reason = None, str(error)
             if result is not None and result.solved and travel_of(result.segments) <= most:
                 break
         return Replan(now, result, reason, time.process_time() - began, rest=True)
+
+    def _faces(self, avoided: Collection[str]) -> list[tuple[str | float, ...] | None]:
+        """Return what faces plans may push, one after the other."""
+        stated = self._scenario.transport.faces
+        rest = tuple(face for face in stated or FACES if face not in avoided)
+        return [rest, stated] if avoided and rest else [stated]
 
     @property
     def _margins(self) -> tuple[Margin | None, ...]:

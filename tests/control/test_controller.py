@@ -11,10 +11,11 @@ import yaml
 from conftest import there
 from numpy.typing import ArrayLike
 from several.conftest import problem_document
+from shapely import Polygon
 
 import pushplan
 from pushplan.closed_loop import run_closed_loop
-from pushplan.geometry.se2 import compose, exp, relative
+from pushplan.geometry.se2 import compose, exp, relative, transform_points
 from pushplan.planners.clearance import find_collision
 from pushplan.plans.goals import worst_at_goal
 from pushplan.plans.plan import Plan
@@ -25,6 +26,7 @@ from pushplan.sim.control.controller import Controller
 from pushplan.sim.control.departures import Slide
 from pushplan.sim.control.gate import Gate
 from pushplan.sim.control.jobs import Phase
+from pushplan.sim.control.rest import legs_to
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance, OpenLoop, SimulatedPush, simulate_push
@@ -202,7 +204,7 @@ def test_what_a_camera_errs_by_for_long_neither_stops_nor_ends_the_loop(what: st
     course = simulate_push(world, controller, SELDOM.rate, step=step)
     assert controller.phase is Phase.ARRIVED, controller.reason
     planned, kinds = there(plan_of(name).trajectory).duration, [event.kind for event in controller.events]
-    assert course.t[-1] < planned + (7.0 if what == "frozen" else 3.0)
+    assert course.t[-1] < planned + (10.0 if what == "frozen" else 3.0)
     assert kinds.count("dropped") == (what != "plate")
     assert not {"jump", "deviation", "close", "stall"} & set(kinds)
     assert (worst_at_goal(controller.scenario, course.object_poses[-1]) <= np.array([5e-3, np.radians(1.0)])).all()
@@ -379,6 +381,32 @@ def test_a_load_that_is_met_elsewhere_tells_where_the_plate_is(ahead: float, not
     told = [event.text for event in controller.events if event.kind == "touch"]
     assert ["was not met" in text for text in told] == not_met
     assert not any("gave up" in event.text for event in controller.events)
+
+
+def test_the_robot_drives_alone_with_room_for_what_its_wheels_err_by() -> None:
+    """Planned ways keep 10 mm from the load: after 2 m, wheels that are off by 1.5 % touch it."""
+    apart = scenario_from_document(problem_document("omnidirectional", goal={"pose": [0.4, 1.0, 0.0]}))
+    plan = pushplan.plan(apart, seed=1, iterations=1, time_limit=60.0)
+    k = next(k for k, segment in enumerate(plan.segments) if segment.pushes)
+    poses, load = apart.poses, plan.segments[k].pushed_load
+    legs = legs_to(plan, 0, apart.plate_start, poses, (), (1e-3, 1e-3), 25.0)
+    assert [leg.kind for _, leg in legs] == ["transit", "approach"]
+    robot = [transform_points(load.frame_plate, body.outline) for body in load.chain.carried]
+    box, way = Polygon(transform_points(poses["b0"], apart.chain.objects[0].outline)), legs[0][1].path
+    at = way.poses_at(np.linspace(0.0, way.cost, 200))
+    assert min(box.distance(Polygon(transform_points(pose, body))) for pose in at for body in robot) > 0.02
+
+
+def test_what_is_learned_of_headings_stays_for_the_next_push() -> None:
+    apart = scenario_from_document(problem_document("differential", goal={"pose": [1.0, 2.0, 1.5], "of": "b0"}))
+    controller = Controller(pushplan.plan(apart, seed=1, iterations=1, time_limit=60.0), SELDOM)
+    turned = np.array([0.0, 0.0, np.radians(0.7)])
+    step = seeing(controller, lambda _, poses, __: None if poses is None else np.asarray(poses) + turned)
+    course = simulate_push(pushplan.World.from_scenario(apart), controller, SELDOM.rate, step=step)
+    assert controller.phase is Phase.ARRIVED, controller.reason
+    assert len([event for event in controller.events if event.kind == "pushed"]) == 2
+    assert there(controller.camera_error)[1] < 1.5 * SELDOM.bias[1]  # two standard deviations, of 2 x the prior
+    assert worst_at_goal(apart, course.object_poses[-1])[1] < np.radians(0.7)
 
 
 def test_what_slides_again_is_pushed_as_with_the_least_friction(monkeypatch: pytest.MonkeyPatch) -> None:

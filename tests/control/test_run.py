@@ -17,6 +17,7 @@ from pushplan.closed_loop import ClosedLoopRun, check_closed_loop, run_closed_lo
 from pushplan.errors import RunLogError
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
+from pushplan.plans.run import Event, collapsed
 from pushplan.scenario.file import example_text
 from pushplan.sim.control.simulated_push import Disturbance
 
@@ -99,6 +100,19 @@ def test_a_loop_writes_what_has_happened_as_it_goes(run: ClosedLoopRun, back: Re
     assert stopped == there(back.feedback).events[: len(stopped)]
 
 
+def test_events_that_repeat_one_another_are_one_line_with_their_count() -> None:
+    events = [Event(0.0, "plan", "1.3 m in 6.5 s")]
+    events += [Event(k, "moved", f"{'ab'[k % 2]} stands {k / 10} mm away") for k in range(1, 60)]
+    assert collapsed(events[:20]) == events[:20]
+    assert [event.text for event in collapsed(events)] == [
+        "1.3 m in 6.5 s",
+        "b stands 0.1 mm away (30 times until 59.00 s)",
+        "a stands 0.2 mm away (29 times until 58.00 s)",
+    ]
+    apart = [Event(k, "gave up", "why" + k * "x") for k in range(30)]
+    assert [event.text for event in collapsed(apart)] == ["why (30 times until 29.00 s)"]
+
+
 def test_a_log_that_was_tampered_with_does_not_verify(back: RecordedRun) -> None:
     twists = np.array(there(back.execution).twists)
     twists[100] += [0.01, 0.0, 0.0]
@@ -120,6 +134,11 @@ def test_the_command_arrives_in_closed_loop_and_verifies(file: Path, tmp_path: P
     told = json.loads(capsys.readouterr().out)
     assert told["outcome"] == "arrived"
     assert told["log"] == str(out)
+    assert told["measured_error"]["position"] <= 5e-3
+    assert told["camera_error_not_excluded"]["position"] == pytest.approx(4e-3)
+    ended = told["events"][-1]["text"]
+    assert "as measured; an error of the camera of up to 4.0 mm and " in ended
+    assert ended in page.read_text(encoding="utf-8")
     kinds = {event["kind"] for event in told["events"]}
     assert kinds >= {"plan", "disturbance", "deviation", "re-localisation", "replan", "arrived"}
     assert page.stat().st_size > 10_000

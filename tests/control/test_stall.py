@@ -139,10 +139,18 @@ def test_a_plate_that_closes_contacts_may_not_have_met_its_load_yet(plan: Plan, 
     assert Phase.CLOSING not in asked
 
 
-def test_of_several_pushes_a_stall_ends_all() -> None:
+@pytest.mark.parametrize("kick", [(15.0, 0, 10e-3, 0.0, 0.05), (8.0, 1, 15e-3, 0.0, 0.05)])
+def test_a_push_that_closes_contacts_only_as_believed_is_tried(plan: Plan, kick: tuple[Any, ...]) -> None:
+    controller = Controller(plan)
+    simulate_push(World.from_scenario(plan.scenario), controller, controller.settings.rate, [Disturbance(*kick)])
+    assert controller.phase is Phase.ARRIVED or "remain to the goal" in controller.reason, controller.reason
+
+
+def test_of_several_pushes_a_second_stall_ends_all() -> None:
     scenario = scenario_from_document(problem_document("car", 2, robot={"limits": {"force": 8.0}}))
     plan = pushplan.plan(scenario, seed=1, time_limit=60.0, first=True)
     controller = Controller(plan)
     simulate_push(World.from_scenario(scenario).with_mass(1.5), controller, controller.settings.rate)
-    assert controller.reason == "the plate stalls: it cannot push b0, b1, and has 8 N"
-    assert all(replan.result is None or len(replan.result.segments) == 1 for replan in controller.replans)
+    assert controller.reason == "the plate stalls: it cannot push b1, b0, and has 8 N"  # from another face
+    assert [event.kind for event in controller.events].count("stall") == 2
+    assert any(replan.rest and replan.solved for replan in controller.replans)
