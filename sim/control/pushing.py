@@ -36,9 +36,9 @@ from pushplan.sim.control.estimator import HOLD, Estimator, Sample
 from pushplan.sim.control.following import Following
 from pushplan.sim.control.jobs import Phase, PushJob
 from pushplan.sim.control.replanner import BARELY, BOLD, CLEARLY, OFTEN, Replanner
-from pushplan.sim.control.sensing import Odometry, Sightings
+from pushplan.sim.control.sensing import MEMORY, Odometry, Sightings
 from pushplan.sim.control.settings import SIGMAS, ControlSettings, words
-from pushplan.sim.control.stall import WINDOWS, StallWatch
+from pushplan.sim.control.stall import LATE, WINDOWS, StallWatch
 from pushplan.sim.follower import Steering
 from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
@@ -50,7 +50,8 @@ TOLD = 2.0
 REFIT = 0.25
 """Time between two fits, s."""
 LONGER, UNDECIDED = 2.0, 3.0
-"""Time (s) for which it is looked where an error is at its tolerance, to so many standard deviations of a look."""
+"""Time (s) for which it is looked where an error is at its tolerance, to so many standard deviations of a look. More
+noise than stated takes longer, as long as measurements are kept."""
 
 
 class PushLoop:
@@ -309,7 +310,7 @@ class PushLoop:
             if not self._touch.over:
                 return
             self._stall.restart()
-        elif self._now < since + LONGER and self._is_undecided(measured):
+        elif self._now < since + self._longer and self._is_undecided(measured):
             return
         poses = self._unbiased(measured)
         self.places = places = relative(self.plate, poses)
@@ -340,6 +341,11 @@ class PushLoop:
             self._give_up(f"objects have slid against one another: they cannot all be nearer than {off}")
         else:
             self._replan(contacts, measured, off)
+
+    @property
+    def _longer(self) -> float:
+        noise = max(float(self._sightings.noise[0]), 1e-6)
+        return min(LONGER * max(1.0, noise / max(self.settings.position_noise, 1e-6)), MEMORY - LATE)
 
     def _unbiased(self, measured: FloatArray) -> FloatArray:
         if self._job.settle > 0.0:  # where a contact tells where the plate is, goals are where the camera sees them
