@@ -259,3 +259,5 @@ def test_what_is_pushed_after_the_robot_has_turned_fully_does_not_turn_with_it(t
     found, alone = execute(plain.scenario, spun, "ecof"), there(plain.execution)
     np.testing.assert_allclose(found.poses[-1] - alone.poses[-1], [0.0, 0.0, 2.0 * np.pi * turns], atol=1e-6)
     np.testing.assert_allclose(found.objects[-1], alone.objects[-1], atol=1e-6)
+    later = np.interp(alone.t + spun[0].duration, found.t, found.margins[:, 0])
+    assert np.nanmedian(np.abs(later - alone.margins[:, 0])) < 1e-6  # contacts are looked at by the push's own clock

@@ -83,6 +83,10 @@ def test_random_pushes_stay_within_the_cells(is_goal: bool, seed: int) -> None:
         seen, longest = seen + len(poses), max(longest, len(poses))
     assert seen > 30
     assert longest < 200
+    found = [each for each in pocket.find_pocket(scenario, scenario.stable_set(), problem) if each is not None]
+    assert found[-1].is_goal == is_goal
+    farthest = steps.side * np.linalg.norm(cells[:, :2] - ORIGIN, axis=1).max()
+    assert found[-1].radius == pytest.approx(farthest + steps.side + steps.longest)
 
 
 @pytest.mark.parametrize("name", ["asymmetric", "five-objects", "narrow-gap", "two-crates"])
