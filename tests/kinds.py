@@ -81,6 +81,22 @@ FAST["partial"] = (
     .replace("pose: [3.0, 3.0, 0.0]}\n", f"pose: [3.0, 3.0, 0.0]}}\n  - {_STUCK}\n")
     .replace("other: [2.2, 1.0, 90 deg]", "other: [2.2, 1.0, 90 deg], stuck: [2.9, 0.6, 0.0]")
 )
+FAST["block"] = re.sub(r"(pusher: {.*)}", _FAST, """\
+format: pushplan/1
+name: block
+floor: {friction: 0.3}
+objects:
+  - {name: near-right, shape: {box: [0.12, 0.15]}, mass: 1.4, pose: [0.06, 0.0, 0.0], offset: -0.075}
+  - {name: far-right, shape: {box: [0.16, 0.15]}, mass: 0.8, pose: [0.20, 0.0, 0.0]}
+  - {name: near-left, shape: {box: [0.20, 0.15]}, mass: 1.0, pose: [0.10, 0.15, 0.0]}
+contacts: {friction: 0.5}
+pusher: {width: 0.36, friction: 0.5}
+start: [0.0, 0.0, 0.0]
+goal: {pose: [1.0, 0.3, 0.3], of: near-left}
+workspace: {x: [-1.0, 2.0], y: [-1.0, 1.5]}
+obstacles: [{circle: 0.1, center: [0.8, -0.5]}]
+""")
+"""Two columns of boxes side by side, of unequal lengths."""
 FAST["push"] = example_text("two-crates").replace("speed: 0.2,", "speed: 0.5,")
 """Scenarios of a faster robot: then there is less to simulate, to write and to read again."""
 

@@ -41,7 +41,7 @@ from pushplan.trial import write_trial
 from pushplan.util.arrays import FloatArray
 from pushplan.verification import verify_log
 
-KINDS = ("push", "multi-push", "rearrangement", "gathering", "partial")
+KINDS = ("push", "multi-push", "rearrangement", "gathering", "partial", "block")
 EVERY = pytest.mark.parametrize("kind", KINDS)
 SETTINGS = ControlSettings(time_limit=60.0, rate=25.0)
 """Iterations end searches, whatever the machine does; half of the usual steps."""
@@ -78,7 +78,7 @@ def made(kind: str) -> Made:
         assert loop.outcome == "arrived", loop.reason
         return Made(loop.plan.scenario, loop.plan, loop.execution, loop)
     scenario = pushplan.scenario_from_text(FAST[kind])
-    assert scenario.kind == ("rearrangement" if kind in ("gathering", "partial") else kind)
+    assert scenario.kind == {"gathering": "rearrangement", "partial": "rearrangement", "block": "push"}.get(kind, kind)
     plan = pushplan.plan(scenario, seed=1, first=True, time_limit=60.0)
     assert plan.solved == (kind != "partial"), plan.reason
     assert set(plan.undelivered) == ({"stuck"} if kind == "partial" else set())
