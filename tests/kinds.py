@@ -81,7 +81,10 @@ FAST["partial"] = (
     .replace("pose: [3.0, 3.0, 0.0]}\n", f"pose: [3.0, 3.0, 0.0]}}\n  - {_STUCK}\n")
     .replace("other: [2.2, 1.0, 90 deg]", "other: [2.2, 1.0, 90 deg], stuck: [2.9, 0.6, 0.0]")
 )
-FAST["block"] = re.sub(r"(pusher: {.*)}", _FAST, """\
+FAST["block"] = re.sub(
+    r"(pusher: {.*)}",
+    _FAST,
+    """\
 format: pushplan/1
 name: block
 floor: {friction: 0.3}
@@ -95,7 +98,8 @@ start: [0.0, 0.0, 0.0]
 goal: {pose: [1.0, 0.3, 0.3], of: near-left}
 workspace: {x: [-1.0, 2.0], y: [-1.0, 1.5]}
 obstacles: [{circle: 0.1, center: [0.8, -0.5]}]
-""")
+""",
+)
 """Two columns of boxes side by side, of unequal lengths."""
 FAST["push"] = example_text("two-crates").replace("speed: 0.2,", "speed: 0.5,")
 """Scenarios of a faster robot: then there is less to simulate, to write and to read again."""

@@ -77,8 +77,8 @@ def made(kind: str) -> Made:
         )
         assert loop.outcome == "arrived", loop.reason
         return Made(loop.plan.scenario, loop.plan, loop.execution, loop)
-    scenario = pushplan.scenario_from_text(FAST[kind])
-    assert scenario.kind == {"gathering": "rearrangement", "partial": "rearrangement", "block": "push"}.get(kind, kind)
+    scenario, several = pushplan.scenario_from_text(FAST[kind]), "rearrangement"
+    assert scenario.kind == {"gathering": several, "partial": several, "block": "push"}.get(kind, kind)
     plan = pushplan.plan(scenario, seed=1, first=True, time_limit=60.0)
     assert plan.solved == (kind != "partial"), plan.reason
     assert set(plan.undelivered) == ({"stuck"} if kind == "partial" else set())
