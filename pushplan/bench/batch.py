@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import shutil
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from pushplan.bench.executor import Engine
 from pushplan.bench.outcome import NO_PLAN, OK
@@ -63,11 +65,13 @@ class Selection:
         resume: Go on in a folder that has results, with the runs that have none.
         filters: Only runs that fit; see `suite.select`.
         rerun: Key, or its beginning, of a single run to do again; empty for none.
+        shard: (i, n) for part i, from 1 to n, of n parts of equal size that have no run in common.
     """
 
     resume: bool = False
     filters: tuple[str, ...] = ()
     rerun: str = ""
+    shard: tuple[int, int] = (1, 1)
 
     def of(self, suite: Suite, version: str) -> list[RunSpec]:
         """Return the runs that are meant.
@@ -76,7 +80,12 @@ class Selection:
             SelectionError: When a filter or key fits nothing.
         """
         runs = list(suite.runs(version))
-        return [run_with_key(runs, self.rerun)] if self.rerun else select(runs, self.filters)
+        if self.rerun:
+            return [run_with_key(runs, self.rerun)]
+        kept = select(runs, self.filters)
+        part, parts = self.shard  # by key, as if drawn at random: every part has some of everything
+        mine = {run.key for run in sorted(kept, key=lambda run: run.key)[part - 1 :: parts]}
+        return [run for run in kept if run.key in mine]
 
 
 def run_suite(
@@ -130,3 +139,36 @@ def run_suite(
         finally:
             store.spent(time.monotonic() - began)
     return tally
+
+
+def merge(folder: ResultsFolder, shards: Sequence[Path], overwrite: bool = False) -> int:
+    """Make one folder of results of those of a suite's shards. It has all results or none.
+
+    Args:
+        folder: Where they go; the caller holds its lock.
+        shards: Folders of results. If several have the same run, that of the first counts.
+        overwrite: Replace results that the folder has.
+
+    Returns:
+        How many results were left out because an earlier folder has the run, too.
+
+    Raises:
+        StoreError: When a folder has no results, or those of another suite or version.
+    """
+    if folder.database.exists() and not overwrite:
+        raise StoreError(f"{folder.path} has results; name another folder, or replace them with --overwrite")
+    made, keys, double = ResultsFolder(folder.scratch), set[str](), 0
+    with Store(made.database) as store:
+        for shard in map(ResultsFolder, shards):
+            for key, log in store.take(shard.database):
+                double += key in keys
+                if log is not None and key not in keys:
+                    made.copy(shard, log)
+                keys.add(key)
+    for name in ("problems", "suite.yaml"):
+        made.copy(ResultsFolder(shards[0]), name)
+    for old in (*folder.path.glob("results.db*"), folder.path / "logs", folder.path / "problems"):
+        old.unlink() if old.is_file() else shutil.rmtree(old, ignore_errors=True)
+    for path in sorted(made.path.iterdir()):  # results.db comes after the logs
+        path.replace(folder.path / path.name)
+    return double

@@ -1,9 +1,9 @@
 """Runs in processes of their own: whatever happens in one ends that run alone, and becomes its outcome.
 
-The standard library's fork server has everything imported and compiled (`preload`). `pebble` starts each run as a
-fresh process forked from it, so that no run sees what another one left behind, its peak memory is its own, and it can
-be killed at any moment. An executor of `concurrent.futures` says where: threads of this process, or the workers of a
-Dask cluster, each of which starts the process of one run after the other.
+The standard library's fork server has everything imported and compiled (`preload`). Each run is a fresh process
+forked from it. No run sees what another one left behind, its peak memory is its own, and it can be killed at any
+moment. An executor of `concurrent.futures` says where: threads of this process, or the workers of a Dask cluster,
+each of which starts the process of one run after the other.
 
 Memory counts as what a run takes on top of the code and kernels that it starts with. A thread of the run looks at its
 resident set a few times a second; a run that grows faster, or asks for a lot at once, is refused memory by the kernel
@@ -32,16 +32,16 @@ from functools import partial
 from importlib import import_module
 from itertools import islice
 from multiprocessing import forkserver
+from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_for
 from multiprocessing.context import ForkServerContext
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
-import pebble
-
 from pushplan.bench import outcome
 from pushplan.bench.outcome import LOG, Outcome, perform, resident_megabytes
-from pushplan.bench.store import package_version
+from pushplan.bench.store import cpu_model, package_version
 from pushplan.bench.suite import RunSpec
 from pushplan.errors import PushplanError
 
@@ -59,6 +59,9 @@ OUTPUT = "output.txt"
 
 WATCH = 0.05
 """Seconds between two looks at the memory of a run."""
+
+LINGER = 5.0
+"""Seconds that the process of a run may take to end after it has sent its outcome."""
 
 HEADROOM = 1000.0
 """MB beyond the memory limit at which the kernel refuses more: what a run may grow by between two looks at it."""
@@ -105,9 +108,10 @@ def local_engine(jobs: int, scratch: Path | None = None, work: Work = perform) -
 
 
 def _kill_runs() -> None:
-    for process in multiprocessing.active_children():
-        if process.name == NAME:
-            process.kill()
+    with _STARTS:
+        for process in multiprocessing.active_children():
+            if process.name == NAME:
+                process.kill()
 
 
 @contextmanager
@@ -189,22 +193,8 @@ def isolated(spec: RunSpec, scratch: Path | None = None, work: Work = perform) -
     """Do a run in a process of its own and return how it ended, whatever happens to it."""
     with tempfile.TemporaryDirectory(prefix=f"{spec.key}-", dir=scratch, ignore_cleanup_errors=True) as name:
         folder = Path(name).absolute()
-        # pebble 5.2 reads `context`, its documentation says `mp_context`
-        how: dict[str, Any] = {"context": _context(), "mp_context": _context()}
-        start = pebble.concurrent.process(name=NAME, timeout=spec.seconds, **how)(_do_run)
-        future: Future[Outcome] = start(work, spec, folder)
         began = time.monotonic()
-        try:
-            ended = future.result()
-        except TimeoutError:
-            text = f"killed after {spec.seconds:g} s"
-            ended = Outcome(spec.key, outcome.TIMEOUT, _with_output(text, folder))
-        except pebble.ProcessExpired as error:
-            if error.exitcode == TOO_LARGE:
-                text = f"killed with more than {spec.megabytes:g} MB in use"
-                ended = Outcome(spec.key, outcome.OUT_OF_MEMORY, text)
-            else:
-                ended = Outcome(spec.key, outcome.CRASH, _with_output(_death(error.exitcode), folder))
+        ended = _ended(work, spec, folder)
         seconds = time.monotonic() - began
         whole, part = folder / LOG, folder / f"{LOG}.partial"
         log = next((path.read_bytes() for path in (whole, part) if path.exists()), None)
@@ -212,7 +202,41 @@ def isolated(spec: RunSpec, scratch: Path | None = None, work: Work = perform) -
         if ended.values.get("time") is not None:
             known = (v for name, v in ended.values.items() if name == "time" or name in PHASES)
             values["overhead_time"] = seconds - sum(v or 0.0 for v in known)
-        return replace(ended, values=values, log=log, whole=whole.exists(), host=socket.gethostname())
+        return replace(
+            ended, values=values, log=log, whole=whole.exists(), host=socket.gethostname(), cpu=cpu_model()
+        )
+
+
+def _ended(work: Work, spec: RunSpec, folder: Path) -> Outcome:
+    context = _context()
+    reading, writing = context.Pipe(duplex=False)
+    process = context.Process(target=_do_run, args=(writing, work, spec, folder), name=NAME)
+    with reading:
+        with writing, _STARTS:
+            process.start()
+        try:
+            if wait_for([reading, process.sentinel], spec.seconds):
+                sent: Outcome = reading.recv()
+                return sent
+            process.kill()
+            return Outcome(spec.key, outcome.TIMEOUT, _with_output(f"killed after {spec.seconds:g} s", folder))
+        except (EOFError, OSError):  # the process died before it had sent all
+            code = _exit_code(process)
+            if code == TOO_LARGE:
+                text = f"killed with more than {spec.megabytes:g} MB in use"
+                return Outcome(spec.key, outcome.OUT_OF_MEMORY, text)
+            return Outcome(spec.key, outcome.CRASH, _with_output(_death(code), folder))
+        finally:
+            _exit_code(process)
+
+
+def _exit_code(process: BaseProcess) -> int | None:
+    """Return the exit code of a process that is ending; kill it if it does not."""
+    if not wait_for([process.sentinel], LINGER):
+        process.kill()
+    with _STARTS:  # the fork server tells the code once, to the first of all threads that asks
+        process.join()
+    return process.exitcode
 
 
 def _isolated_on_worker(spec: RunSpec, work: Work) -> Outcome:
@@ -230,6 +254,7 @@ def _isolated_on_worker(spec: RunSpec, work: Work) -> Outcome:
 
 SAFE_PATH = "PYTHONSAFEPATH"
 _STARTS = threading.Lock()
+"""Held while processes start and end: `multiprocessing` looks at all of them then, from whichever thread."""
 
 
 def _context() -> ForkServerContext:
@@ -279,7 +304,12 @@ def _death(code: int | None) -> str:
 # --- one run, in its process ------------------------------------------------------------------------------------
 
 
-def _do_run(work: Work, spec: RunSpec, folder: Path) -> Outcome:
+def _do_run(writing: Connection, work: Work, spec: RunSpec, folder: Path) -> None:
+    with writing:
+        writing.send(_worked(work, spec, folder))
+
+
+def _worked(work: Work, spec: RunSpec, folder: Path) -> Outcome:
     """Do the work of a run within its limits and return how it ended, as far as its process can tell."""
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # which ends also what hangs in compiled code
     output = os.open(folder / OUTPUT, os.O_WRONLY | os.O_CREAT | os.O_APPEND)

@@ -94,6 +94,7 @@ class Outcome:
         log: Bytes of the run log, or of what was written of it, or None.
         whole: The log is complete.
         host: Name of the machine.
+        cpu: Model of its processor.
     """
 
     key: str
@@ -105,6 +106,7 @@ class Outcome:
     log: bytes | None = None
     whole: bool = False
     host: str = ""
+    cpu: str = ""
 
 
 def perform(spec: RunSpec, folder: Path) -> Outcome:

@@ -52,6 +52,7 @@ def render(results: Results, with_pictures: bool = True) -> str:
     source = results.about["source"]
     return template.render(
         about=results.about,
+        processors=results.processors,
         counts=results.runs.outcome.value_counts(sort=False).to_dict(),
         planners=by_planner(results),
         outcomes=outcomes(results),

@@ -29,8 +29,8 @@ class Results:
         about: `name`, `version`, `versions`, `machine`, `started`, `seconds` and `source` of the suite.
         runs: A row for each run in the order of the suite: `key`, `problem`, `planner` (with the stable set when
             there are several), `stable_set`, `seed`, `outcome` (of `STATUSES`, or `MISSING`), `message`, `log`,
-            `host`, `limit` of planning in words, `ATTRIBUTES` (NaN where there is nothing), and of valid runs, else
-            infinite: `cost` (m), `first` (seconds to the first path), `excess` (cost by the lowest known of the
+            `host`, `cpu`, `limit` of planning in words, `ATTRIBUTES` (NaN where there is nothing), and of valid runs,
+            else infinite: `cost` (m), `first` (seconds to the first path), `excess` (cost by the lowest known of the
             problem), `valid_duration` (s); and `cost_bound` (m) and `duration_bound` (s), the lower bound of what
             ranked the plan, NaN for the other.
         progress: A row for each improvement and regular time: `key`, `time`, `cost`.
@@ -52,6 +52,12 @@ class Results:
     def done(self) -> pd.DataFrame:
         """The runs that have a result."""
         return self.runs[self.runs.outcome != MISSING]
+
+    @property
+    def processors(self) -> str:
+        """Models of the processors that did the runs, with their numbers of runs; empty if there is only one."""
+        counts = self.done.cpu.value_counts()
+        return ", ".join(f"{model}: {count}" for model, count in counts.items()) if len(counts) > 1 else ""
 
     def of(self, planner: str) -> pd.DataFrame:
         """Return the runs of a planner that have a result."""
@@ -119,7 +125,7 @@ def _limit(settings: str) -> str:
 
 def write_tables(results: Results, folder: Path) -> Iterable[Path]:
     """Write `runs.csv`, a row for each run, and `progress.csv`; return the files."""
-    columns = ["key", "problem", "planner", "stable_set", "seed", "outcome", "message", "log", "host"]
+    columns = ["key", "problem", "planner", "stable_set", "seed", "outcome", "message", "log", "host", "cpu"]
     measured = [name for name in ATTRIBUTES if name not in ("seed", "status", "solved")]
     runs = results.runs[[*columns, *measured, "limit"]].assign(machine=results.about["machine"])
     tables = {"runs.csv": runs, "progress.csv": results.progress}

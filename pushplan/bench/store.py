@@ -3,8 +3,8 @@
 The tables are those of Planner Arena (Moll, Sucan and Kavraki 2015). It takes what follows the third column of
 `runs` for attributes, what follows the twelfth of `experiments` for parameters of the problem, and what follows the
 second of `progress` for measurements over time. What it has no place for is in two tables of our own:
-`pushplan_suite`, and `pushplan_runs` with the key, the outcome and the log of each run that was asked for. All of it
-is of one machine and one version of the software.
+`pushplan_suite`, and `pushplan_runs` with the key, the outcome, the log and the processor of each run that was asked
+for. All of it is of one version of the software.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Self
 
@@ -55,12 +56,18 @@ class Machine:
     @classmethod
     def this(cls) -> Machine:
         """Return this machine."""
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
         memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
         parts = f"{len(os.sched_getaffinity(0))} processors, {memory:.0f} GB"
-        text = f"{next(names, platform.machine())}, {parts}, {platform.system()} {platform.release()}"
+        text = f"{cpu_model()}, {parts}, {platform.system()} {platform.release()}"
         return cls(socket.gethostname(), text, versions())
+
+
+@cache
+def cpu_model() -> str:
+    """Return the model of this machine's processor."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines()
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, platform.machine())
 
 
 def package_version() -> str:
@@ -69,7 +76,7 @@ def package_version() -> str:
     return version_of("pushplan") + (f"+g{commit[:10]}" if commit else "")
 
 
-FORMAT = 3
+FORMAT = 4
 """Version of our own tables."""
 
 BUSY = 30.0
@@ -103,8 +110,14 @@ CREATE TABLE IF NOT EXISTS pushplan_suite (id INTEGER PRIMARY KEY CHECK (id = 1)
   source BLOB, version TEXT, versions TEXT, machine TEXT, started TEXT, seconds REAL);
 CREATE TABLE IF NOT EXISTS pushplan_runs (key TEXT PRIMARY KEY, number INTEGER, problem TEXT, planner TEXT,
   stable_set TEXT, seed INTEGER, runid INTEGER REFERENCES runs(id) ON DELETE SET NULL, outcome TEXT, message TEXT,
-  arcs TEXT, log TEXT, host TEXT, ended TEXT);
+  arcs TEXT, log TEXT, host TEXT, cpu TEXT, ended TEXT);
 """
+
+RESULT = "runid, outcome, message, arcs, log, host, cpu, ended"
+"""What `pushplan_runs` has of a run once it is over."""
+
+COUNTED = """UPDATE experiments SET runcount = (SELECT COUNT(*) FROM runs WHERE experimentid = experiments.id),
+  totaltime = (SELECT SUM(total_time) FROM runs WHERE experimentid = experiments.id)"""
 
 _ALL = "FROM plannerConfigs p JOIN runs r ON p.id = r.plannerid JOIN experiments e ON e.id = r.experimentid"
 _MEANS = "AVG(r.solved) AS avg_solved, AVG(r.time) AS avg_total_time"
@@ -165,7 +178,7 @@ class Store:
                 run(statement)
             self._database.executemany("INSERT OR IGNORE INTO enums VALUES ('status', ?, ?)", enumerate(STATUSES))
         known = [[row[1] for row in run(f"PRAGMA table_info({name})")] for name in ("runs", "pushplan_runs")]
-        if known[0][3:] != list(ATTRIBUTES) or "number" not in known[1]:
+        if known[0][3:] != list(ATTRIBUTES) or "cpu" not in known[1]:
             raise StoreError(
                 f"{self.path} is of another version of pushplan, which measured other things; name another folder"
             )
@@ -294,17 +307,71 @@ class Store:
             by = self._insert("plannerConfigs", (None, *planner)) if known is None else known
             number = self._insert("runs", (None, experiment, by, *(values.get(name) for name in ATTRIBUTES)))
             self._database.execute(
-                "UPDATE pushplan_runs SET (runid, outcome, message, arcs, log, host, ended) = (?, ?, ?, ?, ?, ?, ?) "
-                "WHERE key = ?",
-                (number, result.status, result.message, json.dumps(result.arcs), log, result.host, now(), run.key),
+                f"UPDATE pushplan_runs SET ({RESULT}) = (?, ?, ?, ?, ?, ?, ?, ?) WHERE key = ?",
+                (
+                    *(number, result.status, result.message, json.dumps(result.arcs), log),
+                    *(result.host, result.cpu, now(), run.key),
+                ),
             )
             points = sampled(result.progress, result.values.get("time") or 0.0)
             self._database.executemany(f"INSERT INTO progress VALUES ({number}, ?, ?, ?)", points)
-            self._database.execute(
-                "UPDATE experiments SET runcount = (SELECT COUNT(*) FROM runs WHERE experimentid = ?1), "
-                "totaltime = (SELECT SUM(total_time) FROM runs WHERE experimentid = ?1) WHERE id = ?1",
-                (experiment,),
+            self._database.execute(f"{COUNTED} WHERE id = ?", (experiment,))
+
+    def take(self, path: Path) -> list[tuple[str, str | None]]:
+        """Take over the results of another file that this one lacks; the first file makes this one's suite.
+
+        Returns:
+            Key and log of every run that is over in the other file.
+
+        Raises:
+            StoreError: When the file is of another suite or another version, or cannot be read.
+        """
+        run, columns = self._database.execute, "key, number, problem, planner, stable_set, seed"
+        suite = "SELECT format, version, source FROM {}.pushplan_suite"
+        asked = f"SELECT {columns} FROM {{}}.pushplan_runs WHERE number IS NOT NULL ORDER BY number"
+        if not path.is_file():
+            raise StoreError(f"{path}: there are no results")
+        try:
+            run("ATTACH ? AS shard", (str(path),))
+            run("BEGIN")
+            if not run(suite.format("main")).fetchall():
+                run("INSERT INTO pushplan_suite SELECT * FROM shard.pushplan_suite WHERE format = ?", (FORMAT,))
+                run(f"INSERT INTO pushplan_runs ({columns}) {asked.format('shard')}")
+            else:
+                run("UPDATE pushplan_suite SET seconds = seconds + (SELECT seconds FROM shard.pushplan_suite)")
+                its = "(SELECT machine FROM shard.pushplan_suite)"
+                run(f"UPDATE pushplan_suite SET machine = machine || '; ' || {its} WHERE instr(machine, {its}) = 0")
+            for query in (suite, asked):
+                if run(query.format("shard")).fetchall() != run(query.format("main")).fetchall():
+                    raise StoreError(f"{path} is of another suite than the first folder, or of another version")
+            for table, same in (("experiments", "setup, version"), ("plannerConfigs", "name, settings")):
+                names = ", ".join(row[1] for row in run(f"PRAGMA table_info({table})").fetchall()[1:])
+                new = f"SELECT {names} FROM shard.{table} WHERE ({same}) NOT IN (SELECT {same} FROM main.{table})"
+                run(f"INSERT INTO {table} ({names}) {new}")
+            new = (
+                "FROM shard.pushplan_runs s WHERE outcome IS NOT NULL "
+                "AND key IN (SELECT key FROM main.pushplan_runs WHERE outcome IS NULL)"
             )
+            more = int(run("SELECT IFNULL(MAX(id), 0) FROM main.runs").fetchone()[0])  # their numbers go on from ours
+            run(
+                f"INSERT INTO runs SELECT r.id + {more}, e.id, p.id, {', '.join(f'r.{name}' for name in ATTRIBUTES)} "
+                "FROM shard.runs r JOIN shard.experiments f ON f.id = r.experimentid "
+                "JOIN shard.plannerConfigs q ON q.id = r.plannerid "
+                "JOIN main.experiments e ON (e.setup, e.version) = (f.setup, f.version) "
+                "JOIN main.plannerConfigs p ON (p.name, p.settings) = (q.name, q.settings) "
+                f"WHERE r.id IN (SELECT runid {new})"
+            )
+            points = f"SELECT runid + {more}, time, best_cost, iterations FROM shard.progress"
+            run(f"INSERT INTO progress {points} WHERE runid IN (SELECT runid {new})")
+            its = f"SELECT runid + {more}, {RESULT.partition(', ')[2]} FROM shard.pushplan_runs s WHERE s.key = m.key"
+            run(f"UPDATE main.pushplan_runs AS m SET ({RESULT}) = ({its}) WHERE key IN (SELECT key {new})")
+            run(COUNTED)
+            run("COMMIT")
+            over = run("SELECT key, log FROM shard.pushplan_runs WHERE outcome IS NOT NULL").fetchall()
+            run("DETACH shard")
+        except sqlite3.Error as error:
+            raise StoreError(f"{path} cannot be merged: {error}") from error
+        return over
 
     def spent(self, seconds: float) -> None:
         """Add to the wall-clock time that the benchmark has taken."""
@@ -399,6 +466,15 @@ class ResultsFolder:
         (self.path / "problems").mkdir(exist_ok=True)
         for problem in suite.problems:
             write_whole(self.path / "problems" / f"{_plain(problem.name)}.yaml", problem.source)
+
+    def copy(self, other: ResultsFolder, name: str) -> None:
+        """Copy a file or a folder from another folder of results, if it is there."""
+        source, target = other.path / name, self.path / name
+        target.parent.mkdir(exist_ok=True)
+        if source.is_dir():
+            shutil.copytree(source, target, dirs_exist_ok=True)
+        elif source.exists():
+            shutil.copyfile(source, target)
 
     def keep_log(self, run: RunSpec, result: Outcome) -> str | None:
         """Write the log of a run, whole or in part, in place of an earlier one; return its name in the folder."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 import shlex
 from collections import Counter
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -18,12 +19,22 @@ from pushplan.cli.main import DONE, MISMATCH
 
 if TYPE_CHECKING:
     from pushplan.bench.batch import Selection, Tally
+    from pushplan.bench.results import Results
     from pushplan.bench.store import ResultsFolder
     from pushplan.bench.suite import Suite
 
 
+def _shard(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[int, int]:
+    """Return I and N of I/N."""
+    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", value or "1/1")
+    if found is None or not 1 <= int(found[1]) <= int(found[2]):
+        raise p.UsageError(f"--shard: '{value}' is no part of a suite; allowed: I/N with I from 1 to N, such as 3/32")
+    return int(found[1]), int(found[2])
+
+
 @p.command
-@click.argument("suite", type=p.PATH, metavar="[SUITE]", required=False)
+@click.argument("suite", type=p.PATH, metavar="[SUITE | merge DIR...]", required=False)
+@click.argument("shards", type=p.PATH, metavar="", nargs=-1)
 @click.option("-o", "--output", type=p.PATH, metavar="DIR", help="Folder of the results, may be new.")
 @click.option(
     "--jobs",
@@ -33,6 +44,12 @@ if TYPE_CHECKING:
 )
 @click.option("--scheduler", metavar="ADDRESS", help="Do the runs on a Dask cluster, e.g. tcp://HOST:8786.")
 @click.option("--resume", is_flag=True, help="Do what is missing in DIR.")
+@click.option(
+    "--shard",
+    callback=_shard,
+    metavar="I/N",
+    help="Only part I of N equal parts, each with a DIR of its own; `bench merge` makes one of them.",
+)
 @click.option(
     "--filter",
     "filters",
@@ -55,10 +72,12 @@ if TYPE_CHECKING:
 def bench(
     console: Console,
     suite: Path | None,
+    shards: tuple[Path, ...],
     output: Path | None,
     jobs: int | None,
     scheduler: str | None,
     resume: bool,
+    shard: tuple[int, int],
     filters: tuple[str, ...],
     rerun: str,
     accept_broken: bool,
@@ -68,7 +87,7 @@ def bench(
 ) -> int:
     """Run a suite of problems, planners and seeds, and report what came out.
 
-    SUITE is a file or a packaged suite; without it those are listed.
+    SUITE is a file or a packaged suite; without it those are listed. `merge` makes one folder of those of shards.
     """
     given: dict[str, object] = {
         "SUITE": suite,
@@ -76,6 +95,7 @@ def bench(
         "--jobs": jobs,
         "--scheduler": scheduler,
         "--resume": resume,
+        "--shard": shard[1] > 1,
         "--filter": filters,
         "--rerun": rerun,
         "--accept-broken": accept_broken,
@@ -85,15 +105,23 @@ def bench(
         return _compare(*compare, 0.01 * threshold, console)
     if suite is None:
         return _list(console)
+    merging = str(suite) == "merge"
+    if merging and not shards:
+        raise p.UsageError("name the folders of the shards: pushplan bench merge DIR... -o DIR")
+    if shards and not merging:
+        raise p.UsageError(f"'{shards[0]}' is one word too many; only `bench merge` takes several folders")
     if output is None:
         raise p.UsageError(f"name a folder for the results: pushplan bench {suite} -o DIR")
+    if merging:
+        _refuse("merge", given, ["--jobs", "--scheduler", "--resume", "--shard", "--filter", "--rerun"])
+        return _merge(output, shards, accept_broken, console)
     if rerun:
-        _refuse("--rerun", given, ["--filter", "--resume"])
+        _refuse("--rerun", given, ["--filter", "--resume", "--shard"])
     if scheduler is not None:
         _refuse("--scheduler, which does as many runs at a time as its workers can,", given, ["--jobs"])
     from pushplan.bench.batch import Selection
 
-    selection = Selection(resume, filters, rerun)
+    selection = Selection(resume, filters, rerun, shard)
     with p.code_of(suite, console.note, no_code) as observer:
         with console.working(f"reading {suite}"):
             from pushplan.bench.store import package_version
@@ -106,6 +134,7 @@ def bench(
     words = ["pushplan", "bench", str(suite), "-o", str(output), "--resume"]
     words += ["--jobs", str(jobs)] if jobs else []
     words += ["--scheduler", scheduler] if scheduler else []
+    words += ["--shard", f"{shard[0]}/{shard[1]}"] if shard[1] > 1 else []
     words += [word for text in filters for word in ("--filter", text)]
     return _bench(read, output, selection, jobs, scheduler, accept_broken, shlex.join(words), console)
 
@@ -139,7 +168,6 @@ def _bench(
     console: Console,
 ) -> int:
     from pushplan.bench.batch import run_suite
-    from pushplan.bench.outcome import BROKEN, INVALID
     from pushplan.bench.store import ResultsFolder
 
     folder = ResultsFolder(output)
@@ -157,32 +185,68 @@ def _bench(
             if folder.database.exists():
                 console.note(f"stopped; go on with: {resumption}")
             raise
-        with console.working("writing the report"):
-            from pushplan.bench.report import write_latex, write_report
-            from pushplan.bench.results import read_results, write_tables
+        before = f", {tally.before} done before" if tally.before else ""
+        heading = f": {counted(tally.done, 'run')} in {span_text(tally.seconds)}{before}"
+        results = _reported(folder, console, with_report=selection.shard[1] == 1)
+    return _tell(results, folder, tally, heading, accept_broken, console)
 
-            results = read_results(folder.path)
+
+def _merge(output: Path, shards: tuple[Path, ...], accept_broken: bool, console: Console) -> int:
+    from pushplan.bench.batch import Tally, merge
+    from pushplan.bench.results import MISSING
+    from pushplan.bench.store import ResultsFolder
+
+    folder = ResultsFolder(output)
+    with folder.locked(p.overwriting()):
+        with console.working("merging"):
+            double = merge(folder, shards, p.overwriting())
+        results = _reported(folder, console)
+    counts = Counter(results.runs.outcome)
+    left = counts.pop(MISSING, 0)
+    heading = f": {counted(counts.total(), 'run')} of {counted(len(shards), 'folder')}"
+    heading += f", {left} without a result" if left else ""
+    if double:
+        console.note(f"{counted(double, 'result')} left out: an earlier folder has the run, too")
+    return _tell(results, folder, Tally(len(results.runs), 0, counts), heading, accept_broken, console)
+
+
+def _reported(folder: ResultsFolder, console: Console, with_report: bool = True) -> Results:
+    """Return all results of a folder after their report and tables are written."""
+    with console.working("writing the report"):
+        from pushplan.bench.report import write_latex, write_report
+        from pushplan.bench.results import read_results, write_tables
+
+        results = read_results(folder.path)
+        if with_report:
             write_tables(results, folder.path)
             write_latex(results, folder.path / "tables.tex")
             write_report(results, folder.report)
-    ends = Counter(results.runs.outcome)  # now or before
-    broken = results.runs[results.runs.outcome.isin(BROKEN)]
-    _tell(suite, folder, tally, broken, console)
-    return MISMATCH if ends[INVALID] or (len(broken) and not accept_broken) else DONE
+    return results
 
 
-def _tell(suite: Suite, folder: ResultsFolder, tally: Tally, broken: Any, console: Console) -> None:
-    before = f", {tally.before} done before" if tally.before else ""
-    console.say((suite.name, "bold"), f": {counted(tally.done, 'run')} in {span_text(tally.seconds)}{before}")
+def _tell(
+    results: Results, folder: ResultsFolder, tally: Tally, heading: str, accept_broken: bool, console: Console
+) -> int:
+    """Say how the runs ended, and return the exit code."""
+    from pushplan.bench.outcome import BROKEN, INVALID
+
+    broken = results.runs[results.runs.outcome.isin(BROKEN)]  # now or before
+    console.say((str(results.about["name"]), "bold"), heading)
     console.table([(outcome, str(count)) for outcome, count in tally.counts.items()], style="")
+    if results.processors:
+        text = f"different processors did the runs, so their times are not comparable: {results.processors}"
+        console.note(f"warning: {text}")
     for first in broken.head(1).itertuples():
         console.say(f"{counted(len(broken), 'run')} broke off, which --accept-broken would take for done; the first:")
         why = (first.message or first.outcome).rstrip().rpartition("\n")[2]
         console.say(f"  {first.problem}, {first.planner}, seed {first.seed}: {why}")
-    console.say(f"report: {folder.report}")
+    report = folder.report if folder.report.exists() else None
+    console.say(
+        f"report: {report}" if report else f"results: {folder.path}; when all shards are done: pushplan bench merge"
+    )
     console.emit(
         {
-            "suite": suite.name,
+            "suite": results.about["name"],
             "runs": tally.total,
             "before": tally.before,
             "done": tally.done,
@@ -192,9 +256,12 @@ def _tell(suite: Suite, folder: ResultsFolder, tally: Tally, broken: Any, consol
             "seconds": tally.seconds,
             "folder": folder.path,
             "database": folder.database,
-            "report": folder.report,
+            "report": report,
+            "processors": results.processors,
         }
     )
+    failed = (results.runs.outcome == INVALID).any() or (len(broken) and not accept_broken)
+    return MISMATCH if failed else DONE
 
 
 def _compare(old: Path, new: Path, threshold: float, console: Console) -> int:

@@ -172,6 +172,24 @@ def test_a_suite_is_run_reported_and_resumed(suite: str, tmp_path: Path, capsys:
     assert "no run fits seed=9" in capsys.readouterr().err
 
 
+def test_shards_are_merged_and_reported(suite: str, tmp_path: Path, capsys: Captured) -> None:
+    one, two, whole = (tmp_path / name for name in ("1", "2", "whole"))
+    assert main(["bench", suite, "-o", str(one), "--shard", "1/2"]) == 0
+    assert capsys.readouterr().out.endswith(f"results: {one}; when all shards are done: pushplan bench merge\n")
+    assert main(["bench", "merge", str(one), "-o", str(tmp_path / "half")]) == 0
+    assert capsys.readouterr().out.startswith("small: 1 run of 1 folder, 1 without a result\n")
+    assert main(["bench", "merge", str(one), str(two), "-o", str(whole)]) == 2
+    assert f"{two / 'results.db'}: there are no results" in capsys.readouterr().err
+    assert main(["bench", suite, "-o", str(two), "--shard", "2/2"]) == 0
+    capsys.readouterr()
+    assert main(["bench", "merge", str(one), str(two), "-o", str(whole), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert (document["runs"], document["done"], document["left"], document["processors"]) == (2, 2, 0, "")
+    assert {"results.db", "report.html", "runs.csv", "logs", "problems", "suite.yaml"} <= set(os.listdir(whole))
+    assert main(["bench", suite, "-o", str(whole), "--resume", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["before"] == 2
+
+
 def test_ctrl_c_stops_it_and_says_how_to_go_on(tmp_path: Path) -> None:
     (tmp_path / "long.yaml").write_text(ENDLESS)
     command = [sys.executable, "-m", "pushplan", "bench", "long.yaml", "-o", "results", "--filter", "seed=*"]
@@ -210,6 +228,11 @@ def test_runs_that_broke_off_have_an_exit_code(suite: str, tmp_path: Path, capsy
     (["smoke", "--compare", "a", "b", "--resume"], "--compare does not go together with SUITE and --resume"),
     (["smoke", "-o", "x", "--rerun", "ab", "--filter", "seed=1"], "--rerun does not go together with --filter"),
     (["smoke", "-o", "x", "--scheduler", "tcp://h:1", "--jobs", "2"], "does not go together with --jobs"),
+    (["smoke", "-o", "x", "--shard", "4/3"], "'4/3' is no part of a suite; allowed: I/N with I from 1 to N"),
+    (["smoke", "-o", "x", "--rerun", "ab", "--shard", "1/3"], "--rerun does not go together with --shard"),
+    (["merge", "-o", "x"], "name the folders of the shards: pushplan bench merge DIR... -o DIR"),
+    (["merge", "a", "-o", "x", "--resume"], "merge does not go together with --resume"),
+    (["smoke", "a", "-o", "x"], "'a' is one word too many"),
     (["smoke", "-o", "x", "--rerun", "nokey"], "no run of this suite and version has a key that begins with"),
 ])  # fmt: skip
 def test_wrong_words_end_with_exit_code_2(
