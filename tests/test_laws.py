@@ -96,3 +96,4 @@ def test_what_slips_is_the_same_in_a_mirror_and_anywhere_in_the_world(seed: int)
     for one, other, tolerance in zip(*seen, (1e-4, 0.05, 0.05), strict=True):
         np.testing.assert_allclose(other, one, atol=tolerance)
     assert (trace.modes == slip.STICK).mean() < 0.8
+    assert (forces[0] > 0.0).mean() > 0.3  # contacts are pressed
