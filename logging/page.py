@@ -25,6 +25,7 @@ from pushplan.logging.shown import (
     longest_arrow,
     object_size,
     parts_of,
+    steps_of,
     viewed,
     worst_contacts,
 )
@@ -69,6 +70,7 @@ def render(run: Run | RecordedRun) -> str:
         "window": scene.window,
         "why": why,
         "parts": parts_of(run),
+        **_steps(run),
         "events": [(one.time, f"{one.kind}: {one.text}", palette.EVENTS.get(one.kind)) for one in run.events],
         "kept": kept,
         "margin_ticks": palette.margin_ticks(kept),
@@ -152,6 +154,25 @@ def _plan(run: Run | RecordedRun, scene: Scene) -> dict[str, Any]:
     facts = [fact for fact in facts if fact]
     notes = [note for note in (plan.robustness_words if plan.solved else "", *plan.notes) if note]
     return {"facts": facts, "notes": notes, **shown}
+
+
+def _steps(run: Run | RecordedRun) -> dict[str, Any]:
+    """Return the steps of the run in words, when they begin, and what else a worker asks."""
+    steps = steps_of(run)
+    if not steps or run.execution is None:
+        return {"steps": [], "summary": []}
+    known = [(step.margin, k) for k, step in enumerate(steps) if step.margin is not None]
+    x, y, heading = run.execution.poses[-1].tolist()
+    summary = [f"The whole takes {run.execution.t[-1]:.1f} s."]
+    if known:
+        margin, k = min(known)
+        summary.append(f"Most likely to slip: step {k + 1}, contact {steps[k].contact}, margin {margin:.3f}.")
+    turn = round(math.degrees(float(se2.wrap_angle(heading)))) + 0
+    summary.append(f"The middle of the plate ends at x {x:.2f} m, y {y:.2f} m, heading {turn} deg.")
+    listed = [
+        (step.begin, step.end, step.words, None if step.margin is None else round(step.margin, 3)) for step in steps
+    ]
+    return {"steps": listed, "summary": summary}
 
 
 def _way(line: Line, leads: bool) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -21,9 +21,11 @@ from pushplan.mechanics.contacts import friction_cone
 from pushplan.plans.execution import Execution
 from pushplan.plans.load import Load
 from pushplan.plans.run import segments_of
+from pushplan.plans.segment import Segment
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray, IntArray, distinct
+from pushplan.util.names import APPROACH, CLOSE, PUSH, TRANSIT
 
 if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
@@ -65,6 +67,83 @@ def parts_of(run: Run | RecordedRun) -> list[tuple[float, float, str]]:
         names = f" {', '.join(segment.load.names)}" if segment.load is not None and segment.pushes else ""
         parts.append((low, high, f"{count.get(int(owner[k]), '')}{segment.kind}{names}"))
     return parts
+
+
+@dataclass(frozen=True)
+class ShownStep:
+    """What a worker sees as one step: the robot drives to an object and pushes it, or pushes what it holds.
+
+    Attributes:
+        begin: Time, s.
+        end: Likewise.
+        words: What happens, in words.
+        margin: The smallest of a contact; None where none is known.
+        contact: Name of that contact.
+    """
+
+    begin: float
+    end: float
+    words: str
+    margin: float | None
+    contact: str
+
+
+def steps_of(run: Run | RecordedRun) -> list[ShownStep]:
+    """Return the steps of an execution in order, as a person would tell them."""
+    execution, segments = run.execution, segments_of(run.plan, run.feedback)
+    if execution is None or not segments or len(execution.t) < 2:
+        return []
+    begins = [0, *(np.flatnonzero(np.diff(execution.segment)) + 1).tolist()]
+    owners = [min(int(execution.segment[k]), len(segments) - 1) for k in begins]
+    groups: list[list[int]] = []
+    for k, owner in enumerate(owners):
+        before = [segments[owners[j]].kind for j in groups[-1]] if groups else []
+        if not groups or (segments[owner].kind in (TRANSIT, APPROACH) and (PUSH in before or CLOSE in before)):
+            groups.append([])
+        groups[-1].append(k)
+    names = contact_names(run.scenario)
+    ends = [*begins[1:], len(execution.t)]
+    found = []
+    for group in groups:
+        first, last = begins[group[0]], ends[group[-1]]
+        margins = execution.margins[first:last]
+        known = np.isfinite(margins).any()
+        weakest = int(np.nanargmin(margins)) % margins.shape[1] if known else 0
+        done = [segments[owners[k]] for k in group]
+        later = segments[owners[group[-1]] + 1 :]
+        found.append(
+            ShownStep(
+                float(execution.t[first]),
+                float(execution.t[min(last, len(execution.t) - 1)]),
+                _in_words(run.scenario, done, later),
+                float(np.nanmin(margins)) if known else None,
+                names[weakest] if known else "",
+            )
+        )
+    return found
+
+
+def _in_words(scenario: Scenario, done: Sequence[Segment], later: Sequence[Segment]) -> str:
+    """Return what segments do, in words: how far the robot drives to what, and how far it pushes it where."""
+    pushes = [one for one in done if one.kind in (PUSH, CLOSE)]
+    alone = sum(float(one.path.lengths @ np.hypot(*one.path.twists[:, :2].T)) for one in done if one.kind == TRANSIT)
+    if not pushes or pushes[-1].load is None:
+        return f"drive {alone:.2f} m" if alone else "drive up to the objects"
+    first, load = pushes[0].load, pushes[-1].load
+    what, pushed = " and ".join(load.names), sum(one.path.cost for one in pushes)
+    onto = " and ".join(dict.fromkeys(one.onto for one in pushes if one.onto))
+    way = f"push {what} {pushed:.2f} m"
+    if first is not None and onto:
+        way = f"push {' and '.join(first.names)} onto {onto}, and all of them on, {pushed:.2f} m in all,"
+    if first is not None and first.face and any(one.kind == APPROACH for one in done):
+        one = len(first.names) == 1
+        face = f"the {first.face} face of {first.names[0]}" if one else f"the face '{first.face}'"
+        way = f"{f'drive {alone:.2f} m to' if alone else 'drive up to'} {face}, {way}"
+    again = any(one.load is not None and set(one.load.names) & set(load.names) for one in later if one.pushes)
+    if again:
+        return f"{way}, not yet to the goal" if len(scenario.loads) == 1 else f"{way} out of the way"
+    aimed = {name for goal in scenario.task.goals for name in goal.names}
+    return f"{way} to the goal" if scenario.task.held or aimed & set(load.names) else f"{way} out of the way"
 
 
 def pushed_at_samples(run: Run | RecordedRun, samples: IntArray) -> Iterator[tuple[Load | None, IntArray]]:

@@ -30,6 +30,7 @@ from pushplan.drawing.scene import Scene
 from pushplan.logging.film import Film, Still
 from pushplan.logging.page import render, write_html
 from pushplan.logging.scene import scene as messages_of
+from pushplan.logging.shown import steps_of as run_steps
 from pushplan.plans.run import Run
 from pushplan.view import tone
 
@@ -63,6 +64,23 @@ def test_a_page_is_tidy_on_every_screen(kind: str, browser: Any, tmp_path: Path)
         keep(browser, f"page {kind} {width} {'dark' if dark else 'light'} notes")
         assert_tidy(browser, "h1, #facts, #notes, #why, #event, canvas, #legend > *, footer > *", width)
         assert browser.evaluate("document.documentElement.scrollHeight") <= 1300
+
+
+def test_the_page_answers_what_a_worker_asks(browser: Any, tmp_path: Path) -> None:
+    run = made("rearrangement")
+    write_html(run, tmp_path / "run.html")
+    show(browser, tmp_path / "run.html", 1280, False)
+    end = there(run.execution)
+    said = browser.evaluate("document.getElementById('steps').innerText")
+    first = there(there(run.plan).pushes[0].load).names[0]
+    assert re.search(rf"drive [\d.]+ m to the \w+ face of {first}, push {first} [\d.]+ m to the goal", said)
+    assert said.startswith("2 steps.")
+    assert f"The whole takes {end.t[-1]:.1f} s." in said
+    least = np.nanmin(end.margins)
+    assert f"margin {least:.3f}." in said
+    assert f"ends at x {end.poses[-1, 0]:.2f} m, y {end.poses[-1, 1]:.2f} m" in said
+    browser.evaluate("document.querySelectorAll('#steps li')[1].click()")
+    assert browser.evaluate("pushplan.state.time") == pytest.approx(run_steps(run)[1].begin, abs=0.02)
 
 
 @EVERY
