@@ -167,6 +167,9 @@ def transport_of(
     plate, choice = file.pusher, file.pushes or schema.PushChoice()
     if isinstance(file, RearrangementFile) and "transit_weight" not in choice.model_fields_set:
         choice = choice.model_copy(update={"transit_weight": 1.0})  # half of the way is from one object to the next
+    least = max(file.clearance, TRANSIT_CLEARANCE) + _NEAREST
+    longer = {name: max(getattr(choice, name), least) for name in ("approach", "retreat")}
+    choice = choice.model_copy(update={k: v for k, v in longer.items() if k not in choice.model_fields_set})
     faces = None if plate.faces in (None, "all") else tuple(plate.faces)
     contacts = file.contacts.model_dump(exclude_none=True)
     offsets = plate.offsets or (0.0,)
@@ -178,7 +181,7 @@ def check_pushes(scenario: Scenario, goal: Place, source: Source) -> None:
     task = scenario.transport
     for name in ("approach", "retreat"):
         kept = max(scenario.clearance, TRANSIT_CLEARANCE)
-        least = kept + _NEAREST
+        least = kept + _NEAREST  # defaults are no shorter
         if getattr(task, name) < least:
             why = f"the robot keeps {kept:.6g} m from the objects when it drives on"
             what = f"is {getattr(task, name):.6g} m, and {why}; allowed: at least {least:.6g}"

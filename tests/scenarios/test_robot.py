@@ -67,6 +67,11 @@ def test_symmetry_turns_the_goal_about_the_object_that_it_is_for() -> None:
         np.testing.assert_allclose(goal.pose_chain[:2] + ahead, [0.6, 0.4], atol=1e-12)
 
 
+def test_a_default_approach_is_longer_than_the_clearance() -> None:
+    task = BEHIND.scenario(("name: box", "clearance: 0.1")).transport
+    assert task.approach == task.retreat == pytest.approx(0.101)
+
+
 WRONG = """\
 of: box} | of: box, symmetry: 4} | 7:40: goal.symmetry: is for multi-push plans: it needs a robot.start,
 friction: 0.5} | friction: 0.5, faces: all} | 5:37: pusher.faces: is for multi-push plans: it needs a robot.start,
@@ -77,14 +82,14 @@ friction: 0.5} | friction: 0.5, faces: [behind]} | faces[0]: is the text 'behind
 of: box | of: bix | 8:35: goal.of: no object is called 'bix'; did you mean 'box'? allowed: box
 name: box | planner: {name: rrt} | planner.name: is for a single push; multi-push plans have auto only
 name: box | pushes: {most: 0} | pushes.most: is 0; allowed: a whole number from 1 to 100
-name: box | clearance: 0.1 | pushes.approach: is 0.05 m, and the robot keeps 0.1 m from the objects
+name: box | clearance: 0.1\\npushes: {approach: 0.05} | pushes.approach: is 0.05 m, and the robot keeps 0.1 m from the
 """
 """What is replaced in the file, by what, and what is told; what needs a robot's start is told where there is none."""
 
 
 @pytest.mark.parametrize("row", WRONG.splitlines())
 def test_what_is_wrong_is_told_with_its_place(row: str) -> None:
-    old, new, expected = row.split(" | ")
+    old, new, expected = row.replace("\\n", "\n").split(" | ")
     without = [("robot: {start: [-0.5, 0.0, 0.0]}\n", "")] if "needs a robot.start" in expected else []
     found = BEHIND.findings((old, new), *without)
     assert any(expected in finding for finding in found), found
