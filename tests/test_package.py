@@ -4,6 +4,7 @@ import ast
 import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable, Iterator
 from functools import cache
 from graphlib import TopologicalSorter
@@ -12,11 +13,16 @@ from pathlib import Path
 from types import FrameType
 
 import pytest
+import yaml
 from click.testing import CliRunner
 from conftest import Captured
 
+from pushplan.bench import store
+from pushplan.bench.schema import SUITE_FORMAT
 from pushplan.cli.main import COMMANDS, MORE, main
 from pushplan.cli.main import pushplan as command_line
+from pushplan.logging import metadata, tables
+from pushplan.util.names import SCENARIO_FORMAT
 
 HEAVY = ("ompl", "matplotlib", "mcap", "shapely", "pydantic", "scipy", "ruckig", "numpy")
 ROOT = Path(__file__).parents[1]
@@ -53,6 +59,23 @@ def test_a_command_loads_only_what_it_needs(tmp_path: Path) -> None:
         loaded = _modules_after(f"from pushplan.cli.main import main; assert main({words}) == 0")
         assert "pushplan.scenario.file" in loaded
         assert not loaded & spared
+
+
+def test_the_stated_formats_and_versions_of_python_are_those_of_the_code() -> None:
+    rows = re.findall(r"^\| [^|]+ \| `?([\w/-]+)`? \|", (ROOT / "docs" / "api.md").read_text(), re.MULTILINE)
+    numbers = (SCENARIO_FORMAT, SUITE_FORMAT, metadata.FORMAT, store.FORMAT, tables.FORMAT)
+    assert rows[-5:] == [str(number) for number in numbers]
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        document = tomllib.load(file)
+    words = [text.rpartition(" :: ")[2] for text in document["project"]["classifiers"]]
+    pythons = [word for word in words if re.fullmatch(r"3\.\d+", word)]
+    assert [text[2:].partition("-")[0] for text in document["tool"]["cibuildwheel"]["build"].split()] == [
+        python.replace(".", "") for python in pythons
+    ]
+    if (ROOT / ".github").is_dir():  # the tests may run away from the sources
+        workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "tests.yml").read_text())
+        assert workflow["jobs"]["tests"]["strategy"]["matrix"]["python"] == pythons
+        assert f'versions="{" ".join(pythons)}"' in (ROOT / ".ci" / "release").read_text()
 
 
 def test_pythons_own_logging_is_found_from_the_checkout() -> None:
