@@ -171,23 +171,23 @@ class Controller:
         frame: str = "world",
         covariance: ArrayLike | None = None,
     ) -> FloatArray:
-        """Return the body twist (3,) in the plate frame that the plate is to have until the next step.
+        """Return the body twist (3,) of the plate frame until the next step.
 
-        Steps come `settings.rate` times a second. Numbers that cannot be are dropped with an event of the kind
-        `dropped`; where time is none, the twist is 0. While the plate stands still a step may take long: it plans.
+        Call it `settings.rate` times a second. Invalid numbers are dropped with an event of the kind `dropped`; an
+        invalid time gives the twist 0. While the plate stands still, a step can take long because it plans.
 
         Args:
-            now: Time by any clock, s.
-            object_poses: (n, 3) measured poses of the objects' frames, None or NaN where unseen; None: nothing new.
-            measured_at: When they were measured, not when they came, s; None: now. Up to 0.1 s ahead, they wait.
-            plate_pose: (3,) pose of the plate frame in the world, where that is measured, too; it may jump.
-            odometry: (3,) pose of the plate frame by the wheels, in a frame that stays: it tells how the plate moves,
-                and may drift. Without both, the plate has moved as it was told to.
-            frame: Of `object_poses`: `world`, or `plate` for a camera on the robot.
-            covariance: (3, 3) of each of these in x, y, theta, or (n, 3, 3), the largest counts; None: see settings.
+            now: Time of any clock, s.
+            object_poses: (n, 3) measured poses of the objects' frames, None or NaN if unseen; None: nothing new.
+            measured_at: Time of the measurement, s; None: now. Measurements up to 0.1 s ahead wait.
+            plate_pose: (3,) measured pose of the plate frame in the world; it may jump.
+            odometry: (3,) pose of the plate frame by the wheels, in a fixed frame; it may drift. Without both poses
+                the plate is assumed to follow the commanded twists.
+            frame: Frame of `object_poses`: `world`, or `plate` for a camera on the robot.
+            covariance: (3, 3) of a pose in x, y, theta, or (n, 3, 3), whose largest counts; None: as in the settings.
 
         Raises:
-            PushplanError: When there are more or fewer poses than objects, words for numbers, or another frame.
+            PushplanError: If the number of poses is wrong, an argument is not numeric, or `frame` is unknown.
         """
         intake, sightings = self._intake, self._sightings
         if not intake.clock(now):

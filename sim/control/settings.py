@@ -27,27 +27,27 @@ class ControlSettings:
         rate: Twists per second, Hz.
         position_noise: Standard deviation of each coordinate of a measured position, m.
         angle_noise: Standard deviation of a measured angle, rad.
-        looks: Measurements at rest that a decision rests on; while it pushes, three quarters of them have to agree.
-        position_slack: How far an object may be away from its pose in the plan while the plan goes on, m.
-        angle_slack: By what angle it may be, rad.
-        position_tolerance: Distance from its goal within which the goal's object has arrived, m. The goal's own
-            tolerance counts where it is wider.
-        angle_tolerance: The same of the angle, rad.
-        friction: Share by which coefficients of friction may be off; pushes that close contacts are proven for it.
-        time_limit: Wall-clock time that the search of a plan may take, s.
-        replans: So many plans are made after the first one, at most.
-        detour: Travel of the plate in all, at most: so many times that of the first plan, and m beyond. The same
-            holds of each push against its own plan.
-        worth: Travel (m) that it is worth to come nearer to the goal by as much as its tolerance; less error beyond
-            is worth less, but always half a metre.
-        patience: Time without a measurement after which the plate stands still until one comes, s.
+        looks: Number of measurements at rest for a decision; in a push, three quarters of them must agree.
+        position_slack: Largest deviation of an object from its planned position in a push, m.
+        angle_slack: Largest deviation of an object from its planned angle in a push, rad.
+        position_tolerance: Distance from the goal at which the goal's object has arrived, m. A wider tolerance of the
+            goal replaces it.
+        angle_tolerance: Angle from the goal at which the goal's object has arrived, rad, or a wider one of the goal.
+        friction: Share by which friction coefficients may be off; closing pushes are proven for it.
+        time_limit: Wall-clock time of a search, s.
+        replans: Largest number of replans.
+        detour: Largest travel of the plate: a factor of the first plan, plus a distance in m. Each push has the
+            same limit relative to its own plan.
+        worth: Travel (m) that a replan may take to reduce an error by the goal's tolerance. Half a metre is always
+            allowed.
+        patience: Time without a measurement after which the plate stops, s.
         outage: Time without a measurement after which the controller gives up, s.
-        bias: Standard deviation of what is measured of an object beside its noise, always the same, m and rad.
-        start_error: Likewise of where the plate is at first, m and rad.
-        approach_error: Likewise of where it is against an object that it has driven up to, m and rad.
-        delay_error: Likewise of the times of measurements, s.
-        late: By how much measurements without times come late, and by what that may be off, s.
-        odometry_error: Standard deviation of the share that the plate goes too far, or aside.
+        bias: Standard deviation of the constant error of an object's measurements, m and rad.
+        start_error: Standard deviation of the start pose of the plate, m and rad.
+        approach_error: Standard deviation of the pose of the plate relative to an object after a transit, m and rad.
+        delay_error: Standard deviation of the times of measurements, s.
+        late: Delay of measurements without times, and its standard deviation, s.
+        odometry_error: Standard deviation of the relative error of the wheels, ahead and sideways.
     """
 
     rate: float = 50.0
