@@ -14,12 +14,14 @@ from pushplan.cli.console import Console, angle_text, counted, length_text, plai
 from pushplan.cli.main import DONE, MISMATCH, NO_PLAN
 from pushplan.errors import OutputError
 from pushplan.plans.execution import inertia_warning
+from pushplan.plans.run import segments_of
 
 if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
     from pushplan.plans.execution import Execution
     from pushplan.plans.plan import Plan
-    from pushplan.plans.run import Run
+    from pushplan.plans.run import Feedback, Run
+    from pushplan.plans.segment import Segment
     from pushplan.scenario.model import Scenario
     from pushplan.sim.report import ContactReport
     from pushplan.util.arrays import FloatArray
@@ -127,25 +129,26 @@ def plan_document(plan: Plan, log: Path | None) -> Document:
     return {**document, "log": log}
 
 
-def remarks_on(plan: Plan, execution: Execution | None) -> dict[str, str]:
+def remarks_on(plan: Plan, execution: Execution | None, feedback: Feedback | None = None) -> dict[str, str]:
     """Return what people are told beside the numbers of a plan: where margins are smallest, what it tolerates."""
     remarks = {"force": plan.force_words, "in the way": plan.in_the_way}
     if plan.robustness:
         remarks["robustness"] = plan.robustness_words
     if execution is not None:
         remarks["warning"] = inertia_warning(plan.scenario, execution)
-        remarks["min_margin"] = _where(plan, execution, execution.margins)
+        segments = segments_of(plan, feedback)
+        remarks["min_margin"] = _where(segments, execution, execution.margins)
         if execution.dynamic_margins is not None:
-            remarks["min_dynamic_margin"] = _where(plan, execution, execution.dynamic_margins)
+            remarks["min_dynamic_margin"] = _where(segments, execution, execution.dynamic_margins)
     return remarks
 
 
-def _where(plan: Plan, execution: Execution, margins: FloatArray) -> str:
+def _where(segments: tuple[Segment, ...], execution: Execution, margins: FloatArray) -> str:
     """Return when and at which contact the smallest of margins (m, n) is; empty where nothing was pushed."""
     if np.isnan(margins).all():
         return ""
     sample, column = np.unravel_index(int(np.nanargmin(margins)), margins.shape)
-    load = plan.segments[int(execution.segment[sample])].load
+    load = segments[int(execution.segment[sample])].load
     name = execution.names[int(column)]
     contact = name if load is None else load.contact_name(name)
     return f" at {execution.t[sample]:.2f} s, contact {contact}"

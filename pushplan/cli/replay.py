@@ -151,7 +151,7 @@ def _tell(run: RecordedRun, recovered: Path | None, console: Console) -> Documen
     else:
         about = plan_document(run.plan, run.path)
         headline(about, console)
-        rows = plan_rows(about, remarks_on(run.plan, run.execution))
+        rows = plan_rows(about, remarks_on(run.plan, run.execution, run.feedback))
     if run.trials:
         arrived, of = sum(end.arrived for end in run.trials), len(run.trials)
         low, high = wilson(arrived, of)

@@ -401,7 +401,7 @@ class PushLoop:
         elif self._share <= 1.0 or (self._replanner.aim.errors(measured) <= self._job.will_do).all():
             self._end(Phase.ARRIVED, f"{off} off the goal, and there is no plan to come nearer")
         else:
-            self._give_up(f"{off} remain to the goal, and there is no plan from here: {replan.reason}")
+            self._give_up(f"{off} remain to the goal, and there is no plan from here: {attempts[0].reason}")
 
     def _is_too_far(self, travel: float, off: str) -> bool:
         """End where a plan takes more travel (m) than it may."""

@@ -27,6 +27,7 @@ from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Obstacle
 from pushplan.sim.control.aim import Aim
 from pushplan.sim.control.settings import ControlSettings
+from pushplan.sim.robustness import least_robustness
 from pushplan.slip.simulator import SlipSimulator
 from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
@@ -361,8 +362,14 @@ def planned_for_least(scenario: Scenario, friction: float, make: Callable[[Scena
     for key, load in loads.items():
         chain = with_contact_friction(load.chain, 1.0 / (1.0 - friction))
         believed[key] = Load(load.links, load.problem.with_load(chain=chain, interval=None))
-    segments = tuple(replace(segment, load=believed[id(segment.load)]) for segment in made.segments)
-    return replace(made, scenario=scenario, segments=segments)
+    segments = []
+    for segment in made.segments:
+        own, least = believed[id(segment.load)], None
+        if segment.pushes and segment.min_margin is not None and own is not None:
+            least = float(own.stable_set(made.stable_set).margin(segment.contact_path.twists).min())
+        segments.append(replace(segment, load=own, min_margin=least))
+    robustness = None if made.robustness is None else least_robustness(segments)
+    return replace(made, scenario=scenario, segments=tuple(segments), robustness=robustness)
 
 
 def bears(plan: Plan, friction: float) -> bool:

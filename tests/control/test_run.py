@@ -10,6 +10,7 @@ import pytest
 from conftest import Captured, there
 from mcap.reader import make_reader
 from rough import first_plans, slow_controllers
+from several.conftest import problem_document
 
 import pushplan
 from pushplan.cli.main import main
@@ -18,7 +19,8 @@ from pushplan.errors import RunLogError
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
 from pushplan.plans.run import Event, collapsed
-from pushplan.scenario.file import example_text
+from pushplan.scenario.file import example_text, scenario_from_document
+from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance
 
 DISTURBANCE = "time=4s,object=far,y=-5mm,turn=3deg"
@@ -143,6 +145,20 @@ def test_the_command_arrives_in_closed_loop_and_verifies(file: Path, tmp_path: P
     assert kinds >= {"plan", "disturbance", "deviation", "re-localisation", "replan", "arrived"}
     assert page.stat().st_size > 10_000
     assert load_run(out).outcome == "arrived"
+
+
+def test_a_loop_that_planned_the_rest_anew_is_replayed_and_verified(tmp_path: Path, capsys: Captured) -> None:
+    """Margins may be smallest in a push that the first plan does not have."""
+    apart = scenario_from_document(problem_document("omnidirectional"))
+    plan = pushplan.plan(apart, seed=1, iterations=1, time_limit=60.0)
+    kick = Disturbance(0.97 * there(plan.duration), 0, 0.1, 0.05, 0.3)
+    settings = ControlSettings(rate=25.0, time_limit=60.0)
+    run = run_closed_loop(apart, None, [kick], plan=plan, settings=settings, log=tmp_path / "rest.mcap")
+    assert run.outcome == "arrived", run.reason
+    assert any(replan.rest and replan.solved for replan in run.replans)
+    assert int(run.execution.segment[-1]) >= len(plan.segments)
+    assert main(["replay", str(tmp_path / "rest.mcap"), "--verify"]) == 0
+    assert "contact pusher-b0" in capsys.readouterr().out
 
 
 def test_the_command_says_what_does_not_arrive_and_what_is_wrong(file: Path, capsys: Captured) -> None:
