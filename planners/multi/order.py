@@ -159,7 +159,7 @@ class Order:
         effort if the pieces are few. Then all is delivered again, the deepest goals and the nearest pieces first, and
         with what is in the way put aside. So no plan brings fewer than a loop over plans for single pieces.
 
-        The search for an order uses up the time that is left.
+        The search for an order, and deliveries with other seeds, use up the time that is left.
         """
         self._patience = 0
         begun = PartialPlan(0.0, 0.0, (), now), self._led(now)
@@ -178,6 +178,9 @@ class Order:
             best = self._freed(best)
         if best.here.left and not self._over():
             best = min(best, self._in_order(begun, STAGES[len(soon) :]), key=_worth)
+        while not self._over() and any(not self._reason(best.here, piece) for piece in best.here.left):
+            self._seed, self._known = self._seed + 1, {}
+            best = min(best, self._by_layers(begun[0]), key=_worth)
         return best
 
     def _in_order(
@@ -487,13 +490,16 @@ class Order:
 
     def why_not(self, now: Situation, piece: int) -> str:
         """Return why a piece that is left is not delivered, as far as that is known."""
+        return self._reason(now, piece) or "no pushes to its goal were found among the other objects"
+
+    def _reason(self, now: Situation, piece: int) -> str:
+        """Return what at the start or the goals keeps a piece from being delivered, empty where nothing does."""
         own = self._pieces[piece]
         takers = [self._on_goal(now, piece, goal) - {piece} for goal in range(len(own.goals))]
         if all(takers):
             names = ", ".join(f"'{self._pieces[k].name}'" for k in sorted(frozenset().union(*takers)))
             return f"its goal is taken by {names}"
-        scenario = posed(self._pieces, now, piece, own.goals)
-        return own.search.with_obstacles(scenario).why_not()
+        return own.search.with_obstacles(posed(self._pieces, now, piece, own.goals)).why_not()
 
     def _parking(self, now: Situation, piece: int) -> tuple[Goal, ...]:
         """Return places for a piece that no goal needs, nearest first: along straight pushes, and around it."""
