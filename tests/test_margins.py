@@ -251,7 +251,7 @@ def test_what_is_stated_is_the_box_of_the_joint_robustness() -> None:
         [c.friction / 0.8 for c in there(push.load).chain.contacts]
     )
     assert 1.0 <= (there(found.robustness).joint or 0.0) < 2.0
-    assert found.robustness_words.endswith(" times what is stated")
+    assert found.robustness_words.endswith(" x the stated intervals")
 
 
 def test_a_box_pushed_straight_ahead_bears_no_friction_but_half_its_width(make_chain: ChainMaker) -> None:

@@ -130,18 +130,17 @@ class Robustness:
         ):
             return "not known, as the loads on the floor are not, or may lift"
         if self.used_up:
-            return "tolerates nothing: once inertia counts, a contact does not hold even with the stated numbers"
-        than, off = ("the lowest stated", "off its middle") if beyond else ("stated", "off")
-        turned = f"{_at_least(self.angle, MOST_ANGLE)}{_down(degrees(self.angle))} deg"
+            return "none: with inertia, a contact does not hold even with the stated numbers"
+        of = " of the lowest stated" if beyond else ""
+        turned = f"{_down(degrees(self.angle))} deg{' or more' if self.angle >= MOST_ANGLE else ''}"
         lines = [
-            f"tolerates, each alone, {_share(1.0 - self.contact_friction)} lower contact friction than {than},",
-            f"an object's floor friction {off} by {_share(self.floor_friction)}, its load by {_share(self.load)},",
-            f"an object aside by {_down(1e3 * self.position)} mm or turned by {turned}",
+            f"one at a time: contact friction -{_share(1.0 - self.contact_friction)}{of},",
+            f"floor friction ±{_share(self.floor_friction)}, load ±{_share(self.load)},",
+            f"position {_down(1e3 * self.position)} mm, heading {turned}",
         ]
         if self.joint is not None:
-            box = "what is stated" if beyond else BOX_WORDS
             lines[-1] += ";"
-            lines.append(f"all at once, up to {_down(self.joint)} times {box}")
+            lines.append(f"all together: {_down(self.joint)} x {'the stated intervals' if beyond else BOX_WORDS}")
         return "\n".join(lines)
 
 
@@ -159,8 +158,4 @@ def _down(value: float) -> str:
 
 
 def _share(value: float) -> str:
-    return f"{_at_least(value, MOST_SHARE)}{_down(100.0 * value)} %"
-
-
-def _at_least(value: float, most: float) -> str:
-    return "at least " if value >= most else ""
+    return f"{_down(100.0 * value)} %{' or more' if value >= MOST_SHARE else ''}"
