@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Iterable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
@@ -22,8 +23,9 @@ from pushplan.planners.validator import Validator
 from pushplan.plans.diagnosis import Diagnosis
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Nearest, Plan, reason_of
-from pushplan.plans.settings import Observer, PlanOptions, PlanSettings
+from pushplan.plans.settings import Observer, PlanOptions, PlanSettings, named
 from pushplan.plans.trajectory import SAMPLE_RATE
+from pushplan.scenario.file import scenario_of
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.one_load import troubles_at_first
 from pushplan.scenario.parts import Obstacle
@@ -36,11 +38,12 @@ from pushplan.util.names import FARTHEST
 from pushplan.util.stopwatch import Stopwatch, no_collection
 
 
-def plan(scenario: Scenario, *, watch: Stopwatch | None = None, **options: Unpack[PlanOptions]) -> Plan:
+@named
+def plan(scenario: Scenario | str | Path, *, watch: Stopwatch | None = None, **options: Unpack[PlanOptions]) -> Plan:
     """Plan how every object of a scenario gets to its goal.
 
     Args:
-        scenario: One push, several pushes of one load, or several objects.
+        scenario: One push, several pushes of one load, or several objects; or its file, or a packaged example's name.
         watch: Takes the time of the phases `preparing`, `search`, `timing`, `execution` and `validation`.
         **options: See `PlanSettings`; what they leave open is taken from the scenario.
 
@@ -52,7 +55,7 @@ def plan(scenario: Scenario, *, watch: Stopwatch | None = None, **options: Unpac
         EmptyStableSetError: When no pusher twist keeps every contact.
     """
     watch, settings = watch or Stopwatch(), PlanSettings(**options)
-    planner = Planner(scenario, settings=settings, watch=watch)
+    planner = Planner(scenario_of(scenario), settings=settings, watch=watch)
     return planner.solve(planner.scenario, planner.settings, watch, planner.began)
 
 
@@ -78,6 +81,7 @@ class Planner:
         EmptyStableSetError: When no pusher twist keeps every contact.
     """
 
+    @named
     def __init__(
         self,
         scenario: Scenario,

@@ -10,19 +10,25 @@ from pushplan.planner import plan
 from pushplan.planners.search.planners import planner_named
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Run
-from pushplan.plans.settings import Observer, PlanOptions, PlanSettings
+from pushplan.plans.settings import Observer, PlanOptions, PlanSettings, named
+from pushplan.scenario.file import scenario_of
 from pushplan.scenario.model import Scenario
 from pushplan.sets.named import add_set
 from pushplan.util.stopwatch import Stopwatch
 
 
+@named
 def run(
-    scenario: Scenario, *, log: Where = None, runs: Path | str | None = None, **options: Unpack[PlanOptions]
+    scenario: Scenario | str | Path,
+    *,
+    log: Where = None,
+    runs: Path | str | None = None,
+    **options: Unpack[PlanOptions],
 ) -> Run:
     """Plan, execute in the kinematic simulator, and record both.
 
     Args:
-        scenario: One push, several pushes of one load, or several objects.
+        scenario: As for `plan`.
         log: File to write the run log to (MCAP), or False for none; None records the run in the folder `runs`. A
             run that finds no plan, or is refused, is recorded as well.
         runs: Folder of recorded runs; None for $PUSHPLAN_RUNS, else `pushplan/runs` in $XDG_STATE_HOME or in
@@ -35,7 +41,7 @@ def run(
         OutputError: When the file named by `log` cannot be written: before planning, or, as an `IncompleteLogError`
             that has the run, after it.
     """
-    watch, settings = Stopwatch(), PlanSettings(**options)
+    scenario, watch, settings = scenario_of(scenario), Stopwatch(), PlanSettings(**options)
     observer = settings.observer
     with Recording(scenario, fields_of(scenario, settings), log, runs, observer.message, watch) as recording:
         options["observer"] = recording.listening(observer)

@@ -1,27 +1,31 @@
 """The package: its public face, what importing it must not do, its layers, and the field's words."""
 
 import ast
+import base64
 import re
 import subprocess
 import sys
 import tomllib
 from collections.abc import Callable, Iterator
+from dataclasses import fields
 from functools import cache
 from graphlib import TopologicalSorter
-from inspect import CO_OPTIMIZED
+from inspect import CO_OPTIMIZED, signature
 from pathlib import Path
 from types import FrameType
 
 import pytest
 import yaml
 from click.testing import CliRunner
-from conftest import Captured
+from conftest import Captured, there
 
+import pushplan
 from pushplan.bench import store
 from pushplan.bench.schema import SUITE_FORMAT
 from pushplan.cli.main import COMMANDS, MORE, main
 from pushplan.cli.main import pushplan as command_line
 from pushplan.logging import metadata, tables
+from pushplan.scenario.file import example_text
 from pushplan.util.names import SCENARIO_FORMAT
 
 HEAVY = ("ompl", "matplotlib", "mcap", "shapely", "pydantic", "scipy", "ruckig", "numpy")
@@ -59,6 +63,31 @@ def test_a_command_loads_only_what_it_needs(tmp_path: Path) -> None:
         loaded = _modules_after(f"from pushplan.cli.main import main; assert main({words}) == 0")
         assert "pushplan.scenario.file" in loaded
         assert not loaded & spared
+
+
+def test_what_is_evaluated_in_a_notebook_is_a_line_or_a_picture() -> None:
+    run = pushplan.run("one-box", first=True, time_limit=60.0, log=False)
+    plan = run.plan
+    lines = [repr(one) for one in (run, plan, plan.trajectory, plan.scenario.chain)]
+    assert all(len(line) < 120 and "\n" not in line for line in lines), lines
+    picture = there(pushplan.plot_plan(plan))
+    assert picture.startswith(b"\x89PNG\r\n")
+    assert (picture._repr_png_(), repr(picture)) == (bytes(picture), f"<Picture of {len(picture)} bytes>")
+    assert base64.b64encode(picture).decode() in plan._repr_html_()
+
+
+def test_help_names_every_option_of_planning(tmp_path: Path) -> None:
+    for function in (pushplan.plan, pushplan.run, pushplan.Planner):
+        names = list(signature(function).parameters)
+        assert names[-len(fields(pushplan.PlanSettings)) :] == [one.name for one in fields(pushplan.PlanSettings)]
+        assert "options" not in names
+        assert "0x" not in str(signature(function))
+    file = tmp_path / "mine.yaml"
+    file.write_text(example_text("one-box"))
+    plans = [pushplan.plan(source, first=True, time_limit=60.0) for source in (file, str(file), "one-box")]
+    assert plans[0].cost == plans[1].cost == plans[2].cost
+    with pytest.raises(pushplan.ScenarioError, match="nowhere.yaml: cannot read the file"):
+        pushplan.plan("nowhere.yaml")
 
 
 def test_the_stated_formats_and_versions_of_python_are_those_of_the_code() -> None:

@@ -75,21 +75,33 @@ _LETTER, _PROSE = 0.57, 0.53
 """Mean width of a letter of the font over its height: in names, and in sentences with their spaces."""
 
 
+class Picture(bytes):
+    """A PNG file, which notebooks show."""
+
+    def __repr__(self) -> str:
+        """Say what it is in a line."""
+        return f"<Picture of {len(self)} bytes>"
+
+    def _repr_png_(self) -> bytes:
+        return bytes(self)
+
+
 @contextmanager
-def figure_for(path: str | Path, width: float, height: float) -> Iterator[Figure]:
-    """Yield a figure of `width` x `height` inches and write it to `path` (PNG, SVG or PDF) afterwards.
+def figure_for(target: str | Path | BytesIO, width: float, height: float) -> Iterator[Figure]:
+    """Yield a figure of `width` x `height` inches and write it to a file (PNG, SVG or PDF), or as PNG, afterwards.
 
     Raises:
         PlotError: On a suffix that is none of these.
         OutputError: When the file cannot be written.
     """
-    path = check_picture_path(path)
+    kind = ".png" if isinstance(target, BytesIO) else check_picture_path(target).suffix.lower()
+    picture = target if isinstance(target, BytesIO) else BytesIO()
     with matplotlib.rc_context(_STYLE):
         figure = Figure(figsize=(width, height))
         yield figure
-        kind, picture = path.suffix.lower(), BytesIO()
         figure.savefig(picture, format=kind.removeprefix("."), dpi=_DPI, metadata=dict(_METADATA[kind]))
-        write_whole(path, picture.getvalue())
+        if not isinstance(target, BytesIO):
+            write_whole(Path(target), picture.getvalue())
 
 
 class MarginScale(Patch):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from matplotlib.patches import Rectangle
 from pushplan.drawing import PANELS, PlotError, palette
 from pushplan.drawing.figure import (
     SMALL,
+    Picture,
     axes_at,
     broken,
     draw_footer,
@@ -67,17 +69,18 @@ _LETTERS = 7.5
 
 def plot_plan(
     plan: Plan,
-    path: str | Path,
+    path: str | Path | None = None,
     execution: Execution | None = None,
     events: Iterable[Event] = (),
     panels: Sequence[str] = PANELS,
-) -> None:
+) -> Picture | None:
     """Draw a plan: the way from start to goal, the margin on it, and the stable set or the pushes.
 
     Args:
         plan: Of one push, several pushes or several objects; without a plan the search tree and the path that comes
             nearest are drawn, and the reason is the title.
-        path: File to write; its suffix says whether PNG, SVG or PDF.
+        path: File to write; its suffix says whether PNG, SVG or PDF. Without it the picture is returned, as PNG
+            that notebooks show.
         execution: What happened; by default the plan's own. Paths and margins are taken from it.
         events: Of a closed loop: disturbances, deviations and replans are marked.
         panels: Which of `PANELS` to draw: the floor, the stable set or the list of pushes, the margin over time, and
@@ -99,7 +102,8 @@ def plot_plan(
     beside = {"set", "margin"} & set(panels)
     full = max((side + _SIDE if beside else _LEFT + width) + _RIGHT, _LEAST_WIDTH)
     tall = _HEIGHT if width or "set" in panels else _MARGIN_HEIGHT if beside else 0.0
-    with figure_for(path, full, _HEIGHT) as figure:
+    target = BytesIO() if path is None else path
+    with figure_for(target, full, _HEIGHT) as figure:
         keys = scene_keys(scene) if width or "steps" in panels else []
         said = [plan.robustness_words] if plan.robustness is not None and plan.robustness.known else []
         said += [plan.force_words] if plan.force_limit is not None else []
@@ -133,6 +137,7 @@ def plot_plan(
                 draw_set(column, plan.scenario.chain, plan.scenario.stable_set(plan.stable_set or None))
             else:
                 _list_pushes(column, scene, plan)
+    return Picture(target.getvalue()) if isinstance(target, BytesIO) else None
 
 
 def plot_scenario(scenario: Scenario, path: str | Path, stable: StableSet | None = None) -> None:

@@ -321,6 +321,10 @@ class Chain:
                     f"it must push object {i} from the plate ({PLATE}) or an earlier object"
                 )
 
+    def __repr__(self) -> str:
+        """Say what it is in a line."""
+        return f"<Chain of {', '.join(obj.name for obj in self.objects)}>"
+
     @cached_property
     def bodies(self) -> tuple[Body, ...]:
         """All that moves with the chain, from behind to the front: the robot's parts, the plate, the objects."""

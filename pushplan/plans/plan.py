@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import base64
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from html import escape
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import numpy as np
@@ -169,6 +172,12 @@ class Plan:
         left = f", {len(self.undelivered)} objects left out" if self.undelivered else ""
         found = f"{count}, {self.cost or 0.0:.3f} m{driven}{left}" if self.segments else self.reason
         return f"<Plan of {self.scenario.name!r}: {found}>"
+
+    def _repr_html_(self) -> str:
+        """Return its picture, which notebooks show."""
+        draw = import_module("pushplan.drawing.plans").plot_plan  # loaded then: drawing knows plans
+        picture = base64.b64encode(draw(self)).decode()
+        return f'<p>{escape(repr(self))}</p><img alt="" style="max-width:100%" src="data:image/png;base64,{picture}">'
 
     @property
     def robustness_words(self) -> str:

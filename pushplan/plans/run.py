@@ -164,6 +164,10 @@ class Run:
     seconds: Mapping[str, float] = field(default_factory=dict)
     feedback: Feedback | None = None
 
+    def __repr__(self) -> str:
+        """Say what it is in a line."""
+        return f"<Run: {self.plan!r}, log {self.log}>"
+
     @property
     def events(self) -> tuple[Event, ...]:
         """What happened, was noticed and was done in a closed loop."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
+from inspect import Parameter, signature
 from numbers import Real
-from typing import TYPE_CHECKING, Any, Literal, TypedDict
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar
 
 from pushplan.errors import PlanningError
 from pushplan.scenario.model import Scenario
@@ -37,9 +38,9 @@ class Observer:
         cancelled: Asked many times a second whether to end at once; the best plan until then counts.
     """
 
-    message: Callable[[str], None] = _ignore
-    improved: Callable[[Improvement], None] = _ignore
-    cancelled: Callable[[], bool] = _never
+    message: Callable[[str], None] = field(default=_ignore, repr=False)
+    improved: Callable[[Improvement], None] = field(default=_ignore, repr=False)
+    cancelled: Callable[[], bool] = field(default=_never, repr=False)
 
     def __init_subclass__(cls) -> None:
         """Refuse what would never be called."""
@@ -47,7 +48,7 @@ class Observer:
 
 
 class PlanOptions(TypedDict, total=False):
-    """The keywords of `PlanSettings`, for those who hand them on."""
+    """The keywords of `PlanSettings`, for those who hand them on; `named` shows them to `help()`."""
 
     planner: str | Callable[[Any], Any] | None
     stable_set: str | type[StableSet] | None
@@ -162,3 +163,16 @@ def _checked(scenario: object) -> Scenario:
         return scenario
     what = f"{scenario!r:.40} is a {type(scenario).__name__}"
     raise PlanningError(f"{what}; allowed: a scenario, as pushplan.load_scenario gives it")
+
+
+F = TypeVar("F", bound=Callable[..., object])
+
+
+def named(function: F) -> F:
+    """Show every keyword in the signature of a function that takes `**options: Unpack[PlanOptions]`."""
+    found = signature(function)
+    own = [one for one in found.parameters.values() if one.kind is not Parameter.VAR_KEYWORD]
+    how, kinds = Parameter.KEYWORD_ONLY, PlanSettings.__annotations__
+    more = [Parameter(x.name, how, default=x.default, annotation=kinds[x.name]) for x in fields(PlanSettings)]
+    function.__signature__ = found.replace(parameters=[*own, *more])  # type: ignore[attr-defined]
+    return function

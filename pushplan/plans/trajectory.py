@@ -76,6 +76,10 @@ class Trajectory:
     rate: float = SAMPLE_RATE
     base: FloatArray = field(default_factory=lambda: np.zeros(3))
 
+    def __repr__(self) -> str:
+        """Say what it is in a line."""
+        return f"<Trajectory: {self.duration:.2f} s from ({', '.join(f'{x:.3f}' for x in self.start)})>"
+
     def __post_init__(self) -> None:
         pieces = len(self.coefficients)
         object.__setattr__(self, "start", frozen(self.start, (3,), "start of the trajectory"))

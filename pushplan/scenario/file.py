@@ -63,6 +63,11 @@ def load_scenario(source: str | Path, maps: Sequence[str | Path] = ()) -> Scenar
     return _with_maps(scenario, maps) if maps else scenario
 
 
+def scenario_of(source: Scenario | str | Path) -> Scenario:
+    """Return a scenario as it is, or read it as `load_scenario` does."""
+    return source if isinstance(source, Scenario) else load_scenario(source)
+
+
 def read_named(
     source: str | Path, folder: Path, what: str, refused: Callable[[str, list[Finding]], ScenarioError]
 ) -> tuple[bytes, Path]:
