@@ -152,7 +152,10 @@ def _plan(run: Run | RecordedRun, scene: Scene) -> dict[str, Any]:
     if run.execution is not None:
         facts.append(run.execution.force_words(scenario.pusher.limits.force))
     facts = [fact for fact in facts if fact]
-    notes = [note for note in (plan.robustness_words if plan.solved else "", *plan.notes) if note]
+    notes = [
+        *([f"robustness: {plan.robustness_words}"] if plan.solved and plan.robustness_words else []),
+        *plan.notes,
+    ]
     return {"facts": facts, "notes": notes, **shown}
 
 

@@ -105,7 +105,8 @@ def plot_plan(
     target = BytesIO() if path is None else path
     with figure_for(target, full, _HEIGHT) as figure:
         keys = scene_keys(scene) if width or "steps" in panels else []
-        said = [plan.robustness_words] if plan.robustness is not None and plan.robustness.known else []
+        known = plan.robustness is not None and plan.robustness.known
+        said = [f"robustness, {plan.robustness_words}"] if known else []
         said += [plan.force_words] if plan.force_limit is not None else []
         low = draw_footer(figure, _LEFT, keys, "; ".join(filter(None, said)) if plan.solved else "") + 0.15
         steps = None
