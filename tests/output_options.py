@@ -10,7 +10,7 @@ from pushplan.cli.parameters import PATH
 _SUFFIXES = {"plot": ".svg", "output": ".mcap", "recovered": ".mcap", "worst": ".mcap", "name": ".yaml"}
 """By the option's name; an export's suffix is its name."""
 
-_FOLDERS = {"compare", "runs"}
+_FOLDERS = {"compare", "runs", "shards"}
 _INPUTS = {"maps", "map_file", "log", "logs", "suite"}
 _ELSEWHERE = {("bench", "output"), ("identify", "output")}
 """Need more than a scenario or the log of a plan; tested with the commands."""

@@ -171,7 +171,7 @@ CALLS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "cost": (lambda p: api.plan(p.scenario, cost="fuel"), "no cost is called 'fuel'; there are travel,"),
     "margin asked": (lambda p: api.plan(p.scenario, margin=1.0), "allowed: 'auto' or a number from 0"),
     "margin of words": (lambda p: api.plan(p.scenario, margin="much"), "allowed: 'auto' or a number from 0"),
-    "no scenario": (lambda p: api.run("two-crates"), "'two-crates' is a str; allowed: a scenario, as pushplan.load_"),
+    "no scenario": (lambda p: api.run(3), "3 is a int; allowed: a scenario, its file, or the name"),
     "no observer": (lambda p: api.plan(p.scenario, observer=print), "allowed: a pushplan.Observer"),
     "no margin": (lambda p: api.plan(p.scenario, margin=0.9), "no push has a margin above 0.9"),
     "no room": (lambda p: api.plan(p.scenario, margin=0.0), "leaves the contacts nothing to spare"),

@@ -162,7 +162,7 @@ def _checked(scenario: object) -> Scenario:
     if isinstance(scenario, Scenario):
         return scenario
     what = f"{scenario!r:.40} is a {type(scenario).__name__}"
-    raise PlanningError(f"{what}; allowed: a scenario, as pushplan.load_scenario gives it")
+    raise PlanningError(f"{what}; allowed: a scenario, its file, or the name of a packaged one")
 
 
 F = TypeVar("F", bound=Callable[..., object])

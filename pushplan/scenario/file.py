@@ -64,8 +64,8 @@ def load_scenario(source: str | Path, maps: Sequence[str | Path] = ()) -> Scenar
 
 
 def scenario_of(source: Scenario | str | Path) -> Scenario:
-    """Return a scenario as it is, or read it as `load_scenario` does."""
-    return source if isinstance(source, Scenario) else load_scenario(source)
+    """Read a file or a packaged example as `load_scenario` does; anything else is returned as it is."""
+    return load_scenario(source) if isinstance(source, str | Path) else source
 
 
 def read_named(
