@@ -27,7 +27,7 @@ SURE = 6.5
 of 128. The median of so many scatters by a tenth."""
 MEDIANS = np.array([1.665, 0.954])
 """Medians of the distance and of the angle between two measurements, in standard deviations of one."""
-ELSEWHERE = 0.2
+ELSEWHERE = 0.5
 """Up to this share of its leap from where another object was, one that leapt may be that one."""
 
 
