@@ -46,5 +46,6 @@ def test_the_index_plays_a_run_that_needs_no_scrolling(width: int, browser: Any)
     show(browser, SITE / "index.html", width)
     assert browser.evaluate("document.querySelector('iframe').src").endswith("_static/two-crates.html#playing")
     room = browser.evaluate("document.querySelector('iframe').getBoundingClientRect().toJSON()")
-    show(browser, SITE / "_static" / "two-crates.html", int(room["width"]), height=int(room["height"]))
+    played = (SITE / "_static" / "two-crates.html").as_uri() + "#playing"
+    show(browser, played, int(room["width"]), height=int(room["height"]))
     assert browser.evaluate("document.documentElement.scrollHeight") <= room["height"]
