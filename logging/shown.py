@@ -57,8 +57,7 @@ def parts_of(run: Run | RecordedRun) -> list[tuple[float, float, str]]:
     execution, plan = run.execution, run.plan
     if execution is None or plan is None or len(execution.t) < 2:
         return []
-    owner = execution.segment
-    begins = np.concatenate([[0], np.flatnonzero(np.diff(owner)) + 1]).tolist()
+    owner, begins = execution.segment, _begins(execution)
     edges = [float(execution.t[k]) for k in begins] + [float(execution.t[-1])]
     count = {k: f"{k + 1}. " for k in range(len(plan.segments))} if len(plan.segments) > 1 else {}
     parts = []
@@ -67,6 +66,11 @@ def parts_of(run: Run | RecordedRun) -> list[tuple[float, float, str]]:
         names = f" {', '.join(segment.load.names)}" if segment.load is not None and segment.pushes else ""
         parts.append((low, high, f"{count.get(int(owner[k]), '')}{segment.kind}{names}"))
     return parts
+
+
+def _begins(execution: Execution) -> list[int]:
+    """Return the first sample of each segment that was executed, in order."""
+    return [0, *(np.flatnonzero(np.diff(execution.segment)) + 1).tolist()]
 
 
 @dataclass(frozen=True)
@@ -93,7 +97,7 @@ def steps_of(run: Run | RecordedRun) -> list[ShownStep]:
     execution, segments = run.execution, segments_of(run.plan, run.feedback)
     if execution is None or not segments or len(execution.t) < 2:
         return []
-    begins = [0, *(np.flatnonzero(np.diff(execution.segment)) + 1).tolist()]
+    begins = _begins(execution)
     owners = [min(int(execution.segment[k]), len(segments) - 1) for k in begins]
     groups: list[list[int]] = []
     for k, owner in enumerate(owners):
@@ -136,9 +140,9 @@ def _in_words(scenario: Scenario, done: Sequence[Segment], later: Sequence[Segme
     if first is not None and onto:
         way = f"push {' and '.join(first.names)} onto {onto}, and all of them on, {pushed:.2f} m in all,"
     if first is not None and first.face and any(one.kind == APPROACH for one in done):
-        one = len(first.names) == 1
-        face = f"the {first.face} face of {first.names[0]}" if one else f"the face '{first.face}'"
-        way = f"{f'drive {alone:.2f} m to' if alone else 'drive up to'} {face}, {way}"
+        single = len(first.names) == 1
+        face = f"the {first.face} face of {first.names[0]}" if single else f"the face '{first.face}'"
+        way = f"drive {f'{alone:.2f} m' if alone else 'up'} to {face}, {way}"
     again = any(one.load is not None and set(one.load.names) & set(load.names) for one in later if one.pushes)
     if again:
         return f"{way}, not yet to the goal" if len(scenario.loads) == 1 else f"{way} out of the way"

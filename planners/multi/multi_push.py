@@ -284,7 +284,8 @@ def _explanation(
     """Return why a search found nothing, most certain first."""
     told = sorted(_reasons(room, query, found), key=lambda reason: not reason.proven)
     if not told:
-        faces = ", ".join(dict.fromkeys(one.mode.place.face for one in _first_contacts(room, found)))
+        first = [room.contacts[k].mode.place.face for k in np.flatnonzero(found.begins & found.leaves)]
+        faces = ", ".join(dict.fromkeys(first))
         text = f"the search was not over after {found.looked_at} pushes and transits (first pushes: {faces})"
         told = [Diagnosis("time", text, False)]
     words = "; ".join(reason.text for reason in told)
@@ -316,12 +317,6 @@ def _reasons(room: PushRoom, query: Query, found: Found) -> Iterator[Diagnosis]:
     if not found.arrives:
         what = f"the robot found no transit to where it would push first ({faces})"
         yield Diagnosis(BOXED_IN, what, False)
-
-
-def _first_contacts(room: PushRoom, found: Found) -> list[Contact]:
-    """Return the contacts that the robot can drive up to and push at the start."""
-    can = found.begins & found.leaves
-    return [contact for contact, first in zip(room.contacts, can, strict=True) if first]
 
 
 def _offset_hint(room: PushRoom, loads: FloatArray) -> str:

@@ -1,12 +1,13 @@
 """In which order several objects are brought to their goals, and which of them have to make room first.
 
-At first the body is brought to its goal with which the cheapest tour begins (`tours`), then the next one: of those
-that may begin it, transfers are searched for until none can be cheaper, as the tours have it. Where that leaves some
-without a plan, situations are searched depth first, from there and then from the beginning: a body is brought to its
-goal only where every other one that is left keeps a plan of its own (or waits for another body to leave its goal);
-where none can be, one that is in the way is put somewhere from where the rest goes on, and has to be brought to its
-goal afterwards, also where it stood there before. As few are moved as possible. What is spent on each transfer grows
-while there is no order. Cheaper orders are looked for in beams.
+First, the body goes to its goal with which the cheapest tour begins (`tours`), then the next one. If some bodies are
+left without a plan, all are delivered greedily again: the deepest goals first, layer by layer, and the bodies that
+the last attempt left before all others. Then bodies in the way are put aside while that delivers more.
+
+If some are still left, situations are searched depth first. A body is brought to its goal only if every other body
+that is left keeps a plan of its own (or waits for another body to leave its goal). If no body can be brought, one
+that is in the way moves aside and is brought to its goal later. As few bodies as possible are moved. The effort for
+each transfer grows while there is no order. Beams search for cheaper orders.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ QUICK = ((0, 0), (3, 0), (0, 1), (0, 2), (0, 3), (0, 4))
 greedy deliveries after the other."""
 
 GREEDY = (*QUICK, (15, 0), (15, 1), (15, 2))
-"""The same with more effort."""
+"""Rounds with more effort, for bodies that the quick rounds leave."""
 
 ROUNDS = 6
 """Times that all is delivered again, what was left the last time first."""
