@@ -79,7 +79,7 @@ def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captur
     (["pln", "two-crates"], "Did you mean 'plan'?"),
     (["plan", "two-crates", "--planner", "autoo"], "did you mean 'auto'?"),
     (["plan", "two-crates", "more"], "unexpected extra argument (more)"),
-    (["plan", "two-crates", "--plot", "p.bmp"], "this one ends in .bmp; allowed for a picture: .png, .svg, .pdf"),
+    (["plan", "two-crates", "--plot", "p.bmp"], "the suffix .bmp is not a picture format; allowed: .png, .svg, .pdf"),
     (["plan", "two-crates", "-o", "/no/such/folder/r.mcap"], "there is no folder /no/such/folder"),
     (["plan", "two-crates", "--html", "x", "-o", "./x"], "this file is read or written already"),
     (["simulate", "one-box", "--no-log", "-o", "x"], "--no-log does not go together with -o and --runs"),

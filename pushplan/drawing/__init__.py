@@ -1,6 +1,6 @@
 """Pictures: the palette, the scene that all viewers draw, and figures of plans, stable sets and trials.
 
-What is here is known without loading the drawing library.
+Importing this module does not load Matplotlib.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ PANELS = ("floor", "set", "margin", "steps")
 
 
 class PlotError(PushplanError, ValueError):
-    """A picture cannot be drawn, or not written in the asked form."""
+    """A picture cannot be drawn, or its file format is not supported."""
 
 
 def check_picture_path(path: str | Path) -> Path:
-    """Return `path`, checked for a suffix that pictures can have.
+    """Return `path` if its suffix is one of `PICTURE_SUFFIXES`.
 
     Raises:
-        PlotError: On any other suffix.
+        PlotError: For any other suffix.
     """
     path = Path(path)
     if path.suffix.lower() not in PICTURE_SUFFIXES:
-        ends = f"this one ends in {path.suffix}" if path.suffix else "this name has no ending"
-        raise PlotError(f"{path}: {ends}; allowed for a picture: {', '.join(PICTURE_SUFFIXES)}")
+        ends = f"the suffix {path.suffix} is not a picture format" if path.suffix else "the name has no suffix"
+        raise PlotError(f"{path}: {ends}; allowed: {', '.join(PICTURE_SUFFIXES)}")
     return path

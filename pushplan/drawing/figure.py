@@ -1,4 +1,4 @@
-"""Figures in one quiet style, with their key below; without time stamps: the same data give the same bytes."""
+"""Figures in one style with the key below; files hold no time stamps, so the same data give the same bytes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from pushplan.util.arrays import FloatArray
 from pushplan.util.files import write_whole
 
 HALO = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
-"""Behind letters in a picture."""
+"""Box behind text in a picture."""
 
 _STYLE: Any = {  # Any, because the type of the keys differs between versions of Matplotlib
     "font.family": "sans-serif",
@@ -48,38 +48,38 @@ _STYLE: Any = {  # Any, because the type of the keys differs between versions of
     "legend.fontsize": 8.5,
     "hatch.linewidth": 0.5,
     "svg.hashsalt": "pushplan",
-    "svg.fonttype": "none",  # text that can be searched and edited
+    "svg.fonttype": "none",  # keeps text searchable and editable
     "figure.dpi": 100.0,
 }
 _DPI = 200
-_METADATA: Mapping[str, Mapping[str, None]] = {  # nothing that differs from run to run
+_METADATA: Mapping[str, Mapping[str, None]] = {  # removes the entries that differ from run to run
     ".png": {"Software": None},
     ".svg": {"Date": None, "Creator": None},
     ".pdf": {"CreationDate": None, "Creator": None, "Producer": None},
 }
 
 SMALL = 6.5
-"""Size of the smallest letters, points."""
+"""Smallest font size, points."""
 
 _EDGE, _BETWEEN = 0.04, 0.06
-"""Below the key, and between key and sentence, inches."""
+"""Gaps below the key and between key and sentence, inches."""
 _KEY: Any = {"handlelength": 1.4, "columnspacing": 1.4, "handletextpad": 0.5, "borderaxespad": 0.0}
 _BODY = 12.0
-"""Least width of a body over that of its outline."""
-_PIECES = 24  # of the scale of margins in a key
-_TICKS, _TICK = 9, 0.3  # most of them on an axis; inches that each takes
+"""Smallest ratio of a body's width to the width of its outline."""
+_PIECES = 24  # colours of the margin scale in a key
+_TICKS, _TICK = 9, 0.3  # largest number of ticks on an axis, and the length that each needs, inches
 _CROWDED = 0.14
-"""Of an axis of margins, what lies between two labels that would touch."""
+"""Share of the margin axis below which two labels would touch."""
 _UNBROKEN = "\N{NO-BREAK SPACE}"
 _LETTER, _PROSE = 0.57, 0.53
-"""Mean width of a letter of the font over its height: in names, and in sentences with their spaces."""
+"""Mean ratio of a letter's width to the font size: in names, and in sentences (with spaces)."""
 
 
 class Picture(bytes):
     """A PNG file, which notebooks show."""
 
     def __repr__(self) -> str:
-        """Say what it is in a line."""
+        """Return one line for consoles, without the bytes."""
         return f"<Picture of {len(self)} bytes>"
 
     def _repr_png_(self) -> bytes:
@@ -88,11 +88,11 @@ class Picture(bytes):
 
 @contextmanager
 def figure_for(target: str | Path | BytesIO, width: float, height: float) -> Iterator[Figure]:
-    """Yield a figure of `width` x `height` inches and write it to a file (PNG, SVG or PDF), or as PNG, afterwards.
+    """Yield a figure of `width` x `height` inches, then write it to a .png, .svg or .pdf file (or PNG to a buffer).
 
     Raises:
-        PlotError: On a suffix that is none of these.
-        OutputError: When the file cannot be written.
+        PlotError: For any other suffix.
+        OutputError: If the file cannot be written.
     """
     kind = ".png" if isinstance(target, BytesIO) else check_picture_path(target).suffix.lower()
     picture = target if isinstance(target, BytesIO) else BytesIO()
@@ -105,7 +105,7 @@ def figure_for(target: str | Path | BytesIO, width: float, height: float) -> Ite
 
 
 class MarginScale(Patch):
-    """The entry of a key for the colours of margins."""
+    """Entry of a key for the colours of margins."""
 
     def __init__(self) -> None:
         super().__init__(label=palette.MARGIN_WORDS)
@@ -126,14 +126,14 @@ class _ScaleHandler(HandlerBase):
 
 
 def axes_at(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
-    """Return new axes at a place given in inches."""
+    """Return new axes; position and size are in inches."""
     total_width, total_height = figure.get_size_inches()
     place = (left / total_width, bottom / total_height, width / total_width, height / total_height)
     return figure.add_axes(place)
 
 
 def equal_ticks(axes: Axes, extent: float) -> None:
-    """Give both axes ticks at the same spacing, about nine of them over `extent`, fewer where numbers would touch."""
+    """Set ticks of equal spacing on both axes: about nine over `extent`, fewer if their labels would touch."""
     box, x, y = axes.get_window_extent(), np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())
     inches = extent * min(box.width / x, box.height / y) / axes.figure.dpi
     count = int(np.clip(inches / _TICK, 2, _TICKS))
@@ -143,7 +143,7 @@ def equal_ticks(axes: Axes, extent: float) -> None:
 
 
 def margin_ticks(axes: Axes, kept: float | None) -> None:
-    """Name margins on the vertical axis, each in its colour on the fixed scale, and draw the one kept."""
+    """Set the ticks of a vertical margin axis, each in its colour, and draw the margin that the plan keeps."""
     ticks = palette.margin_ticks(kept)
     axes.set_yticks(ticks, [f"{tick:.2g}" for tick in ticks])
     labels = axes.get_yticklabels()
@@ -157,29 +157,29 @@ def margin_ticks(axes: Axes, kept: float | None) -> None:
 
 
 def letters_across(axes: Axes, points: float) -> int:
-    """Return how many letters of so many points fit beside one another over the width of axes."""
+    """Return how many letters of a font size, points, fit into the width of axes."""
     return letters_in(axes.get_window_extent().width / axes.figure.dpi, points)
 
 
 def letters_in(inches: float, points: float) -> int:
-    """Return how many letters of so many points fit beside one another into a width, inches."""
+    """Return how many letters of a font size, points, fit into a width, inches."""
     return int(72.0 * inches / (_LETTER * points))
 
 
 def narrowest(axes: Axes, outlines: Sequence[FloatArray]) -> float:
-    """Return the width of the narrowest outline, points, in axes whose place and limits are set already."""
+    """Return the width of the narrowest outline, points; position and limits of the axes must be set."""
     low, high = axes.get_xlim()
     inches = axes.get_window_extent().width / axes.figure.dpi
     return float(72.0 * inches * min(np.ptp(one, axis=0).min() for one in outlines) / abs(high - low))
 
 
 def outline_width(axes: Axes, outlines: Sequence[FloatArray]) -> float:
-    """Return the width of lines around outlines, points, that leaves small bodies their colour."""
+    """Return a line width for outlines, points, that keeps the colour of small bodies visible."""
     return float(np.clip(narrowest(axes, outlines) / _BODY, 0.25, 0.9))
 
 
 def broken(sentence: str, letters: int, **options: Any) -> list[str]:
-    """Return a sentence in lines of so many letters; between a number and its unit none begins."""
+    """Wrap a sentence into lines of at most `letters`, never between a number and its unit."""
     whole = re.sub(r"(?<=\d) (?=%|(?:deg|rad|mm|cm|m|s|N|kg)\b)", _UNBROKEN, sentence)
     return [line.replace(_UNBROKEN, " ") for line in textwrap.wrap(whole, letters, **options)]
 
@@ -188,10 +188,10 @@ def draw_footer(figure: Figure, left: float, entries: Sequence[Artist], sentence
     """Draw the key at the figure's lower edge, and a sentence above it; return the height of both, inches.
 
     Args:
-        figure: Its width is final; its height may still change.
-        left: Where both begin, inches.
-        entries: Of the key; they take as few rows as the figure's width allows.
-        sentence: Broken into lines where it is longer than the figure is wide.
+        figure: Figure of final width; its height can still change.
+        left: Left edge of both, inches.
+        entries: Entries of the key, in as few rows as the figure's width allows.
+        sentence: Text, wrapped to the figure's width.
     """
     top = float(_key(figure, left, entries).get_window_extent().y1) / figure.dpi if entries else _EDGE
     if not sentence:
@@ -203,7 +203,7 @@ def draw_footer(figure: Figure, left: float, entries: Sequence[Artist], sentence
 
 
 def _key(figure: Figure, left: float, entries: Sequence[Artist]) -> Legend:
-    """Return the key in as few rows as the figure has room for, all of them about equally long."""
+    """Return the key in as few rows of similar length as the figure's width allows."""
     for rows in range(1, len(entries) + 1):
         legend = figure.legend(
             handles=entries,

@@ -26,7 +26,7 @@ from pushplan.util.printable import cut
 
 
 class Layer(IntEnum):
-    """What is drawn over what; axes and grid lie below 1."""
+    """Drawing order, lowest first; axes and grid lie below 1."""
 
     TREE = 2
     SWEPT = 3
@@ -40,17 +40,17 @@ class Layer(IntEnum):
 
 
 GHOSTS = 9
-"""Poses between start and goal of a single push that are outlined."""
+"""Number of outlined poses between start and goal of a single push."""
 
 NAMED = 6
-"""Objects up to which each has an entry of its own in the key."""
+"""Largest number of objects for which each has its own entry in the key."""
 
 _ASPECTS = 1.0, 1.6
-"""Least and largest width of the view over its height."""
+"""Smallest and largest ratio of the view's width to its height."""
 _SWEEP = 0.01
-"""Between poses whose union is filled, m or tenths of a radian."""
+"""Distance between poses whose union is the swept area, m (1 rad counts as 0.1 m)."""
 _PATH = 2.0
-"""Width of the path, points."""
+"""Line width of the path, points."""
 _DASHES: Any = (0, (4, 2))
 _GOAL: Any = {"edgecolor": GOAL, "linestyle": (0, (3, 1.5))}
 _EVENT_MARKS = {
@@ -64,11 +64,11 @@ _EVENT_MARKS = {
     "gave up": "X",
 }
 _JUMP = 0.02
-"""Change of the margin between two neighbouring points that is a jump: the pusher stops, and sets off differently."""
+"""Smallest change of the margin between neighbouring points that counts as a jump, as between two arcs."""
 
 
 def view_of(window: Window) -> Window:
-    """Return a window that is no thin strip: wider or taller, about the same middle."""
+    """Return a window with the same centre, enlarged to a ratio of width to height within `_ASPECTS`."""
     size = window.size
     size = np.maximum(size, [size[1] * _ASPECTS[0], size[0] / _ASPECTS[1]])
     middle = 0.5 * np.array([window.xmin + window.xmax, window.ymin + window.ymax])
@@ -76,13 +76,13 @@ def view_of(window: Window) -> Window:
 
 
 def set_view(axes: Axes, window: Window) -> None:
-    """Show a window of the floor, with ticks at even distances."""
+    """Show a window of the floor, with equal ticks on both axes."""
     axes.set(xlim=window[::2], ylim=window[1::2], xlabel="x [m]", ylabel="y [m]")
     equal_ticks(axes, float(window.size.max()))
 
 
 def draw_room(axes: Axes, scene: Scene) -> None:
-    """Draw walls and obstacles; what is unknown of a map is hatched."""
+    """Draw walls and obstacles; unknown areas of a map are hatched."""
     if scene.walls is not None:
         axes.add_artist(
             Polygon(scene.walls, fill=False, edgecolor=palette.WALL, linewidth=1.4, zorder=Layer.OBSTACLE)
@@ -94,7 +94,7 @@ def draw_room(axes: Axes, scene: Scene) -> None:
 
 
 def draw_goals(axes: Axes, scene: Scene) -> None:
-    """Outline where objects shall go: green dashes over a line and a touch of the object's own colour."""
+    """Draw the goals: green dashes over a line and a pale fill in the object's colour."""
     width = outline_width(axes, [body.outline for body in scene.objects])
     for goal in scene.goals:
         look: Any = {"fill": False, "linewidth": 1.4 * width, "zorder": Layer.OBJECT + 0.5}
@@ -107,7 +107,7 @@ def draw_goals(axes: Axes, scene: Scene) -> None:
 def draw_bodies(
     axes: Axes, scene: Scene, poses: FloatArray, names: Sequence[str] | None = None, faint: bool = False
 ) -> None:
-    """Draw bodies at poses (b, 3): all of them, or those of some names; faintly those that are there for a while."""
+    """Draw bodies at poses (b, 3): all, or only those in `names`; `faint` marks intermediate poses."""
     width = outline_width(axes, [body.outline for body in scene.objects])
     for body, pose in zip(scene.bodies, poses, strict=True):
         if names is None or body.name in names:
@@ -118,14 +118,14 @@ def draw_bodies(
 
 
 def draw_outlines(axes: Axes, scene: Scene, poses: FloatArray, **look: Any) -> None:
-    """Outline the bodies that move at poses (b, 3)."""
+    """Draw the outlines of the moving bodies at poses (b, 3)."""
     for outline, moves in zip(scene.outlines(poses), scene.moved, strict=True):
         if moves:
             axes.add_artist(Polygon(outline, fill=False, **look))
 
 
 def draw_swept(axes: Axes, scene: Scene) -> None:
-    """Fill what robot and load pass over while they push."""
+    """Fill the area that robot and load sweep while they push."""
     loads = {name for line in scene.lines for name in line.load}
     if len(scene.t) == 1 or not loads:
         return
@@ -144,7 +144,7 @@ def draw_swept(axes: Axes, scene: Scene) -> None:
 
 
 def draw_lines(axes: Axes, lines: Sequence[Line]) -> None:
-    """Draw the plate's path: dashed where the robot is alone, by margin over white where it pushes."""
+    """Draw the plate's path: dashed if the robot drives alone, in the margins' colours over white if it pushes."""
     for line in lines:
         if line.pushes:
             draw_by_margin(axes, line.points, line.margins)
@@ -161,16 +161,16 @@ def draw_by_margin(
     under_width: float = 3.6,
     broken: bool = False,
 ) -> None:
-    """Draw a push through points (k, 2) in the colours of its margins (k,), over a plain line.
+    """Draw a push as a line in the colours of its margins, over a plain line.
 
     Args:
-        axes: Of the floor, or of margins over time.
-        points: What the line runs through.
-        margins: Each piece between points has the colour of the smaller one at its ends.
+        axes: Axes of the floor, or of margins over time.
+        points: Points (k, 2) of the line.
+        margins: Margins (k,); each piece has the colour of the smaller margin of its two ends.
         under: Colour of the plain line.
-        under_width: Of that line, points.
-        broken: Leave out pieces over which the margin jumps, as it does when the pusher stops and sets off
-            differently; the plain line shows them.
+        under_width: Width of the plain line, points.
+        broken: Whether pieces over which the margin jumps show only the plain line. The margin jumps where the
+            pusher stops between two arcs.
     """
     axes.plot(*points.T, color=under, linewidth=under_width, solid_capstyle="round", zorder=Layer.PATH)
     pieces, colours = np.stack([points[:-1], points[1:]], axis=1), piece_colours(margins)
@@ -193,7 +193,7 @@ def draw_tree(axes: Axes, scene: Scene) -> None:
 
 
 def draw_nearest(axes: Axes, scene: Scene) -> None:
-    """Draw the path that comes nearest to the goal, and the bodies at its end."""
+    """Draw the path that comes nearest to the goal, and the outlines of the bodies at its end."""
     for line in scene.nearest:
         style: Any = {} if line.pushes else {"linestyle": _DASHES}
         axes.plot(*line.points.T, color=NEAREST, linewidth=1.4, zorder=Layer.PATH, **style)
@@ -206,14 +206,14 @@ def draw_nearest(axes: Axes, scene: Scene) -> None:
 
 
 def draw_numbers(axes: Axes, scene: Scene) -> None:
-    """Write the number of each push where it leaves its load."""
+    """Write the number of each push on its load at the end of the push."""
     spots: list[FloatArray] = []
     reach = 9.0 / 72.0 * float(np.ptp(axes.get_xlim())) * axes.figure.dpi / axes.get_window_extent().width
     for rest in scene.rests:
         bodies = zip(scene.bodies, rest.poses, strict=True)
         corners = np.concatenate([body.at(pose) for body, pose in bodies if body.name in rest.names])
         spot = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
-        while any(np.hypot(*(spot - other)) < reach for other in spots):  # two pushes end in one place
+        while any(np.hypot(*(spot - other)) < reach for other in spots):  # several pushes can end in one place
             spot = spot + np.array([reach, 0.0])
         spots.append(spot)
         box = {"boxstyle": "circle,pad=0.18", "facecolor": "white", "edgecolor": INK, "linewidth": 0.5}
@@ -222,14 +222,14 @@ def draw_numbers(axes: Axes, scene: Scene) -> None:
 
 
 def draw_marks(axes: Axes, scene: Scene) -> None:
-    """Mark where something was noticed or done in a closed loop."""
+    """Draw the marks of the events of a closed loop."""
     look: Any = {"markersize": 5.0, "markeredgecolor": "white", "markeredgewidth": 0.6, "zorder": Layer.MARK}
     for mark in scene.marks:
         axes.plot(*mark.place, marker=_EVENT_MARKS[mark.kind], color=palette.EVENTS[mark.kind], **look)
 
 
 def draw_names(axes: Axes, scene: Scene, poses: FloatArray) -> None:
-    """Write the name of every object beside it, below its middle, where the picture shows it."""
+    """Write the name of every visible object below it."""
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     for body, pose in zip(scene.bodies, poses, strict=True):
         if body.kind is not BodyKind.OBJECT:
@@ -252,7 +252,7 @@ def draw_names(axes: Axes, scene: Scene, poses: FloatArray) -> None:
 
 
 def draw_path_name(axes: Axes, scene: Scene) -> None:
-    """Write beside the middle of a single push that it is the path, on the side that has more room."""
+    """Label the path of a single push beside its middle, on the side farther from obstacles."""
     if not is_single(scene) or len(scene.lines[0].points) < 3:
         return
     line = scene.lines[0]
@@ -270,7 +270,7 @@ def draw_path_name(axes: Axes, scene: Scene) -> None:
 
 
 def draw_scene(axes: Axes, scene: Scene) -> None:
-    """Draw everything that there is to see of a plan, from start to goal, into axes whose view is set."""
+    """Draw a whole scene, from start to goal, into axes whose view is set."""
     draw_room(axes, scene)
     draw_goals(axes, scene)
     if not scene.lines:
@@ -306,12 +306,12 @@ def draw_scene(axes: Axes, scene: Scene) -> None:
 
 
 def is_single(scene: Scene) -> bool:
-    """Tell whether the whole path is one push."""
+    """Return whether the whole path is one push."""
     return len(scene.lines) == 1 and scene.lines[0].pushes
 
 
 def scene_keys(scene: Scene) -> list[Artist]:
-    """Return the entries of the key: what is drawn, and nothing else."""
+    """Return the key's entries for everything that is drawn."""
     kinds = {body.kind for body in scene.bodies}
     keys: list[Artist] = []
     if BodyKind.ROBOT in kinds:
@@ -330,7 +330,7 @@ def scene_keys(scene: Scene) -> list[Artist]:
 
 
 def _path_keys(scene: Scene) -> Iterator[Artist]:
-    """Yield the entries of paths and of the marks on them."""
+    """Yield the key's entries for paths and their marks."""
     if scene.lines:
         if len(scene.t) > 1:
             yield Patch(facecolor=palette.SWEPT, edgecolor=FAINT, label="swept")
@@ -349,7 +349,7 @@ def _path_keys(scene: Scene) -> Iterator[Artist]:
 
 
 def polygon_patches(geometry: shapely.Geometry) -> Iterator[PathPatch]:
-    """Yield a patch for each polygon of a geometry, holes kept open; lines and points are left out."""
+    """Yield a patch with open holes for each polygon of a geometry; lines and points are skipped."""
     for part in shapely.get_parts(geometry):
         if isinstance(part, shapely.Polygon) and not part.is_empty:
             rings = [np.asarray(ring.coords)[:, :2] for ring in (part.exterior, *part.interiors)]

@@ -1,4 +1,4 @@
-"""Pictures of plans and of scenarios before they are planned: the floor, and beside it what decides."""
+"""Pictures of plans and of scenarios: the floor, and beside it the stable set, the margin or the pushes."""
 
 from __future__ import annotations
 
@@ -58,13 +58,13 @@ _LEFT, _TOP, _RIGHT, _GAP, _AXIS = 0.62, 0.34, 0.2, 0.78, 0.52
 _HEIGHT, _SIDE, _MARGIN_HEIGHT = 4.0, 2.2, 1.05
 _SCENARIO_SIDE, _LEAST_WIDTH = 2.6, 4.5
 _STEPS_IN_A_ROW, _MOST_STEPS, _STEP_GAP, _STEP_TITLE = 4, 12, 0.15, 0.26
-"""Small pictures of single pushes: how many, and inches between them and for the title of each."""
+"""Small pictures of single pushes: per row, at most, gap between them and height of a title, inches."""
 _LINE = 0.155
-"""Of a line of the letters beside the floor, inches."""
+"""Line height of the text beside the floor, inches."""
 _TITLE = 10.0
-"""Size of its letters, points."""
+"""Font size of the title, points."""
 _LETTERS = 7.5
-"""Size of the letters beside the floor, points."""
+"""Font size of the text beside the floor, points."""
 
 
 def plot_plan(
@@ -74,29 +74,29 @@ def plot_plan(
     events: Iterable[Event] = (),
     panels: Sequence[str] = PANELS,
 ) -> Picture | None:
-    """Draw a plan: the way from start to goal, the margin on it, and the stable set or the pushes.
+    """Draw a plan: the path from start to goal, its margin, and the stable set or the pushes.
 
     Args:
-        plan: Of one push, several pushes or several objects; without a plan the search tree and the path that comes
-            nearest are drawn, and the reason is the title.
-        path: File to write; its suffix says whether PNG, SVG or PDF. Without it the picture is returned, as PNG
-            that notebooks show.
-        execution: What happened; by default the plan's own. Paths and margins are taken from it.
-        events: Of a closed loop: disturbances, deviations and replans are marked.
-        panels: Which of `PANELS` to draw: the floor, the stable set or the list of pushes, the margin over time, and
-            a small picture for each push of a rearrangement.
+        plan: Plan of any kind. If it is not solved, the picture shows the search tree and the nearest path, and
+            its title is the reason.
+        path: File to write, with the suffix .png, .svg or .pdf. If None, the picture is returned as PNG, which
+            notebooks show.
+        execution: Execution whose paths and margins are drawn; by default that of the plan.
+        events: Events of a closed loop; disturbances, deviations and replans are marked.
+        panels: Panels to draw, some of `PANELS`: the floor, the stable set or the list of pushes, the margin over
+            time, and a small picture for each push of a rearrangement.
 
     Raises:
-        PlotError: On a suffix that is none of these, or a panel that is none.
+        PlotError: For any other suffix or panel.
     """
     if not panels or not set(panels) <= set(PANELS):
-        raise PlotError(f"panels {', '.join(panels) or 'none'}: allowed are some of {', '.join(PANELS)}")
+        raise PlotError(f"panels {', '.join(panels) or '(none)'}: allowed are one or more of {', '.join(PANELS)}")
     execution = plan.execution if execution is None else execution
     events = tuple(events)
     scene = Scene.of(plan.scenario, plan, execution, events)
     view = view_of(scene.window)
     if "floor" in panels and not (plan.solved or plan.scenario.task.held or len(plan.why_not) > 1):
-        panels = ("floor",)  # there are no pushes to list, and nothing more to tell
+        panels = ("floor",)  # no pushes to list and no more reasons to show
     width = float(_HEIGHT * view.size[0] / view.size[1]) if "floor" in panels else 0.0
     side = _LEFT + (width + _GAP if width else 0.0)
     beside = {"set", "margin"} & set(panels)
@@ -113,7 +113,7 @@ def plot_plan(
         if "steps" in panels and not plan.scenario.task.one_load:
             steps = _Steps.of(scene, view, full - _LEFT - _RIGHT)
         bottom = low + (0.0 if steps is None else steps.height) + _AXIS - 0.15
-        over = 0.24 if beside and not (plan.solved and width) else 0.0  # above the titles of what is beside
+        over = 0.24 if beside and not (plan.solved and width) else 0.0  # above the titles of the other panels
         across = width if plan.solved and width else full - _LEFT - _RIGHT
         lines = _title(plan, scene, bool(events), letters_in(across, _TITLE))
         figure.set_size_inches(full, bottom + tall + _TOP + over + 0.17 * (len(lines) - 1))
@@ -142,15 +142,15 @@ def plot_plan(
 
 
 def plot_scenario(scenario: Scenario, path: str | Path, stable: StableSet | None = None) -> None:
-    """Draw what was understood of a scenario: the floor with start and goals, and the chain with its stable set.
+    """Draw a scenario: the floor with start and goals, and the chain with its stable set.
 
     Args:
-        scenario: Of any kind.
-        path: File to write; its suffix says whether PNG, SVG or PDF.
-        stable: A stable set of its chain; None leaves it out, as where objects stand apart.
+        scenario: Scenario of any kind.
+        path: File to write, with the suffix .png, .svg or .pdf.
+        stable: Stable set of its chain; None draws only the floor, for example if objects stand apart.
 
     Raises:
-        PlotError: On a suffix that is none of these.
+        PlotError: For any other suffix.
     """
     scene = Scene.of(scenario)
     view = view_of(scene.window)
@@ -175,13 +175,13 @@ def plot_scenario(scenario: Scenario, path: str | Path, stable: StableSet | None
 
 @dataclass(frozen=True, eq=False)
 class _Steps:
-    """A small picture for each push: what the robot drives and pushes then, and where everything stands before.
+    """A small picture for each push: the paths of the robot, the pushed objects, and all poses before the push.
 
     Attributes:
-        scene: What there is.
-        view: Of each.
-        size: Width and height of each, inches.
-        lines: Of each, up to the end of the push.
+        scene: Scene of the plan.
+        view: Window of each picture.
+        size: Width and height of each picture, inches.
+        lines: Parts of the path in each picture, up to the end of the push.
     """
 
     scene: Scene
@@ -191,7 +191,7 @@ class _Steps:
 
     @classmethod
     def of(cls, scene: Scene, view: Window, width: float) -> _Steps | None:
-        """Return the pictures in a row as wide as that, or in several; None where they are too many or one."""
+        """Return the pictures in rows of a width, inches; None for a single push or for too many."""
         if not 1 < len(scene.rests) <= _MOST_STEPS:
             return None
         own = (width - (_STEPS_IN_A_ROW - 1) * _STEP_GAP) / _STEPS_IN_A_ROW
@@ -206,11 +206,11 @@ class _Steps:
 
     @property
     def height(self) -> float:
-        """Of all rows, with their titles, inches."""
+        """Height of all rows with their titles, inches."""
         return -(-len(self.lines) // _STEPS_IN_A_ROW) * (self.size[1] + _STEP_TITLE)
 
     def draw(self, figure: Figure, left: float, bottom: float) -> None:
-        """Draw all of them, the first in the upper row."""
+        """Draw all pictures, the first in the top row."""
         rows = -(-len(self.lines) // _STEPS_IN_A_ROW)
         before = self.scene.start
         for k, (lines, rest) in enumerate(zip(self.lines, self.scene.rests, strict=True)):
@@ -231,7 +231,7 @@ class _Steps:
 
 
 def _title(plan: Plan, scene: Scene, executed: bool, letters: int) -> list[str]:
-    """Return the lines of the title: what the plan, or another execution, comes to, or why there is none."""
+    """Return the lines of the title: length and duration of the plan or execution, or why there is no plan."""
     if not plan.solved:
         what = "partial plan" if plan.segments else "no plan"
         said = f"{cut(plan.scenario.name, letters // 2)}: {what}: {plan.reason}"
@@ -248,7 +248,7 @@ def _title(plan: Plan, scene: Scene, executed: bool, letters: int) -> list[str]:
 
 
 def _tell_more(figure: Figure, left: float, bottom: float, plan: Plan) -> float:
-    """Write what else is known of why there is no plan; return the height that it takes, inches."""
+    """Write the further reasons why there is no plan; return their height, inches."""
     letters = letters_in(_SIDE, _LETTERS)
     lines = [line for sentence in plan.why_not[1:] for line in [*broken(sentence, letters), ""]][:-1]
     lines = lines if len(lines) <= 12 else [*lines[:11], "…"]
@@ -278,7 +278,7 @@ def draw_margins(axes: Axes, scene: Scene, kept: float | None = None) -> None:
 
 
 def _list_pushes(axes: Axes, scene: Scene, plan: Plan) -> None:
-    """Write the pushes one below the other, each with its number, the colour of what it moves, face and length."""
+    """Write a list of the pushes: number, colour of the object, name, face and length."""
     axes.axis("off")
     inches = axes.get_window_extent().height / axes.figure.dpi
     axes.set(xlim=(0.0, _SIDE), ylim=(inches, 0.0))
@@ -303,7 +303,7 @@ def _list_pushes(axes: Axes, scene: Scene, plan: Plan) -> None:
 
 
 def _push_text(push: Segment, several: bool) -> str:
-    """Return what is pushed, through which face and how far."""
+    """Return the object, face and length of a push as text."""
     if push.load is None:
         return f"{push.cost:.2f} m"
     face = f"{push.load.face} face, {push.cost:.2f} m"
@@ -317,6 +317,6 @@ def _push_text(push: Segment, several: bool) -> str:
 
 
 def _named(names: Sequence[str], letters: int) -> str:
-    """Return the names of objects, or how many there are, where that is more than one and there is no room."""
+    """Return the names of objects, or their number if several names do not fit into `letters`."""
     said = ", ".join(names)
     return said if len(said) <= letters or len(names) == 1 else f"{len(names)} objects"

@@ -1,7 +1,7 @@
-"""What there is to see of a scenario, a plan or an execution, whatever draws it.
+"""Scene: the visible content of a scenario, a plan or an execution, independent of the viewer.
 
 A scene holds the room, the bodies with their poses over time, the goals, and the path of the plate with its margins.
-Pictures, the page, the film, the window and the logs draw this one description, in the colours of the palette.
+Pictures, the page, the film, the window and the logs all draw this scene in the colours of the palette.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
     from pushplan.scenario.model import Scenario
 
 PATH_SPACING = 0.01
-"""Of the points of a path, m of path cost."""
+"""Distance between the drawn points of a path, m of path cost."""
 
 CIRCLE_CORNERS = 48
-"""Of the polygon that is drawn for a circle."""
+"""Number of corners of the polygon that approximates a circle."""
 
 _SAME = 6
-"""Digits of a metre in which outlines are compared: goals that cover one another are drawn once."""
+"""Decimals (in m) to which goal outlines are compared: identical goals are drawn once."""
 
 _AIR, _ACTION, _CROPPED = 0.03, 0.15, 0.4
-"""Rims around everything and around what moves, as shares of the longer side; what moves is shown alone where it
-takes less than this share of the whole."""
+"""Rims around the whole scene and around the moving bodies, as shares of the longer side; third, a share of the area.
+If the moving bodies cover less than that share of the whole scene, the window shows only them."""
 
 
 class Window(NamedTuple):
@@ -58,13 +58,13 @@ class Window(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Something that moves.
+    """A moving body: part of the robot, the plate or an object.
 
     Attributes:
         name: `robot`, `pusher` (the plate) or the object's name.
-        kind: What it is.
-        outline: (v, 2) in the plate frame of what the robot carries, else in the object's own frame, m.
-        colour: Of its inside.
+        kind: Robot, plate or object.
+        outline: (v, 2) m, in the plate frame for the robot and the plate, else in the object's own frame.
+        colour: Fill colour.
     """
 
     name: str
@@ -73,19 +73,19 @@ class Body:
     colour: str
 
     def at(self, pose: FloatArray) -> FloatArray:
-        """Return its outline (v, 2) in the world, its frame being at a pose (3,)."""
+        """Return its outline (v, 2) in the world for the pose (3,) of its frame."""
         return se2.transform_points(pose, self.outline)
 
 
 @dataclass(frozen=True, eq=False)
 class Fixed:
-    """An outline that stands still: an obstacle, or where an object shall go.
+    """A fixed outline: an obstacle, or the goal of an object.
 
     Attributes:
-        name: Of the object that shall go there; empty for an obstacle.
+        name: Name of the object whose goal this is; empty for an obstacle.
         outline: (v, 2) in the world, m.
-        colour: Of an obstacle, or of the object.
-        unknown: Nothing is known of this part of a map: it is hatched.
+        colour: Colour of the obstacle or of the object.
+        unknown: Whether this is an unknown area of a map, drawn hatched.
     """
 
     name: str
@@ -101,8 +101,8 @@ class Line:
     Attributes:
         kind: One of `names.SEGMENT_KINDS`.
         points: (k, 2) in the world, m.
-        margins: (k,) smallest margin of any contact; NaN where nothing is pushed, or no margin is known.
-        load: Names of the objects that are pushed; none where the robot drives alone.
+        margins: (k,) smallest margin of any contact; NaN if nothing is pushed or the margin is unknown.
+        load: Names of the pushed objects; empty if the robot drives alone.
     """
 
     kind: str
@@ -118,12 +118,12 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """Where objects rest after a push.
+    """Poses of the bodies after a push.
 
     Attributes:
-        number: Of the push, from 1 on.
-        names: Of the objects that it has moved.
-        poses: (b, 3) of all bodies then.
+        number: Number of the push, starting at 1.
+        names: Names of the objects that this push has moved.
+        poses: (b, 3) poses of all bodies after it.
     """
 
     number: int
@@ -133,12 +133,12 @@ class Rest:
 
 @dataclass(frozen=True, eq=False)
 class Mark:
-    """Where something was noticed or done in a closed loop.
+    """Place of an event of a closed loop.
 
     Attributes:
-        time: s.
-        kind: A word of `events.KINDS`.
-        place: (2,) of the plate frame then, in the world, m.
+        time: Time of the event, s.
+        kind: Kind of the event, one of `events.KINDS`.
+        place: (2,) position of the plate frame at that time, in the world, m.
     """
 
     time: float
@@ -148,23 +148,23 @@ class Mark:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What there is to see.
+    """Visible content of a scenario, a plan or an execution.
 
     Attributes:
-        name: Of the scenario.
-        walls: (4, 2) corners of the workspace; None where there is none.
-        obstacles: What stands in the way.
-        bodies: All that moves, from below: the robot's parts, the plate, the objects.
-        goals: Where objects shall go.
-        t: (m,) times, s, at which poses are known; 0 alone where nothing was executed.
-        poses: (m, b, 3) of the bodies' frames in the world.
-        margins: (m,) smallest margin of any contact; NaN where nothing is pushed.
-        lines: The path of the plate, in its parts.
-        rests: Where objects rest after each push.
-        nearest: Where there is no plan, the path that comes nearest to the goal.
-        nearest_poses: (b, 3) at its end; None where there is none.
+        name: Name of the scenario.
+        walls: (4, 2) corners of the workspace; None if the scenario has no workspace.
+        obstacles: Obstacles and unknown areas.
+        bodies: Moving bodies from the lowest layer up: robot parts, plate, objects.
+        goals: Goal outlines of the objects.
+        t: (m,) times of the poses, s; only 0 if nothing was executed.
+        poses: (m, b, 3) poses of the bodies' frames in the world.
+        margins: (m,) smallest margin of any contact; NaN if nothing is pushed.
+        lines: Parts of the path of the plate.
+        rests: Poses after each push.
+        nearest: Path that comes nearest to the goal, if there is no plan.
+        nearest_poses: (b, 3) poses at the end of that path; None without such a path.
         tree: (q, 2, 2) branches of the search tree.
-        marks: What was noticed and done in a closed loop.
+        marks: Events of a closed loop.
     """
 
     name: str
@@ -193,10 +193,10 @@ class Scene:
         """Return the scene of a scenario.
 
         Args:
-            scenario: What is there.
-            plan: What is meant to happen; None for the scenario alone.
-            execution: What happened; by default that of the plan, if it has one.
-            events: Of a closed loop.
+            scenario: Scenario to show.
+            plan: Plan to show; None for the scenario alone.
+            execution: Execution to show; by default that of the plan, if it has one.
+            events: Events of a closed loop.
         """
         if execution is None and plan is not None:
             execution = plan.execution
@@ -236,17 +236,17 @@ class Scene:
 
     @property
     def objects(self) -> tuple[Body, ...]:
-        """The bodies that are pushed."""
+        """Bodies of the objects."""
         return tuple(body for body in self.bodies if body.kind is BodyKind.OBJECT)
 
     @property
     def start(self) -> FloatArray:
-        """(b, 3) poses of the bodies before anything moves."""
+        """(b, 3) poses of the bodies at the start."""
         return np.asarray(self.poses[0])
 
     @property
     def end(self) -> FloatArray:
-        """(b, 3) poses of the bodies at the end: executed, or planned."""
+        """(b, 3) poses of the bodies at the end of the execution, or of the plan if nothing was executed."""
         return self.poses[-1] if len(self.t) > 1 or not self.rests else self.rests[-1].poses
 
     @cached_property
@@ -256,7 +256,7 @@ class Scene:
         return tuple((np.abs(every - every[:1]).max(axis=(0, 2)) > 1e-9).tolist())
 
     def at(self, time: float) -> FloatArray:
-        """Return the poses (b, 3) of the bodies at a time, s; angles run on, they are not wrapped."""
+        """Return the poses (b, 3) of the bodies at a time, s; angles are continuous, not wrapped."""
         columns = self.poses.reshape(len(self.t), -1).T
         return np.array([np.interp(time, self.t, column) for column in columns]).reshape(-1, 3)
 
@@ -266,7 +266,7 @@ class Scene:
 
     @cached_property
     def window(self) -> Window:
-        """The rectangle to show: the workspace, or everything there is; of a plan in a wide room, where it leads."""
+        """Rectangle to show: the workspace or all bodies, cropped to the moving bodies if the room is much larger."""
         moving = self._action()
         if self.walls is not None:
             whole = _around([self.walls], 0.0)
@@ -280,7 +280,7 @@ class Scene:
         return part if np.prod(part.size) < _CROPPED * np.prod(whole.size) else whole
 
     def _action(self) -> list[FloatArray]:
-        """Return the outlines of what moves, along its path, and of the goals."""
+        """Return the points of the path, and the outlines of moving bodies (along it) and of goals."""
         along = self.poses[np.linspace(0, len(self.t) - 1, 100).astype(int)]
         known = [*along, *(rest.poses for rest in self.rests)]
         if self.nearest_poses is not None:
@@ -297,12 +297,12 @@ class Scene:
 
 
 def piece_colours(margins: FloatArray) -> list[str]:
-    """Return the colours of the k - 1 pieces of a push between points whose margins are (k,): by the smaller one."""
+    """Return k - 1 colours for the pieces between points with margins (k,): that of the smaller margin of each."""
     return [palette.margin_colour(float(m)) or palette.PATH for m in np.fmin(margins[:-1], margins[1:])]
 
 
 def smallest(margins: FloatArray) -> FloatArray:
-    """Return the smallest (m,) of margins (m, n) of contacts; NaN where nothing is pushed."""
+    """Return the minimum (m,) over the contacts of margins (m, n); NaN if nothing is pushed."""
     least = np.fmin.reduce(margins, axis=1, initial=np.inf)
     return np.where(np.isinf(least), np.nan, least)
 
@@ -330,7 +330,7 @@ def _bodies(scenario: Scenario) -> Iterator[Body]:
 
 
 def _goals(scenario: Scenario, colours: dict[str, str]) -> Iterator[Fixed]:
-    """Yield each goal once: turned by its symmetry an object covers itself, and dashes over dashes make a line."""
+    """Yield each goal once; goals that symmetry makes identical would draw their dashes over one another."""
     seen: set[tuple[str, frozenset[tuple[float, ...]]]] = set()
     each = ((load, goal) for load in scenario.loads for goal in scenario.goals.get(load.name, ()))
     for load, goal in each:
@@ -343,7 +343,7 @@ def _goals(scenario: Scenario, colours: dict[str, str]) -> Iterator[Fixed]:
 
 
 def _marks(events: Iterable[Event], execution: Execution | None) -> Iterator[Mark]:
-    """Yield where the plate was at the events worth a mark; the first plan and its end need none."""
+    """Yield a mark at the plate's position for each event that has a colour (not the first plan or the end)."""
     if execution is not None and len(execution.t):
         for event in events:
             if event.kind in palette.EVENTS:
@@ -351,12 +351,12 @@ def _marks(events: Iterable[Event], execution: Execution | None) -> Iterator[Mar
 
 
 def _pose_rows(bodies: tuple[Body, ...], plate: FloatArray, objects: Poses) -> FloatArray:
-    """Return the poses (b, 3) of bodies, the plate frame (3,) and the objects' frames being known."""
+    """Return the poses (b, 3) of bodies from the pose (3,) of the plate and those of the objects."""
     return np.array([objects[body.name] if body.kind is BodyKind.OBJECT else plate for body in bodies])
 
 
 def _planned(bodies: tuple[Body, ...], segments: tuple[Segment, ...]) -> tuple[tuple[Line, ...], tuple[Rest, ...]]:
-    """Return the path of the plate, without margins, and where its pushes leave the objects."""
+    """Return the planned path of the plate (margins NaN) and the poses after each push."""
     lines: list[Line] = []
     rests: list[Rest] = []
     for segment in segments:
@@ -369,7 +369,7 @@ def _planned(bodies: tuple[Body, ...], segments: tuple[Segment, ...]) -> tuple[t
 
 
 def _add_rest(rests: list[Rest], kind: str, names: tuple[str, ...], poses: FloatArray) -> None:
-    """Add where a push leaves the objects; what a close adds to it belongs to the push before."""
+    """Add the poses after a push; a `close` segment counts as part of the push before it."""
     if kind == CLOSE and rests:
         rests.pop()
     rests.append(Rest(len(rests) + 1, names, poses))
@@ -382,7 +382,7 @@ def _executed(
     poses: FloatArray,
     margins: FloatArray,
 ) -> tuple[tuple[Line, ...], tuple[Rest, ...]]:
-    """Return the path that the plate has driven, with margins, and where its pushes have left the objects."""
+    """Return the executed path of the plate with margins, and the poses after each push."""
     pushing = ~np.isnan(margins)
     changes = np.flatnonzero((np.diff(execution.segment) != 0) | (np.diff(pushing) != 0)) + 1
     ends = [0, *changes.tolist(), len(margins)] if len(margins) > 1 else [0]
@@ -404,7 +404,7 @@ def _executed(
 
 
 def _spaced(poses: FloatArray) -> IntArray:
-    """Return the samples of poses (m, 3) to draw: about `PATH_SPACING` of path cost apart, and the last one."""
+    """Return the indices of poses (m, 3) to draw: one per `PATH_SPACING` of path cost, and the last."""
     step = np.diff(poses, axis=0)
     cost = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]) + 0.1 * np.abs(step[:, 2]))])
     kept = np.flatnonzero(np.diff(np.floor(cost / PATH_SPACING), prepend=-1.0))

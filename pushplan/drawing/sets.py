@@ -1,6 +1,6 @@
-"""Pictures of the mechanics in the chain frame: stable sets as regions of centres of rotation, contacts.
+"""Pictures of stable sets, contacts and friction cones in the chain frame.
 
-Regions of the centre of rotation (COR) are drawn as in Fig. 9 of Harada et al. 2006.
+A stable set is drawn as regions of the centre of rotation (COR), as in Fig. 9 of Harada et al. 2006.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ from pushplan.util.printable import cut
 
 TURN_NAMES = {+1: "left turns", -1: "right turns"}
 LINE_STYLES: tuple[Any, ...] = ("solid", "dashed", "dotted", "dashdot", (0, (6, 1, 1, 1, 1, 1)))
-"""Outline of the first set (which is filled as well), of the second, and so on."""
+"""Line styles of the outlines of the sets, in order; the first set is also filled."""
 
 # The layout, in inches.
 _WIDTH, _MAX_HEIGHT, _LEGEND_WIDTH, _COLUMNS = 4.4, 7.5, 3.2, 2
 
 _ACROSS = 14
-"""Letters of a name that is written across the push; one along it may have twice as many."""
+"""Longest name written across the push, letters; a name along the push can have twice as many."""
 _DASHED: Any = (0, (4, 2))
 _NAMED = 2
-"""Contacts up to which each is named where it is."""
+"""Largest number of contacts for which each has a label."""
 _LONG = 12.0
-"""Points from which on a contact is long enough to be named."""
+"""Shortest contact that has a label, points."""
 _OVER = 36.0
-"""Room that the label of the cones needs over them, points."""
+"""Space that the label of the friction cones needs above them, points."""
 _LABEL: Any = {"fontsize": SMALL, "bbox": HALO, "zorder": 9.0}
 
 
@@ -52,13 +52,13 @@ def plot_stable_sets(chain: Chain, sets: Sequence[StableSet], path: str | Path, 
 
     Args:
         chain: The chain that all sets belong to.
-        sets: The first is filled, the others are outlined in a line style each.
-        path: File to write; its suffix says whether PNG, SVG or PDF.
-        window: (xmin, ymin, xmax, ymax) to show in the chain frame, m; without it, the chain and the tightest
+        sets: Stable sets; the first is filled, the others are outlines with different line styles.
+        path: File to write, with the suffix .png, .svg or .pdf.
+        window: (xmin, ymin, xmax, ymax) to show in the chain frame, m; by default the chain and the tightest
             turns to both sides.
 
     Raises:
-        PlotError: On a suffix that is none of these.
+        PlotError: For any other suffix.
     """
     window = default_window(chain, sets) if window is None else window
     size = np.array([window[2] - window[0], window[3] - window[1]])
@@ -74,7 +74,7 @@ def plot_stable_sets(chain: Chain, sets: Sequence[StableSet], path: str | Path, 
 
 
 def draw_set(axes: Axes, chain: Chain, stable: StableSet) -> None:
-    """Draw a stable set with the chain and its friction cones, in the chain frame, without names of axes."""
+    """Draw a stable set with the chain and its friction cones, in the chain frame, without axis labels."""
     window = default_window(chain, [stable])
     _draw_with_chain(axes, chain, [stable], window)
     axes.set(xlabel="", ylabel="", anchor="NW")
@@ -89,7 +89,7 @@ def draw_set(axes: Axes, chain: Chain, stable: StableSet) -> None:
 
 
 def _label_drive(axes: Axes, chain: Chain, stable: StableSet, window: Window) -> None:
-    """Write beside the line of a wheeled drive what it is, on the side with more room, to the right of the chain."""
+    """Label the line of turning centres of a wheeled drive, on its side with more room, right of the chain."""
     drive, right = chain.pusher.drive, min(float(body.outline[:, 1].min()) for body in chain.bodies)
     for line in drive.turning_centres(window[3] - window[1])[1:]:
         y = 0.5 * (right + window[1])
@@ -102,7 +102,7 @@ def _label_drive(axes: Axes, chain: Chain, stable: StableSet, window: Window) ->
 
 
 def _beyond(region: BaseGeometry, chain: Chain, sense: int, window: Window) -> BaseGeometry:
-    """Return the part of a region far to that side of the chain that it lies on; all of it where there is none."""
+    """Return the part of a region beside the chain, halfway to the window's edge or farther; else all of it."""
     xmin, ymin, xmax, ymax = window
     y = np.concatenate([obj.outline_chain[:, 1] for obj in chain.objects])
     low, high = (0.5 * (y.max() + ymax), ymax) if sense > 0 else (ymin, 0.5 * (ymin + y.min()))
@@ -111,7 +111,7 @@ def _beyond(region: BaseGeometry, chain: Chain, sense: int, window: Window) -> B
 
 
 def _label_contacts(axes: Axes, chain: Chain) -> None:
-    """Write the names of a few contacts beside them, below and above in turn, and what the cones are."""
+    """Label the contacts if there are few, alternately below and above, and the first friction cone."""
     low = min(float(obj.outline_chain[:, 1].min()) for obj in chain.objects)
     high = max(float(obj.outline_chain[:, 1].max()) for obj in chain.objects)
     line: Any = {"arrowstyle": "-", "color": FAINT, "linewidth": 0.6}
@@ -132,14 +132,14 @@ def _label_contacts(axes: Axes, chain: Chain) -> None:
 
 
 def _points(axes: Axes, length: float) -> float:
-    """Return a length of the drawing, m, in points."""
+    """Convert a length, m, to points."""
     return 72.0 * length * axes.get_window_extent().height / axes.figure.dpi / float(np.ptp(axes.get_ylim()))
 
 
 def _draw_with_chain(axes: Axes, chain: Chain, sets: Sequence[StableSet], window: Window) -> None:
     draw_sets(axes, sets, window)
     draw_drive(axes, chain, sets[0], window)
-    style_cor_axes(axes, window)  # before the chain, whose outlines are as wide as the scale allows
+    style_cor_axes(axes, window)  # before the chain: the width of its outlines depends on the scale
     width = outline_width(axes, [obj.outline for obj in chain.objects])
     objects = iter(palette.object_colours([obj.name for obj in chain.objects]))
     carried = {BodyKind.ROBOT: palette.ROBOT, BodyKind.PLATE: palette.PLATE}
@@ -150,14 +150,14 @@ def _draw_with_chain(axes: Axes, chain: Chain, sets: Sequence[StableSet], window
 
 
 def draw_sets(axes: Axes, sets: Sequence[StableSet], window: Window) -> None:
-    """Draw the regions of both senses, cut off outside the window so that the cut is not seen."""
+    """Draw the regions of both senses, clipped slightly outside the window to hide the clipped edge."""
     for rank, stable in enumerate(sets):
         for sense in TURNS:
             draw_region(axes, stable.cor_region(sense, grown(window, 0.05)), sense, rank)
 
 
 def draw_drive(axes: Axes, chain: Chain, stable: StableSet, window: Window) -> None:
-    """Draw the line about whose points a wheeled drive can turn, strong where such a turn is stable."""
+    """Draw the line of possible turning centres of a wheeled drive, thick where the turn is stable."""
     line: Any = {"color": INK, "linewidth": 0.8, "linestyle": _DASHED, "zorder": 2.0}
     far = float(np.hypot(window[2] - window[0], window[3] - window[1]))
     for sense, ends in zip(TURNS, chain.pusher.drive.turning_centres(far), strict=False):
@@ -169,7 +169,7 @@ def draw_drive(axes: Axes, chain: Chain, stable: StableSet, window: Window) -> N
 
 
 def draw_region(axes: Axes, region: shapely.Geometry, sense: int, rank: int = 0) -> None:
-    """Draw a COR region of one sense; the set of rank 0 is filled, the others have a line style each."""
+    """Draw a COR region of one sense; rank 0 is filled, each other rank has its own line style."""
     if rank == 0:
         for patch in polygon_patches(region):
             patch.set(facecolor=TURNS[sense], alpha=0.22, linewidth=0.0, zorder=1.0)
@@ -181,7 +181,7 @@ def draw_region(axes: Axes, region: shapely.Geometry, sense: int, rank: int = 0)
 
 
 def style_cor_axes(axes: Axes, window: Window) -> None:
-    """Show `window` with equal axes, the chain frame's axes as hairlines, and labels."""
+    """Show `window` at equal scale, with axis labels and the chain frame's axes as thin lines."""
     axes.set_aspect("equal")
     axes.set_xlim(window[0], window[2])
     axes.set_ylim(window[1], window[3])
@@ -193,7 +193,7 @@ def style_cor_axes(axes: Axes, window: Window) -> None:
 
 
 def draw_contacts(axes: Axes, chain: Chain) -> None:
-    """Draw each contact segment, and the friction cone of the pushing force at both its ends, in the chain frame."""
+    """Draw each contact segment with the friction cones of the pushing force at both ends, in the chain frame."""
     width = outline_width(axes, [obj.outline for obj in chain.objects])
     for contact, colour in zip(chain.contacts, palette.contact_colours(len(chain.contacts)), strict=True):
         ends = np.stack([contact.right, contact.left])
@@ -204,7 +204,7 @@ def draw_contacts(axes: Axes, chain: Chain) -> None:
 
 
 def name_objects(axes: Axes, chain: Chain) -> None:
-    """Write every object's name into it, in the chain frame; across the push if they are many."""
+    """Write every object's name on it, in the chain frame; across the push if there are more than two."""
     turned, letters = (90.0, _ACROSS) if len(chain.objects) > 2 else (0.0, 2 * _ACROSS)
     style: Any = {"ha": "center", "va": "center", "fontsize": SMALL, "clip_on": True, "bbox": HALO, "color": INK}
     for obj in chain.objects:

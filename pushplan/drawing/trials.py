@@ -1,4 +1,4 @@
-"""The picture of trials: where the objects end, and where on the way contacts were the first to move."""
+"""Picture of trials: final poses of the objects, and the places where a contact moved first."""
 
 from __future__ import annotations
 
@@ -33,23 +33,23 @@ if TYPE_CHECKING:
 _LEFT, _TOP, _RIGHT, _GAP, _AXIS = 0.62, 0.4, 0.2, 0.72, 0.52
 _HEIGHT = 4.0
 _WINDOW = 10.0
-"""Half of the width of what is shown around the goal, in units of its tolerance, at most."""
+"""Largest half width of the close-up of the goal, as a multiple of the goal's tolerance."""
 _SHARE = 0.95
-"""Of the samples whose ends are shown around the goal, at least."""
+"""Smallest share of the samples that the close-up shows, if `_WINDOW` allows it."""
 _MOST = 400
-"""Samples that are drawn."""
+"""Largest number of drawn samples."""
 
 
 def plot_trials(plan: Plan, ends: Sequence[TrialEnd], path: str | Path) -> None:
-    """Draw trials: the floor with what the plan sweeps, and a closer look at where the objects end.
+    """Draw trials: the floor with the area that the plan sweeps, and a close-up of the goal.
 
     Args:
-        plan: What was tried.
-        ends: How it ended in each sample.
-        path: File to write; its suffix says whether PNG, SVG or PDF.
+        plan: Plan that was simulated.
+        ends: Outcome of each sample.
+        path: File to write, with the suffix .png, .svg or .pdf.
 
     Raises:
-        PlotError: On a suffix that is none of these.
+        PlotError: For any other suffix.
     """
     scene, scenario = Scene.of(plan.scenario, plan), plan.scenario
     view = view_of(scene.window)
@@ -66,7 +66,7 @@ def plot_trials(plan: Plan, ends: Sequence[TrialEnd], path: str | Path) -> None:
         _draw_ends(floor, scenario, ends)
         colours = dict(zip(scenario.poses, palette.contact_colours(len(scenario.poses)), strict=True))
         for end in ends:
-            if end.contact:  # the first to move, and where
+            if end.contact:  # the contact that moved first
                 floor.plot(*end.point, marker="x", color=colours[end.object], markersize=5.0, zorder=10.0)
         arrived = sum(end.arrived for end in ends)
         low, high = wilson(arrived, len(ends))
@@ -79,7 +79,7 @@ def plot_trials(plan: Plan, ends: Sequence[TrialEnd], path: str | Path) -> None:
 
 
 def _draw_ends(axes: Axes, scenario: Scenario, ends: Sequence[TrialEnd]) -> None:
-    """Outline the objects where they end, one colour for samples that arrive and one for the others."""
+    """Draw the objects' outlines at their final poses: one colour for samples that arrive, one for the others."""
     for arrived, colour in ((False, MISSED), (True, ARRIVED)):
         shown = [end for end in ends if end.arrived == arrived][:_MOST]
         ended = ((obj, pose) for end in shown for obj, pose in zip(scenario.objects, end.objects, strict=True))
@@ -89,7 +89,7 @@ def _draw_ends(axes: Axes, scenario: Scenario, ends: Sequence[TrialEnd]) -> None
 
 
 def _shown(scenario: Scenario) -> tuple[int, Goal, FloatArray]:
-    """Return which object is looked at closely, its goal, and its place (3,) there: the goal's, or the last one."""
+    """Return the object of the close-up (the goal's, or the last of the load), its goal and its pose (3,) there."""
     last = max(k for k, load in enumerate(scenario.loads) if load.name in scenario.goals)
     load = scenario.loads[last]
     goal = scenario.goals[load.name][0]
@@ -99,7 +99,7 @@ def _shown(scenario: Scenario) -> tuple[int, Goal, FloatArray]:
 
 
 def _draw_close(axes: Axes, scenario: Scenario, ends: Sequence[TrialEnd]) -> None:
-    """Draw the goal's tolerance, and where one of its objects ends as points around its place."""
+    """Draw the goal's tolerance, and the final positions of one object as points around its goal."""
     k, goal, place = _shown(scenario)
     off = 1e3 * (np.array([end.objects[k, :2] for end in ends]) - place[:2])
     arrived = np.array([end.arrived for end in ends])
@@ -124,7 +124,7 @@ def _draw_close(axes: Axes, scenario: Scenario, ends: Sequence[TrialEnd]) -> Non
 
 
 def _keys(scenario: Scenario, ends: Sequence[TrialEnd], scene: Scene) -> list[Artist]:
-    """Return the entries of the key: how samples ended, and what stands on the floor."""
+    """Return the key's entries: outcomes of the samples, and bodies and obstacles."""
     ended = ((True, ARRIVED, "arrived"), (False, MISSED, "missed the tolerance"))
     keys: list[Artist] = [
         Line2D([], [], color=colour, label=told)
@@ -139,5 +139,5 @@ def _keys(scenario: Scenario, ends: Sequence[TrialEnd], scene: Scene) -> list[Ar
         for name, colour in zip(scenario.poses, palette.contact_colours(len(scenario.poses)), strict=True)
         if name in failing
     ]
-    drawn = [key for key in scene_keys(scene) if not isinstance(key, MarginScale)]  # its path is not
+    drawn = [key for key in scene_keys(scene) if not isinstance(key, MarginScale)]  # the path is not drawn
     return [*keys, *failed, *drawn]
