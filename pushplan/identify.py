@@ -1,4 +1,4 @@
-"""Learn friction and loads from the logs of pushes."""
+"""Identify friction and loads from the logs of pushes."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ def identify(
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Identification:
-    """Find contact friction, loads and ratios of floor friction from recorded pushes of one chain.
+    """Identify contact friction, loads and ratios of floor friction from recorded pushes of one chain.
 
     Args:
-        logs: Paths of logs in which the objects' poses are: executions with slip, or with poses on /measured.
-        seed: Of the random numbers.
-        jobs: Threads; None for one a processor.
-        progress: Called with the rounds that are done, and how many there are.
+        logs: Paths of logs that hold object poses: executions with slip, or with poses on /measured.
+        seed: Seed of the random numbers.
+        jobs: Number of threads; None for one per processor.
+        progress: Callback with the number of finished rounds and of all rounds.
 
     Raises:
-        RunLogError: When a log cannot be read, tells nothing of the objects, or is one of another chain.
-        PushplanError: When there is no log, or nothing moves.
+        RunLogError: If a log cannot be read, holds no object poses, or is a run of another chain.
+        PushplanError: If there is no log, or nothing moves.
     """
     paths = [logs] if isinstance(logs, Path | str) else list(logs)
     if not paths:
-        raise PushplanError("there is no log to learn from; name at least one")
+        raise PushplanError("no log is given; name at least one")
     read = [read_push(path) for path in paths]
     scenario = read[0][0]
     for path, (other, _) in zip(paths, read, strict=True):
@@ -48,20 +48,20 @@ def identify(
 
 
 def read_push(path: Path | str) -> tuple[Scenario, MeasuredPush]:
-    """Return the scenario of a log, and what was measured of its push: by a sensor, else as simulated with slip.
+    """Return the scenario and the measured push of a log: the sensor's poses, or else those simulated with slip.
 
     Raises:
-        RunLogError: When the log cannot be read, is not of a single push, or tells nothing of where the objects were.
+        RunLogError: If the log cannot be read, is not of a single push, or holds no object poses.
     """
     run = load_run(path)
     scenario, execution = run.scenario, run.execution
     if not scenario.task.held:
-        raise RunLogError(str(path), f"a run of a {scenario.kind}; only single pushes can be learned from")
+        raise RunLogError(str(path), f"a run of a {scenario.kind}; identification needs a run of a single push")
     frame = se2.inverse(scenario.chain.pusher.plate_pose)
     if execution is None or execution.wrenches is None:
         raise RunLogError(
             str(path),
-            "nobody measured where the objects went; learning needs a log of an execution whose contacts may slip "
+            "the log holds no measured object poses; identification needs a log of an execution with slip "
             "(pushplan trial --worst) or of a closed loop",
         )
     plate = se2.compose(execution.poses, frame)
@@ -78,7 +78,7 @@ def read_push(path: Path | str) -> tuple[Scenario, MeasuredPush]:
 
 
 def _world(scenarios: Sequence[Scenario]) -> World:
-    """Return the world of the first scenario; what stands in the way only where it is the same in all."""
+    """Return the world of the first scenario, with obstacles and workspace only if all scenarios share them."""
     world = World.from_scenario(scenarios[0])
     rooms = [(one.resolved().get("obstacles"), one.resolved().get("workspace")) for one in scenarios]
     return world if all(room == rooms[0] for room in rooms) else replace(world, obstacles=(), workspace=None)

@@ -1,4 +1,4 @@
-"""Try a plan in sampled worlds: one of any kind, that of a scenario, or that of a recorded run."""
+"""Monte Carlo trials of a plan, a scenario or a recorded run, and their logs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from pushplan.plans.run import Run
 
 TRIAL = "pushplan.trial"
-"""Metadata of logs of trials: seed and uncertainty of the worlds, simulator, and the sample where it is one alone."""
+"""Metadata record of trial logs: seed, uncertainty, simulator, and the index of the sample in a log of only one."""
 
 
 def trial(
@@ -48,30 +48,29 @@ def trial(
     observer: Observer | None = None,
     progress: Callable[[TrialEnd], None] | None = None,
 ) -> Trials:
-    """Execute a plan in worlds whose friction, loads and places of objects are drawn at random.
+    """Execute a plan in Monte Carlo samples with random friction, loads and object poses.
 
     Args:
-        what: A plan, a run, or the path of its log; of a scenario, a plan is made first, with the scenario's own
-            settings.
-        samples: Number of worlds.
-        uncertainty: By how much worlds differ. None takes the intervals of the scenario where it states any, and the
+        what: Plan, run, or path of a log. A scenario is planned first, with its own settings.
+        samples: Number of samples.
+        uncertainty: Size of the deviations. None uses the intervals of the scenario where it specifies any, and the
             defaults of `TrialUncertainty` otherwise.
-        seed: Of the worlds: the same seed gives the same ones.
-        simulator: What executes it: a function of a plan and a world that returns a `ContactReport`, or the name of
-            one: `slip`, `module:attribute`, or that of an installed package.
-        jobs: Threads; None for one a processor.
-        log: File to which the plan is written, and the end of each sample as soon as it is known; None for one in
-            the folder `runs`, False for none.
-        runs: See `pushplan.run`.
-        observer: Who is told while a plan is made, and about the recording.
-        progress: Called with the end of each sample, in their order.
+        seed: Seed of the samples; the same seed gives the same samples.
+        simulator: Function of a plan and a world that returns a `ContactReport`, or its name: `slip`,
+            `module:attribute`, or the name of an installed simulator.
+        jobs: Number of threads; None for one per processor.
+        log: Log file for the plan and the outcome of each sample, written as they finish; None for a file in the
+            folder `runs`, False for none.
+        runs: Folder of the logs, as in `pushplan.run`.
+        observer: Receiver of messages about planning and recording.
+        progress: Callback with the outcome of each sample, in order.
 
     Raises:
-        PlanningError: When there is no plan.
-        PushplanError: When no simulator has this name.
-        RunLogError: When the log cannot be read.
-        SupportError: When the load under an object is not known.
-        OutputError: As `pushplan.run`.
+        PlanningError: If there is no plan.
+        PushplanError: If no simulator has this name.
+        RunLogError: If the log cannot be read.
+        SupportError: If the load under an object is not known.
+        OutputError: If the log cannot be written, as in `pushplan.run`.
     """
     if isinstance(what, Path | str):
         from pushplan.logging.reader import load_run
@@ -106,10 +105,10 @@ def trial(
 
 
 def simulator_named(simulator: Simulator | str) -> Simulator:
-    """Return a simulator by its name.
+    """Return the simulator with a name; a function is returned as it is.
 
     Raises:
-        PushplanError: When there is none.
+        PushplanError: If no simulator has this name.
     """
     if not isinstance(simulator, str):
         return simulator
@@ -117,10 +116,10 @@ def simulator_named(simulator: Simulator | str) -> Simulator:
 
 
 def write_trial(trials: Trials, sample: int, path: Path | str) -> None:
-    """Simulate a sample again and write its log; viewers show the objects where contacts slipped.
+    """Simulate a sample again and write its log, which viewers play with the slipping objects.
 
     Raises:
-        OutputError: When the file cannot be written.
+        OutputError: If the file cannot be written.
     """
     from pushplan.logging.writer import RunLogWriter
 
@@ -138,7 +137,7 @@ def write_trial(trials: Trials, sample: int, path: Path | str) -> None:
             log.log("warning", f"jammed at {report.jammed_at:.2f} s: no motion satisfies all contacts")
         if report.stalled_at is not None:
             limit = plan.scenario.pusher.limits.force
-            log.log("warning", f"stalled at {report.stalled_at:.2f} s: it takes more than {limit:.3g} N")
+            log.log("warning", f"stalled at {report.stalled_at:.2f} s: the push needs more than {limit:.3g} N")
         log.finish("arrived" if report.arrived(trials.scenario) else "missed")
 
 
@@ -150,10 +149,10 @@ def _words(seed: int, uncertainty: TrialUncertainty | None, simulator: Simulator
 
 
 def executed_again(run: RecordedRun) -> Execution | None:
-    """Execute the one sample that a log is of again; None where a simulator of others did.
+    """Execute the sample of a single-sample log again; None if another simulator than pushplan's own executed it.
 
     Raises:
-        RunLogError: When the log does not say which sample it is.
+        RunLogError: If the log does not name its sample.
     """
     seed, uncertainty, simulated = _drawn(run)
     if not simulated or run.plan is None:
@@ -167,10 +166,10 @@ def executed_again(run: RecordedRun) -> Execution | None:
 
 
 def check_trials(run: RecordedRun) -> list[Check]:
-    """Try the plan of a log again in its sampled worlds, and compare how each ended.
+    """Execute the plan of a log again in its samples and compare the outcomes.
 
     Raises:
-        RunLogError: When the log does not say how its worlds were drawn.
+        RunLogError: If the log does not say how its samples were drawn.
     """
     seed, uncertainty, simulated = _drawn(run)
     if not simulated or run.plan is None or not run.trials:
@@ -189,12 +188,12 @@ def check_trials(run: RecordedRun) -> list[Check]:
 
 
 def _drawn(run: RecordedRun) -> tuple[int, TrialUncertainty | None, bool]:
-    """Return seed and uncertainty of the worlds of a log, and whether the simulator is pushplan's own."""
+    """Return seed and uncertainty of the samples of a log, and whether the simulator is pushplan's own."""
     try:
         words = run.fields[TRIAL]
         told = json.loads(words["uncertainty"])
         uncertainty = None if told is None else TrialUncertainty(**told)
         return int(words["seed"]), uncertainty, words["simulator"] == SIMULATORS[0]
     except (KeyError, TypeError, ValueError, PushplanError) as error:
-        what = f"how the samples of the trials were drawn cannot be read: {error}"
+        what = f"the seed and uncertainty of the trials cannot be read: {error}"
         raise RunLogError(str(run.path), what) from error

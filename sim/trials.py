@@ -1,4 +1,4 @@
-"""Monte Carlo trials: a plan executed in sampled worlds, and in what share of them it arrives."""
+"""Monte Carlo trials: execute a plan in random samples of the world and count how many arrive."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ from pushplan.util.arrays import BoolArray, FloatArray
 from pushplan.util.naming import code_of_others, name_of
 
 INERTIA = "inertia"
-"""What a contact does, in a trial without inertia, that holds there and would not with it."""
+"""Mode of a contact that holds in a quasi-static trial but would be lost with inertia."""
 
 
 def sampled_world(scenario: Scenario, uncertainty: TrialUncertainty | None, rng: np.random.Generator) -> World:
-    """Draw a world.
+    """Draw one Monte Carlo sample of the world.
 
     Args:
-        scenario: What the plan believes.
-        uncertainty: By how much that may be off. None takes the intervals of the scenario where it states any, and
-            the defaults of `TrialUncertainty` for the rest.
-        rng: Where the random numbers come from.
+        scenario: Nominal scenario of the plan.
+        uncertainty: Size of the deviations. None uses the intervals of the scenario where it specifies any, and the
+            defaults of `TrialUncertainty` for the rest.
+        rng: Random generator.
 
     Raises:
-        SupportError: When the load under an object is not known.
+        SupportError: If the load under an object is not known.
     """
     world = World.from_scenario(scenario)
     off = uncertainty or TrialUncertainty()
@@ -72,7 +72,7 @@ def _within_shares(world: World, off: TrialUncertainty, rng: np.random.Generator
 def _within_intervals(
     world: World, interval: IntervalChain, frictions: FloatArray | None, rng: np.random.Generator
 ) -> World:
-    """Draw what is stated as intervals from them; everything else stays."""
+    """Draw every quantity that has an interval; keep all others."""
     if frictions is not None:
         world = _with_frictions(world, _between(frictions, rng))
     chain, objects = interval.chain, []
@@ -90,14 +90,14 @@ def _within_intervals(
 
 
 def _with_frictions(world: World, frictions: FloatArray) -> World:
-    """Return a world with a coefficient for each contact (n,)."""
+    """Return the world with the contact friction coefficients (n,) replaced."""
     pairs = zip(world.chain.contacts, frictions, strict=True)
     contacts = tuple(replace(contact, friction=float(mu)) for contact, mu in pairs)
     return replace(world, chain=replace(world.chain, contacts=contacts))
 
 
 def _between(spans: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Draw a number from each of the intervals (k, 2)."""
+    """Draw one number from each of the intervals (k, 2)."""
     return np.asarray(rng.uniform(spans[:, 0], spans[:, 1]))
 
 
@@ -111,14 +111,15 @@ def _leaning(world: World, name: str, share: float, rng: np.random.Generator) ->
         return world
     direction, obj = np.array([np.cos(angle), np.sin(angle)]), world.chain.objects[world.chain.index_of(name)]
     most = obj.support.most_lean(rotate(-float(obj.pose_chain[2]), direction))
-    # A pressure that leans already is 0 at its lightest corner for less than the share.
+    # If the load is already shifted, its lightest corner reaches zero pressure before the full share.
     return world.with_load_shifted(direction, min(part, most * (1.0 - 1e-9)), name)
 
 
 def _offsets(chain: Chain, off: TrialUncertainty, rng: np.random.Generator, touched: bool) -> FloatArray:
-    """Draw how the objects stand off their places (n, 3): each aside and turned on the one that pushes it.
+    """Draw the pose errors of the objects (n, 3), in m and rad.
 
-    Where the plate does not touch them yet, objects that it may push are off to any side.
+    Each object is shifted sideways and turned relative to the object or plate that pushes it. If the plate does not
+    touch the objects yet (`touched` is false), those that it will push are also shifted along the contact normal.
     """
     motions = {PLATE: np.zeros(3)}
     offsets = np.zeros((len(chain.objects), 3))
@@ -136,20 +137,20 @@ def _offsets(chain: Chain, off: TrialUncertainty, rng: np.random.Generator, touc
 
 
 def _local_motion(contact: Contact, aside: float, turn: float) -> FloatArray:
-    """Return the motion (3,) that shifts along a contact and turns about the end that keeps touching."""
+    """Return the motion (3,) that shifts an object along a contact and turns it about the end that keeps touching."""
     pivot = contact.left if turn > 0.0 else contact.right
     shift = pivot + aside * contact.tangent - rotate(turn, pivot)
     return np.append(shift, turn)
 
 
 class InertiaLoss(NamedTuple):
-    """The first moment at which a contact does not hold with inertia.
+    """First loss of a contact once inertia is counted.
 
     Attributes:
-        object: Name of what the contact pushes.
-        contact: What it is called.
-        time: s.
-        point: Middle of its segment in the world, m.
+        object: Name of the pushed object.
+        contact: Name of the contact.
+        time: Time of the loss, s.
+        point: Midpoint of the contact segment in the world, m.
     """
 
     object: str
@@ -159,9 +160,9 @@ class InertiaLoss(NamedTuple):
 
 
 def inertia_loss(plan: Plan, world: World) -> InertiaLoss | None:
-    """Return where a margin with inertia is not positive on a plan that is executed as timed; None if nowhere.
+    """Return the first point of the timed plan where a margin with inertia is not positive; None if there is none.
 
-    Counted are frictions, masses and loads of the world; objects are where the plan has them.
+    The margins use the frictions, masses and loads of the world, and the object poses of the plan.
     """
     begin = 0.0
     for segment in plan.segments:
@@ -181,20 +182,20 @@ def inertia_loss(plan: Plan, world: World) -> InertiaLoss | None:
 
 
 Simulator = Callable[[Plan, World], ContactReport]
-"""Executes a plan in a world where contacts may slip."""
+"""Function that executes a plan in a world where contacts can slip."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """A plan in k sampled worlds.
+    """Results of a plan in k Monte Carlo samples.
 
     Attributes:
-        plan: What the plate is made to do, and what is believed.
-        uncertainty: What the worlds were drawn from; None for the scenario's own intervals.
-        seed: Of the random numbers; sample i depends on it and on i only.
-        simulator: What executed it.
-        ends: How each sample ended.
-        log: The log that was written meanwhile; None where there is none, or it could not be written.
+        plan: Executed plan, with its nominal scenario.
+        uncertainty: Uncertainty that the samples were drawn with; None for the scenario's own intervals.
+        seed: Seed of the random numbers; sample i depends on it and on i only.
+        simulator: Simulator that executed the plan.
+        ends: Outcome of each sample.
+        log: Path of the log; None if none was written.
     """
 
     plan: Plan
@@ -206,82 +207,83 @@ class Trials:
 
     @property
     def scenario(self) -> Scenario:
-        """What the plan believes."""
+        """Nominal scenario of the plan."""
         return self.plan.scenario
 
     @property
     def samples(self) -> int:
-        """Number of worlds."""
+        """Number of samples."""
         return len(self.ends)
 
     @cached_property
     def errors(self) -> FloatArray:
-        """(k, n, 2) how far (m) and by what angle (rad) every object ends away from its pose at the goal."""
+        """Final distance (m) and angle (rad) of every object from its goal pose, (k, n, 2)."""
         return np.array([end.errors for end in self.ends])
 
     @cached_property
     def object_poses(self) -> FloatArray:
-        """(k, n, 3) where they end, in the world."""
+        """Final object poses in the world, (k, n, 3)."""
         return np.array([end.objects for end in self.ends])
 
     @cached_property
     def arrived(self) -> BoolArray:
-        """(k,) whether the goal's object, or every object, ends within the goal's tolerances."""
+        """Whether all objects that have a goal end within its tolerances, (k,)."""
         return np.array([end.arrived for end in self.ends])
 
     @cached_property
     def jammed(self) -> BoolArray:
-        """(k,) whether nothing could give way, or the robot had not the force, so that the push ended early."""
+        """Whether the push ended early because the objects jammed or the robot lacked the force, (k,)."""
         return np.array([end.jammed for end in self.ends])
 
     @property
     def missed(self) -> dict[str, int]:
-        """In how many worlds a goal's tolerance of `position` and of `angle` was exceeded; 0 is left out."""
+        """Number of samples beyond the goal's tolerance of `position` and of `angle`; zeros are left out."""
         beyond = np.array([(goal_units(self.scenario, errors) > 1.0).any(axis=0) for errors in self.errors])
         counts = zip(("position", "angle"), beyond.sum(axis=0).tolist(), strict=True)
         return {name: count for name, count in counts if count}
 
     @property
     def success(self) -> float:
-        """Share of the worlds in which it arrives."""
+        """Share of the samples that arrive."""
         return float(self.arrived.mean())
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Wilson's 95 % interval of the rate of success."""
+        """Wilson's 95 % interval of the success rate."""
         return wilson(int(self.arrived.sum()), self.samples)
 
     @property
     def with_inertia(self) -> bool:
-        """Whether contacts that hold do so with inertia: not if the scenario leaves it out.
+        """Whether `held` and `lost` count inertia.
 
-        A simulator of the user's own, or the physics engine, is taken at its word.
+        With pushplan's own simulator, this depends on the scenario. The physics engine and simulators of users are
+        assumed to count it.
         """
         return self.simulator is not slip or _counts_inertia(self.scenario)
 
     @property
     def held(self) -> float:
-        """Share of the worlds in which every contact holds to the end, see `with_inertia`."""
+        """Share of the samples in which every contact holds to the end; see `with_inertia`."""
         return float(np.mean(~self.lost & ~self.jammed))
 
     @property
     def lost(self) -> BoolArray:
-        """(k,) whether a contact moved or opened, or would with inertia."""
+        """Whether a contact slid or opened, or would with inertia, (k,)."""
         return np.array([bool(end.contact) for end in self.ends])
 
     @property
     def first_failures(self) -> dict[str, int]:
-        """How often each contact, by name, was the first to move; those that never were are left out."""
+        """Number of samples in which each contact, by name, was the first to be lost; zeros are left out."""
         return dict(Counter(end.contact for end in self.ends if end.contact).most_common())
 
     @property
     def goal_errors(self) -> FloatArray:
-        """(k, 2) of the goal's object, or the largest of all objects that have a goal: m, rad."""
+        """Largest final position (m) and angle (rad) error of the objects that have a goal, (k, 2)."""
         return np.asarray(self.errors[:, goal_columns(self.scenario)].max(axis=1))
 
     @property
     def worst(self) -> int:
-        """Number of the sample that ends farthest from the goal, in units of its tolerances; jams come first."""
+        """Index of the sample that ends farthest from the goal, in units of its tolerances; jams rank first."""
         units = np.array([goal_units(self.scenario, errors).max() for errors in self.errors])
         return int(np.argmax(units + 1e9 * self.jammed))
 
@@ -290,7 +292,7 @@ class Trials:
         return sampled_world(self.scenario, self.uncertainty, np.random.default_rng([self.seed, i]))
 
     def report(self, i: int) -> ContactReport:
-        """Return the course of sample i, simulated anew."""
+        """Simulate sample i again and return its report."""
         return with_margins(self.simulator(self.plan, self.world(i)), self.plan)
 
 
@@ -303,26 +305,26 @@ def execute_trials(
     jobs: int | None = None,
     progress: Callable[[TrialEnd], None] | None = None,
 ) -> Trials:
-    """Execute a plan in sampled worlds.
+    """Execute a plan in Monte Carlo samples of the world.
 
     Args:
-        plan: Of any kind of scenario, timed.
-        samples: Number of worlds.
-        uncertainty: See `sampled_world`.
-        seed: Of the random numbers: the same seed gives the same worlds.
-        simulator: What executes it: any function of a plan and a world, called from several threads.
-        jobs: Threads; None for one a processor.
-        progress: Called with the end of each sample, in their order.
+        plan: Timed plan of any kind of scenario.
+        samples: Number of samples.
+        uncertainty: Size of the deviations; see `sampled_world`.
+        seed: Seed of the random numbers; the same seed gives the same samples.
+        simulator: Function that executes a plan in a world; several threads call it.
+        jobs: Number of threads; None for one per processor.
+        progress: Callback with the outcome of each sample, in order.
 
     Raises:
-        PushplanError: When `samples` is below 1, or the plan is not timed.
-        SupportError: When the load under an object is not known.
+        PushplanError: If `samples` is below 1, or the plan is not timed.
+        SupportError: If the load under an object is not known.
     """
     for name, number, least in (("number of samples", samples, 1), ("seed", seed, 0)):
         if not (isinstance(number, Integral) and number >= least):
             raise PushplanError(f"the {name} is {number!r:.40}; it must be a whole number from {least}")
     if not callable(simulator):
-        raise PushplanError(f"{simulator!r:.40} is no simulator: a function of a plan and a world")
+        raise PushplanError(f"{simulator!r:.40} is not a simulator; allowed: a function of a plan and a world")
 
     def one(i: int) -> tuple[ContactReport, bool, InertiaLoss | None]:
         world = sampled_world(plan.scenario, uncertainty, np.random.default_rng([seed, i]))

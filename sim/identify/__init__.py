@@ -1,1 +1,1 @@
-"""Friction and loads found from pushes that somebody measured."""
+"""Identification of friction and loads from measured pushes."""

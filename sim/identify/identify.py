@@ -1,4 +1,4 @@
-"""From measured pushes to intervals of friction and loads."""
+"""Identify intervals of friction and loads from measured pushes."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
 STEP = 5e-3
-"""Of finite differences in the unit cube: mode switches make errors slightly uneven on smaller ones."""
+"""Step of finite differences in the unit cube; with smaller steps, mode switches of contacts disturb the slope."""
 LOOKED_AT, STARTS = 256, 4
-"""Places that are looked at, and the best of them, from which a search for the most likely one begins."""
+"""Number of points that are evaluated first, and of the best ones from which a least-squares search starts."""
 
 EXPECTED = np.array([1e-3, 1e-3, 5e-3])
-"""Errors of measured poses to begin with: m, m, rad."""
+"""Initial standard errors of measured poses: m, m, rad."""
 LEAST = np.array([5e-5, 5e-5, 2e-4])
-"""Errors that are taken for granted, even of simulated poses: those of steps and of loads on points."""
+"""Smallest standard errors of poses, also of simulated ones: errors of step size and point loads."""
 EXPECTED_FORCE, LEAST_FORCE = 0.1, 0.01
-"""Likewise of measured wrenches, as parts of the mean force, and of that times the chain's half extent."""
+"""Initial and smallest standard errors of wrenches: shares of the mean force (torque: times the half extent)."""
 
 
 def identify_pushes(
@@ -41,21 +41,21 @@ def identify_pushes(
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Identification:
-    """Find contact friction, loads and floor friction.
+    """Identify contact friction, loads and floor friction.
 
-    Quasi-static motion does not change when all floor frictions grow alike: poses determine only their ratios,
-    measured wrenches of the plate their size.
+    Quasi-static motion does not change when all floor frictions scale by one factor. Poses therefore determine only
+    their ratios; measured wrenches of the plate determine the factor.
 
     Args:
-        world: Shapes and contacts of the chain, masses, obstacles; its frictions and loads do not matter, but that
-            ratios of floor friction are looked for around the stated ones.
-        pushes: What was measured of this chain, pushed one or several times.
-        seed: Of the random numbers.
-        jobs: Threads; None for one a processor.
-        progress: Called with the rounds that are done, and how many there are.
+        world: Chain with shapes, contacts and masses, and obstacles. Its contact frictions and loads are ignored; its
+            floor frictions are the centre of the search.
+        pushes: Measured pushes of this chain.
+        seed: Seed of the random numbers.
+        jobs: Number of threads; None for one per processor.
+        progress: Callback with the number of finished rounds and of all rounds.
 
     Raises:
-        PushplanError: When there is no push, one is of another number of objects, or nothing moves in any.
+        PushplanError: If there is no push, a push has another number of objects, or nothing moves in any.
     """
     _check(world, pushes)
     problem = _Problem(world, pushes, jobs or os.cpu_count() or 1)
@@ -63,7 +63,7 @@ def identify_pushes(
     with problem.pool:
         place = problem.best()
         errors, information, correlation = problem.linearised(place)
-        # Where the pushes began is integrated out in `errors`: samples are of the chain's numbers alone.
+        # `errors` integrates out the initial poses of the pushes, so the samples cover only the chain's unknowns.
         best = place[: problem.count]
         chains = sample(errors, Near(best, information), np.random.default_rng(seed), progress)
     scales = problem.scales[0]
@@ -78,7 +78,7 @@ def identify_pushes(
 
 def _check(world: World, pushes: Sequence[MeasuredPush]) -> None:
     if not pushes:
-        raise PushplanError("there is no push to learn from; at least one push is needed")
+        raise PushplanError("no push is given; identification needs at least one")
     n = len(world.chain.objects)
     for push in pushes:
         if push.object_poses.shape[1] != n:
@@ -86,26 +86,29 @@ def _check(world: World, pushes: Sequence[MeasuredPush]) -> None:
 
 
 def _force_of(pushes: Sequence[MeasuredPush]) -> float | None:
-    """Return the mean force that was measured, N; None where none was."""
+    """Return the mean measured force, N; None if no push has wrenches."""
     measured = [push.wrenches for push in pushes if push.wrenches is not None]
     if not measured:
         return None
     wrenches = np.concatenate(measured)
     force = float(np.hypot(wrenches[:, 0], wrenches[:, 1]).mean())
     if not force > 0.0:
-        raise PushplanError("all measured forces are zero; leave wrenches out where nobody measured them")
+        raise PushplanError("all measured forces are zero; leave out the wrenches of a push without a force sensor")
     return force
 
 
 def _mean_squares(errors: Sequence[FloatArray]) -> FloatArray:
-    """Return mean squares (3,) of errors (..., 3), the first two of them the same."""
+    """Return the mean squares (3,) of errors (..., 3); x and y share one."""
     squares = np.concatenate([rows.reshape(-1, 3) for rows in errors]) ** 2
     away, turned = squares[:, :2].mean(), squares[:, 2].mean()
     return np.array([away, away, turned])
 
 
 class _Problem:
-    """All pushes with what is not known: the numbers of the chain, and where the objects stood at first."""
+    """Least-squares problem of all pushes.
+
+    A place holds the chain's unknowns in the unit cube, then the shifts of the initial object poses of each piece.
+    """
 
     def __init__(self, world: World, pushes: Sequence[MeasuredPush], jobs: int) -> None:
         forces = _force_of(pushes)
@@ -117,13 +120,13 @@ class _Problem:
             raise PushplanError("the plate hardly moves in any push, so there is nothing to learn from")
         self.shape = (len(world.chain.objects), 3)
         length = half_extent(world.chain)
-        unit = (forces or 1.0) * np.array([1.0, 1.0, length])  # what nobody measured is in no row
+        unit = (forces or 1.0) * np.array([1.0, 1.0, length])  # without measured wrenches no row uses it
         self.least = np.vstack([np.tile(LEAST, (self.shape[0], 1)), LEAST_FORCE * unit])
         self.scales = np.vstack([np.tile(EXPECTED, (self.shape[0], 1)), EXPECTED_FORCE * unit])
         self.pool = ThreadPoolExecutor(jobs)
 
     def errors(self, place: FloatArray) -> FloatArray:
-        """Return the errors of all pushes over their expected sizes; the places of the start follow the cube's."""
+        """Return the errors of all pushes at a place, divided by their standard errors."""
         parts, shifts = place[: self.count], self._shifts(place)
         packed = self.unknowns.packed_for(self.unknowns.values(parts))
         pairs = zip(self.comparisons, shifts, strict=True)
@@ -137,11 +140,11 @@ class _Problem:
         return np.asarray(place[self.count :].reshape(len(self.comparisons), *self.shape) * EXPECTED)
 
     def best(self) -> FloatArray:
-        """Return the most likely place, with expected errors that are as large as those it leaves."""
-        # Where contacts change what they do there may be several minima, and one search ends in the nearest.
+        """Return the most likely place; set the standard errors to its residuals."""
+        # Mode switches of contacts can cause several minima, and each search ends in the nearest one.
         place = min((self._refined(start) for start in self._starts()), key=self._cost)
         self.scales = self._left_over(place)
-        # Only now is it known how good measurements are: the same errors weigh differently against each other.
+        # The residuals now tell the accuracy of the measurements, which changes the weights of the errors.
         place = self._refined(place)
         self.scales = self._left_over(place)
         return place
@@ -150,7 +153,7 @@ class _Problem:
         return float((self.errors(place) ** 2).sum())
 
     def _starts(self) -> list[FloatArray]:
-        """Return the best of some places spread over the unit cube, its middle among them; all begin as measured."""
+        """Return the best of some places spread over the unit cube, with the initial object poses as measured."""
         count = self.count
         spread = qmc.Sobol(count, seed=1).random(LOOKED_AT) if count else np.zeros((1, 0))
         parts = np.vstack([np.full((1, count), 0.5), 0.02 + 0.96 * spread])
@@ -158,17 +161,17 @@ class _Problem:
         return list(places[np.argsort([self._cost(place) for place in places], kind="stable")[:STARTS]])
 
     def _refined(self, start: FloatArray) -> FloatArray:
-        """Return the nearest place with the least sum of squares, within the cube; pushes may have begun anywhere."""
+        """Return the nearest least-squares place; the unknowns stay in the cube, the initial poses are free."""
         bounded, free = self.count, len(start) - self.count
         low = np.concatenate([np.zeros(bounded), np.full(free, -np.inf)])
         high = np.concatenate([np.ones(bounded), np.full(free, np.inf)])
-        # Off the sides: the trust region of `least_squares` scales by the distance to bounds and would hardly leave.
+        # Start off the bounds: the trust region of `least_squares` shrinks with the distance to them.
         inside = np.concatenate([np.clip(start[:bounded], 0.01, 0.99), start[bounded:]])
         how: dict[str, Any] = {"bounds": (low, high), "xtol": 1e-4, "ftol": 1e-4, "max_nfev": 20}
         return np.asarray(least_squares(self.errors, inside, jac=self.jacobian, **how).x)
 
     def _left_over(self, place: FloatArray) -> FloatArray:
-        """Return the root mean square errors that a place leaves: of poses and wrenches, alike along x and y."""
+        """Return the root mean square residuals of poses and wrenches at a place; x and y share one."""
         errors, n = self.errors(place), self.shape[0]
         free = max(0.5, 1.0 - len(place) / errors.size)  # degrees of freedom that are left
         rows = list(self._by_course(errors))
@@ -182,7 +185,7 @@ class _Problem:
         return np.asarray(np.maximum(left, self.least))
 
     def _by_course(self, errors: FloatArray) -> Iterator[FloatArray]:
-        """Yield the errors of each comparison (k, n, 3), or with wrenches (k, n + 1, 3)."""
+        """Yield the errors of each comparison: (k, n, 3), with wrenches (k, n + 1, 3)."""
         begin = 0
         for comparison in self.comparisons:
             shape = (len(comparison.marks), self.shape[0] + (comparison.push.wrenches is not None), 3)
@@ -191,7 +194,7 @@ class _Problem:
             begin = end
 
     def jacobian(self, place: FloatArray) -> FloatArray:
-        """Return the derivatives of the errors; where a push began changes that push only."""
+        """Return the derivatives of the errors; initial poses affect only the errors of their own push."""
         base = self.errors(place)
 
         def column(j: int) -> FloatArray:
@@ -215,12 +218,12 @@ class _Problem:
         return np.stack(columns, axis=1)
 
     def linearised(self, place: FloatArray) -> tuple[Callable[[FloatArray], FloatArray], FloatArray, float]:
-        """Return the errors of places in the cube, half of their squares' second derivatives, and their correlation.
+        """Return the error function on the cube, the information matrix (p, p), and the correlation factor.
 
-        Where the pushes began is integrated out: what that can explain of the errors, to first order, is taken away.
+        The initial poses are integrated out: the part of the errors that they explain to first order is removed.
         """
         p, slope = self.count, self.jacobian(place)
-        # An orthonormal basis of what other starts would explain; what is at right angles to it is left.
+        # Orthonormal basis of the errors that other initial poses explain; the projection removes them.
         explained = np.linalg.qr(slope[:, p:])[0]
         widened = self._correlation(self.errors(place))
 
@@ -234,17 +237,17 @@ class _Problem:
         return lambda places: np.array(list(self.pool.map(one, places))), rows.T @ rows, widened
 
     def errors_here(self, place: FloatArray) -> FloatArray:
-        """Return `errors` without handing work to other threads: for those that are at work in one."""
+        """Return `errors` without other threads; workers of the pool call this."""
         packed = self.unknowns.packed_for(self.unknowns.values(place[: self.count]))
         pairs = zip(self.comparisons, self._shifts(place), strict=True)
         return np.concatenate([self._scaled(one, packed, shift) for one, shift in pairs])
 
     def _correlation(self, errors: FloatArray) -> float:
-        """Return (1 + r) / (1 - r) with the correlation r between neighbours along the pushes, >= 1."""
+        """Return (1 + r) / (1 - r) >= 1, where r is the correlation of neighbouring errors along the pushes."""
         products, squares = 0.0, 1e-300
         for rows in self._by_course(errors):
             products += float((rows[1:] * rows[:-1]).sum())
             squares += float((rows**2).sum())
-        # Neighbours err alike, so k poses are worth fewer independent ones: of an AR(1) series k (1 - r) / (1 + r).
+        # Neighbouring errors are correlated: k poses of an AR(1) series count as k (1 - r) / (1 + r) poses.
         r = min(max(products / squares, 0.0), 0.95)
         return (1.0 + r) / (1.0 - r)

@@ -1,4 +1,4 @@
-"""Pushes to learn from, and what was learned from them."""
+"""Measured pushes, their comparison with predictions, and the identified values."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ class MeasuredPush:
     """Poses in the world, and wrenches, measured at the same times.
 
     Attributes:
-        plate_poses: (m, 3) of the chain frame, that is of the plate.
-        object_poses: (m, n, 3) of the objects' own frames.
-        name: What messages call it.
-        wrenches: (m, 3) with which the plate pushes on all that it touches, in the chain frame, about its origin:
-            N, N, N m. None where nobody measured.
+        plate_poses: Poses of the plate, that is of the chain frame, (m, 3).
+        object_poses: Poses of the objects' own frames, (m, n, 3).
+        name: Name in messages.
+        wrenches: Wrenches of the plate on all objects that it touches, in the chain frame about its origin, (m, 3):
+            N, N, N m. None without a force sensor.
 
     Raises:
-        PushplanError: When there are fewer than three, or they are not finite.
+        PushplanError: If there are fewer than three poses, or they are not finite.
     """
 
     plate_poses: FloatArray
@@ -50,7 +50,7 @@ class MeasuredPush:
                 f"{objects.shape}; they must be (m, 3) and (m, n, 3)"
             )
         if len(plate) < 3:
-            raise PushplanError(f"{self.name}: there are {len(plate)} measured poses; 3 is the least")
+            raise PushplanError(f"{self.name}: there are {len(plate)} measured poses; at least 3 are needed")
         object.__setattr__(self, "plate_poses", frozen(plate, (None, 3), f"{self.name}: poses of the plate"))
         shape = (len(plate), objects.shape[1], 3)
         object.__setattr__(self, "object_poses", frozen(objects, shape, f"{self.name}: poses of the objects"))
@@ -59,19 +59,19 @@ class MeasuredPush:
             object.__setattr__(self, "wrenches", wrenches)
 
     def pieces(self, reach: float, step: float, way: float) -> list[MeasuredPush]:
-        """Return the push cut into shorter ones, of poses between which something moves.
+        """Split the push into short pieces and drop poses without motion.
 
-        What is predicted over a long way depends on the last bit of where it began; every piece begins anew where
-        the objects were seen.
+        A prediction over a long distance is chaotic: it depends on the last bit of the initial poses. Every piece
+        therefore starts from measured poses.
 
         Args:
             reach: Distance of the farthest corner from the plate's reference, m.
-            step: Way of that corner between two poses at least, m.
-            way: Its way in a piece at most, about, m.
+            step: Smallest path length of that corner between two poses, m.
+            way: Approximate largest path length of that corner in a piece, m.
         """
         moved = se2.log(se2.relative(self.plate_poses[:-1], self.plate_poses[1:]))
         gone = np.concatenate([[0.0], np.cumsum(np.hypot(moved[:, 0], moved[:, 1]) + reach * np.abs(moved[:, 2]))])
-        # Poses at every multiple of the step of the way gone, also where rounding puts one just before it.
+        # Keep a pose at every multiple of the step, also if rounding puts one just before it.
         marks = np.floor(gone / step * (1.0 + 1e-9))
         kept = np.flatnonzero(np.diff(marks, prepend=-1.0) > 0)
         count = max(1, int(np.ceil(gone[-1] / way)))
@@ -89,26 +89,26 @@ class MeasuredPush:
 
 
 STEP = 3e-3
-"""How far the fastest corner moves in a simulated step, about, m."""
+"""Approximate path length of the fastest corner in a simulated step, m."""
 WAY = 0.2
-"""How far the fastest corner moves in a piece of a push that is predicted from where it begins, m."""
+"""Approximate path length of the fastest corner in a piece of a push, m."""
 CLOSING = 0.02
-"""How far the fastest corner moves at first, m, before wrenches are compared: contacts that are open by the error of
-their first measured place close, and what the plate feels of that is anything but linear in the error."""
+"""Path length of the fastest corner, m, before wrenches are compared. Errors of the initial poses open contacts;
+while these close, the wrench of the plate is strongly nonlinear in the error."""
 MOST_COMPARED = 60
-"""Poses of a piece that are compared, evenly over its way."""
+"""Largest number of compared poses of a piece, spread evenly over it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A push made ready to be predicted again and again.
+    """A piece of a push, prepared for repeated prediction.
 
     Attributes:
-        push: What was measured.
-        motions: (s, 3) body twists times time of the plate, one for each simulated step.
-        marks: (k,) number of steps after which poses are compared; the first is 0.
-        samples: (k,) which measured poses those are.
-        closed: (k,) whether the plate has gone so far that wrenches are compared.
+        push: Measured piece.
+        motions: Body twists of the plate times time, one for each simulated step, (s, 3).
+        marks: Numbers of steps after which poses are compared, (k,); the first is 0.
+        samples: Indices of the compared measured poses, (k,).
+        closed: Whether the contacts have closed, so that wrenches are compared, (k,).
     """
 
     push: MeasuredPush
@@ -119,7 +119,7 @@ class Comparison:
 
     @classmethod
     def of_pieces(cls, push: MeasuredPush, reach: float) -> list[Comparison]:
-        """Return all pieces of a push; `reach` (m) is how far the farthest corner is from the plate's reference."""
+        """Return all pieces of a push; `reach` (m) is as in `MeasuredPush.pieces`."""
         return [cls._of_piece(piece, reach) for piece in push.pieces(reach, STEP, WAY)]
 
     @classmethod
@@ -134,22 +134,22 @@ class Comparison:
         return cls(push, fine, ends[samples], samples, gone[samples] >= CLOSING)
 
     def errors(self, packed: slip.World, shift: FloatArray) -> FloatArray:
-        """Return by how much predicted poses, and wrenches where they were measured, are off the measured ones.
+        """Return the differences of predicted and measured poses, and of wrenches if these were measured.
 
         Args:
-            packed: What is pushed.
-            shift: (n, 3) by what the objects really stood off their first measured poses, in the plate's frame:
+            packed: World with the parameters to test.
+            shift: Offsets of the true initial object poses from the measured ones, in the plate's frame, (n, 3):
                 m, rad.
 
         Returns:
-            (k, n, 3) in the plate's frame: m and rad; with wrenches (k, n + 1, 3), the last row N, N, N m, and zero
-            while contacts close.
+            Errors (k, n, 3) in the plate's frame, m and rad. With wrenches (k, n + 1, 3); the last row is in N, N,
+            N m, and zero while contacts close.
         """
         plate = self.push.plate_poses
         first = se2.relative(plate[0], self.push.object_poses[0]) + shift
         begin = se2.compose(plate[0], first)
         trace = slip.Simulation(packed, begin, plate[0]).march(self.motions)
-        # After a jam nothing moves on; in its step, the last of the trace, nothing has moved.
+        # After a jam nothing moves: the last step of the trace is the jammed one, without motion.
         poses = np.concatenate([begin[None], trace.poses])
         reached = poses[np.minimum(self.marks, len(trace.end))]
         there = plate[self.samples][:, None]
@@ -165,25 +165,25 @@ class Comparison:
 
 
 LEVEL = 0.9
-"""Share of the intervals that hold the truth."""
+"""Probability that an interval holds the true value."""
 ROUGH = 50.0
-"""Independent samples of which a twentieth lies beyond an end of an interval, give or take 3 % of all."""
+"""Number of independent samples below which the ends of intervals are rough: 5 % +- 3 % of the samples lie beyond."""
 _SHORT = 0.5
-"""Part of what was possible that an interval has to be shorter than; without data it is 0.9."""
+"""Largest share of the prior range that the interval of a determined number covers; without data it is 0.9."""
 _SAID = 0.15
-"""A contact's friction that is only known to be more, or less, than something is worth saying from here on."""
+"""Share of the prior range that a one-sided bound of a contact friction must exclude to count as determined."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """One unknown number after the measurements.
+    """Estimate of one unknown number from the measurements.
 
     Attributes:
-        unknown: Which.
+        unknown: Estimated unknown.
         low: Lower end of the 90 % interval.
-        median: Half of what is possible lies below.
-        high: Upper end.
-        determined: Whether the data say anything about it.
+        median: Median of the samples.
+        high: Upper end of the 90 % interval.
+        determined: Whether the data narrow it down.
     """
 
     unknown: Unknown
@@ -195,14 +195,14 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """What pushes tell about friction and loads.
+    """Friction and loads identified from pushes.
 
     Attributes:
-        unknowns: What was looked for.
-        samples: (k, p) values that are possible, each as likely as the others.
-        noise: Error of a measured position (m, in x and y each) and angle (rad), as the best prediction leaves it.
-        worth: How many independent samples they are worth: below `ROUGH` the intervals' ends are rough.
-        correlation: By how much errors that persist along a push widen the intervals, >= 1: those of the model do.
+        unknowns: Identified unknowns.
+        samples: Posterior samples of their values, equally likely, (k, p).
+        noise: Residual error of a measured position (m, in x and y each) and angle (rad) at the best prediction.
+        correlation: Factor >= 1 by which persistent errors along a push, such as model errors, widen the intervals.
+        worth: Effective number of independent samples; below `ROUGH` the ends of intervals are rough.
     """
 
     unknowns: Unknowns
@@ -225,21 +225,21 @@ class Identification:
 
     @property
     def friction_spans(self) -> FloatArray:
-        """(n, 2) 90 % intervals of the objects' coefficients of floor friction, with their masses as stated."""
+        """90 % intervals of the objects' floor friction coefficients at their nominal masses, (n, 2)."""
         objects = self.unknowns.world.chain.objects
         coefficients = np.array([obj.floor_friction / obj.friction_load for obj in objects])
         found = coefficients * self.unknowns.friction_loads(self.samples)
         return np.asarray(np.quantile(found, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0).T)
 
     def load_spans(self, i: int) -> FloatArray:
-        """Return the 90 % intervals (k, 2) of the part of object i's weight on each of its points."""
+        """Return the 90 % intervals (k, 2) of the share of object i's weight on each of its points."""
         chosen = self.samples[:: max(1, len(self.samples) // 400)]
         loads = np.array([self.unknowns.fractions(values)[i] for values in chosen])
         return np.asarray(np.quantile(loads, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0).T)
 
 
 def _place(one: Unknown, values: FloatArray) -> FloatArray:
-    """Return where values are between the ends of an unknown, 0 to 1."""
+    """Return the position of values between the ends of an unknown, 0 to 1."""
     if one.logarithmic:
         return np.asarray(np.log(values / one.low) / np.log(one.high / one.low))
     return np.asarray((values - one.low) / (one.high - one.low))
@@ -248,14 +248,14 @@ def _place(one: Unknown, values: FloatArray) -> FloatArray:
 Document = dict[str, Any]
 
 LOADS = ("border", "tilt", "foot")
-"""Kinds of unknowns that the load under an object follows from."""
+"""Kinds of unknowns that determine the load under an object."""
 
 
 def piece_of(found: Identification) -> Document:
-    """Return what the data determine, in the form of a scenario file: `contacts.between` and `objects`.
+    """Return the determined values as part of a scenario file: `contacts.between` and `objects`.
 
-    Frictions are intervals; without measured forces floor frictions are those that go with the stated one of the
-    first object. A load is one on points, the part of the weight on each an interval.
+    Frictions are intervals. Without measured forces, floor frictions assume the nominal one of the first object. A
+    load is a list of points with an interval of the share of the weight on each.
     """
     between = [_contact(found, one) for one in found.estimates if _told(one, "contact_friction")]
     objects = [_object(found, i) for i in range(len(found.unknowns.loads))]
@@ -264,11 +264,11 @@ def piece_of(found: Identification) -> Document:
 
 
 def with_learned(document: Mapping[str, Any], piece: Mapping[str, Any]) -> Document:
-    """Return a scenario as plain data with what was learned in place of its numbers.
+    """Return a scenario as plain data with the identified values in place of its numbers.
 
     Args:
-        document: As `Scenario.resolved` returns it.
-        piece: As `piece_of` returns it.
+        document: Scenario from `Scenario.resolved`.
+        piece: Identified values from `piece_of`.
     """
     merged = deepcopy(dict(document))
     learned = {obj["name"]: obj for obj in piece.get("objects", ())}
@@ -311,5 +311,5 @@ def _object(found: Identification, i: int) -> Document:
 
 
 def _span(low: float, high: float) -> list[float]:
-    """Return an interval to four digits, rounded outwards by less than what matters."""
+    """Return an interval rounded to four digits."""
     return [float(f"{low:.4g}"), float(f"{high:.4g}")]

@@ -1,7 +1,7 @@
-"""What is not known of a chain, as numbers in the unit cube, and the packed world that such numbers make.
+"""Unknown parameters of a chain as points of the unit cube, and the packed world for such a point.
 
-Even pressure under flat plates is the exception: edges wear and bend, so that part of the load moves to the border,
-and the centre of the load is seldom the centroid.
+Even pressure under a flat plate is rare. Edges wear and bend, part of the load moves to the border, and the centre of
+pressure is seldom the centroid.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from pushplan.util.arrays import FloatArray
 
 MOST_BORDER = 0.95
 MOST_TILT = 0.45
-"""Two tilts together leave a tenth of the pressure at the worst corner."""
+"""Largest tilt: both tilts together leave a tenth of the pressure at the lightest corner."""
 _LEAST = 1e-4
-"""Part of the mean load that every point keeps, so that the same points carry whatever the numbers are."""
+"""Smallest load of a point as a share of the mean load: the same points then carry load for all parameters."""
 
 
 @dataclass(frozen=True, eq=False)
 class PressedOutline:
-    """Points inside and along an outline, and their loads for a border and tilts.
+    """Points inside and along an outline, and their loads for a border share and tilts.
 
     Attributes:
-        points: (k, 2) in the object's own frame, m.
-        inside: (k,) loads without a border, summing to 1.
-        edge: (k,) loads of a border that carries everything, summing to 1.
-        across: (k, 2) where the points are, from -1 to 1 over the outline's extent along x and y.
+        points: Points in the object's own frame, m, (k, 2).
+        inside: Loads without a border, (k,), summing to 1.
+        edge: Loads of a border that carries everything, (k,), summing to 1.
+        across: Coordinates of the points over the outline's extent along x and y, -1 to 1, (k, 2).
     """
 
     points: FloatArray
@@ -50,9 +50,9 @@ class PressedOutline:
         """Return the points of an outline.
 
         Args:
-            outline: (v, 2) m.
-            support: What is pressed without border and tilts; None for even pressure.
-            degree: Up to which the points inside have the moments of that pressure.
+            outline: Vertices, m, (v, 2).
+            support: Pressure without border and tilts; None for even pressure.
+            degree: Degree up to which the points inside match the moments of that pressure.
             marks: Number of points along the outline.
         """
         within = feet_of(support or UniformSupport(outline), degree)
@@ -69,7 +69,7 @@ class PressedOutline:
 
         Args:
             border: Share of the load along the outline.
-            tilts: (2,) by how much the pressure grows over half of the outline's extent, along x and y.
+            tilts: Relative growth of the pressure over half of the outline's extent, along x and y, (2,).
         """
         flat = (1.0 - border) * self.inside + border * self.edge
         loads = np.maximum(flat * (1.0 + self.across @ tilts), _LEAST / len(flat))
@@ -82,22 +82,22 @@ class PressedOutline:
 
 FRICTION = (0.02, 1.0)
 RATIO = (0.25, 4.0)
-"""Floor friction (coefficient times weight) of an object over that of the first, as a multiple of what is stated."""
+"""Range of the friction load (coefficient times weight) of an object over the first's, times the nominal ratio."""
 MOST_FEET = 6
-"""Up to so many feet each has its own load; more of them, and the points of a pressure map, lean together."""
+"""Largest number of feet with one unknown load each; more feet, and pressure maps, get two unknown tilts."""
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """One number that is not known; before anything was measured, it is anywhere between its ends alike.
+    """One unknown number; its prior is uniform between its ends.
 
     Attributes:
         kind: `contact_friction`, `floor_ratio`, `border`, `tilt`, `foot` or `floor_friction`.
-        of: The contact's or the object's index.
-        name: For people.
-        low: Least value.
+        of: Index of the contact or object.
+        name: Name in tables and messages.
+        low: Smallest value.
         high: Largest value.
-        logarithmic: Whether its logarithm is spread evenly, not itself.
+        logarithmic: Whether the logarithm is uniform instead of the number.
     """
 
     kind: str
@@ -108,7 +108,7 @@ class Unknown:
     logarithmic: bool = False
 
     def value(self, part: FloatArray) -> FloatArray:
-        """Return the values at parts of the way (...) from `low` to `high`."""
+        """Return the values at shares (...) of the range from `low` to `high`."""
         if self.logarithmic:
             return np.asarray(self.low * (self.high / self.low) ** part)
         return np.asarray(self.low + (self.high - self.low) * part)
@@ -116,12 +116,12 @@ class Unknown:
 
 @dataclass(frozen=True, eq=False)
 class Load:
-    """How the load under an object follows from its unknowns.
+    """Load under an object as a function of its unknowns.
 
     Attributes:
-        points: (k, 2) that carry it, in the object's own frame, m.
-        loads: From the unknowns' values to (k,) parts of the weight.
-        unknowns: These.
+        points: Points that carry the load, in the object's own frame, m, (k, 2).
+        loads: Function from the values of the unknowns to shares of the weight (k,).
+        unknowns: Unknowns of this load.
     """
 
     points: FloatArray
@@ -131,14 +131,14 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """All unknown numbers of a world, in one order: contacts' friction, floor ratios, loads, floor friction.
+    """All unknown numbers of a world, in this order: contact friction, floor ratios, loads, floor friction.
 
     Attributes:
-        world: What is stated; its loads are known (some, where they are to be found).
-        packed: It as it is pushed.
-        loads: One an object.
+        world: Nominal world; unknown loads are replaced by the middle of their ranges.
+        packed: The same world, packed for `core.slip`.
+        loads: Load of each object.
         each: All unknowns.
-        absolute: Whether the first object's floor friction is one, the last: forces were measured.
+        absolute: Whether the floor friction of the first object is unknown, too; this needs measured forces.
     """
 
     world: World
@@ -149,11 +149,11 @@ class Unknowns:
 
     @classmethod
     def from_world(cls, world: World, absolute: bool = False) -> Unknowns:
-        """Return what is not known of a world, were nothing stated but shapes, places and masses.
+        """Return the unknowns of a world of which only shapes, poses and masses are known.
 
         Args:
-            world: What is stated; floor frictions are looked for around it.
-            absolute: Whether the first object's floor friction is to be found, too, not only ratios to it.
+            world: Nominal world; its floor frictions are the centre of the search.
+            absolute: Whether the floor friction of the first object is unknown, not only the ratios to it.
         """
         chain = world.chain
         loads = tuple(_load(i, obj) for i, obj in enumerate(chain.objects))
@@ -177,30 +177,30 @@ class Unknowns:
         return cls(world, pack_world(world, world.chain), loads, each, absolute)
 
     def values(self, parts: FloatArray) -> FloatArray:
-        """Return the values (..., p) at places (..., p) in the unit cube."""
+        """Return the values (..., p) at points (..., p) of the unit cube."""
         return np.stack([one.value(parts[..., k]) for k, one in enumerate(self.each)], axis=-1)
 
     def fractions(self, values: FloatArray) -> list[FloatArray]:
-        """Return the parts of the weight on the points under every object, for values (p,)."""
+        """Return the shares of the weight on the points under every object, for values (p,)."""
         ends = np.cumsum([0, *(len(load.unknowns) for load in self.loads)]) + 2 * len(self.loads) - 1
         spans = zip(self.loads, ends[:-1], ends[1:], strict=True)
         return [load.loads(values[a:b]) for load, a, b in spans]
 
     def friction_loads(self, values: FloatArray) -> FloatArray:
-        """Return coefficient times weight of every object (..., n), N, for values (..., p)."""
+        """Return the friction load (coefficient times weight) of every object (..., n), N, for values (..., p)."""
         n, obj = len(self.loads), self.world.chain.objects[0]
         scale = values[..., -1:] / obj.floor_friction if self.absolute else np.ones((*values.shape[:-1], 1))
         first = obj.friction_load * scale
         return np.concatenate([first, first * values[..., n : 2 * n - 1]], axis=-1)
 
     def packed_for(self, values: FloatArray) -> slip.World:
-        """Return the world that has these values (p,), as it is pushed."""
+        """Return the packed world with these values (p,)."""
         weights, fractions = self.friction_loads(values), self.fractions(values)
         feet = np.concatenate([w * f for w, f in zip(weights, fractions, strict=True)])
         return self.packed.with_loads(weights, feet, values[: len(self.world.chain.contacts)])
 
     def world_for(self, values: FloatArray) -> World:
-        """Return the world that has these values (p,)."""
+        """Return the world with these values (p,)."""
         chain = self.world.chain
         weights, fractions = self.friction_loads(values), self.fractions(values)
         objects = tuple(
@@ -222,7 +222,7 @@ def _ratio(world: World, i: int) -> tuple[float, float]:
 
 
 def _load(i: int, obj: PushedObject) -> Load:
-    """Return what is not known of the load under object i."""
+    """Return the load under object i with its unknowns."""
     support = obj.support
     if isinstance(support, FeetSupport) and len(support.positions) <= MOST_FEET:
         names = [f"load of foot {k + 1} of {obj.name}" for k in range(len(support.positions) - 1)]
@@ -238,7 +238,7 @@ def _load(i: int, obj: PushedObject) -> Load:
         middle, half = 0.5 * (points.max(axis=0) + points.min(axis=0)), 0.5 * np.ptp(points, axis=0)
         across = (points - middle) / np.maximum(half, 1e-9)
         return Load(points, lambda values: _normalised(stated * (1.0 + across @ values)), tilts)
-    if not isinstance(support, UniformSupport):  # an unknown pressure begins as the affine one with its centre
+    if not isinstance(support, UniformSupport):  # model an unknown pressure as the affine one with its centre
         support = UniformSupport(obj.outline, getattr(support, "center_of_mass", support.center))
     pressed = PressedOutline.from_outline(obj.outline, support)
     border = Unknown("border", i, f"share of the load on the border of {obj.name}", 0.0, MOST_BORDER)
@@ -250,7 +250,7 @@ def _normalised(loads: FloatArray) -> FloatArray:
 
 
 def _broken_stick(parts: FloatArray) -> FloatArray:
-    """Return loads of k feet (k,), all alike likely, for places (k - 1,) in the unit cube."""
+    """Map points (k - 1,) of the unit cube to loads of k feet (k,); uniform points give uniform loads."""
     k = len(parts) + 1
     left, loads = 1.0, []
     for j, part in enumerate(np.clip(parts, 1e-4, 1.0 - 1e-4)):
