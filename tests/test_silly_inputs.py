@@ -178,7 +178,7 @@ CALLS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "no room stated": (lambda p: api.plan(p.scenario.with_margin(0.0)), "leaves the contacts nothing to spare"),
     "no trials": (lambda p: api.trial(p, 0), "must be a whole number from 1"),
     "period": (lambda p: api.Follower(p, period=0.0), "period is 0"),
-    "no logs": (lambda p: api.identify([]), "there is no log"),
+    "no logs": (lambda p: api.identify([]), "no log is given"),
     "samples": (lambda p: api.trial(p, 0.5), "the number of samples is 0.5"),
     "seed": (lambda p: api.trial(p, 2, seed=-1), "the seed is -1"),
     "iterations": (lambda p: api.plan(p.scenario, iterations=10**400), "allowed: a whole number from 1"),
