@@ -1,12 +1,12 @@
-"""Lead a robot along a plan of any kind: measured poses of its base in, twists of its base out.
+"""Guide a robot along a plan of any kind: measured poses of its base in, twists of its base out.
 
-A plan is driven as it is: slower is fine, off its path is not. An error along the path is an error of time; one aside
-decays over the distance L that is driven,
+The robot can be slower than the plan, but must stay on its path. An error along the path changes only the time; an
+error across the path decays over the driven distance L,
 
     delta_omega = -v e_y / L^2 - 2 |v| e_theta / L        at the axle of a robot with wheels (critically damped),
-    delta_twist = -|v| (e_x, e_y, e_theta) / L            of one that moves to all sides, e_x and e_y across the path,
+    delta_twist = -|v| (e_x, e_y, e_theta) / L            of an omnidirectional robot, e_x and e_y across the path.
 
-scaled down until the twist keeps the contacts with half of the margin that the plan keeps.
+The correction is scaled down until the contacts keep half of the plan's margin.
 """
 
 from __future__ import annotations
@@ -34,33 +34,33 @@ if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
 
 SLIPPED = (0.005, float(np.radians(2.0)))
-"""How far (m, rad) an object may be away from its pose in the chain: five times what cameras err by."""
+"""Largest pose error of an object in the chain (m, rad): five times the error of cameras."""
 SAMPLES = 3
-"""Measurements one after the other that have to be beyond a limit: one may be wrong."""
+"""Number of successive measurements that must exceed a limit; a single one can be wrong."""
 SHARE = 0.5
-"""Of its margin that a plan keeps while errors are corrected."""
+"""Share of its margin that a plan keeps while errors are corrected."""
 STEERING_DISTANCE = 0.3
-"""L, m: a robot 2 mm aside changes its turn by 0.02 rad/m, a small part of what the sets of the examples bear."""
+"""L, m: an offset of 2 mm changes the curvature by 0.02 rad/m, a small part of the examples' stable sets."""
 
 PATIENCE = 0.5
-"""Time of inputs that cannot be, one after the other, after which a plan is aborted, s."""
+"""Time of successive invalid inputs after which a plan is aborted, s."""
 
 _MOST_SHIFT = 5.0
-"""Periods by which time is set at once: an error along the path that asks for more is one of the measurement."""
+"""Largest correction of the time in a step, periods; a larger error along the path is a measurement error."""
 _MOVING = 0.01
-"""Speed (m/s) below which an error along the path says nothing about time."""
+"""Speed (m/s) below which an error along the path is not converted to time."""
 _SHARES = np.linspace(1.0, 0.0, 9)
 """Shares of a correction that are tried."""
 _STEEPEST, _SHARPEST = 1.5, 6.0
 """Largest slope of 1 - 3 x^2 + 2 x^3 from 0 to 1, and its largest curvature."""
 _LONGER, _TRIES = 1.25, 24
-"""Factor from one time to stop in to the next that is tried, and how many are."""
+"""Ratio of successive stopping times that are tried, and their number."""
 _LOOKS = 33
-"""Moments of a stop at which its acceleration is looked at."""
+"""Number of moments at which the acceleration of a stop is checked."""
 
 
 class FollowerState(Enum):
-    """Where a follower is."""
+    """State of a follower."""
 
     FOLLOWING = "following"
     ARRIVED = "arrived"
@@ -70,15 +70,15 @@ class FollowerState(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Command:
-    """What the robot is to do until the next step.
+    """Command to the robot until the next step.
 
     Attributes:
-        twist: (3,) body twist (vx, vy, omega) of the robot's base, m/s and rad/s; 0 when there is nothing to do.
-        state: Whether there is.
-        time: Time of the trajectory, s; with a measured base, when the plan is where that is along the path.
-        progress: Share of the trajectory's duration that is over, in [0, 1].
-        off: How far (m, rad) the measured base is off the path; None where it was not measured.
-        reason: Why the plan was aborted; empty if it was not.
+        twist: Body twist (vx, vy, omega) of the robot's base, m/s and rad/s, (3,); 0 unless it follows the plan.
+        state: State of the follower.
+        time: Trajectory time, s; with a measured base, the time of the nearest point of the path.
+        progress: Elapsed share of the trajectory's duration, in [0, 1].
+        off: Error (m, rad) of the measured base from the path; None without a measurement.
+        reason: Reason of the abort; empty without one.
     """
 
     twist: FloatArray
@@ -90,24 +90,24 @@ class Command:
 
 
 class Follower:
-    """Leads a robot along a plan, without any middleware.
+    """Guides a robot along a plan, without any middleware.
 
     Args:
-        run: A plan, a run, or one read from its log.
-        period: For how long the robot keeps a twist, s.
-        speed: Factor of the plan's speed, in (0, 1]; may be set at any time.
-        off: How far (m, rad) the base may be off the path; None for the goal's tolerance.
-        slipped: How far (m, rad) a measured object may be away from its pose in the plan.
-        samples: So many measurements of one body, one after the other, have to be beyond these limits to abort the
-            plan. The robot does not steer by fewer, and goes on by time.
+        run: Plan, run, or run read from its log.
+        period: Time for which the robot keeps a twist, s.
+        speed: Factor of the plan's speed, in (0, 1]; can be set at any time.
+        off: Largest error (m, rad) of the base from the path; None for the goal's tolerance.
+        slipped: Largest error (m, rad) of a measured object from its pose in the plan.
+        samples: Number of successive measurements of one body beyond these limits that abort the plan. The robot
+            ignores fewer of them and goes on by time.
 
     Attributes:
-        plan: What is followed.
-        trajectory: Of the plate frame.
-        events: What was dropped of what came in, at the trajectory's times.
+        plan: Followed plan.
+        trajectory: Trajectory of the plate frame.
+        events: Dropped inputs, at trajectory times.
 
     Raises:
-        PushplanError: When there is no plan, or a number is out of its range.
+        PushplanError: If there is no plan, or a number is out of its range.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class Follower:
     ) -> None:
         plan = run if isinstance(run, Plan) else getattr(run, "plan", run)
         if not isinstance(plan, Plan | None):
-            raise PushplanError(f"there is nothing to follow in {run!r:.40}; allowed: a plan, or a run that has one")
+            raise PushplanError(f"there is no plan in {run!r:.40}; allowed: a plan, or a run with a plan")
         if plan is None or plan.trajectory is None:
             raise PushplanError(f"{run.scenario.name}: there is no plan to follow")
         if not 0.0 < period < 1.0:
@@ -159,15 +159,15 @@ class Follower:
 
     @property
     def footprint(self) -> FloatArray:
-        """(v, 2) outline of robot, plate and objects in the frame of the base, m; see `Scenario.footprint`."""
+        """Outline of robot, plate and objects in the frame of the base, m, (v, 2); see `Scenario.footprint`."""
         return self.plan.scenario.footprint
 
     def stop(self) -> None:
-        """Slow down along the path from now on, within the limits of the robot, and stand still."""
+        """Start to slow down along the path, within the limits of the robot, to a standstill."""
         self._drive.stop()
 
     def abort(self, reason: str) -> None:
-        """Stop for good: all commands from now on are 0 and give the first reason."""
+        """Stop for good: all further commands are 0 and give the first reason."""
         self._reason = self._reason or reason
 
     def step(
@@ -177,20 +177,19 @@ class Follower:
         *,
         elapsed: float | None = None,
     ) -> Command:
-        """Return what the robot is to do for the next `period`.
+        """Return the command for the next `period`.
 
-        Numbers that cannot be are dropped with an event; where that goes on for `PATIENCE`, the plan is aborted.
+        Invalid numbers are dropped with an event. Invalid inputs for longer than `PATIENCE` abort the plan.
 
         Args:
-            base_pose: (3,) measured pose of the base in the world; None goes by time alone.
-            object_poses: (n, 3) measured poses of the objects in the world, in the order of `scenario.poses`, None or
-                NaN where one was not seen; one that is off its planned pose by more than `slipped`, `samples` times
-                in a row, aborts the plan.
-            elapsed: Time since the last step, s; None for `period`, and 0 at the first. Where it is none, the twist
-                is 0.
+            base_pose: Measured pose of the base in the world, (3,); None to go on by time alone.
+            object_poses: Measured poses of the objects in the world, in the order of `scenario.poses`, (n, 3); None
+                or NaN for an object that was not seen. `samples` successive errors above `slipped` abort the plan.
+            elapsed: Time since the last step, s; None for `period`, and 0 at the first step. If it is invalid, the
+                twist is 0.
 
         Raises:
-            PushplanError: When poses have another shape, or there are words instead of numbers.
+            PushplanError: If poses have another shape, or hold text instead of numbers.
         """
         drive, before, duration = self._drive, self._drive.at, self.trajectory.duration
         timed = self._intake.elapsed(self._period if elapsed is None else elapsed)
@@ -199,7 +198,7 @@ class Follower:
         measured = None if base_pose is None else self._intake.pose(base_pose, "pose of the base")
         self._bad = 0 if timed and (measured is None) == (base_pose is None) else self._bad + 1
         if self._bad * self._period > PATIENCE:
-            self.abort(f"for {PATIENCE:g} s nothing has come in that can be: {self.events[-1].text}")
+            self.abort(f"no valid input for {PATIENCE:g} s: {self.events[-1].text}")
         error, beyond = (None, False) if measured is None else self._located(measured, before)
         if object_poses is not None:
             names = list(self.plan.segments[0].before)
@@ -222,10 +221,10 @@ class Follower:
         return Command(twist, state, drive.at, progress, off, self._reason)
 
     def _located(self, measured: FloatArray, before: float) -> tuple[FloatArray, bool]:
-        """Set the time to when the plan is where the robot is along the path, unless that is too far from there.
+        """Set the trajectory time to the path point nearest to the robot, unless the error exceeds its limit.
 
         Returns:
-            The error (3,) left, and whether it is beyond its limit.
+            The remaining error (3,), and whether it exceeds its limit.
         """
         drive, timed = self._drive, self._drive.at
         if not drive.stopping:
@@ -254,21 +253,21 @@ class Follower:
                 self._check(f"'{name}'", "away from its pose in the chain", *off, self._slipped)
 
     def _check(self, who: str, what: str, far: float, turned: float, allowed: tuple[float, float]) -> bool:
-        """Return whether a measurement is beyond what is allowed; abort once several have been."""
+        """Return whether an error exceeds its limit; abort after `samples` successive ones."""
         beyond = far > allowed[0] or turned > allowed[1]
         self._beyond[who] = self._beyond[who] + 1 if beyond else 0
         if self._beyond[who] >= self._samples:
             found, most = (f"{1e3 * m:.3g} mm and {math.degrees(rad):.3g} deg" for m, rad in ((far, turned), allowed))
-            times = f", {self._samples} measurements one after the other" if self._samples > 1 else ""
+            times = f", in {self._samples} successive measurements" if self._samples > 1 else ""
             self.abort(f"{who} is {found} {what} after {self._drive.at:.2f} s{times}; allowed: {most}")
         return beyond
 
 
 class Steering:
-    """A plan as seen from the frame in which errors are corrected: the axle's, or the plate frame without wheels.
+    """A plan in the frame of the error correction: the axle frame, or the plate frame without wheels.
 
     Args:
-        plan: What to follow, timed.
+        plan: Timed plan.
     """
 
     def __init__(self, plan: Plan) -> None:
@@ -279,41 +278,41 @@ class Steering:
         self._frame = np.zeros(3) if axle is None else se2.relative(self._pusher.plate_pose, axle)
 
     def planned(self, time: float, ahead: float, period: float) -> FloatArray:
-        """Return the constant twist (3,) that leads in `period` from where the plan is to where it is `ahead`, s."""
+        """Return the constant twist (3,) that covers the plan's motion from `time` to `time + ahead` in `period`."""
         begin, end = self._poses(np.array([time, time + ahead]))
         twist = se2.log(se2.relative(begin, end)) / period
         if self._wheels:
-            twist[1] = 0.0  # of the third order of the period: the planned twist changes meanwhile
+            twist[1] = 0.0  # of third order in the period, because the planned twist changes
         return twist
 
     def of(self, frame: FloatArray, twist: FloatArray) -> FloatArray:
-        """Return a twist (3,) of this frame as one of another, which is at a pose (3,) in the plate frame."""
+        """Return a twist (3,) of this frame as the twist of `frame`, a pose (3,) in the plate frame."""
         return se2.twist_of(se2.relative(self._frame, frame), twist)
 
     def error(self, time: float, base_pose: FloatArray) -> FloatArray:
-        """Return where a measured base (3,) puts this frame, seen from where the plan has it at a time (3,)."""
+        """Return the measured pose of this frame relative to its planned pose at `time` (3,)."""
         (planned,) = self._poses(np.array([time]))
         measured = se2.compose(base_pose, se2.relative(self._trajectory.base, self._frame))
         error = se2.relative(planned, measured)
         return np.array([*error[:2], float(se2.wrap_angle(error[2]))])
 
     def delay(self, time: float, error: FloatArray) -> float:
-        """Return by how much (s) the plan passes nearest to an error (3,) later than at `time`; 0 at rest."""
+        """Return the delay (s) after `time` at which the plan is nearest to an error (3,); 0 at rest."""
         v = se2.twist_of(self._frame, self._trajectory.twists_at(np.array([time])))[0, :2]
         speed = float(np.hypot(*v))
         return 0.0 if speed < _MOVING else float(error[:2] @ v) / speed**2
 
     def corrected(self, twist: FloatArray, error: FloatArray, time: float) -> FloatArray:
-        """Return a planned twist (3,) with as much of the correction of an error (3,) as robot and contacts bear."""
+        """Add the largest share of the correction of an error (3,) to a twist (3,) that robot and contacts allow."""
         tried = twist + _SHARES[:, None] * self._change(twist, error)
         bearable = self._possible(tried) & self._keeps(se2.twist_of(se2.inverse(self._frame), tried), time)
         bearable[-1] = True  # the plan's own
         return np.asarray(tried[int(bearable.argmax())])
 
     def _keeps(self, twists: FloatArray, time: float) -> BoolArray:
-        """Tell which twists (k, 3) of the plate frame keep the contacts that there are at a time; rest keeps all.
+        """Return which twists (k, 3) of the plate frame keep the contacts at a time; rest keeps all.
 
-        Alone the robot may move as it likes, but for backing off a load that it touches.
+        Without a load, every twist is allowed, except on a retreat from an object that the plate touches.
         """
         segment = self._plan.segments[int(self._plan.segment_at(np.array([time]))[0])]
         if not segment.pushes or segment.load is None:
@@ -338,7 +337,7 @@ class Steering:
         return -speed / distance * np.array([*across, error[2]])
 
     def _possible(self, twists: FloatArray) -> BoolArray:
-        """Tell which twists (k, 3) keep the angular speed and a car's radius."""
+        """Return which twists (k, 3) keep the limits of angular speed and turning radius."""
         least, most = self._pusher.limits.both("angular_speed")
         fine = (twists[:, 2] >= -least) & (twists[:, 2] <= most)
         fine &= np.abs(twists[:, 2]) * self._pusher.drive.min_radius <= np.hypot(*twists[:, :2].T)
@@ -349,22 +348,22 @@ class Steering:
 
 
 class Drive:
-    """A place on a trajectory that goes on with time, until it stops.
+    """Position on a trajectory that advances with time until it stops.
 
-    Stopping keeps to the path: trajectory time slows down by 1 - 3 x^2 + 2 x^3, x from 0 to 1. The time that takes is
-    chosen so that the pusher's limits hold.
+    A stop keeps to the path: the rate of trajectory time falls as 1 - 3 x^2 + 2 x^3, x from 0 to 1, over a stopping
+    time that respects the pusher's limits.
 
     Attributes:
-        trajectory: What is followed.
+        trajectory: Followed trajectory.
         at: Time on the trajectory, s.
     """
 
     def __init__(self, trajectory: Trajectory, limits: Limits) -> None:
-        """Begin at the trajectory's beginning.
+        """Start at the beginning of the trajectory.
 
         Args:
-            trajectory: What to follow.
-            limits: Of the pusher.
+            trajectory: Trajectory to follow.
+            limits: Limits of the pusher.
         """
         self.trajectory, self.at = trajectory, 0.0
         self._limits = limits
@@ -372,28 +371,28 @@ class Drive:
 
     @property
     def stopping(self) -> bool:
-        """Whether it was told to stop."""
+        """Whether `stop` was called."""
         return self._stop_time < math.inf
 
     @property
     def over(self) -> bool:
-        """Whether the plate stands still from now on."""
+        """Whether the motion has ended."""
         return self._stopping_for >= self._stop_time or self.at >= self.trajectory.duration
 
     def stop(self) -> None:
-        """Slow down from now on."""
+        """Start to slow down."""
         if not self.stopping and not self.over:
             self._stop_from, self._stop_time = self.at, self._time_to_stop()
 
     def advance(self, dt: float) -> FloatArray:
-        """Go on by a time, s, and return the pose (3,) of the trajectory there."""
+        """Advance by a time `dt`, s, and return the pose (3,) of the trajectory there."""
         self.at = self.after(dt)
         if self.stopping:
             self._stopping_for = min(self._stopping_for + dt, self._stop_time)
         return np.asarray(self.trajectory.poses_at([self.at])[0])
 
     def after(self, dt: float) -> float:
-        """Return the time on the trajectory that it goes on to in a time, s."""
+        """Return the trajectory time that it reaches after a time `dt`, s."""
         if not self.stopping:
             return min(self.at + dt, self.trajectory.duration)
         stopping_for = min(self._stopping_for + dt, self._stop_time)
@@ -401,7 +400,7 @@ class Drive:
         return min(at, self.trajectory.duration)
 
     def _time_to_stop(self) -> float:
-        """Return the shortest time to stop in, of a geometric series, for which the limits hold."""
+        """Return the shortest stopping time of a geometric series that respects the limits, s."""
         vx, vy, omega = self.trajectory.twists_at([self.at])[0]
         limits, time = self._limits, 0.02
         for speed, acceleration, jerk in (
@@ -416,7 +415,7 @@ class Drive:
         return time
 
     def _is_too_sudden(self, time: float) -> bool:
-        """Tell whether stopping in a time asks for more acceleration than there may be, the path's own included."""
+        """Return whether a stop in `time` exceeds the acceleration limits; the path's own acceleration counts."""
         ticks = np.linspace(0.0, time, _LOOKS)
         x = ticks / time
         at = self.at + _passed(ticks, time)
@@ -427,6 +426,6 @@ class Drive:
 
 
 def _passed(since: FloatArray | float, time: float) -> FloatArray:
-    """Return the trajectory time that passes in the first `since` seconds of stopping in `time` seconds."""
+    """Return the trajectory time that passes in the first `since` seconds of a stop that lasts `time` seconds."""
     x = np.asarray(since) / time
     return np.asarray(time * (x - x**3 + 0.5 * x**4))

@@ -1,4 +1,4 @@
-"""What comes in from a robot: what is no number, no pose or no time is dropped, and told."""
+"""Checks of the inputs from a robot: invalid numbers, poses and times are dropped and reported."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from pushplan.util.arrays import FloatArray, numbers
 from pushplan.util.names import FARTHEST
 
 AHEAD = 0.1
-"""How far ahead of now a measurement may be stamped, s: clocks of cameras and robots are apart by less."""
+"""Largest lead of a time stamp over the current time, s; clocks of cameras and robots differ by less."""
 LEAP = 5.0
 """Longest time from one step to the next, s."""
 QUIET = 1.0
-"""For how long the same cause is not told again, s."""
+"""Time before the same cause is reported again, s."""
 
 
 class Intake:
-    """Looks through what a controller or follower is given.
+    """Checks the inputs of a controller or follower.
 
     Args:
-        tell: Takes the sentence of an event when something is dropped.
+        tell: Receiver of the message when an input is dropped.
 
     Attributes:
-        now: The last time that was one, s; NaN before the first.
-        bad: Times since that were none.
+        now: Last valid time, s; NaN before the first.
+        bad: Number of invalid times since then.
     """
 
     def __init__(self, tell: Callable[[str], None]) -> None:
@@ -36,24 +36,24 @@ class Intake:
         self.now, self.bad = math.nan, 0
 
     def drop(self, cause: str, words: str) -> None:
-        """Tell that something is dropped, unless the same cause was told a moment ago."""
+        """Report a dropped input, unless the same cause was reported within `QUIET`."""
         if not self.now < self._told.get(cause, -math.inf) + QUIET:
             self._told[cause] = self.now
             self._tell(words)
 
     def clock(self, now: float) -> bool:
-        """Take over the time, s; False where it is none, goes back or leaps."""
+        """Set the time, s, and return True; False if it is invalid, goes back or leaps."""
         now = _number(now, "the time")
         if not abs(now) < math.inf or now < self.now or now - self.now > LEAP:
             last = "" if math.isnan(self.now) else f" after {self.now:.3f} s"
-            self.drop("clock", f"a step at {now:.6g} s{last}; allowed: times that go on, by {LEAP:g} s at most")
+            self.drop("clock", f"a step at {now:.6g} s{last}; allowed: rising times, at most {LEAP:g} s apart")
             self.bad += 1
             return False
         self.now, self.bad = now, 0
         return True
 
     def elapsed(self, seconds: float) -> bool:
-        """Go on by a time, s; False where it is none, negative or leaps."""
+        """Advance the time by `seconds` and return True; False if it is invalid, negative or leaps."""
         seconds = _number(seconds, "the time elapsed")
         if not 0.0 <= seconds <= LEAP:
             self.drop("clock", f"{seconds:.6g} s elapsed; allowed: 0 to {LEAP:g} s")
@@ -62,18 +62,18 @@ class Intake:
         return True
 
     def stamp(self, time: float | None, latest: float, oldest: float) -> float | None:
-        """Return when something was measured, s; None where that cannot be.
+        """Return the time of a measurement, s; None if it is a repetition or impossible.
 
         Args:
-            time: As stated; None stands for now.
-            latest: Of the measurement before.
-            oldest: That there is a pose of the plate for.
+            time: Time stamp, s; None for now.
+            latest: Time of the previous measurement, s.
+            oldest: Earliest time with a known pose of the plate, s.
         """
         if time is None:
             return self.now
         time = _number(time, "the time of a measurement")
         if time == latest:
-            return None  # the same once more, as trackers send it that are asked too often
+            return None  # a repetition: trackers that are polled too often send the last measurement again
         if max(math.nextafter(latest, math.inf), oldest) <= time <= self.now + AHEAD:
             return time
         allowed = f"{max(latest, oldest):.3f} to {self.now + AHEAD:.3f} s" if latest > oldest else "the last seconds"
@@ -81,10 +81,10 @@ class Intake:
         return None
 
     def pose(self, values: ArrayLike | None, what: str) -> FloatArray | None:
-        """Return a pose (3,); None where there is none, or a number is none or absurd.
+        """Return a pose (3,); None if it is missing, or a number is not finite or absurdly large.
 
         Raises:
-            PushplanError: When it has another shape, or holds words.
+            PushplanError: If it has another shape, or holds text.
         """
         if values is None:
             return None
@@ -92,14 +92,14 @@ class Intake:
         return None if np.isnan(pose).any() else pose
 
     def deviations(self, covariance: ArrayLike | None, count: int) -> FloatArray | None:
-        """Return the standard deviations (2,), m and rad, of the worst of some objects; None without, or with none.
+        """Return the largest standard deviations (2,) of the objects, m and rad; None without a valid covariance.
 
         Args:
-            covariance: (3, 3) of each measured pose x, y, theta, or (n, 3, 3).
+            covariance: Covariance of the measured poses x, y, theta: (3, 3) for all objects, or (n, 3, 3).
             count: Number of objects.
 
         Raises:
-            PushplanError: When it has another shape, or holds words.
+            PushplanError: If it has another shape, or holds text.
         """
         if covariance is None:
             return None
@@ -109,16 +109,16 @@ class Intake:
         found = found.reshape(-1, 3, 3)
         symmetric = np.allclose(found, found.swapaxes(1, 2), rtol=1e-6, atol=0.0)
         if not (np.abs(found) <= FARTHEST).all() or not symmetric or np.linalg.eigvalsh(found).min() < 0.0:
-            self.drop("covariance", "a covariance that is none; allowed: symmetric, no eigenvalue below 0")
+            self.drop("covariance", "an invalid covariance; allowed: symmetric, no eigenvalue below 0")
             return None
         position = np.linalg.eigvalsh(found[:, :2, :2])[:, -1].max()
         return np.sqrt([position, found[:, 2, 2].max()])
 
     def poses(self, values: object, names: list[str], what: str) -> FloatArray:
-        """Return poses (n, 3), NaN where an object was not seen (None, or a row of NaN) or a number is absurd.
+        """Return poses (n, 3), NaN for objects that were not seen (None, or a row of NaN) and for absurd numbers.
 
         Raises:
-            PushplanError: When they have another shape, or hold words.
+            PushplanError: If they have another shape, or hold text.
         """
         try:
             rows = [np.full(3, np.nan) if row is None else row for row in values]  # type: ignore[attr-defined]

@@ -1,9 +1,9 @@
-"""How far numbers of a chain may be off on a plan, each alone or all at once: the scale of a box of errors.
+"""Largest scale of a box of parameter errors at which a plan keeps all contacts, one error alone or all together.
 
-rho = min over moments and contact conditions of sup {r: the condition holds for all |delta_j| <= r u_j}, u being the
-half widths of the box. In each number a condition is nearly monotonic, so its worst errors are a corner of the box.
-It is found by linearising about a point, taking the corner that this says is the worst, linearising again there,
-until no corner is worse than those that are known.
+rho = min over moments and contact conditions of sup {r: the condition holds for all |delta_j| <= r u_j}, with half
+widths u. A condition is nearly monotonic in each parameter, so its worst errors are a corner of the box. The search
+linearises about a point, moves to the worst corner of this model, and linearises there. It ends when no new corner is
+worse.
 """
 
 from __future__ import annotations
@@ -24,44 +24,44 @@ from pushplan.sim.moments import ChainMotion, Variants
 from pushplan.util.arrays import FloatArray, IntArray
 
 FINE = 1e-6
-"""Share of itself to which the scale is found."""
+"""Relative accuracy of the scale."""
 
 SECTIONS, AT_ONCE, MOST_SECTIONS = 4, 512, 128
-"""Scales that are asked at once: more where few chains and moments are left, so that a call asks about so much."""
+"""Smallest number of scales per call, chains times moments times scales per call, and largest number of scales."""
 
 CORNERS = 24
-"""Corners that one linearisation may add."""
+"""Largest number of corners that one linearisation adds."""
 
 ROUNDS = 8
-"""Linearisations at most."""
+"""Largest number of linearisations."""
 
 FEW, WEAK = 32, 384
-"""Moments with the least to spare that are asked before all are: of single numbers, and of all at once.
+"""Number of the weakest moments that are tested before all others: for single and for joint errors.
 
-With half as many of the latter, errors that two of 499 plans lose a contact by were not found.
+With half as many for joint errors, the search missed the loss of a contact on two of 499 plans.
 """
 
 NO_CONTACT = 1e6
-"""How negative the conditions of a chain count of which a contact has no length, N."""
+"""Negative value of all conditions of a chain with a contact of zero length, N."""
 
 MOST_SCALE = 10.0
-"""Largest scale that is looked at."""
+"""Largest scale of the search."""
 
 SHIFT = 7
-"""Column of `PackedChain.objects`: how far a push shifts the load, which grows with the floor's friction."""
+"""Column of `PackedChain.objects` with the load shift by the push, which grows with floor friction."""
 
 KINDS = ("floor_friction", "mass", "lean_x", "lean_y", "position", "angle")
-"""What is off of each object, in this order; contact frictions are always lower, which is always worse."""
+"""Errors of each object, in this order. Contact frictions are always at their lowest, which is always worse."""
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorBox:
-    """By how much numbers of a chain may be off at a scale of 1, and the chain with the numbers in the middle.
+    """Box of parameter errors at a scale of 1, and the chain at its centre.
 
     Attributes:
-        chain: With the middle of every interval.
-        contact_friction: (n,) shares of the contacts' coefficients.
-        widths: (n, 6) half widths of `KINDS`: shares, m, rad.
+        chain: Chain with the midpoint of every interval.
+        contact_friction: Largest decrease of the contacts' friction coefficients, as shares, (n,).
+        widths: Half widths of `KINDS`: shares, m, rad, (n, 6).
     """
 
     chain: Chain
@@ -70,20 +70,20 @@ class ErrorBox:
 
     @classmethod
     def fixed(cls, chain: Chain) -> ErrorBox:
-        """Return the box `BOX` about the numbers of a chain."""
+        """Return the box `BOX` about the parameters of a chain."""
         n, off = len(chain.objects), BOX
         row = [off.floor_friction, off.mass, off.load, off.load, off.position, off.angle]
         return cls(chain, np.full(n, off.contact_friction), np.tile(row, (n, 1)))
 
     @classmethod
     def of_kind(cls, chain: Chain, kind: str) -> ErrorBox:
-        """Return the box about the numbers of a chain in which those of one kind are off by 1, 1 m or 1 rad."""
+        """Return a box with half widths of 1, 1 m or 1 rad for one kind of error, and 0 for the others."""
         n = len(chain.objects)
         return cls(chain, np.zeros(n), np.tile([float(kind == one) for one in KINDS], (n, 1)))
 
     @classmethod
     def of(cls, load: Load) -> ErrorBox:
-        """Return what the scenario of a load states as intervals, or the fixed box where it states none."""
+        """Return the box of the intervals that the scenario of a load specifies; without any, the fixed box."""
         problem, chain = load.problem, load.chain
         if not problem.states_intervals:
             return cls.fixed(chain)
@@ -91,7 +91,7 @@ class ErrorBox:
         share = np.full(n, problem.uncertainty.contact_friction)
         if problem.contact_friction is not None:
             share = _half_widths(problem.contact_friction)
-        # The contacts of such a chain have the lowest coefficients; their middles are higher by this.
+        # The contacts of such a chain have the lowest coefficients; the midpoints follow from them.
         contacts = tuple(
             replace(contact, friction=contact.friction / (1.0 - off)) if off < 1.0 else contact
             for contact, off in zip(chain.contacts, share, strict=True)
@@ -108,20 +108,20 @@ class ErrorBox:
 
 
 def _half_widths(spans: FloatArray) -> FloatArray:
-    """Return the half widths (k,) of intervals (k, 2) as shares of their middles."""
+    """Return the half widths (k,) of intervals (k, 2) as shares of their midpoints."""
     return np.asarray(np.diff(spans)[:, 0] / np.maximum(spans.sum(axis=1), 1e-300))
 
 
 @dataclass(frozen=True, eq=False)
 class JointErrors:
-    """A motion on which all numbers may be off at once."""
+    """A motion of a chain with a box of parameter errors."""
 
     motion: ChainMotion
     box: ErrorBox
 
     @cached_property
     def most(self) -> float:
-        """Largest scale at which every number still means something: no load is negative, no friction."""
+        """Largest scale at which every parameter is still valid: no load and no friction is negative."""
         widths, share = self.box.widths, self.box.contact_friction
         least = [MOST_SCALE]
         least += [1.0 / off for off in [*share, *widths[:, 0], *widths[:, 1]] if off > 0.0]
@@ -131,15 +131,15 @@ class JointErrors:
             leans = sum(row[2 + axis] / max(self.motion.most_lean(i, axis)[1], 1e-300) for axis in (0, 1))
             if leans > 0.0:
                 least.append((1.0 - 1e-9 * (height > 0.0)) / leans)
-            if height > 0.0:  # a push shifts more with more friction, and what leans bears less of it
+            if height > 0.0:  # the push shifts the load more with more friction, and a shifted load has less room
                 room = push_room(obj, height)
                 least.append(max(room, 0.0) / (height * obj.floor_friction * (row[0] + leans) + 1e-300))
         return min(least)
 
     def variants(self, scales: FloatArray, corners: FloatArray, about_last: bool = False) -> Variants:
-        """Return the chains at scales (q,) of points (q, n, 6) of the box, contact frictions at their lowest.
+        """Return the chains at scales (q,) of points (q, n, 6) of the box, with the lowest contact frictions.
 
-        `changed` compares them with the last of them if `about_last`, else with the chain's nominal numbers.
+        `changed` compares them with the last one if `about_last`, else with the nominal chain.
         """
         itself, chain = self.motion.itself, self.motion.chain
         off = scales[:, None, None] * corners * self.box.widths
@@ -175,10 +175,10 @@ class JointErrors:
     def values(
         self, scales: FloatArray, corners: FloatArray, which: IntArray | None, about_last: bool = False
     ) -> FloatArray:
-        """Return the conditions' values (q, k, 4 n) at moments `which` (k,), None for all.
+        """Return the values of the conditions (q, k, 4 n) at moments `which` (k,), None for all.
 
-        They are -NO_CONTACT where a contact has no length. Where most points differ from the last one in few
-        objects, `about_last` takes a fraction of the time.
+        They are -NO_CONTACT for a chain with a contact of zero length. If most points differ from the last one in few
+        objects, `about_last` saves most of the time.
         """
         variants = self.variants(scales, corners, about_last)
         masses = 1.0 + scales[:, None] * corners[:, :, 1] * self.box.widths[:, 1]
@@ -188,9 +188,9 @@ class JointErrors:
         return np.asarray(found)
 
     def worst(self, most: float = MOST_SCALE) -> tuple[float, FloatArray]:
-        """Return rho, at most `most` and `self.most`, and the point (n, 6) of the box that loses a contact above it.
+        """Return rho, at most `most` and `self.most`, and the point (n, 6) of the box that first loses a contact.
 
-        The point is zero where none does up to there, or where a contact is lost with all numbers in the middle.
+        The point is zero if no point loses a contact, or if the chain at the centre already does.
         """
         middle = np.zeros((1, len(self.motion.chain.objects), len(KINDS)))
         scale, known, about = min(most, self.most), middle, middle[0]
@@ -211,22 +211,22 @@ class JointErrors:
         return scale, about if at is None else known[at]
 
     def alone(self, most: float) -> float:
-        """Return the largest scale, at most `most` and `self.most`, up to which any one number may be off."""
+        """Return the largest scale, at most `most` and `self.most`, at which each single error keeps all contacts."""
         numbers, shape = np.argwhere(self.box.widths > 0.0), self.box.widths.shape
         either_way = np.zeros((len(numbers), 2, *shape))
         either_way[np.arange(len(numbers)), :, numbers[:, 0], numbers[:, 1]] = 1.0, -1.0
         scale = min(most, self.most)
         if scale > 0.0:
             scale, _ = self._first_loss(either_way.reshape(-1, *shape), scale, self.motion.order[:FEW])
-            for points in either_way:  # one by one: what is not off is not worked out again
+            for points in either_way:  # one object at a time, so that the results of the others are reused
                 scale, _ = self._first_loss(points, scale, None)
         return scale
 
     def _corners(self, scale: float, about: FloatArray, which: IntArray) -> FloatArray:
-        """Return corners (c, n, 6) that are the worst ones as seen from a point (n, 6) of the box at a scale.
+        """Return the corners (c, n, 6) that are worst in the linear model about a point (n, 6) of the box.
 
-        Of each condition the change with each number alone is looked at, to either side: a contact that shortens
-        whichever way an object moves has no gradient.
+        The model uses the change of each condition with each parameter on both sides. A gradient would fail for a
+        contact that shortens in whichever direction an object moves.
         """
         shape, size = about.shape, about.size
         points = np.repeat(about.reshape(1, -1), 2 * size + 1, axis=0)
@@ -237,7 +237,7 @@ class JointErrors:
         below, above, here = values[:size], values[size:-1], values[-1]
         gain = here - np.minimum(np.minimum(below, above), here)
         total = gain.sum(axis=0)
-        # The share of the changes at which a condition is lost, if they simply add up.
+        # Share of the changes at which a condition is lost if they add up.
         share = here / np.maximum(total, 1e-300)
         chosen = np.argsort(share, kind="stable")[: 4 * CORNERS]
         corners = np.where(gain > 0.0, np.where(below < above, -1.0, 1.0), about.reshape(-1, 1))[:, chosen].T
@@ -245,17 +245,17 @@ class JointErrors:
         return corners[np.sort(first)[:CORNERS]].reshape(-1, *shape)
 
     def _first_loss(self, corners: FloatArray, most: float, which: IntArray | None) -> tuple[float, int | None]:
-        """Return the largest scale up to `most` before which no corner loses a contact, and the one that does first.
+        """Return the smallest scale at which a corner loses a contact, and its index; `most` and None without one.
 
-        What is lost at a scale and holds again at a slightly larger one may be missed.
+        The search can miss a contact that is lost at one scale and holds again at a slightly larger one.
         """
         low, high, losing, lost = 0.0, most, np.arange(len(corners)), False
         while high - low > FINE * high:
-            count = 1  # all moments are asked once the weak ones have been: few lose a contact earlier
+            count = 1  # once the weak moments are tested, few others lose a contact earlier
             if which is not None:
                 count = min(max(SECTIONS, AT_ONCE // (len(losing) * len(which))), MOST_SECTIONS)
             scales = low + (high - low) * (np.arange(count) + 1.0) / count
-            just_below = np.tile((1.0 - 1e-9) * scales, len(losing))  # the largest one may leave no friction at all
+            just_below = np.tile((1.0 - 1e-9) * scales, len(losing))  # the largest scale can leave no friction at all
             values = self.values(just_below, np.repeat(corners[losing], count, axis=0), which)
             lost_at = (values <= 0.0).any(axis=2).reshape(len(losing), count, -1)
             gone = np.asarray(lost_at.any(axis=2))

@@ -1,4 +1,4 @@
-"""Kinematic execution: loads follow the plate rigidly for as long as every contact holds, and else rest."""
+"""Kinematic execution: the load follows the plate rigidly while every contact holds; other objects rest."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from pushplan.util.arrays import FloatArray, IntArray, columns_of, distinct
 
 
 def execute(scenario: Scenario, segments: tuple[Segment, ...], planned: str) -> Execution:
-    """Execute the segments of a plan: integrate the commanded twist exactly and watch every contact.
+    """Execute the segments of a plan: integrate the commanded twist exactly and check every contact.
 
     The integration does not use the trajectory's own poses. It stops at the first sample at which a contact's margin
-    is not positive, with inertia unless the scenario leaves that out.
+    is not positive; the margin includes inertia unless the scenario leaves it out.
 
     Args:
-        scenario: Where the objects are at first, and their goals.
-        segments: Timed.
-        planned: Name of the stable set that was planned in; it judges where the loads are not known.
+        scenario: Scenario with the initial object poses and the goals.
+        segments: Timed segments.
+        planned: Name of the stable set of the plan; it also checks the contacts if the loads are not known.
 
     Raises:
-        PushplanError: When a segment is not timed.
+        PushplanError: If a segment is not timed.
     """
     trajectory = join(segments)
     if trajectory is None:
-        raise PushplanError("there is nothing to execute: a plan has segments, each with a trajectory")
+        raise PushplanError("there is nothing to execute; a plan needs segments, each with a trajectory")
     t, poses = trajectory.t, integrated(trajectory)
     names = tuple(scenario.poses)
     ends = np.cumsum([segment.duration for segment in segments])
@@ -73,12 +73,12 @@ def execute(scenario: Scenario, segments: tuple[Segment, ...], planned: str) -> 
 
 
 def _samples(owner: IntArray, k: int) -> slice:
-    """Return the samples of segment k, given the segment of each one, in order."""
+    """Return the slice of samples that belong to segment k; `owner` is sorted."""
     return slice(*np.searchsorted(owner, [k, k + 1]).tolist())
 
 
 def _carried(scenario: Scenario, segments: tuple[Segment, ...], poses: FloatArray, owner: IntArray) -> FloatArray:
-    """Return the poses (m, n, 3) of all objects while the plate has poses (m, 3), in the segments `owner` (m,)."""
+    """Return the poses (m, n, 3) of all objects for plate poses (m, 3) in the segments `owner` (m,)."""
     now = dict(scenario.poses)
     names = tuple(now)
     objects = np.empty((len(poses), len(names), 3))
@@ -88,27 +88,27 @@ def _carried(scenario: Scenario, segments: tuple[Segment, ...], poses: FloatArra
         if not segment.pushes or segment.load is None:
             continue
         begin, end = segment.path.start, _timed(segment).break_poses[-1]
-        # Objects rest where the push before has left them, whatever the plan says.
+        # Objects rest where the previous push left them, even if the plan differs.
         held = se2.relative(begin, np.array([now[name] for name in segment.load.names]))
         there = poses[inside].copy()
-        # The robot may have turned fully between two pushes.
+        # The robot can make full turns between two pushes.
         there[:, 2] -= 2.0 * np.pi * np.round((there[:1, 2] - begin[2]) / (2.0 * np.pi))
-        moved = se2.compose(there, held[:, None])  # long axes last but one: NumPy is slow along short ones
+        moved = se2.compose(there, held[:, None])  # long axis next to last: NumPy is slow along short ones
         objects[inside, [names.index(name) for name in segment.load.names]] = moved.transpose(1, 0, 2)
         now |= zip(segment.load.names, se2.compose(end, held), strict=True)
     return objects
 
 
 def contacts_along(segment: Segment, planned: str, t: FloatArray) -> tuple[str, dict[str, FloatArray]]:
-    """Return the judge of a push, and what is known of its contacts at times (m,) from its beginning, s.
+    """Return the name of the set that checks a push, and its contact data along the push.
 
     The arrays are those of `Execution` by name, for the contacts of this load: (m, n), `forces` (m, n, 2), and
-    `needed_forces` (m,).
+    `needed_forces` (m,). At rest, they belong to the next twist (at the end: to the last one).
 
     Args:
-        segment: A push, timed.
-        planned: Name of the stable set that was planned in.
-        t: Where the plate rests, the twist counts that comes next (at the end: came last).
+        segment: Timed push.
+        planned: Name of the stable set of the plan.
+        t: Times from the beginning of the push, s, (m,).
     """
     problem = segment.pushed_load.problem
     own = segment.contact_trajectory
@@ -133,7 +133,7 @@ def contacts_along(segment: Segment, planned: str, t: FloatArray) -> tuple[str, 
 
 
 def _count_starts(needed: FloatArray, force: PushForce, segment: Segment, t: FloatArray) -> None:
-    """Let the forces (m,) at samples (m,) next to a stop be at least what it takes to go on."""
+    """Raise the forces (m,) at the samples next to a stop to at least the breakaway force."""
     own = segment.contact_trajectory
     stops = own.breaks[:-1][np.abs(own.twists_at(own.breaks[:-1])).max(axis=1) < RESTING]
     nearest = np.clip(np.searchsorted(t, stops), 0, len(t) - 1)
@@ -142,7 +142,7 @@ def _count_starts(needed: FloatArray, force: PushForce, segment: Segment, t: Flo
 
 
 def integrated(trajectory: Trajectory) -> FloatArray:
-    """Return the poses (m, 3) at the sample times: one exact step between any two of samples and breaks."""
+    """Return the poses (m, 3) at the sample times, with one exact step between neighbouring samples and breaks."""
     ticks = distinct(np.append(trajectory.t, trajectory.breaks))
     piece = trajectory.piece_at(ticks[:-1])
     begin = ticks[:-1] - trajectory.breaks[piece]
@@ -151,7 +151,7 @@ def integrated(trajectory: Trajectory) -> FloatArray:
 
 
 def _timed(segment: Segment) -> Trajectory:
-    assert segment.trajectory is not None  # `join` has looked
+    assert segment.trajectory is not None  # `join` has checked
     return segment.trajectory
 
 

@@ -1,4 +1,4 @@
-"""The moments of a motion at which robustness is computed, and what every contact has to spare then."""
+"""The moments of a motion that decide its robustness, and the contact conditions at them."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ SAME = 1e-11
 """Difference up to which two directions, or a rate and its part along the twist, count as the same."""
 
 STANDSTILL = 1e-30
-"""Squared speed at which inertia does not count, although there is a direction, m^2/s^2."""
+"""Squared speed of a motion without inertia that still has a direction, m^2/s^2."""
 
 
 class Moments(NamedTuple):
     """Moments of a motion, in the chain frame.
 
     Attributes:
-        directions: (m, 3) twists per max(|v_x|, |v_y|, |omega| length): what the floor's friction depends on.
-        twists: (m, 3) m/s, rad/s.
-        rates: (m, 3) their time derivatives, m/s^2, rad/s^2.
-        group: (m,) equal for neighbours of the same direction.
+        directions: Twists over max(|v_x|, |v_y|, |omega| length), (m, 3); floor friction depends on these only.
+        twists: Twists, m/s, rad/s, (m, 3).
+        rates: Time derivatives of the twists, m/s^2, rad/s^2, (m, 3).
+        group: Group index, equal for neighbours of the same direction, (m,).
     """
 
     directions: FloatArray
@@ -41,21 +41,21 @@ class Moments(NamedTuple):
     group: IntArray
 
     def at(self, which: IntArray) -> Moments:
-        """Return some of them, by their indices (k,)."""
+        """Return the moments with indices `which` (k,)."""
         return Moments(self.directions[which], self.twists[which], self.rates[which], self.group[which])
 
 
 def thinned(twists: FloatArray, rates: FloatArray, length: float) -> Moments:
-    """Return the moments of a motion that can be the worst ones, whatever the chain.
+    """Return the moments of a motion that can be the worst ones for any chain.
 
-    Along an arc of constant twist V = s' xi every contact condition is linear in (s'', s'^2): among all samples of
-    the arc it is least at a corner of their convex hull in that plane. Its origin, where inertia does not count, is
-    one of the points: a motion is driven slower, too.
+    Along an arc of constant twist V = s' xi every contact condition is linear in (s'', s'^2). Its minimum over the
+    samples of the arc is therefore at a corner of their convex hull in that plane. The origin (no inertia) is one of
+    the points, because the motion can also be slower.
 
     Args:
-        twists: (m, 3) body twists, none zero.
-        rates: (m, 3) their time derivatives.
-        length: The chain's characteristic length, m.
+        twists: Nonzero body twists, m/s, rad/s, (m, 3).
+        rates: Time derivatives of the twists, (m, 3).
+        length: Characteristic length of the chain, m.
     """
     size = np.abs(twists * [1.0, 1.0, length]).max(axis=1)
     directions = twists / size[:, None]
@@ -70,21 +70,23 @@ def thinned(twists: FloatArray, rates: FloatArray, length: float) -> Moments:
     corners, which = shapely.get_coordinates(shapely.convex_hull(lines), return_index=True)
     unit = directions[first][which]
     found = corners[:, :1] * unit
-    alone = ~along[first][which] & (corners[:, 1] > STANDSTILL)  # a moment that is no arc's is a group of its own
+    alone = ~along[first][which] & (corners[:, 1] > STANDSTILL)  # a moment outside of arcs is a group of its own
     found[alone] = rates[first[which[alone]]]
     return Moments(unit, np.sqrt(corners[:, 1:]) * unit, np.ascontiguousarray(found), which.astype(np.int64))
 
 
 class Variants(NamedTuple):
-    """q perturbed chains; the first axis of an array in which they do not differ has length 1.
+    """Arrays of q perturbed chains; an array that is the same for all has a first axis of length 1.
 
     Attributes:
-        packed: The arrays of a `PackedChain`, `objects` (q, n, 11) and `parts` (q, e, 5).
-        changed: (q, n) whether the floor's friction on the object differs from that of a chain it is known of.
-        poses: (q, n, 3) motions that take the objects from where they are packed to where they are.
-        centers: (q, n, 2) centres of mass before that motion, m.
-        facets: (q, n, 4, 3) the contact holds where all facets . (f_x, f_y, m) are > 0.
-        exist: (q,) whether there is such a chain: every contact has a length, every load is positive.
+        objects: Array `objects` of a `PackedChain`, (q, n, 11).
+        parts: Array `parts` of a `PackedChain`, (q, e, 5).
+        links: Array `links` of a `PackedChain`.
+        changed: Whether the floor friction of the object differs from that of the reference chain, (q, n).
+        poses: Motions of the objects from their packed to their perturbed poses, (q, n, 3).
+        centers: Centres of mass before that motion, m, (q, n, 2).
+        facets: Facets of the contact cones, (q, n, 4, 3); a contact holds if all facets . (f_x, f_y, m) are > 0.
+        exist: Whether the chain is valid, (q,): every contact has a length, every load is positive.
     """
 
     objects: FloatArray
@@ -99,10 +101,10 @@ class Variants(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ChainMotion:
-    """A chain, all loads known, and the moments at which its contacts have to hold.
+    """A chain with known loads, and the moments at which its contacts must hold.
 
     Raises:
-        SupportError: When a load is not known.
+        SupportError: If a load is not known.
     """
 
     chain: Chain
@@ -110,17 +112,17 @@ class ChainMotion:
 
     @cached_property
     def packed(self) -> contacts.PackedChain:
-        """The chain as arrays."""
+        """Arrays of the chain."""
         return pack_chain(self.chain)
 
     @cached_property
     def inertia(self) -> InertiaTable:
-        """Mass properties."""
+        """Mass properties of the objects."""
         return inertia_table(self.chain)
 
     @cached_property
     def itself(self) -> Variants:
-        """The chain with its nominal numbers."""
+        """The nominal chain as one variant."""
         n, packed = len(self.chain.objects), self.packed
         objects, parts = packed.objects[None], packed.parts[None]
         still, every = np.zeros((1, n, 3)), np.ones((1, n), dtype=np.bool_)
@@ -131,30 +133,30 @@ class ChainMotion:
 
     @cached_property
     def _floor(self) -> FloatArray:
-        """(m, n, 3) wrenches that move each object against the floor."""
+        """Wrenches that move each object against the floor, (m, n, 3)."""
         return core.floor_wrenches(self.itself, self.packed.series, self.moments.directions)
 
     @cached_property
     def nominal(self) -> FloatArray:
-        """(m, n, 4) values of the facets with the nominal numbers."""
+        """Facet values of the nominal chain, (m, n, 4)."""
         return np.asarray(self.values_of(self.itself._replace(changed=~self.itself.changed), None)[0])
 
     @cached_property
     def order(self) -> IntArray:
-        """(m,) the moments, those with the least to spare per friction load that the contact carries first."""
+        """Indices of the moments, weakest first (smallest facet value over the carried friction load), (m,)."""
         loads = carried_objects(self.chain) @ self.packed.objects[:, 0] + 1e-300
         return np.argsort((self.nominal / loads[:, None]).min(axis=(1, 2)), kind="stable")
 
     def values_of(
         self, variants: Variants, which: IntArray | None, masses: FloatArray | None = None, about_last: bool = False
     ) -> FloatArray:
-        """Return the facets' values (q, k, n, 4) at moments `which` (k,), None for all, N and N m.
+        """Return the facet values (q, k, n, 4), N and N m.
 
         Args:
-            variants: Chains.
-            which: Indices of moments.
-            masses: (q, n) factors of the masses that inertia acts on; None for 1.
-            about_last: `changed` is meant against the last variant, not the chain's nominal numbers.
+            variants: Perturbed chains.
+            which: Indices of moments, (k,); None for all.
+            masses: Factors of the inertial masses, (q, n); None for 1.
+            about_last: Whether `changed` compares with the last variant instead of the nominal chain.
         """
         moments = self.moments if which is None else self.moments.at(which)
         if about_last:
@@ -167,20 +169,20 @@ class ChainMotion:
 
     @cached_property
     def ends(self) -> FloatArray:
-        """(n, 2, 2) right and left end of every contact, m."""
+        """Right and left end of every contact, m, (n, 2, 2)."""
         return contact_ends(self.chain)
 
     def most_lean(self, index: int, axis: int) -> tuple[FloatArray, float]:
-        """Return the chain frame's x or y (2,) in an object's own frame, and how far its load may lean either way."""
+        """Return the chain's x or y axis (2,) in an object's own frame, and the largest load shift both ways."""
         obj = self.chain.objects[index]
         direction = rotate(-float(obj.pose_chain[2]), np.eye(2)[axis])
         return direction, min(obj.support.most_lean(sense * direction) for sense in (1.0, -1.0))
 
     @cached_property
     def lean_slopes(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-        """What the packed arrays `objects`, `parts` and `centers` change with a share of each load's lean in x and y.
+        """Derivatives of the packed arrays `objects`, `parts` and `centers` by each load's shift in x and y.
 
-        They are linear in it, at least at floor level; above it what is left out is of second order.
+        The arrays are linear in the shift at floor level; for pushes above the floor the error is of second order.
         """
         packed, height = self.packed, self.chain.contact_height
         found: list[tuple[FloatArray, FloatArray, FloatArray]] = []
@@ -189,7 +191,7 @@ class ChainMotion:
             for axis in (0, 1):
                 direction, most = self.most_lean(i, axis)
                 step = 0.01 * min(1.0, most)
-                apart = 2.0 * step or 1.0  # a load that cannot lean stays as it is
+                apart = 2.0 * step or 1.0  # a load that cannot shift has a zero derivative
                 leant = [replace(obj, support=obj.support.leaning(direction, s)) for s in (-step, step)]
                 below, above = (pack_objects([one], height) for one in leant)
                 objects, parts, centers = (

@@ -1,4 +1,4 @@
-"""What contacts do while a plan is executed where they may slip: in the slip simulator and in the physics engine."""
+"""Reports of executions with slip, from the slip simulator and the physics engine: the motion of every contact."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 TOLERANCE = 1e-3
-"""Slide or opening over the length of the contact segment from which on a contact counts as moved."""
+"""Slide or opening, over the length of the contact segment, above which a contact counts as moved."""
 CLOSED = 0.1
-"""A contact counts as closed when its gap is below this part of what counts as moved: until then it still slides."""
+"""A contact counts as closed if its gap is below this share of `TOLERANCE`; with a wider gap it still slides."""
 STILL = 1e-3
-"""Farthest that an object may move that is not pushed, m."""
+"""Largest allowed motion of an object that is not pushed, m."""
 
 
 class Mode(IntEnum):
-    """What a contact does in a step; unknown where nothing is pushed, or the simulator does not tell."""
+    """Motion of a contact in a step; unknown if nothing is pushed, or the simulator does not provide it."""
 
     UNKNOWN = -1
     OPEN = slip.OPEN
@@ -44,12 +44,12 @@ class Mode(IntEnum):
 
 @dataclass(frozen=True)
 class ContactLoss(StabilityLoss):
-    """The first contact that moved; the execution goes on.
+    """First contact that moved; it does not end the execution.
 
     Attributes:
-        margin: As in `Execution.margins` at that time; NaN where these were not worked out.
-        mode: What the contact does there.
-        point: Middle of the contact segment in the world, m.
+        margin: Margin from `Execution.margins` at that time; NaN if these were not computed.
+        mode: Mode of the contact at that time.
+        point: Midpoint of the contact segment in the world, m.
     """
 
     margin: float = field(compare=False)
@@ -59,23 +59,23 @@ class ContactLoss(StabilityLoss):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ContactReport(Execution):
-    """An execution whose contacts may slide and open; columns of contacts as in `Execution`, NaN where not pushed.
+    """Execution whose contacts can slide and open; columns of contacts as in `Execution`, NaN where not pushed.
 
     Attributes:
-        slide: (m, n) how far the middle of each contact segment has slid on the pushing body, m; to the left is
-            positive.
-        opening: (m, n) the wider of the gaps at the two ends of each segment, m.
-        rotation: (m, n) turn of the pushed against the pushing body, rad.
-        lengths: (m, n) of the contact segments, m.
-        wanted: (n, 3) where the plan has the objects in the end.
+        slide: Slide of the midpoint of each contact segment on the pushing body, m, left positive, (m, n).
+        opening: The wider of the gaps at the two ends of each segment, m, (m, n).
+        rotation: Rotation of the pushed relative to the pushing body, rad, (m, n).
+        lengths: Lengths of the contact segments, m, (m, n).
+        wanted: Final object poses of the plan, (n, 3).
         contacts: Names of the contacts by segment and object.
-        modes: (m, n) what each contact did in the step that ends at the sample, values of `Mode`.
-        jammed_at: Time at which no motion satisfied all contacts and balances, s; everything ends there. None if it
-            never came.
-        stalled_at: Time at which the plate would have had to push with more than `robot.limits.force`, s; likewise.
-        clear: Least distance (m) of robot and load from objects that rest; infinite where it was not looked at,
-            because the simulator lets them touch.
-        touched: Names of the objects that the plate or its load comes up to, by segment: these may be moved there.
+        modes: Mode of each contact in the step that ends at the sample, values of `Mode`, (m, n).
+        jammed_at: Time at which no motion satisfied all contacts and balances, s; the execution ends there. None
+            without a jam.
+        stalled_at: Time at which the push needed more than `robot.limits.force`, s; the execution ends there. None
+            without a stall.
+        clear: Smallest distance (m) of robot and load from resting objects; infinite if the simulator handles their
+            contact.
+        touched: Names of the objects that the plate or its load comes up to, by segment; these can move there.
     """
 
     slide: FloatArray
@@ -92,29 +92,29 @@ class ContactReport(Execution):
 
     @cached_property
     def displacement(self) -> FloatArray:
-        """(m, n) the larger of slide and opening, over the length of the segment."""
+        """The larger of slide and opening over the length of the segment, (m, n)."""
         return np.asarray(np.maximum(np.abs(self.slide), self.opening) / self.lengths)
 
     @property
     def moved(self) -> BoolArray:
-        """(m, n) whether each contact has slid or opened by more than `TOLERANCE`."""
+        """Whether each contact has slid or opened by more than `TOLERANCE`, (m, n)."""
         return np.asarray(self.displacement > TOLERANCE)
 
     @property
     def moved_at(self) -> FloatArray:
-        """(n,) time at which each object's contact was first seen to have moved, s; infinite where it did not."""
+        """First sample time with a moved contact of each object, s, (n,); infinite if it did not move."""
         moved = self.moved
         return np.where(moved.any(axis=0), self.t[moved.argmax(axis=0)], np.inf)
 
     @property
     def kept(self) -> bool:
-        """Whether no contact moved, nothing jammed or stalled, and nothing but the load was touched."""
+        """Whether no contact moved, nothing jammed or stalled, and only the load was touched."""
         held = not self.moved.any() and self.jammed_at is None and self.stalled_at is None
         return held and self.disturbed <= STILL and self.clear > 0.0
 
     @cached_property
     def disturbed(self) -> float:
-        """Farthest (m) that an object moved while nothing pushed it or came up to it."""
+        """Largest motion (m) of an object while nothing pushed it or came up to it."""
         farthest = 0.0
         for k in np.unique(self.segment):
             rows = np.flatnonzero(self.segment == k)
@@ -126,27 +126,27 @@ class ContactReport(Execution):
 
     @property
     def object_errors(self) -> FloatArray:
-        """(n, 2) how far (m) and by what angle (rad) each object ends off the place that the plan has it at."""
+        """Final distance (m) and angle (rad) of each object from its pose in the plan, (n, 2)."""
         return se2.pose_errors(self.objects[-1], self.wanted)
 
     def goal_errors(self, scenario: Scenario) -> FloatArray:
-        """Return (n, 2) how far (m) and by what angle (rad) each object ends away from its pose at the goal."""
+        """Return the final distance (m) and angle (rad) of each object from its goal pose, (n, 2)."""
         return errors_at_goal(scenario, self.objects[-1])
 
     def arrived(self, scenario: Scenario) -> bool:
-        """Tell whether every goal is reached within its tolerances; see `goal_units`."""
+        """Return whether every goal is reached within its tolerances; see `goal_units`."""
         units = goal_units(scenario, self.goal_errors(scenario))
         return bool((units <= 1.0).all()) and self.jammed_at is None and self.stalled_at is None
 
     @property
     def execution(self) -> Execution:
-        """The same as logs and pictures know executions: one that a moved contact does not end."""
+        """The same as a plain `Execution` for logs and figures, without a loss."""
         plain = {each.name: getattr(self, each.name) for each in fields(Execution)}
         return Execution(**{**plain, "loss": None})
 
     @property
     def summaries(self) -> tuple[ContactSummary, ...]:
-        """What each contact did in each push that was begun."""
+        """Summary of each contact in each started push."""
         found = []
         for (k, name), contact in self.contacts.items():
             rows, i = np.flatnonzero(self.segment == k), self.names.index(name)
@@ -160,15 +160,15 @@ class ContactReport(Execution):
 
 @dataclass(frozen=True)
 class ContactSummary:
-    """What a contact did in a push.
+    """Motion of a contact in a push.
 
     Attributes:
         segment: Index of the push.
-        contact: What the contact is called.
-        moved_at: When it was first seen to have moved, s; None where it held.
-        slide: Farthest that it slid, m.
-        opening: Widest that it opened, m.
-        rotation: Farthest that it turned, rad.
+        contact: Name of the contact.
+        moved_at: First sample time at which it had moved, s; None if it held.
+        slide: Largest slide, m.
+        opening: Largest opening, m.
+        rotation: Largest rotation, rad.
     """
 
     segment: int
@@ -188,19 +188,19 @@ class ContactSummary:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """What one segment of a plan came to.
+    """Execution of one segment of a plan.
 
     Attributes:
-        segment: Its index.
-        chain: What is pushed, with the contacts as they are; None where nothing is.
-        t: (k + 1,) times of the whole plan, s.
-        frame: (k + 1, 3) pose of the frame that the plate was moved in: that of the chain, or the plate frame.
-        plate: (3,) pose of the plate frame in it.
-        objects: (k + 1, n, 3) poses of all objects' own frames in the world.
-        base: Number of the sample from which slides and gaps count; None counts them against the chain's contacts.
-        modes: (k, n) see `ContactReport`, one for each step.
-        wrenches: (k, 3) of the plate in each step, in the frame: N, N, N m.
-        touched: What the plate comes up to in an approach, or what a close ends at.
+        segment: Index of the segment.
+        chain: Pushed chain with its actual contacts; None without a push.
+        t: Times in the whole plan, s, (k + 1,).
+        frame: Poses of the moved frame: the chain frame, or the plate frame without a chain, (k + 1, 3).
+        plate: Pose of the plate frame in that frame, (3,).
+        objects: Poses of all objects' own frames in the world, (k + 1, n, 3).
+        base: Index of the reference sample of slides and gaps; None if the chain's contacts are the reference.
+        modes: Modes of `ContactReport`, one for each step, (k, n).
+        wrenches: Wrenches of the plate in each step, in the moved frame: N, N, N m, (k, 3).
+        touched: Objects that the plate comes up to in an approach, or at which a close ends.
     """
 
     segment: int
@@ -215,23 +215,25 @@ class Part:
     touched: tuple[str, ...] = ()
 
     def motions(self, names: Sequence[str]) -> FloatArray:
-        """Return how the chain's objects and, last, the plate have moved (k + 1, c + 1, 3), see `contact_motion`."""
+        """Return the motions of the chain's objects and, last, of the plate (k + 1, c + 1, 3); see `motions_of`."""
         assert self.chain is not None
         return motions_of(self.chain, self.frame, self.objects[:, columns_of(self.chain, names)])
 
 
 def columns_of(chain: Chain, names: Sequence[str]) -> list[int]:
-    """Return where the objects of a chain are among names."""
+    """Return the indices of a chain's objects in `names`."""
     return [names.index(obj.name) for obj in chain.objects]
 
 
 def motions_of(chain: Chain, frame: FloatArray, objects: FloatArray) -> FloatArray:
-    """Return how objects and, last, the plate have moved (m, n + 1, 3), as frames that began where the plate did.
+    """Return the motions of the objects and, last, of the plate (m, n + 1, 3).
+
+    A motion is the pose of a body-fixed frame that coincides with the chain frame at first, relative to that frame.
 
     Args:
-        chain: The places of the objects.
-        frame: (m, 3) poses of the chain frame in the world.
-        objects: (m, n, 3) poses of the objects' own frames in the world.
+        chain: Chain with the object poses in its frame.
+        frame: Poses of the chain frame in the world, (m, 3).
+        objects: Poses of the objects' own frames in the world, (m, n, 3).
     """
     own = se2.compose(objects, se2.inverse(chain.places))
     return se2.relative(frame[0], np.concatenate([own, frame[:, None]], axis=1))
@@ -240,13 +242,12 @@ def motions_of(chain: Chain, frame: FloatArray, objects: FloatArray) -> FloatArr
 def contact_motion(
     chain: Chain, motions: FloatArray, base: int | None = 0
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return slide, opening and rotation (m, n) of the contacts, counted from sample `base` on and 0 before.
+    """Return slide, opening and rotation (m, n) of the contacts relative to sample `base`, and 0 before it.
 
     Args:
-        chain: The chain.
-        motions: (m, n + 1, 3) how the objects and, last, the plate have moved, as poses of frames that began as the
-            chain frame.
-        base: Number of a sample; None counts against the contacts as the chain has them.
+        chain: Chain with the contacts.
+        motions: Motions of the objects and, last, of the plate, (m, n + 1, 3); see `motions_of`.
+        base: Index of the reference sample; None if the chain's contacts are the reference.
     """
     shape = (len(motions), len(chain.contacts))
     slide, opening, rotation = np.empty(shape), np.empty(shape), np.empty(shape)
@@ -263,7 +264,7 @@ def contact_motion(
 
 
 def _since(values: FloatArray, base: int) -> FloatArray:
-    """Return what has been added to values (m, ...) since sample `base`, 0 before."""
+    """Return the change of values (m, ...) since sample `base`, and 0 before it."""
     before = (np.arange(len(values)) < base).reshape(-1, *[1] * (values.ndim - 1))
     return np.where(before, 0.0, values - values[base])
 
@@ -284,7 +285,7 @@ def report_of(
     stalled_at: float | None = None,
     clear: float = math.inf,
 ) -> ContactReport:
-    """Return the report of segments one after the other; a time at which two meet belongs to the earlier one."""
+    """Join the parts of consecutive segments into one report; a shared time belongs to the earlier segment."""
     kept = [slice(0 if k == 0 else 1, None) for k in range(len(parts))]
 
     def joined(each: Sequence[Any]) -> Any:
@@ -339,17 +340,17 @@ def _columns(part: Part, names: tuple[str, ...]) -> FloatArray:
 
 
 def _modes(part: Part, count: int) -> IntArray:
-    """Return modes (k + 1, n) at samples, given those of the steps that end there; the first one's also before."""
+    """Return the modes (k + 1, n) at samples: those of the step that ends there (first sample: of the first step)."""
     if part.modes is None or not len(part.modes):
         return np.full((len(part.t), count), Mode.UNKNOWN)
     return np.concatenate([part.modes[:1], part.modes])
 
 
 def at_poses(wrenches: FloatArray) -> FloatArray:
-    """Return wrenches (m, 3) of the plate at poses, given those of the steps between them (m - 1, 3).
+    """Return the wrenches of the plate (m, 3) at poses, given those of the steps between them (m - 1, 3).
 
-    A step's is that in its middle: at a pose it is the mean of the steps before and after. Where the plate rests in
-    one of the two, nothing is known of the forces there, and the other one counts.
+    A step has the wrench of its middle, so a pose gets the mean of the steps before and after. A step at rest has no
+    known wrench and is left out.
     """
     if not len(wrenches):
         return np.zeros((1, 3))
@@ -359,14 +360,14 @@ def at_poses(wrenches: FloatArray) -> FloatArray:
 
 
 def twists_between(t: FloatArray, poses: FloatArray) -> FloatArray:
-    """Return the twists (m, 3) from each pose to the next; none at the last one."""
+    """Return the twists (m, 3) from each pose to the next; zero at the last pose."""
     twists = np.zeros(poses.shape)
     twists[:-1] = se2.log(se2.relative(poses[:-1], poses[1:])) / np.diff(t)[:, None]
     return twists
 
 
 def moving(twists: FloatArray) -> FloatArray:
-    """Return the twists (m, 3); where the plate rests, the one that comes next, at the end the one that came last."""
+    """Return the twists (m, 3) with those at rest replaced by the next nonzero twist (at the end: by the last)."""
     moves = np.flatnonzero(np.abs(twists).max(axis=1) > 0.0)
     if not len(moves):
         return np.tile([1.0, 0.0, 0.0], (len(twists), 1))
@@ -375,7 +376,7 @@ def moving(twists: FloatArray) -> FloatArray:
 
 
 def with_margins(report: ContactReport, plan: Plan) -> ContactReport:
-    """Return a report with the margins of its twists and the error at the goal, which take their time."""
+    """Return a report with the margins of its twists and the goal error added."""
     loads = [segment.load if segment.pushes else None for segment in plan.segments]
     judge, margins = judged(loads, plan.stable_set, report.names, report.segment, report.twists)
     loss = report.loss
@@ -389,16 +390,16 @@ def with_margins(report: ContactReport, plan: Plan) -> ContactReport:
 def judged(
     loads: Sequence[Load | None], planned: str, names: Sequence[str], segment: IntArray, twists: FloatArray
 ) -> tuple[str, FloatArray]:
-    """Return who judges, and the margins (m, n) that twists had if all contacts were as the judge has them.
+    """Return the name of the checking set, and the margins (m, n) of twists for the nominal contacts of that set.
 
-    The judge is that of the first load, also before it is pushed: in a log that grows, all parts name the same.
+    The name is that of the first load, also before it is pushed, so that all parts of a growing log have the same.
 
     Args:
-        loads: What each segment pushes.
-        planned: Name of the set that was planned in.
-        names: Of the n objects.
-        segment: (m,) index of the segment.
-        twists: (m, 3) of the plate frame.
+        loads: Load of each segment; None without a push.
+        planned: Name of the stable set of the plan.
+        names: Names of the n objects.
+        segment: Index of the segment at each sample, (m,).
+        twists: Twists of the plate frame, (m, 3).
     """
     first = next((load for load in loads if load is not None), None)
     judge = "" if first is None else judging_set(first.problem, planned).name
@@ -409,7 +410,7 @@ def judged(
             stable = judging_set(load.problem, planned)
             own = np.array(columns_of(load.chain, names))
             asked = se2.twist_of(load.frame_plate, twists[rows])
-            asked[-1] = 0.0  # what comes after the last sample is another segment's
+            asked[-1] = 0.0  # the twist after the last sample belongs to the next segment
             margins[np.ix_(rows, own)] = stable.contact_margins(moving(asked))
     return judge, margins
 
@@ -433,7 +434,7 @@ def _loss(report: ContactReport, parts: Sequence[Part]) -> ContactLoss | None:
 
 
 def wanted_at_end(plan: Plan, part: Part, names: Sequence[str]) -> FloatArray:
-    """Return where a plan has the objects (n, 3) at the end of what was executed of it."""
+    """Return the planned object poses (n, 3) at the end of the executed part."""
     segment = plan.segments[part.segment]
     wanted: Poses = segment.before
     if segment.pushes and segment.load is not None:

@@ -1,7 +1,7 @@
-"""How far numbers of a chain may be off on a plan: the least change that loses a contact at any of its moments.
+"""Robustness of a plan: the smallest parameter error that loses a contact at any of its moments.
 
-Each object in turn gets another floor friction, a load that leans, another place along its contact or another
-heading (`mechanics.perturb`), in both senses, and then all are off at once (`joint_robustness`).
+Each object in turn gets another floor friction, a shifted load, another position along its contact or another heading
+(`mechanics.perturb`), with both signs. Then all errors act together (`joint_robustness`).
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from pushplan.util.arrays import FloatArray
 def robustness_of(
     chain: Chain, trajectory: Trajectory, box: ErrorBox | None = None, least: Robustness | None = None
 ) -> Robustness:
-    """Return how far numbers of `chain` may be off when it is pushed along `trajectory`.
+    """Return the robustness of pushing `chain` along `trajectory`.
 
-    Looked at are the trajectory's samples, those that an execution checks, with the twist and the twist rate as
-    commanded, and however much slower; where the pusher rests, the direction that comes next.
+    It covers the samples that an execution checks, with the commanded twist and twist rate and with any slower
+    motion. At rest it uses the direction of the next motion.
 
     Args:
-        chain: The objects, their contacts on edges of both bodies.
-        trajectory: As commanded.
-        box: What may be off at once; None for `ErrorBox.fixed`.
-        least: What other pushes of the plan tolerate; then the less of either is returned, number by number.
+        chain: Chain whose contacts lie on edges of both bodies.
+        trajectory: Commanded trajectory.
+        box: Errors that act together; None for `ErrorBox.fixed`.
+        least: Robustness of the plan's other pushes; the result is the minimum of both, number by number.
 
     Returns:
-        The robustness, its numbers None where a load is not known, or a push above the floor could lift a part.
+        The robustness; its numbers are None if a load is not known, or a push above the floor could lift a part.
 
     Raises:
-        ChainError: When a contact does not lie on an edge of both bodies.
+        ChainError: If a contact does not lie on an edge of both bodies.
     """
     if not chain.loads_known or not is_pressed(chain):
         return Robustness()
@@ -47,9 +47,9 @@ def robustness_of(
 
 
 def least_robustness(segments: Sequence[Segment]) -> Robustness:
-    """Return what all pushes among the segments of a plan tolerate; unknown where one of them is, or without any."""
+    """Return the robustness of all pushes of a plan; unknown if that of one push is, or without a push."""
     least: Robustness | None = None
-    for push in reversed(segments):  # the last push of a row carries most: then others are asked up to its least only
+    for push in reversed(segments):  # the last push carries most objects, so its result bounds the other searches
         if push.pushes and push.load is not None:
             least = robustness_of(push.load.chain, push.contact_trajectory, ErrorBox.of(push.load), least)
             if not least.known:
@@ -60,12 +60,12 @@ def least_robustness(segments: Sequence[Segment]) -> Robustness:
 def robustness_along(
     chain: Chain, twists: FloatArray, rates: FloatArray, box: ErrorBox | None = None, least: Robustness | None = None
 ) -> Robustness:
-    """Return that of a motion with body twists (m, 3), none zero, and rates (m, 3); see `robustness_of`."""
+    """Return the robustness of a motion with nonzero body twists (m, 3) and rates (m, 3); see `robustness_of`."""
     moments = thinned(twists, rates, chain.characteristic_length)
     motion = ChainMotion(chain, moments)
     if not motion.nominal.min() > 0.0:
         return USED_UP
-    length = 2.0 * chain.characteristic_length  # more than any contact is long
+    length = 2.0 * chain.characteristic_length  # longer than any contact
     least = least or Robustness(0.0, MOST_SHARE, MOST_SHARE, length, MOST_ANGLE, MOST_SCALE)
     friction, floor, load, position, angle, scale = astuple(least)
 
@@ -77,7 +77,7 @@ def robustness_along(
     below, above = motion.nominal[..., 0], motion.nominal[..., 1]  # mu f_n - f_t and mu f_n + f_t
     box = ErrorBox.fixed(chain) if box is None else box
     about = motion if box.chain is chain else ChainMotion(box.chain, moments)
-    if about is motion:  # what one number alone loses, all lose together
+    if about is motion:  # an error that loses a contact alone does so together with others, too
         scale = min(scale, floor / BOX.floor_friction, load / BOX.load, position / BOX.position, angle / BOX.angle)
     friction = max(friction, float(np.max(np.abs(above - below) / (above + below))))
     return Robustness(friction, floor, load, position, angle, JointErrors(about, box).worst(scale)[0])

@@ -1,6 +1,6 @@
-"""Execute plans in a world whose contacts may slip; quasi-statically: only paths count, not how fast they are driven.
+"""Quasi-static execution of plans in a world where contacts can slip: the path counts, the speed does not.
 
-Inertia is left out, as in all of the plan's mechanics without `contact: dynamic`; times are the trajectory's.
+Inertia is left out, as in the plan's mechanics without `contact: dynamic`. Times are those of the trajectory.
 """
 
 from __future__ import annotations
@@ -20,37 +20,36 @@ from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, CLOSE
 
 SETTLED = 0.9
-"""Share of the first arc of a push after an approach, after which contacts are expected to be closed."""
+"""Share of the first arc of a push after an approach, by whose end the contacts should be closed."""
 
 
 def simulate(plan: Plan, world: World, step: float = STEP) -> ContactReport:
-    """Execute a plan in a world: contacts stick, slide, roll off an end, open and close again.
+    """Execute a plan in a world: contacts stick, slide, roll about an end, open and close again.
 
-    Objects that are not pushed stand where they are, unless something touches them.
+    Objects that nothing touches stay at rest.
 
     Args:
-        plan: What the plate is made to do; timed.
-        world: What it meets; it need not be what the plan believes.
-        step: How far the fastest corner moves in a step at most, m.
+        plan: Timed plan.
+        world: World of the execution; it can differ from the plan's scenario.
+        step: Largest motion of the fastest corner in a step, m.
 
     Raises:
-        PushplanError: When `world` is no `World`, the plan has no trajectory, or more bodies touch at once than there
-            is room for.
-        SupportError: When the load under an object is not known, or it has no friction with the floor.
+        PushplanError: If `world` is not a `World`, the plan has no trajectory, or too many bodies touch at once.
+        SupportError: If the load under an object is not known, or the object has no friction with the floor.
     """
     return with_margins(slip(plan, world, step), plan)
 
 
 def slip(plan: Plan, world: World, step: float = STEP) -> ContactReport:
-    """Return `simulate` without margins and errors at the goal, which take their time.
+    """Execute a plan like `simulate`, but without margins and goal errors, which take more time.
 
     Raises:
-        PushplanError: As `simulate`.
-        SupportError: As `simulate`.
+        PushplanError: As in `simulate`.
+        SupportError: As in `simulate`.
     """
     if not isinstance(world, World):
         raise PushplanError(
-            f"simulate takes a World, not {type(world).__name__}: World.from_scenario(scenario) makes one"
+            f"simulate needs a World, not {type(world).__name__}; World.from_scenario(scenario) makes one"
         )
     world.require(plan.scenario)
     if plan.trajectory is None:
@@ -67,7 +66,7 @@ def slip(plan: Plan, world: World, step: float = STEP) -> ContactReport:
 
 
 def _executed(simulator: SlipSimulator, plan: Plan, k: int) -> tuple[Part, dict[str, float]]:
-    """Execute segment k from where everything is; see `_moved`."""
+    """Execute segment k, starting at the current poses; return values as in `_moved`."""
     segment, world = plan.segments[k], simulator.world
     load, alone = segment.load, world.plate is not None
     trajectory = segment.contact_trajectory
@@ -94,11 +93,11 @@ def _executed(simulator: SlipSimulator, plan: Plan, k: int) -> tuple[Part, dict[
 def _moved(
     simulator: SlipSimulator, t: FloatArray, poses: FloatArray, segment: int = 0
 ) -> tuple[Part, dict[str, float]]:
-    """Move the plate through poses (m + 1, 3) at times (m + 1,), one step between two.
+    """Move the plate through poses (m + 1, 3) at times (m + 1,), one step between two poses.
 
     Returns:
-        What it came to, and when a jam or a stall has ended it, s, by its name in a report; empty without. In the
-        step of a jam or stall nothing moves: it is left out.
+        The executed part, and the time of a jam or stall, s, by its name in a report (empty without one). The step of
+        a jam or stall has no motion and is left out.
     """
     before = simulator.object_poses
     trace = simulator.follow(steps_of(poses))
@@ -121,11 +120,11 @@ def _moved(
 
 
 def simulate_poses(t: FloatArray, poses: FloatArray, world: World) -> ContactReport:
-    """Move a plate that is in contact through poses (m + 1, 3) of the chain frame, one step between two.
+    """Move a plate that is in contact through poses (m + 1, 3) of the chain frame, one step between two poses.
 
     Raises:
-        PushplanError: When more bodies touch at once than there is room for.
-        SupportError: When the load under an object is not known, or it has no friction with the floor.
+        PushplanError: If too many bodies touch at once.
+        SupportError: If the load under an object is not known, or the object has no friction with the floor.
     """
     part, ended = _moved(SlipSimulator(world, poses[0]), t, poses)
     if world.offsets.any():
@@ -137,7 +136,7 @@ def simulate_poses(t: FloatArray, poses: FloatArray, world: World) -> ContactRep
 def step_times(trajectory: Trajectory, reach: float, step: float) -> FloatArray:
     """Return times (m + 1,) between which no point within `reach` of the plate's reference moves by more than `step`.
 
-    Where one arc goes over into the next is one of them: a step has one twist. Times at rest are left out.
+    The ends of arcs are among them, because a step has one twist. Times at rest are left out.
     """
     arc_ends = trajectory.breaks[np.append(np.flatnonzero(np.diff(trajectory.arc)) + 1, len(trajectory.breaks) - 1)]
     fine = np.union1d(trajectory.t, trajectory.breaks)
@@ -152,7 +151,7 @@ def step_times(trajectory: Trajectory, reach: float, step: float) -> FloatArray:
         marks = begin + (end - begin) * (np.arange(count) + 1.0) / count
         found.append(np.interp(marks, way, fine))
     times = np.concatenate(found)
-    times[np.cumsum([len(part) for part in found[1:]])] = arc_ends  # not where rounding puts them
+    times[np.cumsum([len(part) for part in found[1:]])] = arc_ends  # exactly, without rounding errors
     return np.asarray(times[np.append(True, np.diff(times) > 0.0)])
 
 

@@ -128,7 +128,7 @@ def test_leaving_the_path_or_losing_an_object_aborts_and_says_so() -> None:
     for _ in range(3):
         command = follower.step(start, objects, elapsed=0.0)
     assert "'far' is 20 mm and 0 deg away from its pose in the chain" in command.reason
-    assert "3 measurements one after the other; allowed: 5 mm and 2 deg" in command.reason
+    assert "in 3 successive measurements; allowed: 5 mm and 2 deg" in command.reason
     assert follower.step(start).state is FollowerState.ABORTED
     follower = Follower(run)
     follower.abort("operator")

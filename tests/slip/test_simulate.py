@@ -121,7 +121,7 @@ def test_loads_that_are_not_known_and_other_arguments_are_refused() -> None:
     frictionless = World.from_chain(make.boxes(1, floor_friction=0.0))
     with pytest.raises(SupportError, match="floor friction must be > 0"):
         SlipSimulator(frictionless)
-    with pytest.raises(PushplanError, match="simulate takes a World, not Chain"):
+    with pytest.raises(PushplanError, match="simulate needs a World, not Chain"):
         pushplan.simulate(None, chain)  # type: ignore[arg-type]
 
 
