@@ -21,6 +21,7 @@ from pushplan.drawing.scene import PATH_SPACING, Scene
 from pushplan.drawing.sets import plot_stable_sets
 from pushplan.drawing.trials import plot_trials
 from pushplan.geometry import se2
+from pushplan.mechanics.chain import Drive
 from pushplan.plans.execution import TrialEnd
 from pushplan.plans.plan import Plan
 from pushplan.scenario.parts import Workspace
@@ -98,10 +99,14 @@ def test_nothing_in_a_picture_covers_its_key_or_spills(kind: str, tmp_path: Path
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
-def test_the_legend_of_stable_sets_covers_nothing(
-    count: int, plans: dict[str, Plan], tmp_path: Path, monkeypatch: Patch
+@pytest.mark.parametrize("drive", ["omnidirectional", "differential", "car"])
+def test_the_legend_of_stable_sets_covers_nothing_and_is_not_cut_off(
+    count: int, drive: str, plans: dict[str, Plan], tmp_path: Path, monkeypatch: Patch
 ) -> None:
     figures, chain = _kept_figures(monkeypatch), plans["push"].scenario.chain
+    if drive != "omnidirectional":
+        wheels = Drive(drive, np.array([-0.3, 0.0, 0.0]), 0.8 if drive == "car" else 0.0)
+        chain = replace(chain, pusher=replace(chain.pusher, drive=wheels))
     plot_stable_sets(chain, [stable_set(chain, "ecof")] * count, tmp_path / "s.png")
     _assert_nothing_covered(figures[0])
 
@@ -133,7 +138,7 @@ def _assert_nothing_covered(figure: Figure) -> None:
         assert box.y1 <= figure.bbox.y1
 
 
-def test_a_picture_without_a_plan_shows_tree_and_nearest_path_and_has_the_reason_as_title(
+def test_a_picture_without_a_plan_shows_the_tree_the_nearest_path_and_the_reason(
     tmp_path: Path, monkeypatch: Patch
 ) -> None:
     figures, unsolved = _kept_figures(monkeypatch), made("unsolved").plan

@@ -87,10 +87,14 @@ def draw_room(axes: Axes, scene: Scene) -> None:
         axes.add_artist(
             Polygon(scene.walls, fill=False, edgecolor=palette.WALL, linewidth=1.4, zorder=Layer.OBSTACLE)
         )
-    for one in scene.obstacles:
-        look: Any = {"facecolor": "none", "hatch": "////"} if one.unknown else {"facecolor": one.colour}
-        edge = one.colour if one.unknown else palette.OBSTACLE_EDGE
-        axes.add_artist(Polygon(one.outline, edgecolor=edge, linewidth=0.8, zorder=Layer.OBSTACLE, **look))
+    for colour, unknown in sorted({(one.colour, one.unknown) for one in scene.obstacles}):
+        look: Any = {"facecolor": "none", "hatch": "////"} if unknown else {"facecolor": colour}
+        edge = colour if unknown else palette.OBSTACLE_EDGE
+        alike = [one.outline for one in scene.obstacles if (one.colour, one.unknown) == (colour, unknown)]
+        # Maps are cut into pieces without holes: their union has no seams.
+        for patch in polygon_patches(shapely.union_all([shapely.Polygon(outline) for outline in alike])):
+            patch.set(edgecolor=edge, linewidth=0.8, zorder=Layer.OBSTACLE, **look)
+            axes.add_artist(patch)
 
 
 def draw_goals(axes: Axes, scene: Scene) -> None:

@@ -77,8 +77,8 @@ def plot_plan(
     """Draw a plan: the path from start to goal, its margin, and the stable set or the pushes.
 
     Args:
-        plan: Plan of any kind. If it is not solved, the picture shows the search tree and the nearest path, and
-            its title is the reason.
+        plan: Plan of any kind. If it is not solved, the picture shows the search tree, the nearest path and the
+            reason.
         path: File to write, with the suffix .png, .svg or .pdf. If None, the picture is returned as PNG, which
             notebooks show.
         execution: Execution whose paths and margins are drawn; by default that of the plan.
@@ -108,17 +108,17 @@ def plot_plan(
         known = plan.robustness is not None and plan.robustness.known
         said = [f"robustness, {plan.robustness_words}"] if known else []
         said += [plan.force_words] if plan.force_limit is not None else []
-        low = draw_footer(figure, _LEFT, keys, "; ".join(filter(None, said)) if plan.solved else "") + 0.15
+        low = draw_footer(figure, _LEFT, keys, "; ".join(filter(None, said)) if plan.solved else plan.reason) + 0.15
         steps = None
         if "steps" in panels and not plan.scenario.task.one_load:
             steps = _Steps.of(scene, view, full - _LEFT - _RIGHT)
         bottom = low + (0.0 if steps is None else steps.height) + _AXIS - 0.15
         over = 0.24 if beside and not (plan.solved and width) else 0.0  # above the titles of the other panels
         across = width if plan.solved and width else full - _LEFT - _RIGHT
-        lines = _title(plan, scene, bool(events), letters_in(across, _TITLE))
-        figure.set_size_inches(full, bottom + tall + _TOP + over + 0.17 * (len(lines) - 1))
+        figure.set_size_inches(full, bottom + tall + _TOP + over)
         title: Any = {"transform": figure.dpi_scale_trans, "fontsize": _TITLE, "va": "bottom"}
-        figure.text(_LEFT, bottom + tall + 0.1 + over, "\n".join(lines), **title)
+        shown = _title(plan, scene, bool(events), letters_in(across, _TITLE))
+        figure.text(_LEFT, bottom + tall + 0.1 + over, shown, **title)
         if width:
             floor = axes_at(figure, _LEFT, bottom, width, _HEIGHT)
             set_view(floor, view)
@@ -230,12 +230,12 @@ class _Steps:
             before = rest.poses
 
 
-def _title(plan: Plan, scene: Scene, executed: bool, letters: int) -> list[str]:
-    """Return the lines of the title: length and duration of the plan or execution, or why there is no plan."""
+def _title(plan: Plan, scene: Scene, executed: bool, letters: int) -> str:
+    """Return the title: the outcome of the plan or of another execution."""
     if not plan.solved:
-        what = "partial plan" if plan.segments else "no plan"
-        said = f"{cut(plan.scenario.name, letters // 2)}: {what}: {plan.reason}"
-        return broken(said, letters, max_lines=8, placeholder=" …")
+        done = len(plan.scenario.goals) - len(plan.undelivered)
+        outcome = f": partial plan, {done} of {len(plan.scenario.goals)} delivered" if plan.segments else ": no plan"
+        return cut(plan.scenario.name, max(8, letters - len(outcome))) + outcome
     if executed:
         replans = sum(mark.kind == "replan" for mark in scene.marks)
         outcome = f": executed in {scene.t[-1]:.1f} s, {replans} replan{'' if replans == 1 else 's'}"
@@ -244,7 +244,7 @@ def _title(plan: Plan, scene: Scene, executed: bool, letters: int) -> list[str]:
         count = len(plan.pushes)
         pushes = "" if plan.path is not None else f" in {count} push{'es' if count > 1 else ''}"
         outcome = f": {plan.pushed_distance:.2f} m{pushes}{duration}"
-    return [cut(plan.scenario.name, max(8, letters - len(outcome))) + outcome]
+    return cut(plan.scenario.name, max(8, letters - len(outcome))) + outcome
 
 
 def _tell_more(figure: Figure, left: float, bottom: float, plan: Plan) -> float:

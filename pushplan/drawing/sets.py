@@ -18,7 +18,7 @@ from matplotlib.patches import Patch, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pushplan.drawing import palette
-from pushplan.drawing.figure import HALO, SMALL, axes_at, equal_ticks, figure_for, outline_width
+from pushplan.drawing.figure import HALO, SMALL, axes_at, draw_footer, equal_ticks, figure_for, outline_width
 from pushplan.drawing.floor import polygon_patches
 from pushplan.drawing.palette import FAINT, INK, TURNS
 from pushplan.geometry.se2 import transform_points
@@ -33,7 +33,7 @@ LINE_STYLES: tuple[Any, ...] = ("solid", "dashed", "dotted", "dashdot", (0, (6, 
 """Line styles of the outlines of the sets, in order; the first set is also filled."""
 
 # The layout, in inches.
-_WIDTH, _MAX_HEIGHT, _LEGEND_WIDTH, _COLUMNS = 4.4, 7.5, 3.2, 2
+_WIDTH, _MAX_HEIGHT, _LEGEND_WIDTH, _LEFT, _AXIS = 4.4, 7.5, 3.2, 0.7, 0.52
 
 _ACROSS = 14
 """Longest name written across the push, letters; a name along the push can have twice as many."""
@@ -63,14 +63,10 @@ def plot_stable_sets(chain: Chain, sets: Sequence[StableSet], path: str | Path, 
     window = default_window(chain, sets) if window is None else window
     size = np.array([window[2] - window[0], window[3] - window[1]])
     width, height = size * min(_WIDTH / size[0], _MAX_HEIGHT / size[1])
-    entries = _set_keys(chain, sets)
-    left, bottom = 0.7, 0.55 + 0.19 * -(-len(entries) // _COLUMNS)
-    with figure_for(path, left + max(width, _LEGEND_WIDTH) + 0.15, bottom + height + 0.15) as figure:
-        axes = axes_at(figure, left, bottom, width, height)
-        _draw_with_chain(axes, chain, sets, window)
-        corner = (left / figure.get_figwidth(), 0.05 / figure.get_figheight())
-        style: Any = {"loc": "lower left", "bbox_to_anchor": corner, "borderaxespad": 0.0}
-        figure.legend(handles=entries, ncols=_COLUMNS, **style)
+    with figure_for(path, _LEFT + max(width, _LEGEND_WIDTH) + 0.15, height) as figure:
+        bottom = draw_footer(figure, _LEFT, _set_keys(chain, sets)) + _AXIS
+        figure.set_size_inches(figure.get_figwidth(), bottom + height + 0.15)
+        _draw_with_chain(axes_at(figure, _LEFT, bottom, width, height), chain, sets, window)
 
 
 def draw_set(axes: Axes, chain: Chain, stable: StableSet) -> None:
@@ -215,14 +211,20 @@ def name_objects(axes: Axes, chain: Chain) -> None:
 
 
 def _set_keys(chain: Chain, sets: Sequence[StableSet]) -> list[Artist]:
-    colours = palette.object_colours([obj.name for obj in chain.objects])
-    bodies = [
-        Patch(facecolor=palette.PLATE, edgecolor=INK, label="pusher"),
-        Patch(facecolor=colours[0], edgecolor=INK, label="objects"),
-        Patch(facecolor=palette.CONE, alpha=0.4, label="friction cones"),
-    ]
+    looks = {"robot": palette.ROBOT, "pusher": palette.PLATE, "objects": palette.object_colours([""])[0]}
+    if not chain.pusher.footprint:
+        del looks["robot"]
+    bodies = [Patch(facecolor=colour, edgecolor=INK, label=name) for name, colour in looks.items()]
+    bodies.append(Patch(facecolor=palette.CONE, alpha=0.4, label="friction cones"))
     styles = [
-        Line2D([], [], color=INK, linewidth=1.1, linestyle=LINE_STYLES[rank % len(LINE_STYLES)], label=each.name)
+        Line2D(
+            [],
+            [],
+            color=INK,
+            linewidth=1.1,
+            linestyle=LINE_STYLES[rank % len(LINE_STYLES)],
+            label=f"stable set {each.name}",
+        )
         for rank, each in enumerate(sets)
     ]
     words = chain.pusher.drive.turning_words

@@ -232,8 +232,8 @@ class Drive:
         """What it can turn about, for the key of a picture; empty where that is any point."""
         if self.axle is None:
             return ""
-        tightest = f", {self.min_radius:.3g} m from its middle or more" if self.min_radius else ""
-        return f"{self.kind}: turns about its axle's line only{tightest}"
+        tightest = f", radius from {self.min_radius:.3g} m" if self.min_radius else ""
+        return f"turning centres of the {self.kind} drive{tightest}"
 
 
 @dataclass(frozen=True, eq=False)

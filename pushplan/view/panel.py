@@ -86,7 +86,7 @@ _STAGES = {"path": "first plan", "timed": "first plan, timed", "polished": "poli
 
 
 def stable_set_html(stable: StableSet | None) -> str:
-    """Return a picture of the centres of rotation that keep every contact, in the chain frame, x upward."""
+    """Return a picture of the stable centres of rotation in the chain frame, x to the right as in `plot_plan`."""
     if stable is None:
         return ""
     window = default_window(stable.chain, [stable])
@@ -104,9 +104,9 @@ def stable_set_html(stable: StableSet | None) -> str:
     drive, dashes = chain.pusher.drive, 'stroke="currentColor" stroke-width="1" stroke-dasharray="4 2"'
     ends = drive.turning_centres(10.0 * (window[3] - window[1]))
     lines = [f'<polyline points="{_points(each)}" fill="none" {dashes} {_FINE}/>' for each in ends]
-    words = f"; {drive.turning_words} (dashed)" if drive.turning_words else ""
-    xmin, ymin, xmax, ymax = window  # the picture has the chain's y to the left and its x upward
-    view = f"{-ymax:.4g} {-xmax:.4g} {ymax - ymin:.4g} {xmax - xmin:.4g}"
+    words = f"; dashed: {drive.turning_words}" if drive.turning_words else ""
+    xmin, ymin, xmax, ymax = window
+    view = f"{xmin:.4g} {-ymax:.4g} {xmax - xmin:.4g} {ymax - ymin:.4g}"
     return (
         f'<div class="pushplan-set" style="{_STYLE}"><b>stable centres of rotation</b> '
         f'(<span style="color:{TURNS[+1]}">left turns</span>, '
@@ -124,4 +124,4 @@ def _region(stable: StableSet, sense: int, window: Window) -> str:
 
 
 def _points(points: FloatArray) -> str:
-    return " ".join(f"{-y:.4f},{-x:.4f}" for x, y in points)
+    return " ".join(f"{x:.4f},{-y:.4f}" for x, y in points)
