@@ -289,4 +289,4 @@ def test_nothing_is_said_where_loads_are_not_known(make_chain: ChainMaker, suppo
     straight = Trajectory(np.zeros(3), np.array([0.0, 1.0]), ahead, np.zeros(1))
     robustness = robustness_of(make_chain.boxes(2, support=support), straight)
     assert robustness == Robustness()
-    assert robustness.sentence() == "not known, as the loads on the floor are not, or may lift"
+    assert robustness.sentence() == "unknown, because a load on the floor is unknown or can lift"

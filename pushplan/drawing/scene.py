@@ -137,7 +137,7 @@ class Mark:
 
     Attributes:
         time: Time of the event, s.
-        kind: Kind of the event, one of `events.KINDS`.
+        kind: Kind of the event, one of `plans.run.KINDS`.
         place: (2,) position of the plate frame at that time, in the world, m.
     """
 

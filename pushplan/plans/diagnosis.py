@@ -1,4 +1,4 @@
-"""Why there is no plan; apart from plans, so that checking a scenario need not load them."""
+"""Reasons why there is no plan, separate from plans so that checking a scenario does not load them."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass, field
 
 CAUSES = {
     "gap": "a passage between start and goal is too narrow for the chain",
-    "heading": "no stable push turns the chain, and the goal asks for another heading",
-    "direction": "no stable push turns the chain, and the goal lies in a direction that none goes",
-    "one-sided": "the chain turns to one side only",
-    "wide turns": "the turns are wide for the room there is",
-    "force": "the robot has not the force for some of the stable pushes",
-    "boxed in": "hardly any push is possible from the start, or into the goal",
-    "order": "no order of the objects was found",
-    "closing": "an object does not surely become flush with what is pushed onto it",
-    "time": "the search was not over",
+    "heading": "no stable push turns the chain, and the goal has another heading",
+    "direction": "no stable push turns the chain, and none goes in the direction of the goal",
+    "one-sided": "the chain turns only to one side",
+    "wide turns": "the turns are too wide for the free space",
+    "force": "the robot has too little force for some of the stable pushes",
+    "boxed in": "hardly any push is possible from the start or into the goal",
+    "order": "the search found no order of the objects",
+    "closing": "an object is not sure to become flush with the load that is pushed onto it",
+    "time": "the search ran out of time",
 }
-"""What a diagnosis may name, and what it means."""
+"""Causes of a diagnosis and their meanings."""
 
 
 @dataclass(frozen=True)
@@ -25,12 +25,11 @@ class Diagnosis:
     """One reason why there is no plan.
 
     Attributes:
-        cause: A word of `CAUSES`.
-        text: The same in a sentence, with the numbers.
-        proven: There is no plan for this reason; False stands for a guess.
-        numbers: The numbers by name, SI units.
-        blocking: Indices of the scenario's obstacles that part start and goal or box in an end or the robot, where
-            they are known.
+        cause: Cause, one of `CAUSES`.
+        text: Sentence for the user, with the numbers.
+        proven: Whether it proves that there is no plan; False marks a guess.
+        numbers: Numbers by name, in SI units.
+        blocking: Indices of the obstacles that separate start and goal, or box in an end or the robot, if known.
     """
 
     cause: str

@@ -1,4 +1,4 @@
-"""What executing a plan comes to; kept apart from the simulators: they load slowly."""
+"""Results of executing a plan, separate from the simulators, which load slowly."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StabilityLoss:
-    """Where an execution lost a contact; what happens after it is not predicted.
+    """Loss of a contact, at which an execution ends.
 
     Attributes:
-        time: s.
+        time: Time, s.
         segment: Index of the segment.
         object: Name of the object that the contact pushes.
-        contact: What the contact is called: who pushes, and whom.
-        margin: The margin found there, <= 0.
+        contact: Name of the contact: pushing and pushed body.
+        margin: Margin at that time, <= 0.
         pose: (3,) pose of the plate frame in the world.
     """
 
@@ -37,33 +37,33 @@ class StabilityLoss:
 
 @dataclass(frozen=True, eq=False)
 class Execution:
-    """What happened, sampled at the trajectory's rate.
+    """Executed motion, sampled at the trajectory's rate.
 
-    A contact is known by the object that it pushes; columns of contacts are those of the objects. They are NaN where
-    the object is not pushed.
+    Each contact belongs to the object that it pushes, so arrays of contacts have one column per object. Their values
+    are NaN while the object is not pushed.
 
     Attributes:
-        names: Of the objects.
-        judge: Name of the stable set whose margins decide.
-        t: (m,) times, s; ends early when stability was lost.
-        poses: (m, 3) integrated pose of the plate frame in the world.
+        names: Names of the objects.
+        judge: Name of the stable set of the margins.
+        t: (m,) times, s; they end early if a contact was lost.
+        poses: (m, 3) integrated poses of the plate frame in the world.
         twists: (m, 3) executed body twists of the plate frame.
         objects: (m, n, 3) poses of the objects' own frames in the world.
         segment: (m,) index of the segment, see `segments_of`.
-        margins: (m, n) margin of each contact; where the pusher rests, that of the twist it is about to take (at
-            the end: has just taken). Where contacts may slip: what the twists would have if nothing had.
-        loss: The first loss of stability, or None.
-        goal_error: (position m, angle rad) of the final poses against the goals, the largest of all objects.
-        dynamic_margins: (m, n) with inertia; None where it was not looked at.
-        friction_margins: (m, n) angle of the contact force to the nearer edge of its friction cone, rad; like
-            `lambdas` and `forces`, None where the loads on the floor are not known.
-        lambdas: (m, n) where the force passes through the contact's segment, 0 at the right end, 1 at the left end.
-        forces: (m, n, 2) contact force on the pushed object, in the contact's frame of its load, N.
-        wrenches: (m, 3) with which the plate pushes on all that it touches, in the contact's frame, about its origin:
-            N, N, N m. None where contacts may not slip: it is then that of `forces`.
-        needed_forces: (m,) with which the plate has to push, N: `|F_xy|` for the least favourable of the stated loads
-            and frictions, inertia included, and as a push begins what static friction asks for. NaN where nothing is
-            pushed; None where contacts may slip.
+        margins: (m, n) margin of each contact; at rest, the margin of the next twist (at the end: of the last). If
+            the simulator lets contacts slip, the margins that the twists have without slip.
+        loss: The first loss of a contact, or None.
+        goal_error: (position m, angle rad) errors of the final poses, the largest of all objects.
+        dynamic_margins: (m, n) margins with inertia; None if not computed.
+        friction_margins: (m, n) angle between the contact force and the nearer edge of its friction cone, rad. Like
+            `lambdas` and `forces`, None if the loads on the floor are unknown.
+        lambdas: (m, n) point of the contact segment through which the force passes: 0 right end, 1 left end.
+        forces: (m, n, 2) contact force on the pushed object, in the contact frame of its load, N.
+        wrenches: (m, 3) wrench of the plate on all bodies that it touches, in the contact frame about its origin:
+            N, N, N m. None for a simulator without slip, where `forces` give it.
+        needed_forces: (m,) required pushing force of the plate, N: `|F_xy|` for the least favourable of the stated
+            loads and frictions, with inertia, and with static friction at the start of a push. NaN if nothing is
+            pushed; None for a simulator with slip.
     """
 
     names: tuple[str, ...]
@@ -85,18 +85,18 @@ class Execution:
 
     @property
     def min_margin(self) -> float | None:
-        """Smallest margin of any contact, without inertia; None where nothing was pushed."""
+        """Smallest margin of any contact, without inertia; None if nothing was pushed."""
         return _least(self.margins)
 
     @property
     def min_dynamic_margin(self) -> float | None:
-        """Smallest margin of any contact with inertia, None where it was not looked at or nothing was pushed."""
+        """Smallest margin of any contact with inertia; None if not computed or nothing was pushed."""
         return None if self.dynamic_margins is None else _least(self.dynamic_margins)
 
     def max_force(self, segment: int | None = None) -> float | None:
-        """Return the largest force `|F_xy|` of the plate, N, in a segment or in all; None where it is not known.
+        """Return the largest force `|F_xy|` of the plate, N, in one segment or in all; None if unknown.
 
-        That is of `needed_forces`, and of `wrenches` where contacts may slip: without breaking away.
+        It is that of `needed_forces`, or of `wrenches` (without static friction) if the simulator lets contacts slip.
         """
         forces = self.needed_forces
         if self.wrenches is not None:
@@ -108,19 +108,19 @@ class Execution:
         return float(known.max()) if known.size else None
 
     def force_words(self, limit: float) -> str:
-        """Return what force the plate needs, or has pushed with where contacts may slip; empty where not known."""
+        """Return the force that the plate needs (or used, for a simulator with slip) as text; empty if unknown."""
         most, what = self.max_force(), "needs" if self.wrenches is None else "pushed with"
         if most is None:
             return ""
         return f"{what} up to {most:.3g} N" + ("" if math.isinf(limit) else f" of {limit:.3g} N")
 
     def until(self, count: int) -> Execution:
-        """Return the first samples, as of an execution that has not come to its end."""
+        """Return the first `count` samples as an execution without loss and goal error."""
         arrays: dict[str, Any] = {k: v[:count] for k, v in vars(self).items() if isinstance(v, np.ndarray)}
         return replace(self, **arrays, loss=None, goal_error=(math.nan, math.nan))
 
     def poses_at(self, time: float) -> tuple[FloatArray, dict[str, FloatArray]]:
-        """Return where the plate frame (3,) and the objects are at a time, s."""
+        """Return the poses (3,) of the plate frame and, by name, of the objects at a time, s."""
 
         def at(columns: FloatArray) -> FloatArray:
             return np.array([np.interp(time, self.t, column) for column in columns.T])
@@ -135,19 +135,20 @@ def _least(margins: FloatArray) -> float | None:
 
 @dataclass(frozen=True, eq=False)
 class TrialEnd:
-    """How the execution of a plan in one sampled world ended.
+    """Outcome of the execution of a plan in one Monte Carlo sample.
 
     Attributes:
-        sample: Number of the world.
+        sample: Number of the sample.
         arrived: Whether every goal is reached within its tolerances.
-        jammed: Whether nothing could give way, or the robot had not the force, so that the push ended early.
-        errors: (n, 2) how far (m) and by what angle (rad) every object is away from its pose at the goal.
-        objects: (n, 3) where the objects are, in the world.
-        contact: What the first contact that moved is called; empty where all held.
-        mode: What it did, a name of `sim.report.Mode` in lower case; `inertia` where it held without inertia only.
-        time: When, s; NaN where all held.
-        object: Name of the object that it pushes; empty where all held.
-        point: Middle of its segment then, in the world, m; NaN where all held.
+        jammed: Whether the push ended early because objects jammed or the robot had too little force.
+        errors: (n, 2) position error (m) and angle error (rad) of every object at the goal.
+        objects: (n, 3) final poses of the objects in the world.
+        contact: Name of the contact that moved first; empty if all held.
+        mode: Motion of this contact: a name of `sim.report.Mode` in lower case, or `inertia` if it moves only with
+            inertia.
+        time: Time of this motion, s; NaN if all held.
+        object: Name of the object that the contact pushes; empty if all held.
+        point: Middle of the contact segment at that time, in the world, m; NaN if all held.
     """
 
     sample: int
@@ -163,22 +164,22 @@ class TrialEnd:
 
 
 def inertia_warning(scenario: Scenario, execution: Execution) -> str:
-    """Return that inertia, which the scenario leaves out, would make a contact slip; empty where it would not."""
+    """Return a warning if a contact slips with inertia, which a quasi-static scenario neglects; else empty."""
     least = execution.min_dynamic_margin
     if scenario.pusher.limits.contact == "dynamic" or least is None or least > 0.0:
         return ""
     return (
-        f"inertia was left out (limits.contact: quasi-static), and at this speed a contact slips "
-        f"(margin {least:.2g}): push more slowly, or use dynamic limits"
+        f"the plan neglects inertia (limits.contact: quasi-static), and at this speed a contact slips "
+        f"(margin {least:.2g}): lower the speed, or use limits.contact: dynamic"
     )
 
 
 Z95 = 1.959963984540054
-"""Standard deviations on either side that hold 95 % of a normal distribution."""
+"""Two-sided 95 % quantile of the standard normal distribution."""
 
 
 def wilson(successes: int, count: int) -> tuple[float, float]:
-    """Return Wilson's 95 % score interval of a share: in doubt even when all of few succeed (Wilson 1927)."""
+    """Return Wilson's 95 % score interval of a share, which is wide for few samples even if all succeed."""
     if count == 0:
         return math.nan, math.nan
     share, z2 = successes / count, Z95 * Z95 / count

@@ -1,4 +1,4 @@
-"""How far objects are from where a scenario wants them."""
+"""Errors of objects at their goals."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from pushplan.util.arrays import FloatArray
 
 
 def errors_at_goal(scenario: Scenario, objects: FloatArray) -> FloatArray:
-    """Return how far (m) and by what angle (rad) objects are off their places at the goal (n, 2).
+    """Return the position errors (m) and angle errors (rad) of objects at the goal (n, 2).
 
     Args:
-        scenario: Of several goals for one load, the nearest counts; what has no goal is not off.
+        scenario: Scenario with the goals. The nearest goal of a load counts; objects without a goal have error 0.
         objects: (n, 3) poses of all objects' own frames in the world, in the order of `scenario.poses`.
     """
     found, first = [], 0
@@ -28,12 +28,12 @@ def errors_at_goal(scenario: Scenario, objects: FloatArray) -> FloatArray:
 
 
 def goal_columns(scenario: Scenario) -> list[int]:
-    """Return which of the objects count at the goal: the goal's object, or all where it names none."""
+    """Return the indices of the objects that count at the goal: the goal's object, or all if it names none."""
     return [column for column, _ in _counted(scenario)]
 
 
 def _counted(scenario: Scenario) -> list[tuple[int, tuple[float, float]]]:
-    """Return the number of each object that counts at the goal, and the tolerance there."""
+    """Return the index and the tolerance of each object that counts at the goal."""
     found, first = [], 0
     for load in scenario.loads:
         for goal in scenario.goals.get(load.name, ())[:1]:
@@ -44,17 +44,17 @@ def _counted(scenario: Scenario) -> list[tuple[int, tuple[float, float]]]:
 
 
 def goal_units(scenario: Scenario, errors: FloatArray) -> FloatArray:
-    """Return the errors (n, 2) of the objects that count at the goal over its tolerances (c, 2)."""
+    """Return the errors (n, 2) of the c objects that count at the goal, divided by the tolerances (c, 2)."""
     return np.array([errors[i] / tolerance for i, tolerance in _counted(scenario)]).reshape(-1, 2)
 
 
 def worst_at_goal(scenario: Scenario, objects: FloatArray) -> tuple[float, float]:
-    """Return how far (m) and by what angle (rad) the objects (n, 3) that count at the goal are off at most."""
+    """Return the largest position error (m) and angle error (rad) of the objects (n, 3) that count at the goal."""
     off = errors_at_goal(scenario, objects)[goal_columns(scenario)]
     return (float(off[:, 0].max(initial=0.0)), float(off[:, 1].max(initial=0.0)))
 
 
 def tolerance_of(scenario: Scenario, position: float, angle: float) -> tuple[float, float]:
-    """Return how far (m) and by what angle (rad) objects may be off: what every goal allows, at least that stated."""
+    """Return the smallest tolerance (m, rad) of all goals, but at least `position` and `angle`."""
     tolerances = [goal.tolerance for goals in scenario.goals.values() for goal in goals]
     return max(position, min(one for one, _ in tolerances)), max(angle, min(one for _, one in tolerances))

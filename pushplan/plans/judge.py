@@ -1,4 +1,4 @@
-"""Who judges pushes: the set to plan in, the set whose margins decide an execution, and the same with inertia."""
+"""Stable sets for planning pushes and for the margins of executions, and the contact conditions with inertia."""
 
 from __future__ import annotations
 
@@ -14,26 +14,25 @@ from pushplan.util.names import KNOWN_LOAD_SETS, STABLE_SETS
 
 
 def judging_set(scenario: Scenario, planned: str) -> StableSet:
-    """Return the set that judges an execution: the exact one where loads are known numbers, else the planned one.
+    """Return the stable set for the margins of an execution: `ecof` (exact) for known loads, else the planned set.
 
     Args:
-        scenario: A push problem.
-        planned: Name of the set that was planned in.
+        scenario: Push problem.
+        planned: Name of the stable set that limited the plan.
     """
     known = scenario.interval is None and scenario.chain.loads_known
     return scenario.stable_set("ecof" if known else planned)
 
 
 def planning_set(scenario: Scenario, name: str | None = None) -> StableSet:
-    """Return the set to plan in: the one called `name`, cut down to what the judge of the execution accepts.
+    """Return the set for planning: the set `name`, limited to twists that `judging_set` accepts and the force allows.
 
-    Only `cof` may reach beyond its judge: it takes friction to act at a point that does not move with the COR. Every
-    search, check and closed loop asks here for what it may do, so that a load that is too heavy together with others
-    is just one that no contact can push.
+    Only `cof` can exceed its judging set: it assumes a friction point that does not move with the COR. Every search,
+    check and closed loop uses this set, so a load that is too heavy is one that no contact can push.
 
     Raises:
-        PushplanError: See `Scenario.stable_set`.
-        EmptyStableSetError: When all of its pushes take more force than `robot.limits.force`.
+        PushplanError: As in `Scenario.stable_set`.
+        EmptyStableSetError: If all of its pushes need more force than `robot.limits.force`.
     """
     stable = scenario.stable_set(name)
     if stable.name == "cof":
@@ -45,15 +44,15 @@ def planning_set(scenario: Scenario, name: str | None = None) -> StableSet:
 
 
 def push_force(scenario: Scenario, set_name: str) -> PushForce:
-    """Return the force that pushing takes, for all that a stable set holds for; see `contact_dynamics`."""
+    """Return the required pushing force for all loads and frictions of a stable set; see `contact_dynamics`."""
     return PushForce(contact_dynamics(scenario, set_name))
 
 
 def contact_dynamics(scenario: Scenario, set_name: str) -> ContactDynamics:
-    """Return the contact conditions with inertia, for all that a stable set holds for.
+    """Return the contact conditions with inertia, for all loads and frictions of a stable set.
 
-    That is every value of the scenario's intervals, and every pressure where the set is for that. A set of the user's
-    own is for the loads that are known, as its executions are judged.
+    They cover every value of the scenario's intervals, and every pressure if the set does. For a set of the user's
+    own, they cover every pressure only if a load is unknown, as its `judging_set` does.
     """
     own = set_name not in STABLE_SETS
     all_pressures = not scenario.chain.loads_known if own else set_name not in KNOWN_LOAD_SETS
@@ -61,4 +60,4 @@ def contact_dynamics(scenario: Scenario, set_name: str) -> ContactDynamics:
 
 
 _dynamics = lru_cache(maxsize=8)(ContactDynamics)
-"""What timing and execution of the plans of a chain all ask for."""
+"""Cached, because timing and execution of all plans of a chain need it."""

@@ -1,7 +1,7 @@
-"""What the plate pushes: a tree of objects in contact, and what a stable set is made of.
+"""Loads: trees of objects in contact that the plate pushes, with their stable sets.
 
 A load has two frames. The *plate frame* is the middle of the plate's front edge, +x along the push. The *contact
-frame* is the chain frame of its push problem: stable sets, margins, contact limits and costs refer to that one.
+frame* is the chain frame of its push problem; stable sets, margins, contact limits and costs refer to it.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Link:
-    """An object in a load, and what pushes it.
+    """An object in a load, with its pushing body.
 
     Attributes:
-        object: Its name.
-        pusher: Name of the object that pushes it; None stands for the plate.
-        face: Of the object, through which it is pushed.
-        offset: Of the pushing body's middle (the plate's, or the object's frame) from that of the contact, to the
-            left of the push, m; 0 in a row, where middles of faces meet.
+        object: Name of the object.
+        pusher: Name of the object that pushes it; None for the plate.
+        face: Name of the face at which it is pushed.
+        offset: Offset of the pushing body's middle (of the plate, or of the object's frame) from the middle of the
+            contact, to the left of the push, m; 0 in a row, where middles of faces meet.
     """
 
     object: str
@@ -48,13 +48,13 @@ class Link:
 
 @dataclass(frozen=True, eq=False)
 class Load:
-    """What the plate pushes while every contact holds: a tree of objects.
+    """Objects that the plate pushes while every contact holds, as a tree.
 
     Attributes:
-        links: One for each object, in the order of the chain.
-        problem: The push problem of this load alone: its chain with all that is uncertain about it, and the settings.
-            Start, goal and what stands in the room do not belong to the load.
-        sets: Stable sets of the load by what asked for them, made once.
+        links: Links, one per object, in the order of the chain.
+        problem: Push problem of this load alone: its chain with intervals, and the settings. Its start, goal and
+            obstacles do not belong to the load.
+        sets: Cached stable sets of the load, by name.
     """
 
     links: tuple[Link, ...]
@@ -66,9 +66,9 @@ class Load:
         """Return the load of a push problem.
 
         Args:
-            problem: Its chain is the load.
-            face: That the plate pushes; worked out from the contact where it is empty.
-            offset: Of the plate on it; likewise.
+            problem: Push problem whose chain is the load.
+            face: Name of the face that the plate pushes; if empty, computed from the contact.
+            offset: Offset of the plate on this face, m; if None, computed from the contact.
         """
         chain = problem.chain
         links = []
@@ -91,13 +91,13 @@ class Load:
 
     @classmethod
     def pushed_from(cls, scenario: Scenario, chain: Chain, face: str, offset: float) -> Load:
-        """Return the load of a scenario as it is pushed from another face.
+        """Return the load of a scenario, pushed at another face.
 
         Args:
-            scenario: Of one load.
+            scenario: Scenario with one load.
             chain: Its objects with the plate at that face; see `mechanics.faces.pushed_from`.
-            face: Its name.
-            offset: Of the plate's middle on it, m.
+            face: Name of the face.
+            offset: Offset of the plate's middle on the face, m.
         """
         own = scenario.load
         interval = None if own.interval is None else own.interval.carried_by(chain)
@@ -105,7 +105,10 @@ class Load:
         return cls.of(scenario.push_of(pushed, scenario.goal), face, offset)
 
     def of_twin(self, scenario: Scenario) -> Load:
-        """Return the load of an object that differs from this load's only one in name and place; sets are shared."""
+        """Return the load of an object that differs from this load's single object only in name and pose.
+
+        Both loads share their stable sets.
+        """
         name, interval = scenario.chain.objects[0].name, self.problem.interval
         chain = replace(self.chain, objects=(replace(self.chain.objects[0], name=name),))
         interval = None if interval is None else replace(interval, chain=chain)
@@ -114,7 +117,7 @@ class Load:
         return Load((replace(self.links[0], object=name),), problem, self.sets)
 
     def with_problem(self, problem: Scenario) -> Load:
-        """Return the same load with other settings, or another start, goal or room, in its push problem."""
+        """Return the same load for a push problem with other settings, start, goal or obstacles."""
         return Load(self.links, problem, self.sets)
 
     @property
@@ -129,27 +132,27 @@ class Load:
 
     @property
     def faces(self) -> tuple[str, ...]:
-        """Of each object, the face through which it is pushed."""
+        """Names of the faces at which the objects are pushed."""
         return tuple(link.face for link in self.links)
 
     @property
     def offsets(self) -> tuple[float, ...]:
-        """Of each object, how far aside of the contact's middle stands what pushes it, m; see `Link.offset`."""
+        """Offsets of the pushing bodies, m; see `Link.offset`."""
         return tuple(link.offset for link in self.links)
 
     @property
     def face(self) -> str:
-        """That the plate pushes, of the first object."""
+        """Name of the first object's face, which the plate pushes."""
         return self.links[0].face
 
     @property
     def offset(self) -> float:
-        """Of the plate's middle from that of the face, to the left of the push, m."""
+        """Offset of the plate's middle from that of the face, to the left of the push, m."""
         return self.links[0].offset
 
     @cached_property
     def frame_plate(self) -> FloatArray:
-        """(3,) pose of the contact's frame in the plate frame."""
+        """(3,) pose of the contact frame in the plate frame."""
         return frozen(se2.inverse(self.chain.pusher.plate_pose), (3,), "pose of the contact's frame")
 
     @cached_property
@@ -158,53 +161,53 @@ class Load:
         return frozen(se2.compose(self.frame_plate, self.chain.places), (None, 3), "places of the objects")
 
     def poses(self, plate: FloatArray) -> dict[str, FloatArray]:
-        """Return where the objects are with the plate at a pose (3,) in the world and every contact closed."""
+        """Return the objects' poses for a pose (3,) of the plate in the world, every contact closed."""
         return dict(zip(self.names, se2.compose(plate, self.places_plate), strict=True))
 
     def stable_set(self, name: str | None = None) -> StableSet:
-        """Return the set to plan pushes of this load in, see `judge.planning_set`; made once.
+        """Return the stable set for planning pushes of this load, see `judge.planning_set`; cached.
 
         Raises:
-            PushplanError: When there is no such set.
+            PushplanError: If there is no such set.
         """
-        from pushplan.plans.judge import planning_set  # loads the compiled mechanics
+        from pushplan.plans.judge import planning_set  # imported late: it loads the compiled mechanics
 
         if name not in self.sets:
             self.sets[name] = planning_set(self.problem, name)
         return self.sets[name]
 
     def contact_name(self, name: str) -> str:
-        """Return what the contact is called through which an object is pushed."""
+        """Return the name of the contact that pushes an object."""
         return self.chain.contact_name(self.names.index(name))
 
 
 Member = tuple[str, str]
-"""Name of an object, and the face of it, in its own frame, through which it is pushed."""
+"""Name of an object and of the face, in its own frame, at which it is pushed."""
 
 
 def way_through(body: PlacedLoad, face: str) -> Through:
     """Return a face of an object by its name.
 
     Raises:
-        ChainError: When it has no such face.
+        ChainError: If it has no such face.
     """
     outline = body.chain.objects[0].outline
     found = [way for way in ways_through(outline) if way.face == face]
     if len(found) != 1:
         known = ", ".join(way.face for way in ways_through(outline))
-        raise ChainError(f"{body.chain.objects[0].name!r} has no face {face!r}; there are {known}")
+        raise ChainError(f"{body.chain.objects[0].name!r} has no face {face!r}; its faces are {known}")
     return found[0]
 
 
 def row_load(scenario: Scenario, members: Sequence[Member]) -> Load:
-    """Return the load of objects that stand flush in a row, their faces' middles on one another.
+    """Return the load of objects that stand flush in a row, with the middles of their faces together.
 
     Args:
-        scenario: With a row.
-        members: From the plate outward; the plate pushes at the middle of the first one's face.
+        scenario: Scenario with a row goal.
+        members: Objects and faces, from the plate outward; the plate pushes at the middle of the first face.
 
     Raises:
-        ChainError: When one has no such face, or nothing in front of it that could push the next one.
+        ChainError: If an object has no such face, or no opposite face that could push the next object.
     """
     row = scenario.transport.row
     bodies = [scenario.task.by_name[name] for name, _ in members]
@@ -222,7 +225,7 @@ def row_load(scenario: Scenario, members: Sequence[Member]) -> Load:
         objects.append(replace(bodies[k].chain.objects[0], pose_chain=pose))
         touch = find_touch(objects[-2].outline_chain, objects[-1].outline_chain)
         if touch is None or len(touch) != 1:
-            raise ChainError(f"{before!r} does not touch {name!r} along one line there")
+            raise ChainError(f"{before!r} and {name!r} do not touch along one line in the row")
         contacts.append(Contact(touch[0][0], touch[0][1], row.friction[0], k, k - 1))
         links.append(Link(name, before, ways[k].face, 0.0))
     chain = Chain(tuple(objects), tuple(contacts), first.pusher)
@@ -238,13 +241,13 @@ def row_load(scenario: Scenario, members: Sequence[Member]) -> Load:
 
 @lru_cache(maxsize=64)
 def _taken_alone(body: PlacedLoad, face: str) -> Chain:
-    """Return an object with the plate at the middle of a face; all loads that begin with it begin so."""
+    """Return an object with the plate at the middle of a face, the first part of every load that begins with it."""
     at = se2.compose(body.chain.places[0], way_through(body, face).entry)
     return pushed_from(body.chain, Place((0,), face, 0.0, at, at))
 
 
 def _intervals(bodies: Sequence[PlacedLoad], chain: Chain) -> IntervalChain | None:
-    """Return the chain with the intervals of its objects; None when all of them are numbers."""
+    """Return the chain with the intervals of its objects; None if all values are numbers."""
     if all(body.interval is None for body in bodies):
         return None
     mass, floor = list[FloatArray](), list[FloatArray]()

@@ -14,14 +14,14 @@ from pushplan.geometry import se2
 from pushplan.util.arrays import FloatArray, distinct, frozen, parameters
 
 TURN_WEIGHT = 0.1
-"""Metres of travel that one radian of turning counts as in the path cost."""
+"""Path cost of a turn, m per rad."""
 
 
 SHORTEST_ARC = 1e-10
-"""Arcs below this (m) are rounding."""
+"""Shorter arcs (m) are rounding errors."""
 
 SAME_TWIST = 1e-12
-"""Twists that differ by less (m/s, rad/s) are one motion."""
+"""Twists that differ by less (m/s, rad/s) are the same."""
 
 
 def cost_rate(twists: ArrayLike) -> FloatArray:
@@ -34,10 +34,10 @@ def cost_rate(twists: ArrayLike) -> FloatArray:
 class PushPath:
     """Arcs of constant body twist, parametrised by path cost.
 
-    Those that are no longer than `SHORTEST_ARC` are left out, neighbours of the same twist are one arc.
+    Arcs no longer than `SHORTEST_ARC` are dropped, and neighbours with the same twist are merged.
 
     Attributes:
-        start: (3,) pose of the chain frame in the world at the beginning.
+        start: (3,) pose of the chain frame in the world at the start.
         twists: (k, 3) body twists in the chain frame, scaled so that the cost grows at 1 m/s.
         lengths: (k,) lengths of the arcs, in the unit of the cost (m).
     """
@@ -55,7 +55,7 @@ class PushPath:
         moving = self.lengths > SHORTEST_ARC
         twists, lengths = self.twists[moving], self.lengths[moving]
         if not np.abs(cost_rate(twists) - 1.0).max(initial=0.0) <= 1e-9:
-            raise PushplanError("twists of the path must be scaled to a cost rate of 1 m/s")
+            raise PushplanError("the twists of the path must have a cost rate of 1 m/s")
         changes = np.abs(np.diff(twists, axis=0)).max(axis=1, initial=0.0) > SAME_TWIST
         if len(twists) < len(self.twists) or not changes.all():
             first = np.flatnonzero(np.append(len(twists) > 0, changes))
@@ -65,7 +65,7 @@ class PushPath:
 
     @classmethod
     def of_arcs(cls, start: FloatArray, arcs: FloatArray) -> PushPath:
-        """Return the path of arcs (k, 4), twists and lengths, from a pose (3,)."""
+        """Return the path of arcs (k, 4), twist and length, from a pose (3,)."""
         return cls(start, arcs[:, :3], arcs[:, 3])
 
     @property
@@ -75,12 +75,12 @@ class PushPath:
 
     @property
     def travel(self) -> float:
-        """Length of the way of the frame's origin, m."""
+        """Length of the path of the frame's origin, m."""
         return float(np.hypot(*self.twists[:, :2].T) @ self.lengths)
 
     @cached_property
     def knots(self) -> FloatArray:
-        """(k + 1, 3) poses in the world at the ends of the arcs; the angle runs on, it is not wrapped."""
+        """(k + 1, 3) poses in the world at the ends of the arcs; angles are continuous, not wrapped."""
         steps = se2.exp(self.twists * self.lengths[:, None])
         return frozen(se2.chained(self.start, steps), (None, 3), "knots of the path")
 
@@ -93,7 +93,7 @@ class PushPath:
         """Return the path of another frame of the same body.
 
         Args:
-            frame: (3,) its pose in this path's frame.
+            frame: (3,) pose of the other frame in this path's frame.
         """
         if not np.any(frame):
             return self
@@ -105,7 +105,7 @@ class PushPath:
         """Return the poses (m, 3) in the world at the costs `s` (m,), clipped to the path.
 
         Raises:
-            PushplanError: When a cost is no number.
+            PushplanError: If a cost is not a number.
         """
         s = np.clip(parameters(s, "costs"), 0.0, self.cost)
         if len(self.lengths) == 0:
@@ -116,7 +116,7 @@ class PushPath:
         return se2.compose(self.knots[arc], se2.exp(step))
 
     def sampled(self, spacing: float) -> FloatArray:
-        """Return poses (m, 3) no farther apart than `spacing` in cost, every knot among them."""
+        """Return poses (m, 3) at most `spacing` apart in cost, including every knot."""
         begins = np.concatenate([[0.0], np.cumsum(self.lengths)])
         parts = [np.linspace(a, b, max(2, int(np.ceil((b - a) / spacing)) + 1)) for a, b in pairwise(begins)]
         return self.poses_at(distinct(np.concatenate([*parts, [0.0]])))

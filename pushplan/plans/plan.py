@@ -1,4 +1,4 @@
-"""A plan: the segments that were found, how good they are, and why there are none where there are none."""
+"""A plan: its segments, its quality, and the reason if it is not solved."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ T = TypeVar("T")
 
 
 class LazyField(Generic[T]):
-    """A field that takes a value, or a function without arguments that returns it.
+    """A field that takes a value, or a function without arguments that returns it and is called once.
 
     Args:
-        default: Its value where none is given.
+        default: Default value.
     """
 
     def __init__(self, default: T) -> None:
@@ -47,7 +47,7 @@ class LazyField(Generic[T]):
     @overload
     def __get__(self, instance: object, owner: type) -> T: ...
     def __get__(self, instance: Any, owner: type) -> T:
-        """Return the value; without an instance the default, which is how `dataclass` learns of it."""
+        """Return the value, or the default without an instance: `dataclass` reads it that way."""
         if instance is None:
             return self._default
         values = vars(instance)
@@ -62,13 +62,13 @@ class LazyField(Generic[T]):
 
 @dataclass(frozen=True)
 class Improvement:
-    """A plan that was better than those before it.
+    """A plan that was better than all before it.
 
     Attributes:
-        seconds: Of planning until then (wall clock).
-        cost: Of the plan, m.
-        iterations: Of the search until then.
-        segments: The plan, not timed; empty in what only tells of one.
+        seconds: Wall-clock time of planning until then, s.
+        cost: Cost of the plan, m.
+        iterations: Iterations of the search until then.
+        segments: Segments of the plan, not timed; can be empty.
     """
 
     seconds: float
@@ -78,16 +78,16 @@ class Improvement:
 
 
 MOST_PLACES = 3
-"""Of obstacles in the way, so many are named."""
+"""Largest number of obstacles in the way that a text names."""
 
 
 @dataclass(frozen=True, eq=False)
 class Nearest:
-    """Where no plan reaches the goal, the one that ends nearest to it.
+    """Path that ends nearest to the goal, if no plan reaches it.
 
     Attributes:
-        segments: Free and stable, not timed; empty where there is none.
-        error: How far from the goal it ends (m, rad).
+        segments: Collision-free stable segments, not timed; can be empty.
+        error: Distance of its end from the goal (m, rad).
     """
 
     segments: tuple[Segment, ...]
@@ -95,11 +95,16 @@ class Nearest:
 
 
 MOST_TOLD = 3
-"""Objects that the reason of a partial plan names, at most; `Plan.undelivered` has all."""
+"""Largest number of objects that the reason of a partial plan names; `Plan.undelivered` has all."""
 
 
 def reason_of(undelivered: Mapping[str, str], goals: int) -> str:
-    """Return why a plan is not solved that leaves objects out, of a number of objects with goals."""
+    """Return the reason of a partial plan.
+
+    Args:
+        undelivered: Reasons by name of the object, as in `Plan`.
+        goals: Number of objects with goals.
+    """
     each = [why if why.startswith(f"'{name}'") else f"'{name}': {why}" for name, why in undelivered.items()]
     more = [f"and {len(each) - MOST_TOLD} more"] if len(each) > MOST_TOLD else []
     return f"{len(each)} of {goals} objects with goals are not delivered: {'; '.join([*each[:MOST_TOLD], *more])}"
@@ -107,39 +112,39 @@ def reason_of(undelivered: Mapping[str, str], goals: int) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """How the plate moves so that every object gets to its goal, or why no way was found.
+    """Motion of the plate that brings every object to its goal, or the reason why none was found.
 
-    What takes long and is not always wanted is worked out when it is first asked for.
+    `lower_bound` and `robustness` take long and are computed at first use.
 
     Attributes:
-        scenario: What was asked.
-        segments: In their order; empty without a plan.
-        reason: Why there is no plan, or only a partial one; empty when solved.
-        planner: Name of the planner that ran.
+        scenario: Scenario that was planned.
+        segments: Segments in order of time; empty without a plan.
+        reason: Why there is no plan, or only a partial one; empty if solved.
+        planner: Name of the planner.
         stable_set: Name of the stable set that limited the twists.
-        seed: Of the random numbers.
-        cost: By which plans were compared, m: pushed distance, transits and changes of the contact with their
-            weights; of a single push its path's. None when not solved.
-        objective: What ranked plans, one of `names.COSTS`.
-        lower_bound: What no plan beats of what ranked them: cost (m), or where time did, duration (s); None where
-            none is known, as of margins.
-        first_solution_s: Wall-clock seconds to the first plan, or None.
-        planning_s: Wall-clock seconds of preparing and searching.
-        iterations: Of the search, which the setting `iterations` limits: arcs propagated and shortcuts tried. A
-            multi-push plan counts batches of poses, a rearrangement transfers, a gathering pushes and transits.
-        improvements: Better and better plans.
-        margin_asked: What the twists' margins had to exceed at first.
-        margin: What they had to exceed in the end: less, where no plan was found with `margin_asked`.
+        seed: Seed of the random numbers.
+        cost: Cost of the plan, m; None without segments. For a single push, the cost of its path. Otherwise the
+            weighted sum of pushed distance, transits and changes of the contact.
+        objective: Quantity that ranked the plans, one of `names.COSTS`.
+        lower_bound: Lower bound of that quantity for all plans: cost (m), or duration (s) if time ranks; None if
+            unknown, as for `margin`.
+        first_solution_s: Wall-clock time to the first plan, s; None without one.
+        planning_s: Wall-clock time of preparation and search, s.
+        iterations: Iterations of the search, which the setting `iterations` limits: propagated arcs and tried
+            shortcuts. A multi-push plan counts batches of poses, a rearrangement transfers, a gathering pushes and
+            transits.
+        improvements: Plans of decreasing cost.
+        margin_asked: Requested lower limit of the margins.
+        margin: Lower limit of the margins that was used: lower if no plan was found with `margin_asked`.
         tree: (q, 2, 3) poses at both ends of the search tree's branches, thinned.
-        diagnosis: What kept the search from finding a plan, most certain first.
-        nearest: Where there is no plan; None where not even that is known.
-        execution: What the kinematic simulator makes of the plan; None when there is none.
-        robustness: How far single numbers may be off; None when not solved or not timed.
-        remarks: What a user wants to know beside the numbers, in sentences: that a load allows no usual margin, why a
-            row was not gathered.
-        undelivered: Why objects do not get to their goals, by name. A partial plan brings as many objects as it can:
-            it has segments, is executed and recorded like any plan, and is not solved. Its scenario has the goals of
-            the others only.
+        diagnosis: Reasons why the search found no plan, most certain first.
+        nearest: Path that ends nearest to the goal, if there is no plan; None if unknown.
+        execution: Result of the kinematic simulator; None without a plan.
+        robustness: Tolerated model errors; None if not solved or not timed.
+        remarks: Sentences for the user, such as why a row was not gathered.
+        undelivered: Reasons why objects do not reach their goals, by name. A partial plan delivers the others: it
+            has segments, is executed and recorded like any plan, and is not solved. Its scenario has only the goals
+            of the others.
     """
 
     scenario: Scenario
@@ -166,7 +171,7 @@ class Plan:
     undelivered: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        """Say what it is in a line: all fields are pages, and some take long to work out."""
+        """Return one line: all fields would fill pages, and some take long to compute."""
         driven = "" if self.duration is None else f" in {self.duration:.2f} s"
         count = "1 segment" if len(self.segments) == 1 else f"{len(self.segments)} segments"
         left = f", {len(self.undelivered)} objects left out" if self.undelivered else ""
@@ -175,40 +180,40 @@ class Plan:
 
     def _repr_html_(self) -> str:
         """Return its picture, which notebooks show."""
-        draw = import_module("pushplan.drawing.plans").plot_plan  # loaded then: drawing knows plans
+        draw = import_module("pushplan.drawing.plans").plot_plan  # imported late: drawing imports plans
         picture = base64.b64encode(draw(self)).decode()
         return f'<p>{escape(repr(self))}</p><img alt="" style="max-width:100%" src="data:image/png;base64,{picture}">'
 
     @property
     def robustness_words(self) -> str:
-        """How far single numbers may be off, for people, in lines; empty when not solved or not timed."""
+        """Text of the robustness in lines; empty if not solved or not timed."""
         robustness = self.robustness
         return "" if robustness is None else robustness.sentence(self.scenario.states_intervals)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Work out what was put off: functions cannot be pickled."""
+        """Compute the lazy fields: functions cannot be pickled."""
         _ = self.lower_bound, self.robustness
         return vars(self)
 
     @property
     def solved(self) -> bool:
-        """Whether every goal is reached, and the plan passed the validation."""
+        """Whether the plan reaches every goal and passed the validation."""
         return not self.reason
 
     def aims(self, scenario: Scenario) -> Scenario:
-        """Return a scenario with the goals of what the plan delivers, and of a row the place that it gives each."""
+        """Return a scenario with the goals of the delivered objects only; a row has its chosen poses."""
         if not self.segments:
             return scenario
         return scenario.settled(self.segments[-1].after).without_goals(self.undelivered)
 
     @cached_property
     def trajectory(self) -> Trajectory | None:
-        """The motion of the plate frame through all segments; None when not solved or not timed."""
+        """Motion of the plate frame through all segments; None without segments or if one is not timed."""
         return join(self.segments)
 
     @cached_property
     def times(self) -> FloatArray:
-        """(k + 1,) when each segment begins, and the last one ends, s."""
+        """(k + 1,) start times of the segments, and the end of the last one, s."""
         ends = np.cumsum([segment.duration for segment in self.segments])
         return frozen(np.concatenate([[0.0], ends]), (None,), "times of the segments")
 
@@ -219,46 +224,46 @@ class Plan:
 
     @property
     def pushes(self) -> tuple[Segment, ...]:
-        """The pushes; a close belongs to the one before it."""
+        """Push segments, without closes."""
         return tuple(segment for segment in self.segments if segment.kind == PUSH)
 
     @property
     def path(self) -> PushPath | None:
-        """Of a single push, in the contact's frame; None otherwise."""
+        """Path of a single push in the contact's frame; None for other plans."""
         single = len(self.segments) == 1 and self.segments[0].pushes
         return self.segments[0].contact_path if single else None
 
     @property
     def duration(self) -> float | None:
-        """Of the trajectory, s; None where there is none."""
+        """Duration of the trajectory, s; None without one."""
         return None if self.trajectory is None else self.trajectory.duration
 
     @property
     def min_margin(self) -> float | None:
-        """Smallest margin of any contact in any push; of the execution where there is one."""
+        """Smallest margin of any contact in any push, from the execution if there is one."""
         if self.execution is not None:
             return self.execution.min_margin
         return min((s.min_margin for s in self.segments if s.min_margin is not None), default=None)
 
     @property
     def min_dynamic_margin(self) -> float | None:
-        """Smallest margin of any contact with inertia during the execution; None where there is none."""
+        """Smallest margin of any contact with inertia during the execution; None without one."""
         return None if self.execution is None else self.execution.min_dynamic_margin
 
     @property
     def max_force(self) -> float | None:
-        """Largest force with which the plate has to push, see `Execution.needed_forces`, N; None where not known."""
+        """Largest required pushing force, N, see `Execution.needed_forces`; None if unknown."""
         return None if self.execution is None else self.execution.max_force()
 
     @property
     def force_limit(self) -> float | None:
-        """Of the robot, N; None where the scenario states none."""
+        """Force limit of the robot, N; None if the scenario states none."""
         limit = self.scenario.pusher.limits.force
         return None if math.isinf(limit) else limit
 
     @property
     def force_words(self) -> str:
-        """With what force the plate has to push, and how much the robot has; empty where it is not known."""
+        """Text of the required pushing force and the robot's limit; empty if unknown."""
         limit = self.scenario.pusher.limits.force
         return "" if self.execution is None else self.execution.force_words(limit)
 
@@ -269,9 +274,9 @@ class Plan:
 
     @property
     def gap(self) -> float | None:
-        """Share by which what ranked the plan is above its lower bound; None where one of them is not known.
+        """Relative distance of the objective (cost or duration) from its lower bound; None if either is unknown.
 
-        The optimum lies between: the plan wastes no more than this, mostly much less.
+        The optimum lies between bound and plan, so the plan is at most this share above it, mostly much less.
         """
         ranked = self.duration if self.objective == "time" else self.cost
         if ranked is None or not self.lower_bound:
@@ -280,33 +285,33 @@ class Plan:
 
     @property
     def lowered(self) -> str:
-        """That the margin was lowered, in a sentence; empty if it was not."""
+        """Note that the margin was lowered; empty if it was not."""
         if self.margin is None or self.margin_asked is None or self.margin >= self.margin_asked:
             return ""
         if not self.segments:
-            return f"margins from {self.margin_asked:.2g} down to {self.margin:.2g} were tried"
-        return f"margin {self.margin:.2g} instead of {self.margin_asked:.2g}: no path was found with more"
+            return f"the search tried margins from {self.margin_asked:.2g} down to {self.margin:.2g}"
+        return f"margin {self.margin:.2g} instead of {self.margin_asked:.2g}: no path was found with a larger one"
 
     @property
     def notes(self) -> list[str]:
-        """The remarks, and that the margin was lowered, in sentences."""
+        """All remarks, including a lowered margin."""
         return [*self.remarks, *([self.lowered] if self.lowered else [])]
 
     @property
     def blocking(self) -> frozenset[int]:
-        """Indices of the scenario's obstacles that are in the way, as far as that is known."""
+        """Indices of the obstacles that are in the way, as far as known."""
         return frozenset(k for found in self.diagnosis for k in found.blocking)
 
     @property
     def in_the_way(self) -> str:
-        """Where the obstacles are that are in the way, for people; empty where that is not known."""
+        """Text of the obstacles that are in the way; empty if unknown."""
         places = [str(one) for k, one in enumerate(self.scenario.obstacles) if k in self.blocking]
         more = [f"{len(places) - MOST_PLACES} more"] if len(places) > MOST_PLACES else []
         return ", ".join([*places[:MOST_PLACES], *more])
 
     @property
     def why_not(self) -> list[str]:
-        """Why there is no plan, and how near to the goal one comes, in sentences; none where there is one."""
+        """Reasons why there is no plan, and the distance of the nearest path from the goal; empty if solved."""
         if self.solved:
             return []
         causes = [found.text for found in self.diagnosis if found.text not in self.reason]
@@ -318,7 +323,7 @@ class Plan:
         return [self.reason, *causes, near]
 
     def metrics(self) -> dict[str, float | int | str | bool | None]:
-        """Return the numbers of the plan by name: those that JSON, the terminal, the bench and reports show."""
+        """Return the numbers of the plan by name, in SI units, as JSON and the terminal show them."""
         execution = self.execution
         error = (None, None) if execution is None else execution.goal_error
         travel = sum(segment.path.cost for segment in self.segments) if self.segments else None
@@ -352,7 +357,7 @@ class Plan:
         }
 
     def to_dict(self) -> dict[str, object]:
-        """Return the plan as plain data, the one form that text and JSON are made from; arrays are lists."""
+        """Return the plan as plain data for text and JSON; arrays are lists."""
         numbers = self.metrics()
         arcs, position, angle = (numbers.pop(key) for key in ("arcs", "goal_error_position", "goal_error_angle"))
         del arcs
@@ -397,7 +402,7 @@ class Plan:
 
 
 def _wrapped(pose: FloatArray) -> list[float]:
-    """Return a pose (3,) with its heading from -pi to pi, as files take it: a robot that circles turns on and on."""
+    """Return a pose (3,) with its heading wrapped to -pi to pi, as files need it."""
     return [*pose[:2].tolist(), float(se2.wrap_angle(pose[2]))]
 
 

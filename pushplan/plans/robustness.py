@@ -1,4 +1,4 @@
-"""How far single numbers of a chain may be off before a plan loses a contact, as numbers and in words."""
+"""Robustness: the model errors that a plan tolerates before it loses a contact, as numbers and as text."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from pushplan.errors import PushplanError
 from pushplan.util.arrays import plain_number
 
 MOST_SHARE = 1.0
-"""Share of a floor friction, or of a load, up to which changes are looked at."""
+"""Largest examined change of a floor friction or a load, as a share."""
 
 MOST_ANGLE = pi / 2
-"""Angle up to which turned objects are looked at, rad."""
+"""Largest examined angle of an object, rad."""
 
 
 SHARES = "contact_friction", "floor_friction", "mass", "load"
-"""Of what may be off, those that are shares."""
+"""Uncertain quantities that are given as shares."""
 
 
 @dataclass(frozen=True)
 class TrialUncertainty:
-    """By how much sampled worlds differ; every number is drawn evenly from its interval, each on its own.
+    """Half widths of the intervals from which Monte Carlo samples draw, uniformly and independently.
 
-    Shares are of what a scenario states, of the middle where it states an interval.
+    Shares refer to the scenario's value, or to the middle of its interval.
 
     Attributes:
-        contact_friction: Share by which every contact's coefficient may be off, below 1.
-        floor_friction: The same of every object's coefficient with the floor.
-        mass: The same of every object's mass.
-        load: Largest share by which the outermost pressure under an object is off: its load leans to a random side.
-        position: How far an object may stand aside along its contact, m.
-        angle: How far an object may be turned so that one end of its contact still touches, rad.
+        contact_friction: Share of every contact's friction coefficient, below 1.
+        floor_friction: Share of every object's friction coefficient with the floor, below 1.
+        mass: Share of every object's mass, below 1.
+        load: Largest share by which the outermost pressure under an object changes: its load shifts to a random side.
+        position: Largest lateral offset of an object along its contact, m.
+        angle: Largest angle of an object, turned so that one end of its contact still touches, rad.
     """
 
     contact_friction: float = 0.2
@@ -45,7 +45,7 @@ class TrialUncertainty:
         for field in fields(self):
             value = getattr(self, field.name)
             if not 0.0 <= value < 1.0:
-                units = {"position": " m: 5 mm is 5mm", "angle": " rad: a degree is 1deg"}
+                units = {"position": " m (5 mm is 5mm)", "angle": " rad (a degree is 1deg)"}
                 unit = units.get(field.name, "; it is a share: 20 % is 0.2, or 20% in a command")
                 raise PushplanError(
                     f"{field.name} of the trials' uncertainty is {value}; it must be from 0 to below 1{unit}"
@@ -54,47 +54,46 @@ class TrialUncertainty:
 
     @property
     def words(self) -> str:
-        """The intervals for people, of what may be off."""
+        """Text of the intervals."""
         shares = {name.replace("_", " "): getattr(self, name) for name in SHARES}
         told = [f"{name} ±{100 * share:.3g} %" for name, share in shares.items() if share]
-        told += [f"objects aside ±{1e3 * self.position:.3g} mm"] if self.position else []
-        told += [f"objects turned ±{degrees(self.angle):.2g} deg"] if self.angle else []
-        return ", ".join(told) or "nothing is off"
+        told += [f"object position ±{1e3 * self.position:.3g} mm"] if self.position else []
+        told += [f"object heading ±{degrees(self.angle):.2g} deg"] if self.angle else []
+        return ", ".join(told) or "no model errors"
 
 
 BOX = TrialUncertainty(contact_friction=0.2, floor_friction=0.2, load=0.1, position=3e-3, angle=radians(2.0))
-"""What `Robustness.joint` is a multiple of, where the scenario states no intervals."""
+"""Unit of `Robustness.joint` if the scenario states no intervals."""
 
 BOX_WORDS = (
     f"(friction {100.0 * BOX.contact_friction:.3g} %, load {100.0 * BOX.load:.3g} %, "
     f"{1e3 * BOX.position:.3g} mm, {degrees(BOX.angle):.3g} deg)"
 )
-"""The same for people."""
+"""Text of `BOX`."""
 
 
 @dataclass(frozen=True)
 class Robustness:
-    """How far numbers of the chain may be off before a contact's margin is used up on the way.
+    """Largest model errors at which every contact of the plan keeps a positive margin.
 
-    With inertia, at the planned speeds and whatever lower ones.
+    Inertia is included, at the planned speeds and all lower ones.
 
-    But for `joint` each alone, all others nominal; None where the loads on the floor are not known, or where a push
-    may lift a part: any pressure with the load's centre may be the real one then, and no nominal one is off. A plan
-    on which a contact does not hold even with the nominal numbers tolerates nothing: 1 for the contact friction, 0
-    for the others.
+    Except for `joint`, each error is alone and all other numbers are nominal. Values are None if the loads on the
+    floor are unknown, or if a push can lift a part: then there is no nominal pressure to vary. If a contact does not
+    hold even with the nominal numbers, the factor of the contact friction is 1 and the other values are 0.
 
     Attributes:
-        contact_friction: Smallest factor, in [0, 1], of all contact frictions together, the plate's included.
-        floor_friction: Largest share by which the floor friction of any single object may be higher or lower; at
-            `MOST_SHARE` it may be more.
-        load: Largest share by which the outermost load of any single object may be higher or lower when its load
-            leans to either side, the front or the back, its centre of mass with it; at `MOST_SHARE` it may be more.
-        position: How far any single object may stand aside along its contact, what it carries staying in
-            place, m.
-        angle: How far any single object may be turned about the middle of its contact, with all that it carries,
-            rad; at `MOST_ANGLE` it may be more.
-        joint: Largest scale of `BOX`, or of the intervals that the scenario states, at which all of its numbers may
-            be off at once, in any combination.
+        contact_friction: Smallest factor, in [0, 1], on all contact frictions together, including the plate's.
+        floor_friction: Largest change of the floor friction of any single object, as a share; `MOST_SHARE` means that
+            or more.
+        load: Largest change of the outermost load of any single object, as a share, if its load and centre of mass
+            shift to any side; `MOST_SHARE` means that or more.
+        position: Largest lateral offset of any single object along its contact, m; the objects that it pushes stay
+            in place.
+        angle: Largest rotation of any single object about the middle of its contact, with all objects that it
+            pushes, rad; `MOST_ANGLE` means that or more.
+        joint: Largest factor on `BOX`, or on the scenario's intervals, within which all errors together, in any
+            combination, are tolerated.
     """
 
     contact_friction: float | None = None
@@ -111,15 +110,15 @@ class Robustness:
 
     @property
     def known(self) -> bool:
-        """Whether it could be worked out."""
+        """Whether the robustness could be computed."""
         return self.contact_friction is not None
 
     def sentence(self, beyond: bool = False) -> str:
-        """Return the numbers for people, in lines; bounds are rounded towards what holds.
+        """Return the robustness as text in lines; numbers are rounded down to be safe.
 
         Args:
-            beyond: Whether intervals were stated: the contact friction is the lowest one then, which holds already,
-                and all other numbers are the middle ones.
+            beyond: Whether the scenario states intervals: errors then start from the lowest contact friction and
+                from the middles of all other intervals.
         """
         if (
             self.contact_friction is None
@@ -128,9 +127,9 @@ class Robustness:
             or self.position is None
             or self.angle is None
         ):
-            return "not known, as the loads on the floor are not, or may lift"
+            return "unknown, because a load on the floor is unknown or can lift"
         if self.used_up:
-            return "none: with inertia, a contact does not hold even with the stated numbers"
+            return "none: with inertia, a contact does not hold even with the nominal numbers"
         of = " of the lowest stated" if beyond else ""
         turned = f"{_down(degrees(self.angle))} deg{' or more' if self.angle >= MOST_ANGLE else ''}"
         lines = [
@@ -145,11 +144,11 @@ class Robustness:
 
 
 USED_UP = Robustness(contact_friction=1.0, floor_friction=0.0, load=0.0, position=0.0, angle=0.0, joint=0.0)
-"""What a plan tolerates on which a contact does not hold with the nominal numbers."""
+"""Robustness of a plan on which a contact does not hold with the nominal numbers."""
 
 
 def _down(value: float) -> str:
-    """Return a number in two digits, never higher than it is but for rounding."""
+    """Return a number with two digits, rounded down."""
     if value < 1e-9:
         return "0"
     unit = 10.0 ** (floor(log10(value)) - 1)

@@ -1,4 +1,4 @@
-"""What a run log holds: a plan, its execution and what a closed loop did."""
+"""Contents of a run log: a plan, its execution, and the events and replans of a closed loop."""
 
 from __future__ import annotations
 
@@ -15,42 +15,42 @@ from pushplan.util.arrays import FloatArray, frozen
 
 KINDS = {
     "disturbance": "an object was displaced in the simulated world",
-    "plan": "the plan that is executed first",
-    "deviation": "an object is away from its pose in the plan",
-    "re-localisation": "the plate stands still, and what was measured since is averaged",
-    "replan": "a plan was made on the way",
-    "close": "a short push begins that closes contacts",
+    "plan": "the first executed plan",
+    "deviation": "an object deviates from its planned pose",
+    "re-localisation": "the plate stands still and averages the measurements",
+    "replan": "the loop has planned again",
+    "close": "a short push to close contacts begins",
     "drive": "the plate drives to an object",
-    "touch": "an object that was driven up to tells where the plate is",
-    "pushed": "a push of several is over",
-    "moved": "an object that is not pushed stands elsewhere than before",
-    "room": "what stands in the room has changed, and with it the way to go",
-    "dropped": "what came in cannot be: no numbers, absurd ones, or a time that is none",
+    "touch": "the contact with an object corrects the pose of the plate",
+    "pushed": "a push of a multi-push plan has ended",
+    "moved": "an object that is not pushed has moved",
+    "room": "the obstacles have changed, and with them the plan",
+    "dropped": "a measurement was rejected: not finite, out of range, or with an invalid time",
     "jump": "the measured pose of the plate jumped",
-    "sensor": "what was found to be wrong with sensors and wheels",
-    "stall": "the plate is driven on, and all that it pushes stands still",
-    "unseen": "no measurement has come for a while",
-    "arrived": "the goal's object is within its tolerances as measured, and what error of the camera is not excluded",
-    "gave up": "nothing more can be done, and why",
+    "sensor": "an error of a sensor or of the odometry was found",
+    "stall": "the plate is driven on, but the pushed objects stand still",
+    "unseen": "no measurement has arrived for a while",
+    "arrived": "the goal's object is within its tolerances as measured; camera errors that cannot be excluded",
+    "gave up": "the loop has ended without reaching the goal, with the reason",
 }
-"""Kinds of events, and what they mean."""
+"""Kinds of events and their meanings."""
 
 LINES = 20
-"""Events of a run that people are shown, at most."""
+"""Largest number of events that a text shows."""
 NUMBER = re.compile(r"[-\d.]+")
 
 WARNINGS = ("deviation", "stall", "moved", "dropped", "unseen", "gave up")
-"""Kinds that are told as warnings."""
+"""Kinds of events that are warnings."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened.
+    """An event of a closed loop.
 
     Attributes:
-        time: s.
-        kind: A word of `KINDS`.
-        text: The same in a sentence, with the numbers.
+        time: Time, s.
+        kind: Kind, one of `KINDS`.
+        text: Sentence for the user, with the numbers.
     """
 
     time: float
@@ -59,9 +59,9 @@ class Event:
 
 
 def collapsed(events: Sequence[Event], most: int = LINES) -> list[Event]:
-    """Return events as people read them: of more than `most`, those that differ in numbers only are one with a count.
+    """Return events, merged with a count if there are more than `most`.
 
-    Where these are too many still, those of one kind are.
+    Events whose texts differ only in numbers are merged first, then all events of one kind.
     """
     merged = list(events)
     for longest in (1000, 0):
@@ -79,14 +79,14 @@ def collapsed(events: Sequence[Event], most: int = LINES) -> list[Event]:
 
 @dataclass(frozen=True, eq=False)
 class Replan:
-    """An attempt to plan on the way.
+    """An attempt to plan again during the run.
 
     Attributes:
-        time: When, s.
-        result: What was planned; None where the start or the chain is none to plan with.
+        time: Time of the attempt, s.
+        result: The plan; None if start or chain are invalid for planning.
         reason: Why there is no plan; empty if there is one.
-        seconds: CPU time that it took, s; NaN of one that was read from a log.
-        rest: Whether it is of all that is left to do, several pushes, and not of the one that was begun.
+        seconds: CPU time, s; NaN if read from a log.
+        rest: Whether it plans all remaining pushes, not only the current one.
     """
 
     time: float
@@ -103,11 +103,11 @@ class Replan:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What a sensor said of the objects.
+    """Measured poses of the objects.
 
     Attributes:
-        t: (k,) when measurements were taken, s.
-        poses: (k, n, 3) of the objects in the world, with noise.
+        t: (k,) times of the measurements, s.
+        poses: (k, n, 3) measured poses of the objects in the world, with noise.
     """
 
     t: FloatArray
@@ -120,12 +120,12 @@ class Measured:
 
 @dataclass(frozen=True, eq=False)
 class Feedback:
-    """What a log of a closed loop has beside its plan and its execution.
+    """Measurements, events and replans of a closed loop.
 
     Attributes:
         measured: All measurements.
-        events: All that was noticed and done.
-        replans: All attempts to plan after the first one.
+        events: All events.
+        replans: All attempts to plan after the first plan.
     """
 
     measured: Measured
@@ -134,9 +134,9 @@ class Feedback:
 
 
 def segments_of(plan: Plan | None, feedback: Feedback | None) -> tuple[Segment, ...]:
-    """Return what `Execution.segment` counts: the segments of a plan, and of plans for the rest that a loop made.
+    """Return the segments that `Execution.segment` indexes: those of the plan, then of all replans for the rest.
 
-    Another path of a push that was begun is still that push.
+    A replan of the current push adds none: it is still the same push.
     """
     replans = () if feedback is None else feedback.replans
     plans = [] if plan is None else [plan]
@@ -149,12 +149,12 @@ class Run:
     """A plan, its execution and the log of both.
 
     Attributes:
-        scenario: What was asked.
-        plan: What was planned.
-        execution: What the simulator made of it; None when there was nothing to execute.
-        log: The log file; None when there is none, or it could not be written to its end.
-        seconds: Wall-clock time by phase: `preparing`, `search`, `timing`, `execution`, `validation`, `logging`; s.
-        feedback: What a closed loop measured, noticed and did; None for a plan that was executed as it was.
+        scenario: Scenario that was planned.
+        plan: The plan.
+        execution: Simulated execution; None if there was nothing to execute.
+        log: Log file; None without one, or if it is incomplete.
+        seconds: Wall-clock time by phase, s: `preparing`, `search`, `timing`, `execution`, `validation`, `logging`.
+        feedback: Measurements, events and replans of a closed loop; None for an open-loop execution.
     """
 
     scenario: Scenario
@@ -165,10 +165,10 @@ class Run:
     feedback: Feedback | None = None
 
     def __repr__(self) -> str:
-        """Say what it is in a line."""
+        """Return one line."""
         return f"<Run: {self.plan!r}, log {self.log}>"
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """What happened, was noticed and was done in a closed loop."""
+        """Events of a closed loop; empty for an open-loop execution."""
         return () if self.feedback is None else self.feedback.events

@@ -1,6 +1,6 @@
 """Parts of a plan, from rest to rest: transits, approaches, pushes, closes and retreats.
 
-Paths and trajectories of segments are of the plate frame; see `load` for the frame of what is pushed.
+Paths and trajectories of segments are those of the plate frame; `load` explains the contact frame.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pushplan.scenario.model import Scenario
 
 Poses = Mapping[str, FloatArray]
-"""Poses (3,) of bodies' own frames in the world, by name."""
+"""Poses (3,) of the bodies' own frames in the world, by name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,16 +34,16 @@ class Segment:
     """A part of a plan, from rest to rest.
 
     Attributes:
-        kind: One of `names.SEGMENT_KINDS`.
-        path: Of the plate frame.
-        before: Where all bodies are at the beginning.
-        after: Likewise at the end.
-        load: What the plate comes up to, pushes or leaves; None in a transit.
-        margin: That the twists of a push exceed; 0 for others.
-        trajectory: Of the plate frame, from time 0; None where it is not timed.
-        min_margin: Smallest margin of any contact along the path; None where nothing is pushed.
-        min_dynamic_margin: Likewise with inertia, along the execution.
-        onto: Name of the object that a close ends at.
+        kind: Kind of the segment, one of `names.SEGMENT_KINDS`.
+        path: Path of the plate frame.
+        before: Poses of all bodies at the start.
+        after: Poses of all bodies at the end.
+        load: Load that the plate approaches, pushes or leaves; None in a transit.
+        margin: Lower limit of the margins of a push; 0 for other kinds.
+        trajectory: Trajectory of the plate frame, from time 0; None if not timed.
+        min_margin: Smallest margin of any contact along the path; None if nothing is pushed.
+        min_dynamic_margin: Smallest margin with inertia during the execution.
+        onto: Name of the object at which a close ends.
     """
 
     kind: str
@@ -59,23 +59,23 @@ class Segment:
 
     def __post_init__(self) -> None:
         if self.kind not in SEGMENT_KINDS:
-            raise PushplanError(f"no segment is a {self.kind!r}; there are {', '.join(SEGMENT_KINDS)}")
+            raise PushplanError(f"{self.kind!r} is not a kind of segment; allowed: {', '.join(SEGMENT_KINDS)}")
 
     def __repr__(self) -> str:
-        """Say what it is in a line."""
+        """Return one line."""
         load = "" if self.load is None else f" of {', '.join(self.load.names)}"
         return f"<Segment: {self.kind}{load}, {self.cost:.3f} m in {self.duration:.2f} s>"
 
     @classmethod
     def push(cls, load: Load, contact_path: PushPath, before: Poses, margin: float) -> Segment:
-        """Return a push of a load along a path (of the contact's frame); all other bodies rest."""
+        """Return a push of a load along a path of the contact frame; all other bodies rest."""
         path = contact_path.of_frame(load.chain.pusher.plate_pose)
         after = {**before, **load.poses(path.end)}
         return cls(PUSH, path, before, after, load, margin)
 
     @classmethod
     def close(cls, load: Load, plate: PushPath, before: Poses, margin: float, onto: str) -> Segment:
-        """Return a straight push of a load, along a path of the plate frame, that ends at an object which rests."""
+        """Return a straight push of a load along a path of the plate frame that ends at a resting object."""
         return cls(CLOSE, plate, before, {**before, **load.poses(plate.end)}, load, margin, onto=onto)
 
     @property
@@ -85,22 +85,22 @@ class Segment:
 
     @property
     def touched(self) -> tuple[str, ...]:
-        """Names of the objects at rest that the plate comes up to, or that a close ends at."""
+        """Names of the resting objects that an approach or a close touches."""
         if self.kind == APPROACH and self.load is not None:
             return self.load.names
         return (self.onto,) if self.onto else ()
 
     @cached_property
     def contact_path(self) -> PushPath:
-        """The path of the load's contact frame; of the plate frame where there is no load."""
+        """Path of the load's contact frame, or of the plate frame without a load."""
         return self.path if self.load is None else self.path.of_frame(self.load.frame_plate)
 
     @cached_property
     def contact_trajectory(self) -> Trajectory:
-        """The trajectory of the load's contact frame; of the plate frame where there is no load.
+        """Trajectory of the load's contact frame, or of the plate frame without a load.
 
         Raises:
-            PushplanError: When the segment is not timed.
+            PushplanError: If the segment is not timed.
         """
         if self.trajectory is None:
             raise PushplanError(f"the {self.kind} has no trajectory: it is not timed")
@@ -108,22 +108,22 @@ class Segment:
 
     @property
     def cost(self) -> float:
-        """Of the path: of its contact's frame in a push, else of the plate frame, m."""
+        """Cost of the path, m: of the contact frame in a push, else of the plate frame."""
         return self.contact_path.cost if self.pushes else self.path.cost
 
     @property
     def duration(self) -> float:
-        """Length in time, s; 0 where it is not timed."""
+        """Duration, s; 0 if not timed."""
         return 0.0 if self.trajectory is None else self.trajectory.duration
 
     def problem(self, scenario: Scenario) -> Scenario:
-        """Return this push as a push problem of its own: bodies at rest are among what stands in the room.
+        """Return this push as a push problem of its own, with resting bodies as obstacles.
 
         Args:
-            scenario: Of the plan: what stands in its room.
+            scenario: Scenario of the plan, with its workspace and obstacles.
 
         Raises:
-            PushplanError: When nothing is pushed.
+            PushplanError: If nothing is pushed.
         """
         own = self.pushed_load.problem
         if own is scenario:
@@ -141,27 +141,27 @@ class Segment:
 
     @property
     def pushed(self) -> tuple[str, ...]:
-        """Names of the objects that are pushed."""
+        """Names of the pushed objects."""
         return self.load.names if self.pushes and self.load is not None else ()
 
     @property
     def pushed_load(self) -> Load:
-        """The load that is pushed.
+        """The pushed load.
 
         Raises:
-            PushplanError: When nothing is pushed.
+            PushplanError: If nothing is pushed.
         """
         if self.load is None or not self.pushes:
-            raise PushplanError(f"a {self.kind} is no push")
+            raise PushplanError(f"the {self.kind} pushes nothing; allowed: push or close")
         return self.load
 
     def standing(self) -> dict[str, FloatArray]:
-        """Return where the bodies are that rest during the segment."""
+        """Return the poses of the bodies that rest during the segment."""
         return {name: pose for name, pose in self.before.items() if name not in self.pushed}
 
 
 def end_of(scenario: Scenario, segments: tuple[Segment, ...]) -> End:
-    """Return where segments leave everything, as goals see it: a load that is the only one is exactly at its goal."""
+    """Return the end state of segments for the check of goals; a single load counts as exactly at its goal."""
     last = segments[-1] if segments else None
     pushed = {name for segment in segments for name in segment.pushed}
     return End(
@@ -175,7 +175,7 @@ def end_of(scenario: Scenario, segments: tuple[Segment, ...]) -> End:
 
 
 def standing_obstacles(scenario: Scenario, poses: Poses, leave_out: Collection[str]) -> tuple[Obstacle, ...]:
-    """Return objects as obstacles where they stand, at poses (3,) by name, but for those left out."""
+    """Return the objects at poses (3,), by name, as obstacles, except those in `leave_out`."""
     return tuple(
         PolygonObstacle(se2.transform_points(poses[obj.name], obj.outline))
         for obj in scenario.objects
@@ -184,7 +184,7 @@ def standing_obstacles(scenario: Scenario, poses: Poses, leave_out: Collection[s
 
 
 def join(segments: tuple[Segment, ...]) -> Trajectory | None:
-    """Return the trajectory of the plate frame through all segments; None where one is not timed."""
+    """Return the trajectory of the plate frame through all segments; None if one is not timed."""
     trajectories = [segment.trajectory for segment in segments]
     if not trajectories or any(one is None for one in trajectories):
         return None

@@ -1,4 +1,4 @@
-"""How to plan: what a caller may ask for, and who is told while it goes on."""
+"""Settings of the planners, and callbacks during planning."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Margin = float | Literal["auto"]
 
 
 def _ignore(_: object) -> None:
-    """Take what nobody wants to hear."""
+    """Do nothing."""
 
 
 def _never() -> bool:
@@ -30,12 +30,13 @@ def _never() -> bool:
 
 @dataclass(frozen=True)
 class Observer:
-    """Who is told while a plan is made, and may end it: functions, as `Observer(improved=found.append)`.
+    """Callbacks during planning, such as `Observer(improved=found.append)`.
 
     Attributes:
-        message: Called with sentences for the user: what takes long, warnings.
-        improved: Called with every better plan.
-        cancelled: Asked many times a second whether to end at once; the best plan until then counts.
+        message: Function that receives messages for the user, such as warnings.
+        improved: Function that receives every better plan.
+        cancelled: Function that returns whether to stop now, called many times a second; the best plan so far is
+            then the result.
     """
 
     message: Callable[[str], None] = field(default=_ignore, repr=False)
@@ -43,12 +44,14 @@ class Observer:
     cancelled: Callable[[], bool] = field(default=_never, repr=False)
 
     def __init_subclass__(cls) -> None:
-        """Refuse what would never be called."""
-        raise TypeError(f"{cls.__name__}: an Observer is made of functions, as Observer(improved=..., cancelled=...)")
+        """Refuse subclasses: their methods would never be called."""
+        raise TypeError(
+            f"{cls.__name__}: pass functions instead of a subclass: Observer(improved=..., cancelled=...)"
+        )
 
 
 class PlanOptions(TypedDict, total=False):
-    """The keywords of `PlanSettings`, for those who hand them on; `named` shows them to `help()`."""
+    """Keywords of `PlanSettings` for functions that pass them on; `named` shows them in `help()`."""
 
     planner: str | Callable[[Any], Any] | None
     stable_set: str | type[StableSet] | None
@@ -64,23 +67,23 @@ class PlanOptions(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class PlanSettings:
-    """How to plan; None leaves a setting to the scenario.
+    """Settings of the planners; None leaves a setting to the scenario.
 
     Attributes:
-        planner: Name of the planner, `module:attribute`, or what makes an `ompl.base.Planner` from a space
-            information.
-        stable_set: What limits the pusher's twists: the name of a stable set, `module:attribute`, or a subclass of
+        planner: Name of the planner, `module:attribute`, or a function from a space information to an
+            `ompl.base.Planner`.
+        stable_set: Stable set that limits the pusher's twists: its name, `module:attribute`, or a subclass of
             `StableSet`.
-        seed: Of the random numbers; the same seed gives the same plan unless the time limit cuts it short.
-        time_limit: Wall-clock seconds of preparing and of searching, at most; executing and validating the plan, or
-            finding out why there is none, come on top.
-        first: Stop at the first plan instead of improving it.
-        iterations: Of the search, at most; where they, not the time limit, end it, the same seed gives the same plan
-            on every machine.
-        cost: What ranks paths, one of `names.COSTS`.
-        margin: What the twists' margins have to exceed; `auto` as in `StabilitySettings`.
-        gap: Share above the lower bound at which a plan is good enough to stop.
-        observer: Who is told.
+        seed: Seed of the random numbers. The same seed gives the same plan unless the time limit ends the search.
+        time_limit: Wall-clock limit of preparation and search, s. Execution, validation and the diagnosis of a
+            failure take additional time.
+        first: Whether to stop at the first plan instead of improving it.
+        iterations: Largest number of iterations of the search. If it ends the search before the time limit does, the
+            same seed gives the same plan on every machine.
+        cost: Quantity that ranks paths, one of `names.COSTS`.
+        margin: Lower limit of the margins of twists; `auto` as in `StabilitySettings`.
+        gap: Optimality gap at which the search stops, as a share.
+        observer: Callbacks during planning.
     """
 
     planner: str | Callable[[Any], Any] | None = None
@@ -103,7 +106,7 @@ class PlanSettings:
         if not isinstance(self.observer, Observer):
             raise PlanningError(f"observer is a {type(self.observer).__name__}; allowed: a pushplan.Observer")
         if self.cost is not None and self.cost not in COSTS:
-            raise PlanningError(f"no cost is called {self.cost!r}; there are {', '.join(COSTS)}")
+            raise PlanningError(f"{self.cost!r} is not a cost; allowed: {', '.join(COSTS)}")
         for name in ("seed", "iterations", "time_limit", "gap"):
             value = getattr(self, name)
             if value is not None and (isinstance(value, bool) or not isinstance(value, Real)):
@@ -114,18 +117,18 @@ class PlanSettings:
         if count is not None and not (1 <= count < 2**63 and float(count).is_integer()):
             raise PlanningError(f"iterations is {count}; allowed: a whole number from 1 to below 2^63")
         if self.time_limit is not None and not 0.0 <= self.time_limit < 1e6:
-            raise PlanningError(f"the time limit is {self.time_limit} s; allowed: from 0 to below a million")
+            raise PlanningError(f"the time limit is {self.time_limit} s; allowed: from 0 to below 1e6 s")
         if self.gap is not None and not 0.0 <= self.gap < float("inf"):
-            raise PlanningError(f"the gap is {self.gap}; allowed: a share from 0")
+            raise PlanningError(f"the gap is {self.gap}; allowed: a finite share from 0")
 
     @property
     def set_name(self) -> str | None:
-        """Name of the stable set; None where it is left to the scenario."""
+        """Name of the stable set; None leaves it to the scenario."""
         chosen = self.stable_set
         return chosen if chosen is None or isinstance(chosen, str) else chosen.name
 
     def completed(self, scenario: Scenario) -> PlanSettings:
-        """Return them with what they leave open taken from a scenario."""
+        """Return the settings, with missing values from a scenario."""
 
         def chosen(own: Any, other: Any) -> Any:
             return other if own is None else own
@@ -143,15 +146,15 @@ class PlanSettings:
         )
 
     def applied(self, scenario: Scenario) -> Scenario:
-        """Return a scenario with the margin and the cost that these settings ask for.
+        """Return a scenario with the margin and the cost of these settings.
 
         Raises:
-            PlanningError: When a margin of 0 goes together with limits that count inertia.
+            PlanningError: If the margin is 0 and the limits include inertia.
         """
         margin = _checked(scenario).stability.margin if self.margin is None else self.margin
         if margin == 0.0 and scenario.pusher.limits.contact == "dynamic":
             raise PlanningError(
-                "a margin of 0 leaves the contacts nothing to spare for inertia; allowed: a margin above 0, or "
+                "the margin is 0, but contacts need some margin for inertia; allowed: a margin above 0, or "
                 "pusher.limits.contact: quasi-static"
             )
         cost = scenario.planner.cost if self.cost is None else self.cost
@@ -162,7 +165,7 @@ def _checked(scenario: object) -> Scenario:
     if isinstance(scenario, Scenario):
         return scenario
     what = f"{scenario!r:.40} is a {type(scenario).__name__}"
-    raise PlanningError(f"{what}; allowed: a scenario, its file, or the name of a packaged one")
+    raise PlanningError(f"{what}; allowed: a scenario, its file, or the name of a packaged scenario")
 
 
 F = TypeVar("F", bound=Callable[..., object])

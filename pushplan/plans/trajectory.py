@@ -16,14 +16,14 @@ SAMPLE_RATE = 100.0
 """Default rate at which trajectories are sampled and executed, Hz."""
 
 MOST_SAMPLES = 100_000
-"""Samples of a trajectory, at most: 17 minutes at the default rate. A drive that takes longer, as limits near zero
-make it, has them farther apart instead of taking gigabytes; they are exact wherever they are."""
+"""Largest number of samples of a trajectory: 17 minutes at the default rate. Longer trajectories (limits near zero)
+have a lower sample rate to save memory; every sample is still exact."""
 
 RESTING = 1e-6
 """Twist components below this (m/s, rad/s) count as rest."""
 
 NUDGE = 1e-4
-"""How far from a sample at rest the direction of motion is looked up, s."""
+"""Time offset from a sample at rest at which its direction of motion is computed, s."""
 
 _GAUSS = np.sqrt(3.0) / 6.0
 
@@ -47,12 +47,12 @@ def advance(columns: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArr
 
 
 def _polynomial(c: FloatArray, tau: FloatArray) -> FloatArray:
-    """Return c0 + c1 tau + c2 tau^2 (3, m) of coefficients (3, 3, m) at times (m,)."""
+    """Return c0 + c1 tau + c2 tau^2 (3, m) for coefficients (3, 3, m) at times (m,)."""
     return np.asarray(c[0] + tau * (c[1] + tau * c[2]))
 
 
 def _bracket(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Linear part of the Lie bracket [a, b] (2, m) of planar twists (3, m); it does not turn."""
+    """Return the linear part (2, m) of the Lie bracket [a, b] of planar twists (3, m); its angular part is 0."""
     return np.stack([b[2] * a[1] - a[2] * b[1], a[2] * b[0] - b[2] * a[0]])
 
 
@@ -62,11 +62,11 @@ class Trajectory:
 
     Attributes:
         start: (3,) pose of the chain frame in the world at time 0.
-        breaks: (q + 1,) times between which the twist is one polynomial, s; the first is 0.
-        coefficients: (q, 3, 3) twist on piece i at time t: sum_j coefficients[i, j] (t - breaks[i])^j.
-        arc: (q,) index of the path's arc that a piece belongs to (a blend counts to the arc it leaves).
-        rate: Samples per second of `t`, `poses` and `twists`, and of the same of the base; see also `sample_rate`.
-        base: (3,) pose in the chain frame of the robot's base, the frame that path followers steer.
+        breaks: (q + 1,) times of the ends of the pieces, s; the first is 0.
+        coefficients: (q, 3, 3) coefficients: the twist on piece i is sum_j coefficients[i, j] (t - breaks[i])^j.
+        arc: (q,) index of the path's arc of each piece (a blend belongs to the arc that it leaves).
+        rate: Rate of the samples `t`, `poses`, `twists`, `base_poses` and `base_twists`, Hz; see also `sample_rate`.
+        base: (3,) pose of the robot's base in the chain frame, the frame that path followers steer.
     """
 
     start: FloatArray
@@ -77,7 +77,7 @@ class Trajectory:
     base: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def __repr__(self) -> str:
-        """Say what it is in a line."""
+        """Return one line."""
         return f"<Trajectory: {self.duration:.2f} s from ({', '.join(f'{x:.3f}' for x in self.start)})>"
 
     def __post_init__(self) -> None:
@@ -94,29 +94,29 @@ class Trajectory:
 
     @cached_property
     def columns(self) -> FloatArray:
-        """(3, 3, q) the coefficients by order, then by component of the twist."""
+        """(3, 3, q) coefficients by order, then by component of the twist."""
         return np.ascontiguousarray(self.coefficients.transpose(1, 2, 0))
 
     @property
     def duration(self) -> float:
-        """Length in time, s."""
+        """Duration, s."""
         return float(self.breaks[-1])
 
     @property
     def sample_rate(self) -> float:
-        """Samples per second of `t`: `rate`, or less where that would make more than `MOST_SAMPLES`, Hz."""
+        """Rate of the samples `t`, Hz: `rate`, or less to stay within `MOST_SAMPLES`."""
         return min(self.rate, MOST_SAMPLES / self.duration) if self.duration > 0.0 else self.rate
 
     @cached_property
     def t(self) -> FloatArray:
-        """(m,) sample times at `sample_rate`, the end included, s."""
+        """(m,) sample times at `sample_rate`, s, including the end."""
         steps = np.arange(int(np.floor(self.duration * self.sample_rate)) + 1) / self.sample_rate
         times = steps if steps[-1] == self.duration else np.append(steps, self.duration)
         return frozen(times, (None,), "sample times")
 
     @cached_property
     def poses(self) -> FloatArray:
-        """(m, 3) poses of the chain frame in the world at `t`; the angle runs on, it is not wrapped."""
+        """(m, 3) poses of the chain frame in the world at `t`; angles are continuous, not wrapped."""
         return frozen(self.poses_at(self.t), (None, 3), "poses")
 
     @cached_property
@@ -126,7 +126,7 @@ class Trajectory:
 
     @cached_property
     def base_poses(self) -> FloatArray:
-        """(m, 3) poses of the robot's base in the world at `t`; the angle runs on, it is not wrapped."""
+        """(m, 3) poses of the robot's base in the world at `t`; angles are continuous, not wrapped."""
         return frozen(self.base_poses_at(self.t), (None, 3), "poses of the base")
 
     @cached_property
@@ -143,11 +143,11 @@ class Trajectory:
 
     @cached_property
     def directions(self) -> FloatArray:
-        """(m, 3) twists at `t`; where the pusher rests, the one that comes next (at the end: came last)."""
+        """(m, 3) twists at `t`; at rest, the next twist (at the end: the last)."""
         return self.directions_at(self.t)
 
     def directions_at(self, t: FloatArray) -> FloatArray:
-        """Return the twists (m, 3) at times (m,); where the pusher rests, the next one (at the end: the last)."""
+        """Return the twists (m, 3) at times (m,); at rest, the next twist (at the end: the last)."""
         twists = self.twists_at(t)
         resting = (np.abs(columns_of(twists)) < RESTING).all(axis=0)
         still = t[resting]
@@ -177,7 +177,7 @@ class Trajectory:
         return np.ascontiguousarray((c1 + 2.0 * (t - self.breaks[piece]) * c2).T)
 
     def changes_at(self, t: FloatArray) -> BoolArray:
-        """Return at which of times (m,), in order, twist or rate may not be those at the time before or after."""
+        """Return for ordered times (m,) whether twist or rate can differ from those at a neighbouring time."""
         piece, changing = self.piece_at(t), np.any(self.columns[1:] != 0.0, axis=(0, 1))
         fresh = (np.diff(piece, prepend=-1) > 0) | changing[piece]
         return np.asarray(fresh | np.append(fresh[1:], True))
@@ -194,7 +194,7 @@ class Trajectory:
         """Return the motion of another frame of the same body.
 
         Args:
-            frame: (3,) its pose in this trajectory's frame.
+            frame: (3,) pose of the other frame in this trajectory's frame.
         """
         if not np.any(frame):
             return self
@@ -211,7 +211,7 @@ class Trajectory:
         """Return the same motion with `t`, `poses`, `twists`, `base_poses` and `base_twists` at another rate, Hz.
 
         Raises:
-            PushplanError: When the rate is not above 0.
+            PushplanError: If the rate is not above 0.
         """
         return replace(self, rate=rate)
 
@@ -219,7 +219,7 @@ class Trajectory:
         """Return the poses (m, 3) in the world at times (m,), clipped to the trajectory.
 
         Raises:
-            PushplanError: When a time is no number.
+            PushplanError: If a time is not a number.
         """
         t = np.clip(parameters(t, "times"), 0.0, self.duration)
         if len(self.coefficients) == 0:
