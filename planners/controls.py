@@ -36,7 +36,7 @@ def control_segments(stable: StableSet, drive: Drive, margin: float, count: int 
         count: Meridians of an omnidirectional pusher's set.
 
     Raises:
-        EmptyStableSetError: When there are none.
+        EmptyStableSetError: If there are none.
     """
     if drive.axle is None:
         meridians = stable.meridians(margin, count)

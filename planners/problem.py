@@ -140,8 +140,8 @@ class Posing:
             until: `time.perf_counter` at which it must be there.
 
         Raises:
-            EmptyStableSetError: When no twist is stable for the pusher's drive.
-            OutOfTimeError: When it takes too long.
+            EmptyStableSetError: If no twist is stable for the pusher's drive.
+            OutOfTimeError: If it takes too long.
         """
         scene, controls = self.scene(scenario, until), self.controls(scenario, stable)
         xmin, ymin, xmax, ymax = sampling_box(scenario)
@@ -163,7 +163,7 @@ class Posing:
         """Return what the pusher can do with the scenario's margin.
 
         Raises:
-            EmptyStableSetError: When no twist is stable for the pusher's drive.
+            EmptyStableSetError: If no twist is stable for the pusher's drive.
         """
         margin = scenario.required_margin
         if margin not in self._controls:
@@ -192,7 +192,7 @@ def open_scene(scenario: Scenario, until: float = math.inf) -> Scene:
     """Return what moves and what stands still; its clearance has `SLACK` more than the scenario's.
 
     Raises:
-        OutOfTimeError: When it is not there at `until`, by `time.perf_counter`.
+        OutOfTimeError: If it is not there at `until`, by `time.perf_counter`.
     """
     polygons, discs = obstacles_of(scenario)
     return build_scene(scenario.chain, polygons, discs, walls_of(scenario), scenario.clearance + SLACK, until=until)

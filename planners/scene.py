@@ -33,7 +33,7 @@ def build_scene(
         until: `time.perf_counter` at which it must be there.
 
     Raises:
-        OutOfTimeError: When cutting the obstacles into convex pieces takes too long.
+        OutOfTimeError: If cutting the obstacles into convex pieces takes too long.
     """
     body = list(convex_pieces([moving.outline for moving in chain.bodies]))
     standing = list(convex_pieces(list(polygons), until))

@@ -80,7 +80,7 @@ def _require_own_search(scenario: Scenario, settings: PlanSettings) -> None:
     """Refuse what a search for several pushes cannot take into account.
 
     Raises:
-        PlanningError: When another planner or another cost is asked for.
+        PlanningError: If another planner or another cost is asked for.
     """
     name, _ = planner_named(settings.planner or scenario.planner.name)
     if name != DEFAULT_PLANNER:

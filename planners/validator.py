@@ -86,7 +86,7 @@ class Validator:
             yield found if single or not found else f"the push on {segment.load.face}: {found}"
 
     def too_near(self, load: Load, poses: FloatArray) -> bool:
-        """Tell whether a load alone is too near to something at any of the poses (m, 3) of its contact's frame."""
+        """Return whether a load alone is too near to something at any of the poses (m, 3) of its contact's frame."""
         room = Room((self._all(load.chain),), self._scenario.workspace, self._standing)
         clearance = self._scenario.clearance
         return bool((room.gaps(poses, 2.0 * clearance) <= clearance).any())
@@ -282,6 +282,6 @@ def _wrong_order(first: Segment, second: Segment) -> str:
 
 
 def _is_taken(close: Segment, push: Segment) -> bool:
-    """Tell whether a push is of the load of a close and what that one was closed onto."""
+    """Return whether a push is of the load of a close and what that one was closed onto."""
     held, (*before, taken) = close.pushed_load, push.pushed_load.links
     return tuple(before) == held.links and (taken.object, taken.pusher) == (close.onto, held.names[-1])

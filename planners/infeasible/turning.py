@@ -187,7 +187,7 @@ def _too_wide(
 
 
 def a_word_fits(scenario: Scenario, segments: FloatArray) -> bool:
-    """Tell whether an exact word from start to goal stays in the workspace, whatever else is in the way."""
+    """Return whether an exact word from start to goal stays in the workspace, whatever else is in the way."""
     area = scenario.workspace
     corners = np.concatenate([moving.outline for moving in scenario.chain.bodies])
     for family in steering_families(segments):

@@ -1,1 +1,1 @@
-"""Several pushes: drive to a face, push, back off, and again from another face until the goal is reached."""
+"""Multi-push plans: drive to a face, push, back off, and repeat at other faces until the goal is reached."""

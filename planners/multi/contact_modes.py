@@ -1,4 +1,4 @@
-"""Contact modes: where the plate can push a load from, each a push problem of its own with its own stable set."""
+"""Contact modes: the contacts at which the plate can push a load. Each has its own problem and stable set."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class ContactMode:
     """A contact of the plate with a load, kept during a push.
 
     Attributes:
-        place: Of the plate on the load.
-        load: Pushed from there: the chain frame of its problem has its origin at this contact's middle.
-        stable: The set of twists that keep every contact, by that frame.
-        margins: To plan with, one after the other until there is a plan.
-        robot: (3,) pose in that frame of the robot's frame: the chain frame of the scenario while the plate pushes
-            the load as stated there. It lies beside by y only.
+        place: Place of the plate on the load.
+        load: The load as it is pushed here. The origin of its chain frame is the middle of this contact.
+        stable: Stable set of this contact, in that chain frame.
+        margins: Margins to plan with, in the order in which they are tried.
+        robot: (3,) pose of the robot's frame in that chain frame. The robot's frame is the chain frame of the
+            scenario for a push at the nominal contact. The two frames differ only in y.
     """
 
     place: Place
@@ -43,8 +43,8 @@ class ContactMode:
         """Return the mode of a place of the plate.
 
         Raises:
-            ChainError: When the robot cannot be there.
-            EmptyStableSetError: When no twist is stable there.
+            ChainError: If the robot cannot be there.
+            EmptyStableSetError: If no twist is stable there.
         """
         chain = pushed_from(scenario.chain, place)
         load = Load.pushed_from(scenario, chain, place.face, place.offset)
@@ -55,23 +55,23 @@ class ContactMode:
         return mode
 
     def of_twin(self, scenario: Scenario) -> ContactMode:
-        """Return the same of a load that differs in name and place only."""
+        """Return the mode for a load that differs only in name and pose."""
         return replace(self, load=self.load.of_twin(scenario))
 
     def margin(self, level: int) -> float:
-        """Return the margin of a level, which counts what was tried before."""
+        """Return the margin after `level` larger margins were tried."""
         return self.margins[min(level, len(self.margins) - 1)]
 
     def controls(self, margin: float) -> Controls:
-        """Return what the robot can do with a margin; made once.
+        """Return the robot's controls for a margin; cached.
 
         Raises:
-            EmptyStableSetError: When no twist is stable for its drive.
+            EmptyStableSetError: If no twist is stable for its drive.
         """
         return self.posing.controls(self.load.problem.with_margin(margin), self.stable)
 
     def settling(self, margin: float) -> FloatArray | None:
-        """Return the twist (3,) of the straight push that every push begins with; None where none is stable."""
+        """Return the twist (3,) of the straight push that begins every push; None if no straight push is stable."""
         straight = straight_pushes(self.controls(margin).segments)
         if not len(straight):
             return None
@@ -80,17 +80,17 @@ class ContactMode:
         return np.append(straight[np.argmax(straight[:, 0])], 0.0)
 
     def _holds_ahead(self, margin: float) -> bool:
-        """Tell whether the push along the normal is stable, and one that the drive can make."""
+        """Return whether the push along the contact normal is stable and feasible for the drive."""
         axle = self.load.chain.pusher.drive.axle
         able = axle is None or abs(np.sin(axle[2])) < 1e-12
         return able and float(self.stable.margin(np.array([[1.0, 0.0, 0.0]]))[0]) > margin
 
 
 def find_modes(scenario: Scenario, settings: PlanSettings) -> tuple[ContactMode, ...]:
-    """Return the contacts that the plate may take and that can push the load at all.
+    """Return the allowed contacts that can push the load.
 
     Raises:
-        EmptyStableSetError: When there are none.
+        EmptyStableSetError: If there are none.
     """
     found, why = [], []
     for place in places(scenario.chain, scenario.transport.faces, scenario.transport.offsets):
@@ -99,6 +99,6 @@ def find_modes(scenario: Scenario, settings: PlanSettings) -> tuple[ContactMode,
         except (EmptyStableSetError, ChainError, TippingError) as error:
             why.append(f"{place.face}: {error}")
     if not found:
-        reason = "; ".join(why) or "the plate fits on none of the faces that it may choose"
+        reason = "; ".join(why) or "the plate fits on none of the allowed faces"
         raise EmptyStableSetError(f"no contact can push the load: {reason}")
     return tuple(found)

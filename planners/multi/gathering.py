@@ -1,12 +1,13 @@
-"""Objects that shall stand in a row: pushed together where that costs less, one by one, or all of them at once.
+"""Search for plans that bring objects into a row: one by one, in groups or all together, whichever costs least.
 
-A beam search over what the plate holds. From where it has come up to an object, or has closed a contact with a
-further one, the hand is pushed until it closes onto one more, or to its place in the row, from where the robot drives
-to another object. So one search holds one by one, groups and all together, and cost decides. Pushes are words of
-three arcs, or two words through a pose in between; each is priced exactly when its bound comes to the head of the
-queue. The beam is widened for as long as there is time. An object that nothing brings to the row from where it stands
-is moved first: pushed straight away from a face, by several pushes where that takes them, and by a plate that is set
-aside on a face where what stands beside that leaves no room for the whole of it.
+A beam search over the objects that the plate holds (the "hand"). The plate pushes the hand until it touches another
+object, which then joins the hand (a close), or to its place in the row. From there the robot drives to the next
+object. So one search covers single objects and groups, and the cost decides. A push is one steering path of three
+arcs, or two that meet at an intermediate pose. Its exact cost is computed when its bound reaches the head of the
+queue. The beam widens while there is time.
+
+If an object cannot be brought to the row from its place, straight pushes move it away first. If its neighbours leave
+no room for the whole plate, the plate pushes a face with one of its ends only.
 """
 
 from __future__ import annotations
@@ -40,22 +41,22 @@ from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, AUTO, RETREAT
 
 WIDTHS = (1, 4, 16, 64, 256, 1024)
-"""Nodes that are kept for each number of objects taken, in one pass after the other."""
+"""Beam widths of successive passes: nodes kept for each number of taken objects."""
 
 AT_FIRST = 3
-"""So many of them are tried with one margin before a lower one."""
+"""Number of widths tried with a margin before the next lower one."""
 
 LEVELS = 3
-"""Margins that are tried, each half of the one before."""
+"""Number of margins tried, each half of the one before."""
 
 
 class GatheringSearch(TaskSearch):
-    """Searches for the way to bring objects into a row; stable sets are kept.
+    """Search for a plan that brings objects into a row. Stable sets are cached.
 
     Args:
-        scenario: With a row.
-        settings: Complete.
-        hands: What is known of the objects already.
+        scenario: Scenario with a row.
+        settings: Complete settings.
+        hands: Hands of an earlier search, reused here.
     """
 
     def __init__(self, scenario: Scenario, settings: PlanSettings, hands: Hands | None = None) -> None:
@@ -64,15 +65,15 @@ class GatheringSearch(TaskSearch):
 
     @property
     def set_name(self) -> str:
-        """Name of the set that is planned in."""
+        """Name of the stable set."""
         return str(self.settings.set_name)
 
     def with_obstacles(self, scenario: Scenario) -> GatheringSearch:
-        """Return it for a scenario that differs in what stands in the room."""
+        """Return the search for a scenario that differs only in its obstacles."""
         return GatheringSearch(scenario, self.settings, self.hands.among(scenario))
 
     def search(self, question: Question, budget: Budget, observer: Observer) -> Outcome:
-        """See `TaskSearch`."""
+        """Search as `TaskSearch.search` describes."""
         scenario = self.scenario
         improvements = Improvements(observer, budget.began)
         hands, floor = self.hands, Floor(scenario, budget.seed)
@@ -105,7 +106,7 @@ class GatheringSearch(TaskSearch):
         )
 
     def _proof(self) -> Diagnosis | None:
-        """Return the proof that the robot reaches no object, or not one of the row."""
+        """Return a proof that some object of the row, or every object, is out of reach; None without one."""
         scenario, row, poses = self.scenario, self.scenario.transport.row, self.scenario.poses
         away = [-scenario.transport.approach, 0.0, 0.0]
         outlines = {
@@ -126,26 +127,26 @@ class GatheringSearch(TaskSearch):
         return next(iter(proofs.values()), None)
 
     def _require_pushable(self) -> None:
-        """Refuse a row of which an object cannot be pushed at all.
+        """Check that every object of the row can be pushed.
 
         Raises:
-            PlanningError: With the reason.
+            PlanningError: If one cannot, with the reason.
         """
         for name in self.scenario.transport.row.left:
             ways = [member for member in self.hands.ways if member[0] == name]
             if not any(self.hands.hand((member,)) for member in ways):
-                why = self.hands.why.get(name, "the plate fits on none of the faces that it may choose")
+                why = self.hands.why.get(name, "the plate fits on none of the allowed faces")
                 raise PlanningError(f"'{name}' cannot be pushed: {why}")
 
 
 class _Beams:
-    """One beam after the other, each wider.
+    """Successive beam searches, each wider than the one before.
 
     Args:
-        steps: From where the robot holds nothing.
-        budget: Of the search.
-        observer: Asked whether to end at once.
-        improvements: Told of better plans.
+        steps: Possible steps, beginning with nothing held.
+        budget: Budget of the search.
+        observer: Can cancel the search.
+        improvements: Collects better plans.
     """
 
     def __init__(self, steps: Steps, budget: Budget, observer: Observer, improvements: Improvements) -> None:
@@ -158,26 +159,26 @@ class _Beams:
         self.farthest: Node | None = None
 
     def with_one_moved(self) -> Iterator[_Beams]:
-        """Yield beams that begin with an object that is moved first."""
+        """Yield beams for plans that first move one object out of its place."""
         for steps in with_one_moved(self.steps, self._budget, self._observer):
             yield _Beams(steps, self._budget, self._observer, self._improvements)
 
     def over(self, turn: bool = False) -> bool:
-        """Whether there is no more time, or no more of a turn."""
+        """Return whether the budget (with `turn`, of the current pass) is used up or the search is cancelled."""
         until, most = self._turn if turn else (self._until, self._most)
         spent = self.steps.floor.looked_at >= most or time.perf_counter() >= until
         return spent or self._observer.cancelled()
 
     def _half(self) -> tuple[float, float]:
-        """Return until when, and how many pushes and transits looked at, half of what is left lasts."""
+        """Return the time and the count of pushes and transits at which half of the remaining budget is used."""
         counted = self.steps.floor.looked_at
         return 0.5 * (time.perf_counter() + self._until), 0.5 * (counted + self._most)
 
     def search(self, widths: Sequence[int]) -> Segments:
-        """Return the best plan of beams of some widths, none where none is better than the best so far.
+        """Return the best plan of beams with these widths; empty if none beats the best so far.
 
-        Beams that only bring one by one are the same whether there are others beside them or not, down to what they
-        leave out: so `auto` has no longer plan than `never`, where both have the time for the same beams.
+        Beams that only deliver one by one do not depend on the other beams. So a plan with `auto` never costs more
+        than one with `never` if both have time for the same beams.
         """
         found: Segments = ()
         ways = {"auto": ((True, True), (False, True)), "never": ((False, True),), "always": ((True, False),)}
@@ -185,7 +186,8 @@ class _Beams:
             truncated = False
             turns = ways[self.steps.row.gather]
             for closes, delivers in turns:
-                # Without any plan, one by one has its time too: what can be done so never fails.
+                # Without a plan, reserve time for delivery one by one, so that gathering cannot make a solvable row
+                # fail.
                 waits = not found and math.isinf(self.best) and (closes, delivers) != turns[-1]
                 self._turn = self._half() if waits else (self._until, self._most)
                 end, cut = self._beam(width, closes, delivers)
@@ -203,7 +205,7 @@ class _Beams:
         return found
 
     def _surely_closes(self, end: Node) -> bool:
-        """Tell whether every contact of a plan closes though what is closed onto may stand off."""
+        """Return whether every contact of a plan closes despite pose errors of the objects that it closes onto."""
         one: Node | None = end
         while one is not None:
             if len(one.members) > 1 and not self.steps.hands.surely_closes(one.members):
@@ -218,7 +220,7 @@ class _Beams:
         return segments
 
     def _beam(self, width: int, closes: bool, delivers: bool) -> tuple[Node | None, bool]:
-        """Return the end of the best plan of a beam that is better than those like it, and whether it was cut."""
+        """Return the last node of a beam's plan, None if it is no improvement, and whether the beam was truncated."""
         begin, best = self.steps.begin, self.best if closes else self._one_by_one
         chances = list(self.steps.first())
         truncated = False
@@ -240,7 +242,7 @@ class _Beams:
         return (done[0] if done else None), truncated
 
     def _chosen(self, chances: list[tuple[float, Chance]], width: int, best: float) -> tuple[list[Node], bool]:
-        """Return nodes that chances lead to and that may be better than the best, priced by their bounds."""
+        """Return at most `width` nodes that may beat the best cost, lowest bound first, and whether some were cut."""
         count = itertools.count()
         queue: list[tuple[float, int, float, Chance, Node | None]] = [
             (least, next(count), bound, chance, None)
@@ -265,7 +267,7 @@ class _Beams:
                 rest = self.steps.estimate(found)
                 heapq.heappush(queue, (max(least, rest), next(count), bound, chance, found))
             elif chance.node is not None and not chance.by_way:
-                # No single word is free: a way around costs more than the bound by an unknown amount.
+                # No single steering path is free. A detour costs more than the bound by an unknown amount.
                 detour = bound + 0.5 * (bound - chance.node.cost)
                 again = replace(chance, by_way=True)
                 heapq.heappush(queue, (max(least, detour), next(count), bound, again, None))
@@ -273,7 +275,7 @@ class _Beams:
 
 
 def _segments_of(steps: Steps, end: Node) -> Segments:
-    """Return the moves that lead to the end of a plan as its segments, not timed."""
+    """Return the moves up to a plan's last node as segments without timing."""
     found: list[Segment] = [*steps.before]
     now: Poses = steps.starts
     for move in end.way():
@@ -290,7 +292,7 @@ def _segments_of(steps: Steps, end: Node) -> Segments:
 
 
 def _with_one_moved_first(tried: Sequence[_Beams]) -> tuple[Segments, _Beams]:
-    """Return a plan that first moves one object out of where it cannot be brought to the row from, and its beams."""
+    """Return a plan that first moves an object out of a place that blocks its delivery, and its beams."""
     for beams in tried[:: max(1, len(tried) - 1)]:
         for other in beams.with_one_moved():
             found = other.search(WIDTHS[:2])
@@ -302,33 +304,33 @@ def _with_one_moved_first(tried: Sequence[_Beams]) -> tuple[Segments, _Beams]:
 
 
 def _same(one: Node) -> tuple[object, ...]:
-    """Return what makes two nodes the same, whatever came before."""
+    """Return a key that is equal for nodes in the same state, whatever moves led to them."""
     return one.left, one.members, tuple(np.round(one.plate, 6)), frozenset(one.delivered), one.place
 
 
 def _not_gathered(segments: Segments, beams: _Beams) -> tuple[str, ...]:
-    """Return why a plan of a row that may be gathered brings one by one; nothing where it does not."""
+    """Return why a plan with `gather: auto` delivers one by one; empty if it gathers."""
     row, hands = beams.steps.row, beams.steps.hands
     together = any(one.load is not None and len(one.load.names) > 1 for one in segments)
     if row.gather != AUTO or not segments or together or len(row.left) < 2:
         return ()
-    what, why = "of the plans that were found, one by one costs least", [*hands.unsure]
+    what, why = "one by one is the cheapest plan found", [*hands.unsure]
     if not hands.holds_several:
         what, why = "no two of the objects can be pushed together", [*why, *hands.why.values()]
     return (f"not gathered: {what}" + (f" ({why[0]})" if why else ""),)
 
 
 def _explanation(beams: _Beams, limit: float) -> tuple[str, tuple[Diagnosis, ...], Nearest | None]:
-    """Return why no plan was found: how far the search came, and how widely what it held then turns."""
+    """Return the reasons for failure: the progress of the search and the turning radius of the last hand."""
     row, farthest = beams.steps.row, beams.farthest
     names = ", ".join(f"'{name}'" for name in row.of)
     hand = None
     if farthest is None:
-        what = "the robot can drive up to none of the objects that it may push first"
+        what = "the robot cannot drive up to any object that could be pushed first"
     else:
         held = ", ".join(f"'{name}'" for name, _ in farthest.members)
-        what = f"the search came as far as holding {held}"
-        what += f", with {len(farthest.left)} left to take" if farthest.left else ", and not to the row"
+        what = f"the search got as far as holding {held}"
+        what += f", with {len(farthest.left)} left to take" if farthest.left else ", but not to the row"
         hand = beams.steps.hands.hand(farthest.members)
     told = [Diagnosis("order", what, False)]
     told += [Diagnosis("closing", text, False) for text in beams.steps.hands.unsure]
@@ -337,40 +339,40 @@ def _explanation(beams: _Beams, limit: float) -> tuple[str, tuple[Diagnosis, ...
     if hand is not None and area is not None and math.isfinite(radius):
         x, y = area.xmax - area.xmin, area.ymax - area.ymin
         if radius > 0.25 * min(x, y):
-            wide = f"it turns with a radius of {radius:.2f} m at the least, in a room of {x:.3g} x {y:.3g} m"
+            wide = f"its smallest turning radius is {radius:.2f} m, in a room of {x:.3g} x {y:.3g} m"
             told.append(Diagnosis("wide turns", wide, False, {"radius": radius}))
     reasons = "; ".join(one.text for one in told)
-    reason = f"no way was found within the time limit of {limit:g} s to bring {names} into a row: {reasons}"
+    reason = f"no plan found within the time limit of {limit:g} s that brings {names} into a row: {reasons}"
     return reason, tuple(told), None
 
 
 def _radius(hand: Hand) -> float:
-    """Return the smallest radius (m) at which the middle of the plate turns with a hand."""
+    """Return the smallest turning radius (m) of the plate's middle with a hand."""
     twists = hand.packed.families.reshape(-1, 3)
     turns = twists[twists[:, 2] != 0.0]
     return float((np.hypot(turns[:, 0], turns[:, 1]) / np.abs(turns[:, 2])).min(initial=math.inf))
 
 
 AWAY = (0.3, 0.6, 1.0)
-"""How far an object is pushed that has to be moved first, m."""
+"""Distances over which an object is pushed out of its place first, m."""
 
 TRIES = 6
-"""So many places are tried for it, those first that cost least."""
+"""Number of places tried for that object, cheapest first."""
 
 ELSEWHERE = 0.2
-"""Places farther than this from those tried, m, are others."""
+"""Minimum distance of a new place from those already tried, m."""
 
 EFFORT = 3
-"""Batches of poses that the search for a place may take."""
+"""Maximum number of pose batches in the search for a place."""
 
 
 def with_one_moved(steps: Steps, budget: Budget, observer: Observer) -> Iterator[Steps]:
-    """Yield the steps once an object was moved: the least accessible ones first.
+    """Yield the steps after one object was moved, beginning with the least accessible object.
 
     Args:
-        steps: From where everything is.
-        budget: Of the search.
-        observer: Asked whether to end at once.
+        steps: Steps from the current situation.
+        budget: Budget of the search.
+        observer: Can cancel the search.
     """
     scenario = steps.scenario
     names = tuple(load.name for load in scenario.loads)
@@ -397,7 +399,7 @@ def with_one_moved(steps: Steps, budget: Budget, observer: Observer) -> Iterator
 
 
 def _set_aside(alone: Scenario) -> Scenario:
-    """Return the problem of an object whose faces the plate may also take with one of its ends at theirs."""
+    """Return the problem of one object, with added offsets that align an end of the plate with an end of a face."""
     plate = float(np.ptp(alone.chain.pusher.outline[:, 1]))
     over = {0.5 * (plate - way.length) for way in ways_through(alone.chain.objects[0].outline)}
     aside = sorted(round(one, 9) for one in over if one > 0.0)
@@ -406,6 +408,6 @@ def _set_aside(alone: Scenario) -> Scenario:
 
 
 def _places(piece: Piece, pose: FloatArray) -> tuple[Goal, ...]:
-    """Return where straight pushes lead from a pose (3,), nearest first."""
+    """Return the goals that straight pushes reach from a pose (3,), nearest first."""
     stated, places = piece.search.scenario.goal, piece.pushed_straight(pose, AWAY)
     return tuple(replace(stated, pose=place, of=None, pose_chain=place) for place in places)

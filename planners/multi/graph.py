@@ -1,4 +1,4 @@
-"""Poses of the load and the pushes between them: a graph with edges worked out where they are needed."""
+"""Graph of load poses and the pushes between them. Edges are computed when they are needed."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from pushplan.util.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A push of a plan, and how the robot gets to it.
+    """A push of a plan and the transit to it.
 
     Attributes:
         contact: Index of the contact.
-        before: (3,) pose of the load.
-        after: Likewise.
-        start: (3,) pose of the robot's frame before it drives there.
-        transit: (k, 4) arcs of the robot alone to the contact's approach.
-        arcs: (k, 4) of the push, in the contact's frame; of no length where there are fewer.
-        cost: Of the push, m.
+        before: (3,) pose of the load before the push.
+        after: (3,) pose of the load after the push.
+        start: (3,) pose of the robot's frame before the transit.
+        transit: (k, 4) arcs of the transit to the contact's approach.
+        arcs: (k, 4) arcs of the push in the contact's frame, padded with arcs of zero length.
+        cost: Cost of the push, m.
     """
 
     contact: int
@@ -45,10 +45,10 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class PushSequence:
-    """A plan: its pushes and what it costs, m.
+    """The pushes of a plan and its total cost, m.
 
-    The robot's ways, changes of the contact, `room.DETOUR` for an end beside the goal and what comes after the plan,
-    `cost_to_go`, are included.
+    The cost includes transits, changes of the contact, `room.DETOUR` for an end beside the goal, and `cost_to_go` for
+    what follows the plan.
     """
 
     steps: tuple[Step, ...]
@@ -57,42 +57,44 @@ class PushSequence:
 
 
 EFFORT = 400
-"""Poses drawn in search of a way of the robot, at most."""
+"""Maximum number of poses drawn in the search for a transit."""
 
 SHORTCUTS = 200
-"""Tries to shorten a way."""
+"""Number of attempts to shorten a transit."""
 
 LONG = 1.05
-"""A way that is so much longer than the shortest one where nothing is in the way is looked for once more. In rooms of
-ReloPush that makes first plans 4 % shorter; more tries add 0.1 %."""
+"""A transit that exceeds the shortest obstacle-free one by this factor is searched for a second time.
+
+In rooms of ReloPush, this makes first plans 4 % shorter. More attempts add 0.1 %.
+"""
 
 ALIKE = 8
-"""Pushes to the same place by the same contact that are looked at where one costs more than assumed."""
+"""Number of similar pushes (same contact, same end) to check after one costs more than assumed."""
 
 SHORTER = 1e-6
-"""Smallest saving of a shorter way, m."""
+"""Excess over the shortest transit below which a transit is not shortened, m."""
 
 SAME = 1e-9
-"""Costs that differ by less are what was assumed, m."""
+"""Tolerance within which a cost equals the assumed one, m."""
 
 PAIRS = 4_000
-"""Poses to and from which pushes are worked out between two looks at the clock: some 10 ms."""
+"""Pairs of poses evaluated between two checks of the clock: about 10 ms."""
 
 FIRST = -1
-"""Stands for the contact before the first push: there is none."""
+"""Placeholder for the contact before the first push."""
 
 Change = tuple[int, int, int]
-"""Node, contact left (or `FIRST`) and contact taken."""
+"""A change of the contact: node, previous contact (or `FIRST`) and next contact."""
 
 
 class Graph:
-    """Poses of the load, and what leads from one to another.
+    """Poses of the load, with the pushes and contact changes between them.
 
     Args:
         room: Robot, load and contacts.
-        query: From where to where.
-        seed: Of the random numbers.
-        over: Whether the search has to end.
+        query: Start and goals.
+        seed: Seed of the random numbers.
+        over: Returns whether the search must stop.
     """
 
     def __init__(self, room: PushRoom, query: Query, seed: int, over: Callable[[], bool]) -> None:
@@ -121,7 +123,7 @@ class Graph:
         self.bound = max(float(self._on[0]), least + float(self._cost_to_go.min(initial=np.inf)))
 
     def _assumed(self, taken: int) -> float:
-        """The least that the way to a first push can cost: as the crow flies."""
+        """Return a lower bound of the first transit's cost: that of the straight line."""
         goal = self._room.contacts[taken].packed.robot_at(self.poses[0], self._pushes.approach)
         return self._weighed(float(np.hypot(*(goal - self._query.robot)[:2])) + self._pushes.approach)
 
@@ -129,18 +131,18 @@ class Graph:
         return self._pushes.transit_weight * way
 
     def _changed(self, way: Any) -> Any:
-        """What changes of the contact cost whose ways between retreat and approach are so long, m."""
+        """Return the cost of contact changes, given the length of the transits between retreat and approach, m."""
         return self._pushes.switch_cost + self._weighed(way + self._pushes.retreat + self._pushes.approach)
 
     @property
     def arrives(self) -> bool:
-        """Whether the robot has a way to some contact at the start, or may have one."""
+        """Whether a transit to some contact at the start exists or was not yet ruled out."""
         return bool(np.isfinite(self._first[self.begins]).any())
 
     def add(self, poses: FloatArray, below: float, over: Callable[[], bool]) -> None:
-        """Add poses (k, 3) of the load, and what may lead to and from them in a plan that costs less than `below`.
+        """Add poses (k, 3) of the load and the pushes that a plan cheaper than `below` could use.
 
-        What is not worked out before it is `over` leads nowhere.
+        Pushes that are not evaluated before `over` returns true are left out.
         """
         bounds = self.lower_bounds(poses)
         useful = bounds[0] + bounds[1] < below
@@ -160,7 +162,7 @@ class Graph:
             for known, back in ((self._can_begin, False), (self._can_end, True))
         )
         leaves, arrives, fresh = np.arange(new) > self.goals, np.arange(new) > 0, np.arange(new) >= old
-        leaves[0] = True  # nothing is pushed from a goal, nor back to the start
+        leaves[0] = True  # no push begins at a goal or ends at the start
         after = np.zeros((self.contacts, new))
         after[:, 1 : 1 + self.goals] = self._cost_to_go
         for k, contact in enumerate(self._room.contacts):
@@ -175,25 +177,25 @@ class Graph:
                     costs = word_costs(contact.packed, every[part], every[v], self._to[part], self._on[v], below)
                     push[k, part[:, None], v] = costs + after[k, v]
             change[old:, k] = self.changes[k]
-            change[old:, k, k] = 0.0  # the push goes on by another word
+            change[old:, k, k] = 0.0  # the push continues with another steering path
         push[:, np.arange(new), np.arange(new)] = np.inf
         self.poses, self._push, self._change = every, push, change
         self._can_begin, self._can_end = can_begin, can_end
 
     def lower_bounds(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return what no plan costs less than until the load is at poses (k, 3), and from there with what follows."""
+        """Return lower bounds (k,) of a plan's cost up to load poses (k, 3), and (k,) from there on, m."""
         to, on = lower_bounds(self._room, self._query, poses)
         return to, on + self._cost_to_go.min(initial=np.inf)
 
     @property
     def stuck(self) -> bool:
-        """Whether no first push is free, or the robot cannot back off from any last one."""
+        """Whether no first push is free, or the robot cannot back off after any last push."""
         return not (self.begins & self.leaves).any() or not self.ends.any()
 
     def cheapest(self, below: float, over: Callable[[], bool]) -> PushSequence | None:
-        """Return the cheapest sequence of pushes, looking at what is assumed of it.
+        """Return the cheapest sequence of pushes after checking its assumed costs.
 
-        None where none costs less than `below`, or before that is known once it is `over`.
+        Return None if no sequence costs less than `below`, or if `over` returns true first.
         """
         while not over():
             end = self._weighed(self._pushes.retreat)
@@ -206,7 +208,7 @@ class Graph:
         return None
 
     def shorten_transits(self, best: PushSequence) -> PushSequence:
-        """Return a plan with shorter ways of the robot."""
+        """Return the plan with shortened transits."""
         found = [replace(step, transit=self._shorter(step)) for step in best.steps]
         saved = sum(
             float(old.transit[:, 3].sum() - new.transit[:, 3].sum())
@@ -215,7 +217,7 @@ class Graph:
         return replace(best, steps=tuple(found), cost=best.cost - self._weighed(saved))
 
     def _shorter(self, step: Step) -> FloatArray:
-        """Return a shorter way (k, 4) to a push: with shortcuts, and where it stays long, another one."""
+        """Return a shorter transit (k, 4) to a push: apply shortcuts, and search again if it stays long."""
         around, wheels = self._room.around(step.before), self._room.wheels
         second = self._room.contacts[step.contact].packed
         goal = second.robot_at(step.before, second.approach)
@@ -231,7 +233,7 @@ class Graph:
         return way
 
     def end_near(self, best: PushSequence) -> PushSequence:
-        """Return a plan that ends within a goal's tolerance where one of its pushes, or another first one, can."""
+        """Return a cheaper plan that ends within a goal's tolerance, or the same plan if there is none."""
         if not self._query.within.all():
             return best
         near, firsts = NearGoals(self._room, self._query), self._first_steps(best.cost)
@@ -250,7 +252,7 @@ class Graph:
         return best
 
     def _first_steps(self, below: float) -> Iterator[Step]:
-        """Yield a step of no length for each contact to which the robot has a way, and which may cost less."""
+        """Yield a step of zero length for each reachable first contact whose plan may cost less than `below`."""
         within = self._query.within
         least = float(self._on[0]) - self._weighed(self._pushes.approach) - within[0] - TURN_WEIGHT * within[1]
         for k in np.flatnonzero(self.begins & self.leaves):
@@ -264,15 +266,15 @@ class Graph:
                 yield Step(int(k), load, load, self._query.robot, way, np.zeros((0, 4)), 0.0)
 
     def _cost(self, steps: tuple[Step, ...]) -> float:
-        """What pushes cost in all, m."""
+        """Return the total cost of pushes, transits and contact changes, m."""
         ways = sum(float(step.transit[:, 3].sum()) + self._pushes.approach + self._pushes.retreat for step in steps)
         return sum(step.cost for step in steps) + self._weighed(ways) + (len(steps) - 1) * self._pushes.switch_cost
 
     def _all_known(self, rows: list[tuple[int, int, int]]) -> bool:
-        """Look at what is assumed of a sequence, pushes, then changes, then the first way, until one costs more.
+        """Return whether all assumed costs of a sequence hold: pushes, contact changes and the first transit.
 
-        Where a push costs more, so do most of its like: the next ones are looked at as well, before the cheapest
-        sequence is worked out again, which takes five times as long as to look at a push.
+        If a push costs more, most similar pushes do too. They are checked at once, because computing the cheapest
+        sequence again takes five times as long as checking a push.
         """
         dearer = [row for row in rows if row not in self._known_pushes and not self._look_at_push(row)]
         for m, _, v in dearer:
@@ -289,7 +291,7 @@ class Graph:
         return True
 
     def _look_at_push(self, row: tuple[int, int, int]) -> bool:
-        """Find a push; return whether it costs what was assumed."""
+        """Compute a push and return whether its assumed cost holds."""
         m, u, v = row
         assumed = self._push[m, u, v]
         contact = self._room.contacts[m]
@@ -300,11 +302,11 @@ class Graph:
         return bool(self._push[m, u, v] <= assumed + SAME)
 
     def _after(self, m: int, v: int) -> float:
-        """Return what comes after a plan that ends with a contact at a node, m; nothing where no plan ends."""
+        """Return the cost to go after a plan that ends with a contact at a node, m; 0 if the node is no goal."""
         return float(self._cost_to_go[m, v - 1]) if 1 <= v <= self.goals else 0.0
 
     def _look_at_transit(self, change: Change) -> bool:
-        """Find the way of a change, return whether it costs what was assumed."""
+        """Search for the transit of a contact change and return whether its assumed cost holds."""
         v, left, taken = change
         load, second = self.poses[v], self._room.contacts[taken].packed
         start, goal = self._transit_start(change), second.robot_at(load, second.approach)
@@ -322,11 +324,11 @@ class Graph:
         return bool(cost <= assumed + SAME)
 
     def _found_transit(self, around: Surroundings, start: FloatArray, goal: FloatArray) -> FloatArray | None:
-        reach = 1.0 + self._room.scenario.chain.reach  # m: how far from the ends poses are drawn
+        reach = 1.0 + self._room.scenario.chain.reach  # m, distance from the ends within which poses are drawn
         return find_transit(around, self._room.wheels, start, goal, self._box, reach, self._state, EFFORT)
 
     def _transit_start(self, change: Change) -> FloatArray:
-        """Return where the robot's frame (3,) is before it drives to a contact."""
+        """Return the pose (3,) of the robot's frame before it drives to a contact."""
         v, left, _ = change
         if left == FIRST:
             return self._query.robot
@@ -334,7 +336,7 @@ class Graph:
         return first.robot_at(self.poses[v], first.retreat)
 
     def _steps(self, rows: list[tuple[int, int, int]]) -> list[Step]:
-        """Return the pushes that rows come to: those of one contact that follow one another are one push."""
+        """Return the pushes of rows (contact, start, end). Consecutive rows with the same contact form one push."""
         found: list[Step] = []
         left = FIRST
         for m, u, v in rows:
@@ -353,10 +355,10 @@ class Graph:
 BESIDE = np.array(
     [(x, y, turn) for x, y in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)) for turn in (0, 1, -1)], dtype=float
 )
-"""Where an object may end: at the goal, and beside it, as shares of what may be used of its tolerance."""
+"""End poses to try, at the goal and beside it, as multiples of the usable tolerance."""
 
 NEAR_TRIES = 4
-"""Poses within the tolerance that are tried for each push but the last, those first that cost least."""
+"""Number of poses within the tolerance that are tried for each push, cheapest first."""
 
 
 class NearGoals:
@@ -364,7 +366,7 @@ class NearGoals:
 
     Args:
         room: Robot, load and contacts.
-        query: With goals, and how far from them a plan may end.
+        query: Goals, and the distances from them at which a plan may end.
     """
 
     def __init__(self, room: PushRoom, query: Query) -> None:
@@ -378,15 +380,15 @@ class NearGoals:
         self._nodes = 1 + np.repeat(np.arange(len(self._goals)), len(BESIDE))
 
     def to(self, mode: PackedMode, load: FloatArray, below: float) -> list[tuple[FloatArray, float, int, float]]:
-        """Return poses (3,) to which pushes by a contact lead, what that costs beyond the push, and nodes of goals.
+        """Return end poses near the goals that a contact can reach, cheapest first.
 
-        They are on a grid, and where turns and straight pushes come nearest; those that cost least come first. What
-        push and end cost at least, m, stands last.
+        The candidates are a grid at each goal and the poses where turns and straight pushes pass nearest to it. An
+        entry is (pose (3,), extra cost in m, node of the goal, lower bound of push and extra cost in m).
 
         Args:
             mode: The contact.
-            load: (3,) pose that the pushes begin at.
-            below: They cost less than this, with what they cost beyond the push, m.
+            load: (3,) pose of the load at the start of the push.
+            below: Upper limit of the cost including the extra cost, m.
         """
         far = 1.5 * float(np.hypot(*(self._goals - load)[:, :2].T).max())
         passed, goals = find_passings(mode, load, self._inner, self._goals, self._within, far)

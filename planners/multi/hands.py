@@ -1,7 +1,7 @@
-"""What the plate can hold of objects that stand apart, and what pushes and transits among the rest cost.
+"""Groups of objects that the plate can hold, and pushes and transits among the other objects.
 
-Everything is in the plate frame, which is the contact frame of every load here: the plate pushes at the middle of a
-face.
+All poses are of the plate frame. It is the contact frame of every load here, because the plate pushes at the middle
+of a face.
 """
 
 from __future__ import annotations
@@ -37,40 +37,43 @@ from pushplan.util.arrays import FloatArray
 from pushplan.util.names import TRANSIT_CLEARANCE
 
 SHORT = 0.02
-"""A close begins so far (m) before the object that it ends at."""
+"""Distance (m) before the next object at which a close begins."""
 
 MARGIN = 0.08
-"""Margin to plan with first, where there are larger ones. With 0.05, three boxes that stand 3 mm and 2 deg off end up
-to 9.4 mm off their places where frictions are 20 % off, with 0.08 and 0.12 up to 5.1 mm (32 runs each); a car that
-holds two drives a fifth farther with 0.12."""
+"""Upper limit of the first margin to plan with.
+
+Three boxes with pose errors of 3 mm and 2 deg and friction errors of 20 % end up to 9.4 mm off their places with
+0.05, and up to 5.1 mm off with 0.08 and 0.12 (32 runs each). A car that holds two boxes drives a fifth farther with
+0.12.
+"""
 
 FINE = 128
-"""Meridians of stable sets that twists are taken from: there may be many hands, and a quarter takes a quarter."""
+"""Meridians of a hand's stable set. A quarter of the usual number takes a quarter of the time for many hands."""
 
 VIAS = 200
-"""Poses through which a push may lead in two words where no single one is free."""
+"""Number of intermediate poses for a push of two steering paths, tried if no single path is free."""
 
 TRIED = 8
-"""So many of them are swept, cheapest first."""
+"""Number of these that are checked for collisions, cheapest first."""
 
 EFFORT = 300
-"""Poses drawn in search of a transit, at most."""
+"""Maximum number of poses drawn in the search for a transit."""
 
 Standing = tuple[tuple[str, bytes], ...]
-"""Names and poses of all objects that rest, as a key."""
+"""Cache key: names and poses of all objects at rest."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hand:
-    """Objects that the plate holds.
+    """A group of objects that the plate holds.
 
     Attributes:
-        mode: How they are pushed.
-        packed: The same for the core, with the margin that is planned with.
-        margin: That one.
-        across: (3,) pose of the front of the last object; None where it has no face opposite to the one pushed.
-        body: Robot, plate and objects for the core, and a circle around them.
-        closes: It can be pushed straight ahead, as it is where a contact closes.
+        mode: Contact mode of the held objects.
+        packed: The mode in the core's form, for `margin`.
+        margin: Margin to plan with.
+        across: (3,) pose of the last object's front face; None if no face is opposite to the pushed one.
+        body: Shapes of robot, plate and objects for the core, and their bounding circle.
+        closes: Whether it can be pushed straight ahead, as a close requires.
     """
 
     mode: ContactMode
@@ -86,7 +89,7 @@ class Pushed:
     """A push between two poses of the plate.
 
     Attributes:
-        cost: m; infinite where none was found.
+        cost: Cost, m; infinite if no push was found.
         arcs: (k, 4) twists and lengths.
     """
 
@@ -96,14 +99,14 @@ class Pushed:
 
 @dataclass(frozen=True, eq=False)
 class Move:
-    """A segment of a plan, as the search has it.
+    """A segment of a plan in the form that the search uses.
 
     Attributes:
         kind: One of `names.SEGMENT_KINDS`.
-        members: What is held; none in a transit.
+        members: Held objects; empty in a transit.
         start: (3,) pose of the plate.
         arcs: (k, 4) twists and lengths.
-        onto: What a close ends at.
+        onto: Name of the object that a close ends at.
     """
 
     kind: str
@@ -116,23 +119,23 @@ class Move:
     def straight(
         cls, kind: str, members: tuple[Member, ...], start: FloatArray, length: float, onto: str = ""
     ) -> Move:
-        """Return a straight move ahead, or back where the length is negative."""
+        """Return a straight move ahead, or back if the length is negative."""
         arcs = np.append(np.sign(length) * AHEAD, abs(length))[None]
         return cls(kind, members, start, arcs, onto)
 
     @property
     def path(self) -> PushPath:
-        """Of the plate."""
+        """Path of the plate."""
         return PushPath.of_arcs(self.start, self.arcs)
 
 
 class Hands:
-    """Makes hands, each kind once: objects that are the same are one kind, whatever they are called.
+    """Factory of hands. Groups of objects that differ only in name share one hand.
 
     Args:
-        scenario: With a row.
-        settings: Complete.
-        level: Of the margins: 0 for the largest.
+        scenario: Scenario with a row.
+        settings: Complete settings.
+        level: Level of the margins; 0 is the largest.
     """
 
     def __init__(self, scenario: Scenario, settings: PlanSettings, level: int = 0) -> None:
@@ -148,7 +151,7 @@ class Hands:
         keys: dict[bytes, int] = {}
         for name in scenario.transport.row.of:
             obj = scenario.task.by_name[name].chain.objects[0]
-            even = isinstance(obj.support, UniformSupport)  # which its outline and its centre tell all of
+            even = isinstance(obj.support, UniformSupport)  # outline and centre describe it fully
             load = obj.support.cells() if obj.support.known and not even else (obj.support.hull,)
             for way in ways_through(obj.outline, scenario.transport.faces):
                 key = b"".join(_form(scenario, name, way, load))
@@ -156,13 +159,13 @@ class Hands:
                 self.forms[name, way.face] = keys.setdefault(key, len(keys))
 
     def among(self, scenario: Scenario) -> Hands:
-        """Return the same for a scenario that differs in what stands in the room."""
+        """Return the hands for a scenario that differs only in its obstacles."""
         other = Hands(scenario, self.settings, self.level)
         other._modes, other._hands, other._sure = self._modes, self._hands, self._sure
         return other
 
     def lower(self) -> Hands:
-        """Return the same with the margins of the next level."""
+        """Return the hands with the margins of the next level."""
         other = Hands(self.scenario, self.settings, self.level + 1)
         other._modes, other._loads, other._sure = self._modes, self._loads, self._sure
         other.unsure = self.unsure
@@ -170,11 +173,11 @@ class Hands:
 
     @property
     def levels(self) -> int:
-        """How many margins can be tried, one after the other."""
+        """Number of margins that can be tried."""
         return max((len(mode.margins) for mode in self._modes.values() if mode is not None), default=1)
 
     def least_margin(self, segments: tuple[Segment, ...]) -> float:
-        """Return the smallest margin to plan with: of the pushes of some segments, of all hands without any."""
+        """Return the smallest margin of the pushes in some segments, or of all hands if there are none."""
         kinds = {
             tuple(self.forms[link.object, link.face] for link in segment.load.links)
             for segment in segments
@@ -184,13 +187,13 @@ class Hands:
         return min((mode.margin(self.level) for mode in modes if mode is not None), default=0.0)
 
     def load(self, members: tuple[Member, ...]) -> Load:
-        """Return the load of some members; the same object for the same ones."""
+        """Return the load of some members; cached."""
         if members not in self._loads:
             self._loads[members] = row_load(self.scenario, members)
         return self._loads[members]
 
     def hand(self, members: tuple[Member, ...]) -> Hand | None:
-        """Return the hand of some members; None where nothing pushes them, or the last is no face of a row."""
+        """Return the hand of some members; None if they cannot be pushed together."""
         kind = tuple(self.forms[member] for member in members)
         if kind not in self._hands:
             self._hands[kind] = self._made(members, kind)
@@ -200,24 +203,24 @@ class Hands:
         """Return the hand of members that a node holds.
 
         Raises:
-            PlanningError: If nothing pushes them.
+            PlanningError: If they cannot be pushed together.
         """
         found = self.hand(members)
         if found is None:
-            raise PlanningError(f"nothing pushes {', '.join(name for name, _ in members)}")
+            raise PlanningError(f"cannot push {', '.join(name for name, _ in members)} together")
         return found
 
     @property
     def holds_several(self) -> bool:
-        """Whether some of what was looked at is a hand of several objects."""
+        """Whether some hand that was tried holds several objects."""
         return any(hand is not None for kind, hand in self._hands.items() if len(kind) > 1)
 
     def surely_closes(self, members: tuple[Member, ...]) -> bool:
-        """Tell whether the last of some members becomes flush with the others, though it may stand off.
+        """Return whether the last member becomes flush with the others despite its pose error.
 
-        Where it does not, there is no such hand from then on.
+        If it does not, the hand counts as impossible from then on.
         """
-        from pushplan.slip.closing import closes  # and with it the slip simulator: for plans of rows alone
+        from pushplan.slip.closing import closes  # imports the slip simulator, which only rows need
 
         kind, hand = tuple(self.forms[member] for member in members), self.held(members)
         if kind not in self._sure:
@@ -226,7 +229,7 @@ class Hands:
         if not self._sure[kind]:
             self._hands[kind] = None
             *held, last = (f"'{name}'" for name, _ in members)
-            self.unsure[f"{last} does not surely become flush with {', '.join(held)}"] = None
+            self.unsure[f"{last} may not become flush with {', '.join(held)}"] = None
         return self._sure[kind]
 
     def _made(self, members: tuple[Member, ...], kind: tuple[int, ...]) -> Hand | None:
@@ -262,7 +265,7 @@ class Hands:
 
 
 def _form(scenario: Scenario, name: str, way: Through, load: tuple[FloatArray, ...]) -> Iterator[bytes]:
-    """Yield what makes an object, pushed through a face, the same as another, but for its name."""
+    """Yield the data that identify an object and a pushed face, whatever the object's name."""
     body = scenario.task.by_name[name]
     obj, into = body.chain.objects[0], se2.inverse(way.entry)
     support = obj.support
@@ -284,11 +287,11 @@ def _form(scenario: Scenario, name: str, way: Through, load: tuple[FloatArray, .
 
 @dataclass(eq=False)
 class Floor:
-    """What stands in the room, by what of it rests where; pushes and transits are looked for among it.
+    """Collision scenes of the room for each set of objects at rest, and the pushes and transits in them.
 
     Args:
-        scenario: With a row.
-        seed: Of the random numbers.
+        scenario: Scenario with a row.
+        seed: Seed of the random numbers.
     """
 
     scenario: Scenario
@@ -327,7 +330,7 @@ class Floor:
         self._transits: dict[tuple[Standing, bytes, bytes], FloatArray | None] = {}
 
     def robot(self, standing: Poses) -> Scene:
-        """Return the robot alone among objects that rest."""
+        """Return the scene of the robot alone among objects at rest."""
         key = _key(standing)
         if key not in self._scenes:
             shapes = standing_shapes([*self._fixed, *self._rest(standing)], self._discs)
@@ -340,21 +343,21 @@ class Floor:
                 yield se2.transform_points(pose, piece)
 
     def with_hand(self, hand: Hand, standing: Poses) -> Scene:
-        """Return a hand among objects that rest."""
+        """Return the scene of a hand among objects at rest."""
         key = (_key(standing), id(hand))
         if key not in self._bodied:
-            self._hands[id(hand)] = hand  # kept, so that its id stays its own
+            self._hands[id(hand)] = hand  # kept alive, so that no other hand gets its id
             self._bodied[key] = self.robot(standing).with_body(*hand.body)
         return self._bodied[key]
 
     def push(self, hand: Hand, start: FloatArray, goal: FloatArray, standing: Poses) -> Pushed:
-        """Return the cheapest free push of one word."""
+        """Return the cheapest collision-free push along one steering path."""
         self.looked_at += 1
         cost, arcs = find_push(self.with_hand(hand, standing), hand.packed, start, goal)
         return Pushed(cost, arcs)
 
     def push_by_way_of(self, hand: Hand, start: FloatArray, goal: FloatArray, standing: Poses) -> Pushed:
-        """Return the cheapest free push of two words that lead through one of some poses."""
+        """Return the cheapest collision-free push along two steering paths that meet at an intermediate pose."""
         self.looked_at += 1
         scene, packed = self.with_hand(hand, standing), hand.packed
         clearance = self.scenario.clearance
@@ -380,17 +383,18 @@ class Floor:
         return none
 
     def settles(self, hand: Hand, at: FloatArray, standing: Poses) -> bool:
-        """Tell whether the straight push that a push begins with is free."""
+        """Return whether the settling push, which begins every push, is free."""
         return settles(self.with_hand(hand, standing), hand.packed, at)
 
     def closes(self, hand: Hand, start: FloatArray, length: float, standing: Poses) -> bool:
-        """Tell whether a hand can be pushed straight ahead, as far as what it closes onto, which is left out."""
+        """Return whether a straight push of a length (m) is free; `standing` lacks the object that it closes onto."""
         return sweep_is_free(self.with_hand(hand, standing), start, AHEAD, length)
 
     def approach(self, hand: Hand, at: FloatArray, standing: Poses, name: str, entry: FloatArray) -> bool:
-        """Tell whether the robot can come up to a face, at a pose (3,) in its object's frame.
+        """Return whether the robot can approach a face of an object.
 
-        The plate is at a pose `at` (3,) then; the object does not stand among the others.
+        The plate then is at pose `at` (3,). `entry` (3,) is the face's pose in the object's frame. `standing` does
+        not include the object.
         """
         if not approaches_are_free(self.robot(standing), hand.packed, at[None], False)[0]:
             return False
@@ -400,24 +404,24 @@ class Floor:
         return self._reached[id(hand)]
 
     def _beside(self, name: str, own: FloatArray) -> Scene:
-        """Return the robot beside one object, which is at a pose (3,)."""
+        """Return the scene of the robot beside one object at a pose (3,)."""
         berth = max(self.scenario.clearance, TRANSIT_CLEARANCE)
         pieces = [se2.transform_points(own, piece) for piece in self._outlines[name]]
         beside = self._alone.with_obstacles(*standing_shapes(pieces, np.zeros((0, 3))), NO_WALLS)
         return beside.with_distances(berth + SLACK, berth)
 
     def retreats(self, hand: Hand, at: FloatArray, standing: Poses) -> bool:
-        """Tell whether the robot can back off from what it has pushed to where the plate is."""
+        """Return whether the robot can back off after a push that ends with the plate at a pose (3,)."""
         return bool(approaches_are_free(self.robot(standing), hand.packed, at[None], True)[0])
 
     def transit(
         self, start: FloatArray, goal: FloatArray, standing: Poses, name: str, pose: FloatArray
     ) -> FloatArray | None:
-        """Return the arcs (k, 4) of the robot alone to where it comes up to an object; None where none was found."""
+        """Return the arcs (k, 4) of a transit to an object's approach; None if none was found."""
         key = (_key(standing), start.tobytes(), goal.tobytes())
         if key not in self._transits:
             self.looked_at += 1
-            # Drawn anew for each transit, which then does not depend on what was looked for before.
+            # A fresh random state makes each transit independent of earlier searches.
             state = np.array([self.seed], dtype=np.uint64)
             if name not in self._berths:
                 self._berths[name] = self._beside(name, np.zeros(3))

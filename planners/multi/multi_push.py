@@ -1,4 +1,4 @@
-"""Several pushes of one load: searched with one margin after the other, and put into segments."""
+"""Search for several pushes of one load, with successively lower margins, and its conversion to segments."""
 
 from __future__ import annotations
 
@@ -32,22 +32,22 @@ from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, PUSH, RETREAT, TRANSIT, TRANSIT_CLEARANCE
 
 PATIENCE = 0.5
-"""Share of what is left of the time that a margin may take without a plan, before a lower one is tried."""
+"""Share of the remaining time that a margin may use without a plan before a lower one is tried."""
 
 BOXED_IN = "boxed in"
 
 OFFSETS_TRIED = (0.1, 0.2, 0.3, 0.4, 0.5)
-"""Shares of the plate's width by which a plate beside the middle of a face is tried for a hint."""
+"""Lateral offsets of the plate that are tried for a hint, as shares of its width."""
 
 
 class MultiPushSearch(TaskSearch):
-    """Searches for several pushes of one load; what does not depend on start and goals is kept.
+    """Search for several pushes of one load. Data that do not depend on start and goals are cached.
 
     Args:
         scenario: Load, room and settings.
-        modes: The contacts.
-        rooms: What is known already of the room, by level of the margin.
-        twin: The search for a load that differs in name and place only; what can be is shared with it.
+        modes: Contact modes.
+        rooms: Rooms computed earlier, by level of the margin.
+        twin: Search for a load that differs only in name and pose. Data are shared with it.
     """
 
     def __init__(
@@ -62,32 +62,32 @@ class MultiPushSearch(TaskSearch):
 
     @classmethod
     def of(cls, scenario: Scenario, settings: PlanSettings) -> MultiPushSearch:
-        """Return the search in a scenario.
+        """Return the search for a scenario.
 
         Raises:
-            EmptyStableSetError: When no contact can push the load.
+            EmptyStableSetError: If no contact can push the load.
         """
         return cls(scenario, find_modes(scenario, settings))
 
     def of_twin(self, scenario: Scenario) -> MultiPushSearch:
-        """Return it for an object that differs in name, place and goals only."""
+        """Return the search for an object that differs only in name, pose and goals."""
         return MultiPushSearch(scenario, tuple(mode.of_twin(scenario) for mode in self.modes), twin=self)
 
     @property
     def set_name(self) -> str:
-        """Name of the set that is planned in."""
+        """Name of the stable set."""
         return self.modes[0].stable.name
 
     @property
     def levels(self) -> int:
-        """How many margins can be tried, one after the other."""
+        """Number of margins that can be tried."""
         return max(len(mode.margins) for mode in self.modes)
 
     def room(self, level: int) -> PushRoom:
-        """Return robot, load and contacts among what stands in the room, with the margins of a level.
+        """Return robot, load and contacts in the room, with the margins of a level.
 
         Raises:
-            EmptyStableSetError: When no contact can be driven up to and push straight ahead.
+            EmptyStableSetError: If no contact can be reached and pushed straight ahead.
         """
         if level not in self._rooms and self._twin is not None:
             self._rooms[level] = self._twin.room(level).of_twin(self.scenario, self.modes)
@@ -98,32 +98,32 @@ class MultiPushSearch(TaskSearch):
                     f"; {mode.place.face}: {why}" for mode in self.modes if (why := too_heavy_ahead(mode.stable))
                 )
                 raise EmptyStableSetError(
-                    "no contact can be used: the robot touches the load elsewhere when it drives up to a face, or no "
-                    f"straight push is stable{heavy}; allowed: other pusher.faces or offsets, a smaller "
+                    "no contact can be used: the robot touches the load elsewhere when it approaches a face, or no "
+                    f"straight push is stable{heavy}; try other pusher.faces, other pusher.offsets or a smaller "
                     "stability.margin"
                 )
             self._rooms[level] = room
         return self._rooms[level]
 
     def with_obstacles(self, scenario: Scenario) -> MultiPushSearch:
-        """Return it for a scenario that differs in what stands in the room."""
+        """Return the search for a scenario that differs only in its obstacles."""
         rooms = {level: room.with_obstacles(scenario) for level, room in self._rooms.items()}
         return MultiPushSearch(scenario, self.modes, rooms)
 
     def asked(self, scenario: Scenario) -> MultiPushSearch:
-        """Return it for a scenario that differs in start, goals and place of the robot only."""
+        """Return the search for a scenario that differs only in start, goals and robot pose."""
         rooms = {level: replace(room, scenario=scenario) for level, room in self._rooms.items()}
         return MultiPushSearch(scenario, self.modes, rooms)
 
     def plates_before(self, load: FloatArray) -> FloatArray:
-        """Return the poses (k, 3) of the plate before each contact, with the load at a pose (3,)."""
+        """Return the plate poses (k, 3) before the approach to each contact, with the load at a pose (3,)."""
         pushes, plate = self.scenario.transport, self.scenario.chain.pusher.plate_pose
         robots = [se2.compose(mode.place.contact, mode.robot) for mode in self.modes]
         before = se2.compose(se2.compose(load, np.array(robots)), [-pushes.approach, 0.0, 0.0])
         return np.asarray(se2.compose(before, plate))
 
     def search(self, question: Question, budget: Budget, observer: Observer) -> Outcome:
-        """See `TaskSearch`."""
+        """Search as `TaskSearch.search` describes."""
         if question.scenario is not self.scenario:
             return self.asked(question.scenario).search(question, budget, observer)
         scenario, began, limit = self.scenario, budget.began, budget.time_limit
@@ -160,7 +160,7 @@ class MultiPushSearch(TaskSearch):
         )
 
     def why_not(self) -> str:
-        """Return in words why no plan is found, as far as start and goals alone say it; empty where they do not."""
+        """Return the reasons for failure that start and goals alone show; empty if they show none."""
         try:
             goals = free_goals(self.scenario)
         except PlanningError as error:
@@ -171,19 +171,19 @@ class MultiPushSearch(TaskSearch):
         return "; ".join(reason.text for reason in _reasons(room, query, found))
 
     def _proof(self) -> Diagnosis | None:
-        """Return the proof that the robot does not reach the load."""
+        """Return a proof that the robot cannot reach the load; None without one."""
         scenario = self.scenario
         outlines = [se2.transform_points(scenario.start, obj.outline_chain) for obj in scenario.chain.objects]
         proofs = beyond_reach(scenario, {"load": outlines}, {"load": self.plates_before(scenario.start)})
         return proofs.get("")
 
     def segments(self, room: PushRoom, sequence: PushSequence, before: Poses) -> Segments:
-        """Return the segments of what a search found, not timed.
+        """Return the segments of a push sequence, without timing.
 
         Args:
-            room: That it was found in.
-            sequence: What was found.
-            before: Where all bodies are at the beginning.
+            room: Room of the search.
+            sequence: Pushes and transits.
+            before: Poses of all bodies at the beginning.
         """
         scenario = room.scenario
         pushes, plate = scenario.transport, scenario.chain.pusher.plate_pose
@@ -214,17 +214,17 @@ class MultiPushSearch(TaskSearch):
 
 
 def _straight(start: FloatArray, length: float) -> PushPath:
-    """Return a straight path ahead, or back where the length is negative."""
+    """Return a straight path ahead, or back if the length is negative."""
     return PushPath(start, np.copysign(1.0, length) * AHEAD[None], np.array([abs(length)]))
 
 
 def least_margins(modes: Sequence[ContactMode], plans: Iterable[Segments], level: int) -> tuple[float, float]:
-    """Return the smallest margins asked for first and in the end, in plans' pushes; of all modes where none pushes.
+    """Return the smallest first and final margins of the pushes in some plans, or of all modes without pushes.
 
     Args:
-        modes: Among them those of the pushes.
-        plans: What was found.
-        level: Of the margins in the end, where nothing was found.
+        modes: Contact modes, including those of the pushes.
+        plans: Segments of each plan.
+        level: Final level of the margins, used if there are no pushes.
     """
     pushes = [segment for plan in plans for segment in plan if segment.kind == PUSH]
     if not pushes:
@@ -234,9 +234,9 @@ def least_margins(modes: Sequence[ContactMode], plans: Iterable[Segments], level
 
 
 def plan_cost(scenario: Scenario, segments: Segments) -> float:
-    """Return what the segments of a plan cost in all, m: pushed distance, transits, changes of the contact.
+    """Return the total cost of a plan's segments, m: pushed distance, transits and contact changes.
 
-    What a load costs counts for itself: no change of the contact is paid for where another load is taken.
+    Changing to another load does not count as a contact change.
     """
     pushes = scenario.transport
     cost, before = 0.0, None
@@ -244,17 +244,17 @@ def plan_cost(scenario: Scenario, segments: Segments) -> float:
         if not segment.pushes or segment.load is None:
             cost += pushes.transit_weight * segment.path.cost
             continue
-        changed = segment.load.names == before and segment.kind == PUSH  # a close goes on with the contact
+        changed = segment.load.names == before and segment.kind == PUSH  # a close keeps the contact
         cost += segment.cost + (pushes.switch_cost if changed else 0.0)
         before = segment.load.names
     return cost
 
 
 def free_goals(scenario: Scenario) -> FloatArray:
-    """Return the goals (g, 3) at which the load is free.
+    """Return the goals (g, 3) at which the load is collision-free.
 
     Raises:
-        PlanningError: When there are none, or the load is at one already.
+        PlanningError: If there are none, or the load is at one already.
     """
     free: list[FloatArray] = []
     wrong: list[str] = []
@@ -271,7 +271,7 @@ def free_goals(scenario: Scenario) -> FloatArray:
 
 
 def backed_off(room: PushRoom, scenario: Scenario) -> FloatArray:
-    """Return where the robot's frame (3,) is once it is clear of the load: it backs off where it is near at first."""
+    """Return the pose (3,) of the robot's frame clear of the load, after backing off if it begins too near."""
     robot = scenario.robot_start
     enough = max(scenario.clearance, TRANSIT_CLEARANCE) + SLACK
     gap = separations(room.load, se2.relative(scenario.start, robot)[None], enough)[0]
@@ -281,12 +281,12 @@ def backed_off(room: PushRoom, scenario: Scenario) -> FloatArray:
 def _explanation(
     room: PushRoom, query: Query, found: Found, limit: float
 ) -> tuple[str, tuple[Diagnosis, ...], Nearest | None]:
-    """Return why a search found nothing, most certain first."""
+    """Return the reasons why a search found no plan, proven ones first."""
     told = sorted(_reasons(room, query, found), key=lambda reason: not reason.proven)
     if not told:
         first = [room.contacts[k].mode.place.face for k in np.flatnonzero(found.begins & found.leaves)]
         faces = ", ".join(dict.fromkeys(first))
-        text = f"the search was not over after {found.looked_at} pushes and transits (first pushes: {faces})"
+        text = f"the search was still running after {found.looked_at} pushes and transits (first pushes: {faces})"
         told = [Diagnosis("time", text, False)]
     words = "; ".join(reason.text for reason in told)
     if not any(reason.proven for reason in told):
@@ -297,13 +297,13 @@ def _explanation(
 def _reasons(room: PushRoom, query: Query, found: Found) -> Iterator[Diagnosis]:
     usable = [contact for contact, begins in zip(room.contacts, found.begins, strict=True) if begins]
     if not usable:
-        what = "at the start, the robot has no room to drive up to any face that it may push"
+        what = "at the start, the robot has no room to drive up to any allowed face"
         yield _no_room(room, query.load[None], what + _offset_hint(room, query.load[None]))
         return
     faces = ", ".join(dict.fromkeys(contact.mode.place.face for contact in usable))
     if not (found.begins & found.leaves).any():
-        what = f"at the start, the robot can drive up to {faces} only, and from there the load is against something"
-        # If every settling push ends in something, no longer one is free either.
+        what = f"at the start, the robot can drive up to {faces} only, and an obstacle blocks a push from there"
+        # If every settling push ends in a collision, no longer push is free either.
         settled = [(contact, _settled(contact, query)) for contact in usable]
         against = all(separations(contact.scene, pose[None], 1.0)[0] <= 0.0 for contact, pose in settled)
         ahead = [area_at(contact.mode.load.problem.chain.bodies, pose) for contact, pose in settled]
@@ -311,16 +311,16 @@ def _reasons(room: PushRoom, query: Query, found: Found) -> Iterator[Diagnosis]:
         yield Diagnosis(BOXED_IN, what, against, blocking=around)
         return
     if not found.ends.any():
-        what = "at the goal, the robot has no room to push the load there from any face, and to back off"
+        what = "at the goal, the robot has no room to push the load in from any face and back off"
         yield _no_room(room, query.goals, what + _offset_hint(room, query.goals))
         return
     if not found.arrives:
-        what = f"the robot found no transit to where it would push first ({faces})"
+        what = f"the robot found no transit to the first push ({faces})"
         yield Diagnosis(BOXED_IN, what, False)
 
 
 def _offset_hint(room: PushRoom, loads: FloatArray) -> str:
-    """Return which `pusher.offsets` give the robot room beside the load at one of the poses (k, 3), in words."""
+    """Return a hint at `pusher.offsets` that give the robot room beside the load at one of its poses (k, 3)."""
     if room.scenario.transport.offsets != (0.0,):
         return ""
     width = float(np.ptp(room.scenario.chain.pusher.outline[:, 1]))
@@ -338,7 +338,7 @@ def _offset_hint(room: PushRoom, loads: FloatArray) -> str:
 
 
 def _no_room(room: PushRoom, loads: FloatArray, what: str) -> Diagnosis:
-    """Return that the robot has no room beside the load at any of the poses (k, 3), and what takes it."""
+    """Return the diagnosis that the robot has no room beside the load at its poses (k, 3), and the obstacles."""
     carried = room.scenario.chain.carried
     driven = [
         shapely.union_all([area_at(carried, mode.robot_at(load, behind)) for behind in (0.0, mode.approach)])
@@ -356,6 +356,6 @@ def _settled(contact: Contact, query: Query) -> FloatArray:
 
 
 def _all_taken(room: PushRoom, loads: FloatArray) -> bool:
-    """Tell whether the robot would overlap something at every contact, with the load at any of the poses (k, 3)."""
+    """Return whether the robot would collide at every contact, at all of the load's poses (k, 3)."""
     poses = np.array([contact.packed.robot_at(load, 0.0) for contact in room.contacts for load in loads])
     return bool((separations(room.robot, poses, 1.0) < room.scenario.clearance).all())

@@ -1,13 +1,13 @@
-"""In which order several objects are brought to their goals, and which of them have to make room first.
+"""Search for the order in which several objects go to their goals, and for objects that must make room first.
 
-First, the body goes to its goal with which the cheapest tour begins (`tours`), then the next one. If some bodies are
-left without a plan, all are delivered greedily again: the deepest goals first, layer by layer, and the bodies that
-the last attempt left before all others. Then bodies in the way are put aside while that delivers more.
+The search first follows the cheapest tour (`tours`). If this leaves some bodies, it delivers all bodies greedily
+again: deepest goals first, layer by layer, and bodies that the last attempt left before all others. Then it puts
+obstructing bodies aside as long as this delivers more.
 
-If some are still left, situations are searched depth first. A body is brought to its goal only if every other body
-that is left keeps a plan of its own (or waits for another body to leave its goal). If no body can be brought, one
-that is in the way moves aside and is brought to its goal later. As few bodies as possible are moved. The effort for
-each transfer grows while there is no order. Beams search for cheaper orders.
+If some bodies are still left, a depth-first search follows. It brings a body to its goal only if every other
+remaining body still has a plan (or waits for another body to leave its goal). If no body can be brought, an
+obstructing one moves aside and goes to its goal later. As few bodies as possible are moved. The effort for each
+transfer grows until there is an order. Beam searches then look for cheaper orders.
 """
 
 from __future__ import annotations
@@ -55,55 +55,53 @@ STAGES = (
     (63, 3, True),
     (255, 6, True),
 )
-"""How many batches of poses the search for one transfer may take, how often bodies are put out of the way in all, at
-most, and whether all is looked through from the beginning or from where the tours lead: one after
-the other while there is no order.
+"""Stages of the depth-first search, tried in turn: (batches of poses for one transfer, maximum number of relocations,
+whether to begin at the start instead of at the end of the tours).
 
-Batches, not seconds: the same seed finds the same order, however busy the machine is.
+The limits are batches, not seconds, so that one seed gives the same order on any machine.
 """
 
 SOON, SOON_MOST = 3, 60
-"""Stages with which an order of up to `MOST` bodies is searched for at once, and transfers for each body then."""
+"""Number of stages tried at once for up to `MOST` bodies, and the limit of transfers for each body."""
 
 QUICK = ((0, 0), (3, 0), (0, 1), (0, 2), (0, 3), (0, 4))
-"""How many batches of poses the search for one transfer may take, and the level of its margins, in one round of
-greedy deliveries after the other."""
+"""Quick rounds of greedy deliveries: (batches of poses for one transfer, level of its margins)."""
 
 GREEDY = (*QUICK, (15, 0), (15, 1), (15, 2))
-"""Rounds with more effort, for bodies that the quick rounds leave."""
+"""All rounds of greedy deliveries. The last ones spend more effort on bodies that the quick rounds leave."""
 
 ROUNDS = 6
-"""Times that all is delivered again, what was left the last time first."""
+"""Number of greedy attempts. Each begins with the bodies that the last one left."""
 
 FREED = 24
-"""Bodies that are put out of the way while more can be delivered then, at most."""
+"""Maximum number of bodies put aside to deliver more."""
 
 PLACES = 4
-"""Places that are tried for a body that is in the way."""
+"""Number of places tried for an obstructing body."""
 
 NEAR = 0.8
 """A body nearer than this (m) to another, or to its goal, may be in its way."""
 
 AWAY = np.concatenate([np.arange(0.1, 1.05, 0.1), np.arange(1.25, 3.1, 0.25)])
-"""How far straight pushes lead to where a body may be put out of the way, m."""
+"""Lengths of straight pushes that put a body aside, m."""
 
 SCATTERED = 60
-"""Places around a body that may be used likewise."""
+"""Number of random places around a body where it can be put aside."""
 
 MOST_PLACES = 24
-"""Places that are offered, the nearest ones."""
+"""Number of candidate places that are kept, nearest first."""
 
 ROOM = 0.05
-"""What such a place keeps from other bodies and from goals, beside the clearance, m."""
+"""Distance of a place from other bodies and from goals, in addition to the clearance, m."""
 
 BEAMS = ((2, 1), (4, 1), (8, 1), (16, 2), (32, 2), (64, 3), (128, 4), (2, 16))
-"""Situations that are kept after each transfer then, and batches of poses for better ones, in turn."""
+"""Successive beams: (situations kept after each transfer, batches of poses to improve a transfer)."""
 
 EFFORT = 2
-"""Batches of poses for better transfers where other places are tried for what is in the way."""
+"""Batches of poses to improve a transfer while other places are tried for obstructing bodies."""
 
 SPARE = 1.0
-"""What a transfer may cost beyond its bound so that no better one is looked for in beams, m over the batches."""
+"""Gap (m, divided by the batches) below which beams do not try to improve a transfer."""
 
 GAIN = 1e-6
 """Smallest saving that counts, m."""
@@ -111,13 +109,13 @@ GAIN = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class PartialPlan:
-    """Some pieces, or all, are brought to goals.
+    """Transfers that bring some or all pieces to goals.
 
     Attributes:
-        whole: What that and the rest cost, as tours have it, m.
-        cost: Of the transfers, m.
+        whole: Estimated cost including the remaining pieces, from tours, m.
+        cost: Cost of the transfers, m.
         steps: The transfers.
-        here: Where everything is then.
+        here: Situation after the transfers.
     """
 
     whole: float
@@ -130,13 +128,12 @@ class Order:
     """The search for an order.
 
     Args:
-        pieces: All that can be pushed.
-        budget: Of the search.
-        observer: Asked whether to end at once.
-        until: `time.perf_counter` at which it is over.
+        pieces: All bodies that can be pushed.
+        budget: Budget of the search.
+        observer: Can cancel the search.
 
     Attributes:
-        looked_at: Transfers that were searched for.
+        looked_at: Number of transfers searched for.
     """
 
     def __init__(self, pieces: tuple[Piece, ...], budget: Budget, observer: Observer) -> None:
@@ -151,16 +148,16 @@ class Order:
 
     @cached_property
     def _random(self) -> np.random.Generator:
-        return np.random.default_rng(self._seed)  # NumPy loads it now: most plans need none
+        return np.random.default_rng(self._seed)  # loads numpy.random, which most plans do not need
 
     def find(self, now: Situation) -> PartialPlan:
-        """Return transfers that bring as many of the pieces that are left to a goal as were found in time.
+        """Return the plan that delivers most of the remaining pieces, as far as the budget allows.
 
-        Greedy deliveries, as tours lead, come first. Where they leave something, an order is searched for with little
-        effort if the pieces are few. Then all is delivered again, the deepest goals and the nearest pieces first, and
-        with what is in the way put aside. So no plan brings fewer than a loop over plans for single pieces.
+        Deliveries along tours come first. If they leave some of a few pieces, a short search for an order follows.
+        Then all pieces are delivered again: deepest goals and nearest pieces first, with obstructing pieces put
+        aside. So no plan delivers fewer pieces than a loop over single pieces.
 
-        The search for an order, and deliveries with other seeds, use up the time that is left.
+        A long search for an order and deliveries with other seeds use the remaining time.
         """
         self._patience = 0
         begun = PartialPlan(0.0, 0.0, (), now), self._led(now)
@@ -187,7 +184,7 @@ class Order:
     def _in_order(
         self, begun: tuple[PartialPlan, PartialPlan], stages: Sequence[tuple[int, int, bool]]
     ) -> PartialPlan:
-        """Return a plan for all pieces that one of some stages found, else the better one of those begun with."""
+        """Return a plan for all pieces from one of the stages, or else the better of the two given plans."""
         for self._patience, relocations, again in stages:
             first = begun[0] if again else begun[1]
             rest = self._go_on(first.here, relocations)
@@ -198,7 +195,7 @@ class Order:
         return min(begun, key=_worth)
 
     def _led(self, now: Situation) -> PartialPlan:
-        """Return transfers, each with which a cheapest tour begins, until none has a plan."""
+        """Return transfers along the cheapest tours until no further plan is found."""
         return self._beam(now, 1, 0, math.inf)[0]
 
     def _extended_by(self, plan: PartialPlan, steps: Iterable[Transfer]) -> PartialPlan:
@@ -211,9 +208,9 @@ class Order:
     def _delivered(
         self, plan: PartialPlan, rounds: Sequence[tuple[int, int]] = GREEDY, only: frozenset[int] | None = None
     ) -> PartialPlan:
-        """Return a plan with deliveries until nothing can be delivered, the nearest pieces first.
+        """Return a plan with further deliveries, nearest pieces first, until nothing more can be delivered.
 
-        A piece that cannot be delivered is tried again once all others were. With `only`, other pieces stay.
+        A piece that cannot be delivered is tried again after all others. With `only`, other pieces stay.
         """
         for self._patience, self._level in rounds:
             found = True
@@ -229,9 +226,9 @@ class Order:
         return plan
 
     def _by_layers(self, begin: PartialPlan) -> PartialPlan:
-        """Return the best of plans that bring the pieces with the deepest goals first, layer by layer.
+        """Return the best of several plans that deliver the deepest goals first, layer by layer.
 
-        What one plan leaves, the next one brings before all others.
+        Each plan begins with the pieces that the one before left.
         """
         best, first = begin, frozenset[int]()
         for _ in range(ROUNDS):
@@ -247,7 +244,7 @@ class Order:
         return best
 
     def _freed(self, plan: PartialPlan) -> PartialPlan:
-        """Return a plan with bodies put out of the way, one after the other, as long as more is delivered then."""
+        """Return a plan that puts bodies aside, one at a time, as long as this delivers more."""
         for _ in range(FREED):
             more = next(self._with_one_aside(plan), None)
             if more is None or not more.here.left:
@@ -256,14 +253,14 @@ class Order:
         return plan
 
     def _with_one_aside(self, plan: PartialPlan) -> Iterator[PartialPlan]:
-        """Yield plans that put one body out of the way, after which more is delivered."""
+        """Yield plans that put one body aside and then deliver more."""
         for piece in self._in_the_way(plan.here):
             places = self._parking(plan.here, piece)
             if self._over():
                 return
             step = self._search(plan.here, piece, places, delivers=False) if places else None
             if step is not None:
-                # What was left comes first: what is put aside could shut it in again.
+                # Remaining pieces come first, because the piece put aside could shut them in again.
                 more = self._delivered(self._extended_by(plan, (step,)), QUICK, plan.here.left)
                 if len(more.here.left) <= len(plan.here.left):
                     more = self._delivered(more, QUICK)
@@ -271,12 +268,12 @@ class Order:
                     yield more
 
     def _by_tours(self, now: Situation) -> list[tuple[float, int]]:
-        """Return what tours cost that begin with each piece that is left, cheapest first; infinite for far ones."""
+        """Return (tour cost, first piece) for each remaining piece, cheapest first; infinite for far pieces."""
         begun = self._tours_from(now).begun(now.plate, now.left)
         return sorted((begun.get(piece, math.inf), piece) for piece in now.left)
 
     def cost_to_go(self, now: Situation, piece: int) -> Callable[[FloatArray], FloatArray]:
-        """Return a function from the plate's poses (k, 3) after a piece was brought to what the rest costs (k,)."""
+        """Return a function from plate poses (k, 3) after a delivery to the cost (k,) of the remaining ones, m."""
         tours, left = self._tours_from(now), now.left - {piece}
         return lambda plates: tours.after(left, plates)
 
@@ -286,11 +283,11 @@ class Order:
         return self._tours
 
     def cheaper(self, now: Situation, best: tuple[Transfer, ...]) -> tuple[Transfer, ...]:
-        """Return transfers in another order, or to other goals, that cost less; the same ones where there are none.
+        """Return cheaper transfers in another order or to other goals, or the given ones if none are found.
 
-        A beam search: of all that were brought to a goal as often, the best situations go on. Once nothing was left
-        out, better transfers in few orders are all that is looked for. Where something is put out of the way, other
-        places for that are tried.
+        A beam search keeps the best situations for each number of deliveries. After a beam that was not truncated,
+        the search only improves transfers in a few orders. If the plan puts bodies aside, other places for them are
+        tried instead.
         """
         if not all(step.delivers for step in best):
             return self._elsewhere(now, best)
@@ -302,7 +299,7 @@ class Order:
         return best
 
     def _elsewhere(self, now: Situation, best: tuple[Transfer, ...]) -> tuple[Transfer, ...]:
-        """Return the same transfers with the cheapest places for what is in the way that were drawn in time."""
+        """Return the same transfers with the cheapest random places for obstructing bodies."""
         cost = sum(step.cost for step in best)
         while not self._over():
             steps, here = [], now
@@ -322,15 +319,15 @@ class Order:
         return best
 
     def _beam(self, now: Situation, width: int, effort: int, below: float) -> tuple[PartialPlan, bool]:
-        """Return what costs least of what leads farthest, and whether anything was left out.
+        """Return the cheapest of the plans with most deliveries, and whether the beam was truncated.
 
-        Of all that were brought to a goal as often, the situations go on from which the tours are cheapest.
+        After each delivery, the situations with the cheapest tours are kept.
 
         Args:
-            now: Where everything is.
-            width: So many situations are kept.
-            effort: See `_delivery`.
-            below: They have to cost less than this, m.
+            now: Current situation.
+            width: Number of situations to keep.
+            effort: As in `_delivery`.
+            below: Upper limit of the cost, m.
         """
         kept, cut = [PartialPlan(0.0, 0.0, (), now)], False
         while kept[0].here.left and not self._over():
@@ -342,9 +339,9 @@ class Order:
         return kept[0], cut
 
     def _extended(self, kept: list[PartialPlan], width: int, effort: int, below: float) -> list[PartialPlan]:
-        """Return what situations lead to with one transfer more, cheapest with the rest first.
+        """Return plans with one more transfer, lowest estimated total cost first.
 
-        As many are looked at as it takes until no other one can be among the first `width`, as the tours have it.
+        The search stops when the tour costs leave no other plan among the first `width`.
         """
         plans: list[PartialPlan] = []
         begun = [
@@ -385,7 +382,7 @@ class Order:
         return self._make_way(now, relocations) if relocations else None
 
     def _nearest_first(self, now: Situation) -> list[int]:
-        """Return the pieces that are left: deep goals first, then those that are driven to and pushed soonest."""
+        """Return the remaining pieces: deepest goals first, then the lowest cost of transit and push."""
 
         def way(piece: int) -> tuple[int, float]:
             own = self._pieces[piece]
@@ -398,18 +395,17 @@ class Order:
     def _delivery(
         self, now: Situation, piece: int, effort: int | None = None, patience: int | None = None
     ) -> Transfer | None:
-        """Return the transfer of a piece to one of its goals, None where none was found.
+        """Return the transfer of a piece to one of its goals; None if none was found.
 
         Args:
-            now: Where everything is.
-            piece: Its index.
-            effort: Batches of poses for a better plan, where the first one costs `SPARE` over these more than is
-                proven to be needed; what comes after it counts, too. None: for the first plan alone, whatever comes
-                after it.
-            patience: Batches of poses for the first one, at most; None: as many as the stage of the search allows.
+            now: Current situation.
+            piece: Index of the piece.
+            effort: Batches of poses to improve a first plan whose cost, cost to go included, exceeds its lower bound
+                by `SPARE` / effort. None: return the first plan and ignore the cost to go.
+            patience: Maximum batches of poses for the first plan; None: the limit of the current stage.
         """
         patience = self._patience if patience is None else patience
-        if patience:  # mostly a plan is at hand, and known already
+        if patience:  # a quick plan usually exists and is cached
             quick = self._delivery(now, piece, effort, 0)
             if quick is not None:
                 return quick
@@ -419,7 +415,7 @@ class Order:
             if first is not None and first.beyond_bound < SPARE / (effort or 1):
                 return first
             goals, cost_to_go = self._pieces[piece].goals, None if effort is None else self.cost_to_go(now, piece)
-            if patience and not effort:  # there is no quick plan to the goals themselves
+            if patience and not effort:  # no quick plan reaches the goals themselves
                 goals += nudged_goals(self._pieces, now, piece)
             self._known[key] = self._search(
                 now, piece, goals, cost_to_go=cost_to_go, effort=effort or 0, patience=patience
@@ -443,19 +439,19 @@ class Order:
         return find_transfer(self._pieces, now, piece, limits, self._seed, goals, delivers, cost_to_go, level)
 
     def _is_open(self, now: Situation, piece: int) -> bool:
-        """Tell whether a piece has a plan, or only waits for others that are left to leave all its goals."""
+        """Return whether a piece has a plan or only waits for remaining pieces to leave its goals."""
         waits = all(self._on_goal(now, piece, goal) & now.left for goal in range(len(self._pieces[piece].goals)))
         return waits or self._delivery(now, piece) is not None
 
     def _on_goal(self, now: Situation, piece: int, goal: int) -> frozenset[int]:
-        """Return the pieces that stand on a goal of another."""
+        """Return the pieces that stand on a goal of another piece."""
         own = self._pieces[piece]
         area = own.goal_areas[goal].buffer(own.search.scenario.clearance)
         others = (k for k in range(len(self._pieces)) if k != piece)
         return frozenset(k for k in others if self._pieces[k].area(now.poses[k]).intersects(area))
 
     def _make_way(self, now: Situation, relocations: int) -> tuple[Transfer, ...] | None:
-        """Put a piece that is in the way somewhere else, and go on from there."""
+        """Return transfers that move an obstructing piece aside and then continue; None if there are none."""
         for piece in self._in_the_way(now):
             places = self._parking(now, piece)
             for _ in range(PLACES):
@@ -472,7 +468,7 @@ class Order:
         return None
 
     def _in_the_way(self, now: Situation) -> Iterator[int]:
-        """Yield the pieces that may be in the way: those on goals first, those near, what is shut in, all others."""
+        """Yield pieces that may obstruct: on goals, near remaining ones, the remaining ones, then all others."""
         on_goals = [
             k
             for piece in sorted(now.left)
@@ -484,17 +480,17 @@ class Order:
         yield from dict.fromkeys([*on_goals, *near, *sorted(now.left), *np.argsort(away, kind="stable").tolist()])
 
     def _near(self, now: Situation, piece: int) -> list[int]:
-        """Return the pieces near another or its goals, nearest first."""
+        """Return the pieces near a piece or its goals, nearest first."""
         spots = np.array([now.poses[piece], *(goal.pose_chain for goal in self._pieces[piece].goals)])[:, :2]
         away = [float(np.linalg.norm(spots - pose[:2], axis=1).min()) for pose in now.poses]
         return [int(k) for k in np.argsort(away) if k != piece and away[k] < NEAR]
 
     def why_not(self, now: Situation, piece: int) -> str:
-        """Return why a piece that is left is not delivered, as far as that is known."""
+        """Return why a remaining piece is not delivered, as far as it is known."""
         return self._reason(now, piece) or "no pushes to its goal were found among the other objects"
 
     def _reason(self, now: Situation, piece: int) -> str:
-        """Return what at the start or the goals keeps a piece from being delivered, empty where nothing does."""
+        """Return the reason at the start or the goals that prevents a delivery; empty if there is none."""
         own = self._pieces[piece]
         takers = [self._on_goal(now, piece, goal) - {piece} for goal in range(len(own.goals))]
         if all(takers):
@@ -503,7 +499,7 @@ class Order:
         return own.search.with_obstacles(posed(self._pieces, now, piece, own.goals)).why_not()
 
     def _parking(self, now: Situation, piece: int) -> tuple[Goal, ...]:
-        """Return places for a piece that no goal needs, nearest first: along straight pushes, and around it."""
+        """Return places for a piece away from all goals, nearest first: along straight pushes and around it."""
         own, pose = self._pieces[piece], now.poses[piece]
         taken = self._taken(now, piece)
         tolerance = own.search.scenario.goal.tolerance
@@ -512,7 +508,7 @@ class Order:
         return tuple(Goal.of_chain(p, tolerance) for p in nearest)
 
     def _taken(self, now: Situation, piece: int) -> BaseGeometry:
-        """What other pieces cover, where they are and where those that are left shall go."""
+        """Return the area of the other pieces and of the remaining pieces' goals, with a buffer."""
         pieces = self._pieces
         kept = pieces[piece].search.scenario.clearance + ROOM
         areas = [other.area(now.poses[k]) for k, other in enumerate(pieces) if k != piece]
@@ -527,7 +523,7 @@ class Order:
 
 
 def _worth(plan: PartialPlan) -> tuple[int, float]:
-    """Order plans: those that leave fewer pieces first, of equals the cheaper ones."""
+    """Return the sort key of a plan: number of remaining pieces, then cost."""
     return len(plan.here.left), plan.cost
 
 

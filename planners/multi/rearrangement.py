@@ -1,6 +1,6 @@
-"""Several objects, each to a goal of its own.
+"""Search for plans that push several objects to goals of their own.
 
-An order is searched for first (`order`); with the time that is left cheaper ones are.
+`order` finds a feasible order first and uses the remaining time to find cheaper ones.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from pushplan.scenario.model import Scenario
 
 
 class RearrangementSearch(TaskSearch):
-    """Searches for an order of several objects; what is known of each of them is kept.
+    """Search for an order of several objects. Data about each object are cached.
 
     Args:
-        scenario: With a goal of its own for each load that has one.
-        pieces: All of them.
+        scenario: Scenario with goals for some or all loads.
+        pieces: All bodies that can be pushed.
     """
 
     def __init__(self, scenario: Scenario, pieces: tuple[Piece, ...]) -> None:
@@ -36,16 +36,16 @@ class RearrangementSearch(TaskSearch):
 
     @property
     def set_name(self) -> str:
-        """Name of the set that is planned in."""
+        """Name of the stable set."""
         return self.pieces[0].search.set_name
 
     @classmethod
     def of(cls, scenario: Scenario, settings: PlanSettings) -> RearrangementSearch:
-        """Return the search in a scenario.
+        """Return the search for a scenario.
 
         Raises:
-            PlanningError: When two bodies cannot be at their goals together.
-            EmptyStableSetError: When no contact can push one of the bodies.
+            PlanningError: If the goals of two bodies overlap.
+            EmptyStableSetError: If no contact can push one of the bodies.
         """
         wrong = overlapping_goals(scenario)
         if wrong:
@@ -59,7 +59,7 @@ class RearrangementSearch(TaskSearch):
         return cls(scenario, tuple(pieces))
 
     def with_obstacles(self, scenario: Scenario) -> RearrangementSearch:
-        """Return it for a scenario that differs in what stands in the room."""
+        """Return the search for a scenario that differs only in its obstacles."""
         return RearrangementSearch(
             scenario,
             tuple(
@@ -69,7 +69,7 @@ class RearrangementSearch(TaskSearch):
         )
 
     def search(self, question: Question, budget: Budget, observer: Observer) -> Outcome:
-        """See `TaskSearch`."""
+        """Search as `TaskSearch.search` describes."""
         scenario = self.scenario
         poses = np.array([scenario.task.by_name[piece.name].start for piece in self.pieces])
         left = frozenset(k for k, piece in enumerate(self.pieces) if piece.goals and not piece.is_at_goal(poses[k]))
@@ -106,7 +106,7 @@ class RearrangementSearch(TaskSearch):
         )
 
     def _proofs(self, now: Situation) -> dict[str, Diagnosis]:
-        """Return proofs that the robot reaches no object, by "", or not one that has to be moved, by its name."""
+        """Return proofs that the robot cannot reach a needed object, by name, or any object at all, by ""."""
         pieces = dict(zip((piece.name for piece in self.pieces), self.pieces, strict=True))
         poses = dict(zip(pieces, now.poses, strict=True))
         outlines = {name: [one.outline for one in piece.obstacles(poses[name])] for name, piece in pieces.items()}
@@ -115,7 +115,7 @@ class RearrangementSearch(TaskSearch):
         return beyond_reach(self.pieces[0].search.scenario, outlines, faces, needed)
 
     def _take(self, transfers: tuple[Transfer, ...], looked_at: int, improvements: Improvements) -> Segments:
-        """Return the segments of transfers, one after the other."""
+        """Return the segments of some transfers in order."""
         found: Segments = ()
         before: Poses = self.scenario.poses
         for transfer in transfers:
@@ -127,7 +127,7 @@ class RearrangementSearch(TaskSearch):
     def _explanation(self, now: Situation, limit: float) -> tuple[str, tuple[Diagnosis, ...], Nearest | None]:
         names = ", ".join(f"'{self.pieces[k].name}'" for k in sorted(now.left))
         reason = (
-            f"no order was found within the time limit of {limit:g} s in which {names} get to their goals, with what "
-            "is in the way moved first"
+            f"no order found within the time limit of {limit:g} s that brings {names} to their goals, even with "
+            "obstructing objects moved first"
         )
         return reason, (Diagnosis("order", reason, False),), None

@@ -1,4 +1,4 @@
-"""Robot, load and contacts in a room, as the core plans pushes and ways among them."""
+"""Robot, load and contacts in a room, in the form in which the core plans pushes and transits."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from pushplan.util.names import TRANSIT_CLEARANCE
 NOWHERE, AHEAD = np.zeros(3), np.array([1.0, 0.0, 0.0])
 
 NO_WALLS = np.array([-math.inf, -math.inf, math.inf, math.inf])
-"""Of a room without a workspace: xmin, ymin, xmax, ymax."""
+"""Walls (xmin, ymin, xmax, ymax) of a room without a workspace."""
 
 TOLERANCE_USED = 0.6
-"""Share of a tolerance that a plan may use up; the rest is for its execution."""
+"""Share of the tolerance that a plan can use. The rest is left for its execution."""
 
 DETOUR = 0.05
-"""What a plan that ends within a tolerance has to save, so that it is taken in place of one to the exact goal, m."""
+"""Saving that a plan needs to end within the tolerance instead of at the exact goal, m."""
 
 DRIVE = 1000
-"""Poses drawn in search of a way of the robot, at most."""
+"""Maximum number of poses drawn in the search for a transit."""
 
 TOUCHING = 1e-3
-"""Up to so far before the contact (m) the robot is proven not to touch the load elsewhere."""
+"""Distance before the contact (m) up to which the robot is proven not to touch the load elsewhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +46,10 @@ class Contact:
     """A contact in a room.
 
     Attributes:
-        mode: What it can do.
-        margin: That its twists exceed.
-        packed: The same for the core.
-        scene: The chain with this contact among what stands in the room.
+        mode: Contact mode.
+        margin: Lower limit of its twists' margins.
+        packed: The mode in the core's form.
+        scene: Scene of the chain with this contact among the obstacles.
     """
 
     mode: ContactMode
@@ -64,12 +64,11 @@ class PushRoom:
 
     Attributes:
         scenario: Chain, room and settings.
-        wheels: How the robot moves alone.
-        robot: The robot among what stands in the room.
-        load: The robot among the objects, these in the frame of the load.
-        contacts: That can be used.
-        shortest: (m, m) cost of the robot's shortest way from each contact left to each contact taken, whatever is in
-            the way, m.
+        wheels: Kinematics of the robot in transits.
+        robot: Scene of the robot among the obstacles.
+        load: Scene of the robot among the load's objects, in the load's frame.
+        contacts: Usable contacts.
+        shortest: (m, m) length of the shortest transit without obstacles from each contact to each other one, m.
     """
 
     scenario: Scenario
@@ -81,12 +80,12 @@ class PushRoom:
 
     @classmethod
     def of(cls, scenario: Scenario, modes: tuple[ContactMode, ...], level: int) -> PushRoom:
-        """Return what planning with some modes rests on in a room; those that cannot be used are left out.
+        """Return the room of a scenario, with those contact modes that can be used.
 
         Args:
             scenario: Chain, room and settings.
-            modes: The contacts.
-            level: Of their margins.
+            modes: Contact modes.
+            level: Level of their margins.
         """
         robot, load = _scenes(scenario)
         body = bounding_circle(robot.body.corners[:, :2])
@@ -102,13 +101,13 @@ class PushRoom:
         return cls(scenario, wheels, robot, load, tuple(contacts), shortest_drives(wheels, left, taken))
 
     def of_twin(self, scenario: Scenario, modes: tuple[ContactMode, ...]) -> PushRoom:
-        """Return the same for a load that differs in name and place only."""
+        """Return the room for a load that differs only in name and pose."""
         own = {mode.place: mode for mode in modes}
         contacts = (replace(contact, mode=own[contact.mode.place]) for contact in self.contacts)
         return replace(self, scenario=scenario, contacts=tuple(contacts))
 
     def with_obstacles(self, scenario: Scenario) -> PushRoom:
-        """Return it for a scenario that differs in what stands in the room."""
+        """Return the room of a scenario that differs only in its obstacles."""
         robot = self.robot.with_obstacles(*standing_in(scenario))
         contacts = tuple(
             Contact(one.mode, one.margin, one.packed, robot.with_body(one.scene.body, one.scene.body_bound))
@@ -117,20 +116,20 @@ class PushRoom:
         return replace(self, scenario=scenario, robot=robot, contacts=contacts)
 
     def around(self, load: FloatArray) -> Surroundings:
-        """Return what the robot must not touch with the load at a pose (3,)."""
+        """Return the scenes of the robot with the load at a pose (3,)."""
         return Surroundings(self.robot, self.load, load)
 
 
 @dataclass(frozen=True, eq=False)
 class Query:
-    """From where to where.
+    """Start poses and goals of a search.
 
     Attributes:
         robot: (3,) pose of the robot's frame.
         load: (3,) pose of the load.
-        goals: (g, 3) poses of the load, any of which will do.
-        within: (2,) how far (m, rad) the first object may end beside a goal where that saves `DETOUR`.
-        cost_to_go: (m, g) what comes after a plan that ends with a contact at a goal costs, m; None: nothing.
+        goals: (g, 3) alternative goal poses of the load.
+        within: (2,) distances (m, rad) from a goal at which the first object can end if that saves `DETOUR`.
+        cost_to_go: (m, g) cost after a plan that ends with a contact at a goal, m; None for zero.
     """
 
     robot: FloatArray
@@ -141,7 +140,7 @@ class Query:
 
 
 def lower_bounds(room: PushRoom, query: Query, through: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return what no plan costs less than until the load is at poses (k, 3), (k,), and from there on, m."""
+    """Return lower bounds (k,) of a plan's cost up to load poses (k, 3), and (k,) from there on, m."""
     pushes = room.scenario.transport
     contacts = np.array([contact.packed.contact[:2] for contact in room.contacts])
     middle = contacts.mean(axis=0)
@@ -153,7 +152,7 @@ def lower_bounds(room: PushRoom, query: Query, through: FloatArray) -> tuple[Flo
 
 
 def _bounds(starts: FloatArray, goals: FloatArray, faster: float) -> FloatArray:
-    """Return what no pushes of the contacts' middle from starts (n, 3) to goals (m, 3) cost less than, (n, m)."""
+    """Return lower bounds (n, m) of the cost to push the contacts' middle from starts (n, 3) to goals (m, 3)."""
     x, y, turn = np.moveaxis(goals - starts[:, None], -1, 0)
     return np.asarray(np.maximum(np.hypot(x, y) / faster, TURN_WEIGHT * np.abs(se2.wrap_angle(turn))))
 
@@ -161,14 +160,14 @@ def _bounds(starts: FloatArray, goals: FloatArray, faster: float) -> FloatArray:
 def find_drive(
     problem: Scenario, load: FloatArray, start: FloatArray, approach: float, seed: int
 ) -> FloatArray | None:
-    """Return arcs (k, 4) by which the robot drives up to a load where that stands; None where none are found.
+    """Return the arcs (k, 4) of a transit to a load at its current pose; None if none are found.
 
     Args:
-        problem: Of the load, with the plate at the face that it shall push, among what stands in the room.
-        load: (3,) pose of the contact's frame, on the load.
-        start: (3,) pose of the contact's frame, on the robot.
-        approach: Length of the straight way ahead that leads to the contact, and is looked at, too, m.
-        seed: Of the random numbers.
+        problem: Scenario of the load, with the plate at the face to push.
+        load: (3,) pose of the contact's frame on the load.
+        start: (3,) pose of the contact's frame on the robot.
+        approach: Length of the straight approach to the contact, m. It is checked for collisions too.
+        seed: Seed of the random numbers.
     """
     robot, objects = _scenes(problem)
     goal = se2.compose(load, [-approach, 0.0, 0.0])
@@ -182,11 +181,11 @@ def find_drive(
 
 
 def wheels_of(drive: Drive, middle: FloatArray) -> Wheels:
-    """Return how a robot moves alone.
+    """Return the kinematics of a robot in transits.
 
     Args:
-        drive: Its drive.
-        middle: (2,) of its body, about which an omnidirectional robot turns.
+        drive: Drive of the robot.
+        middle: (2,) middle of its body, about which an omnidirectional robot turns.
     """
     if drive.axle is None:
         return Wheels(WheelKind.OMNIDIRECTIONAL, np.append(middle, 0.0), 0.0)
@@ -195,7 +194,7 @@ def wheels_of(drive: Drive, middle: FloatArray) -> Wheels:
 
 
 def _scenes(scenario: Scenario) -> tuple[Scene, Scene]:
-    """The robot among what stands in the room, and among the objects in the load's frame."""
+    """Return the scenes of the robot among the obstacles, and among the objects in the load's frame."""
     everything = open_scene(scenario)
     robot = list(convex_pieces([body.outline for body in scenario.chain.carried]))
     moving = everything.with_body(flatten(robot), bounding_circle(np.concatenate(robot)))
@@ -213,7 +212,7 @@ def _with_body(room: Scene, scenario: Scenario) -> Scene:
 
 
 def packed_mode(mode: ContactMode, margin: float, scenario: Scenario) -> PackedMode | None:
-    """Return a mode for the core; None where it can push nothing straight ahead with the margin."""
+    """Return a mode in the core's form; None if no straight push is stable with the margin."""
     pushes = scenario.transport
     try:
         settling = mode.settling(margin)
@@ -235,7 +234,7 @@ def packed_mode(mode: ContactMode, margin: float, scenario: Scenario) -> PackedM
 
 
 def _families(mode: ContactMode, margin: float) -> FloatArray:
-    """Return the families that differ."""
+    """Return the families of steering twists without duplicates."""
     kept: list[FloatArray] = []
     for family in mode.controls(margin).families:
         if not any(np.array_equal(family, other) for other in kept):
@@ -244,7 +243,7 @@ def _families(mode: ContactMode, margin: float) -> FloatArray:
 
 
 def reaches(load: Scene, mode: PackedMode) -> bool:
-    """Tell whether the robot gets to the contact, and back, without touching the load elsewhere."""
+    """Return whether the robot can drive to the contact and back without touching the load elsewhere."""
     scene = load.with_distances(0.5 * TOUCHING, 0.25 * TOUCHING)
     far = max(mode.approach, mode.retreat)
     return far > TOUCHING and sweep_is_free(scene, mode.robot_at(NOWHERE, far), AHEAD, far - TOUCHING)

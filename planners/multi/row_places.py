@@ -1,4 +1,4 @@
-"""Where a row of objects may stand, and where it goes on from those that stand in it already."""
+"""Places for a row of objects, and the pose at which a row with placed objects continues."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 
 BESIDE_A_WALL = 1e-3
-"""What a row's front keeps from a wall beside the clearance, m."""
+"""Distance of a row's front from a wall, in addition to the clearance, m."""
 
 ALONG_A_WALL = 0.25
-"""Distance between places along a wall that are offered to a row, m, and so many of them at most."""
+"""Distance between candidate places along a wall, m, and their maximum number."""
 MOST_ALONG = 16
 
 AT_PLACE = 1e-6
-"""A row that is made up of other lengths than its stated place is for misses it by more, m."""
+"""Position error up to which a row counts as fitting its specified place, m."""
 
 ASKEW = math.radians(15.0)
-"""Up to so far those that are placed may be turned from the row's direction, rad."""
+"""Maximum angle between a placed object and the row's direction, rad."""
 
 
 @dataclass(frozen=True, eq=False)
 class RowPlace:
-    """A place for the row: (3,) pose of its front, +x along the push; and of its rear where that is stated."""
+    """A place for the row: poses (3,) of its front and, if specified, of its rear, with +x along the push."""
 
     front: FloatArray
     rear: FloatArray | None
 
 
 def row_places(scenario: Scenario, hands: Hands) -> tuple[RowPlace, ...]:
-    """Return the places that the row may have; none where it may stand anywhere."""
+    """Return the possible places of the row; empty if it can stand anywhere."""
     row = scenario.transport.row
     if row.pose is not None:
         return tuple(
@@ -54,10 +54,10 @@ def row_places(scenario: Scenario, hands: Hands) -> tuple[RowPlace, ...]:
 
 
 def front_of_placed(scenario: Scenario, hands: Hands) -> tuple[FloatArray, str]:
-    """Return where those that are placed in the row go on: (3,) pose of the rear, +x along the row, and whose it is.
+    """Return the rear pose (3,) of the objects placed in the row, +x along the row, and the rearmost one's name.
 
     Raises:
-        PlanningError: When the rearmost one has no face to be pushed at on that side.
+        PlanningError: If the rearmost object has no usable face on that side.
     """
     row, poses, loads = scenario.transport.row, scenario.poses, scenario.task.by_name
     heading = _heading(scenario)
@@ -65,13 +65,15 @@ def front_of_placed(scenario: Scenario, hands: Hands) -> tuple[FloatArray, str]:
     rears = [se2.compose(poses[last], way.entry) for (name, _), way in hands.ways.items() if name == last]
     off = [abs(float(se2.wrap_angle(rear[2] - heading))) for rear in rears]
     if not off or min(off) > ASKEW:
-        what = "no face there that may be pushed" if not off else f"it is turned by {math.degrees(min(off)):.1f} deg"
-        raise PlanningError(f"nothing can be pushed flush onto '{last}', which stands in the row: {what}")
+        what = (
+            "it has no allowed face on that side" if not off else f"it is turned by {math.degrees(min(off)):.1f} deg"
+        )
+        raise PlanningError(f"no object can be pushed flush onto '{last}', which stands in the row: {what}")
     return rears[int(np.argmin(off))], last
 
 
 def _heading(scenario: Scenario) -> float:
-    """Return the direction of a row of which some are placed, rad: towards the wall that they are nearest to."""
+    """Return the direction of a row with placed objects, rad: towards the wall nearest to them."""
     row = scenario.transport.row
     if row.pose is not None:
         return float(row.pose[2])
@@ -84,7 +86,7 @@ def _heading(scenario: Scenario) -> float:
 
 
 def _walls(scenario: Scenario) -> list[tuple[FloatArray, FloatArray, float]]:
-    """Return the lines on which a row's front may be at a wall: both ends (2,), and the heading towards it, rad."""
+    """Return the lines for a row's front along walls: both ends (2,) and the heading towards the wall, rad."""
     row, area = scenario.transport.row, scenario.workspace
     if row.wall is None or area is None:
         return []
@@ -103,7 +105,7 @@ def _walls(scenario: Scenario) -> list[tuple[FloatArray, FloatArray, float]]:
 
 
 def _lengths(names: tuple[str, ...], hands: Hands) -> set[float]:
-    """Return how long a row of all the objects may be, each pushed through a face straight in front of another."""
+    """Return the possible lengths of a row of all objects, each pushed through two opposite faces, m."""
     found = {0.0}
     for name in names:
         own = set()

@@ -1,4 +1,4 @@
-"""What may come next while a row is made, and what it costs: closes, deliveries and transits between nodes."""
+"""Steps of the search for a row and their costs: closes, deliveries and transits between nodes."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from pushplan.util.names import APPROACH, CLOSE, PUSH, RETREAT, TRANSIT
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """A node of the search: what the plate holds, and how it came about.
+    """A node of the search: the held objects and the moves that led to it.
 
     Attributes:
-        cost: Of all moves until here, m.
-        members: What is held.
-        plate: (3,) pose.
+        cost: Cost of all moves up to this node, m.
+        members: Held objects.
+        plate: (3,) pose of the plate.
         left: Names of the row's objects that were not taken yet.
-        delivered: Poses of those in the row.
-        front: (3,) where the next one that is delivered ends; None before a place was chosen.
-        place: Index of the row's place; -1 likewise.
-        last: Name of the object that was delivered last, "" before.
-        moves: Since the node before.
-        before: That one.
+        delivered: Poses of the objects in the row.
+        front: (3,) pose at which the next delivery ends; None before a place is chosen.
+        place: Index of the row's place; -1 before it is chosen.
+        last: Name of the last delivered object; "" before the first.
+        moves: Moves since the previous node.
+        before: The previous node.
     """
 
     cost: float
@@ -52,25 +52,25 @@ class Node:
 
     @cached_property
     def key(self) -> tuple[object, ...]:
-        """On what it depends what comes next, and what that costs."""
+        """The state that determines the possible next steps and their costs."""
         delivered = tuple((name, np.asarray(pose).tobytes()) for name, pose in self.delivered.items())
         return self.left, self.members, self.plate.tobytes(), delivered, self.place
 
     def way(self) -> tuple[Move, ...]:
-        """Return all moves until here."""
+        """Return all moves up to this node."""
         return (*(() if self.before is None else self.before.way()), *self.moves)
 
 
 @dataclass(frozen=True, eq=False)
 class Chance:
-    """A step that may be taken next: what it is assumed to cost, priced exactly when it is its turn.
+    """A possible next step with a bound of its cost. The exact cost is computed when it is needed.
 
     Attributes:
-        node: From which.
-        taken: The object that is closed onto or driven to, and its face; None where the row is complete.
-        delivers: The hand is brought to the row at first.
-        place: Index of the row's place, where it is delivered to.
-        by_way: The push leads through a pose in between.
+        node: Node at which the step begins; None for the first node.
+        taken: Object that is closed onto or driven to, and its face; None if the row is complete.
+        delivers: Whether the hand is first brought to the row.
+        place: Index of the row's place for the delivery.
+        by_way: Whether the push leads through an intermediate pose.
     """
 
     node: Node | None
@@ -81,14 +81,14 @@ class Chance:
 
 
 class Steps:
-    """The steps that lead from a node to others.
+    """Possible steps from one node to others.
 
     Args:
-        hands: What the plate may hold, with the margins to plan with.
-        floor: What stands in the room.
-        before: What is done first.
-        begin: Where that ends, the robot holding nothing; None for nothing, or what is placed in the row.
-        starts: Where the objects are then; None for where the scenario has them.
+        hands: Hands of the plate, with the margins to plan with.
+        floor: Collision scenes of the room.
+        before: Segments that are executed first.
+        begin: Node at the end of `before`, with nothing held; None for the scenario's start.
+        starts: Poses of the objects at `begin`; None for the scenario's poses.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class Steps:
         self._priced: dict[tuple[object, ...], tuple[Node, float] | None] = {}
 
     def _first(self) -> Node:
-        """Return the node in which nothing was done yet."""
+        """Return the node before any move."""
         row, front, last = self.row, None, ""
         if row.placed:
             front, last = front_of_placed(self.scenario, self.hands)
@@ -122,22 +122,22 @@ class Steps:
         place = 0 if row.placed else -1
         return Node(0.0, (), self.scenario.plate_start, left, delivered, front, place, last, (), None)
 
-    # --- what may come next ---
+    # --- possible next steps ---
 
     def first(self) -> Iterator[tuple[float, Chance]]:
-        """Yield which objects may be driven to at first, with bounds of what that costs."""
+        """Yield the possible first objects with lower bounds of the cost to drive to them."""
         for member in self.members:
             if member[0] in self.begin.left:
                 yield (self.begin.cost + self._least_drive(self.begin.plate, member), Chance(None, member, False))
 
     def _least_drive(self, plate: FloatArray, member: Member) -> float:
-        """Return what the robot's way to an object costs at least, m."""
+        """Return a lower bound of the cost to drive to an object, m."""
         before = se2.compose(self.entries[member], [-self.choice.approach, 0.0, 0.0])
         way = shortest_drives(self.floor.wheels, plate[None], before[None])[0, 0] + self.choice.approach
         return self.choice.transit_weight * float(way)
 
     def next(self, now: Node, closes: bool, delivers: bool) -> Iterator[tuple[float, Chance]]:
-        """Yield what may come after a node, with bounds of the cost until the end."""
+        """Yield the possible steps after a node with lower bounds of the cost up to their ends."""
         hand = self.hands.held(now.members)
         if closes:
             yield from self._closings(now, hand)
@@ -163,7 +163,7 @@ class Steps:
                 yield sofar + self._least_drive(back, member), Chance(now, member, True, place)
 
     def last(self, now: Node) -> Iterator[tuple[float, Chance]]:
-        """Yield how a hand that has all that is left may be brought to the row."""
+        """Yield the deliveries that bring the last hand to the row."""
         hand = self.hands.held(now.members)
         if self._stays(now):
             yield now.cost, Chance(now, None, True)
@@ -173,7 +173,7 @@ class Steps:
                 yield now.cost + cost, Chance(now, None, True, place)
 
     def _end_costs(self, now: Node, hand: Hand) -> Iterator[tuple[int, FloatArray, float]]:
-        """Yield places for the row, where the plate is with the hand there (3,), and what the push costs at least."""
+        """Yield places for the row, the plate pose (3,) with the hand there, and a lower bound of the push's cost."""
         for place, goal, onto in self._ends(now, hand):
             short = SHORT if onto else 0.0
             at = se2.compose(goal, [-short, 0.0, 0.0])
@@ -182,7 +182,7 @@ class Steps:
                 yield place, goal, cost
 
     def _stays(self, now: Node) -> bool:
-        """Tell whether the row may stand anywhere, and all of it is in hand."""
+        """Return whether the row can stand anywhere and the hand holds all of it."""
         return not self.places and not now.delivered
 
     def _word_costs(self, hand: Hand, start: FloatArray, goals: FloatArray) -> FloatArray:
@@ -191,12 +191,12 @@ class Steps:
         return np.asarray(costs[0])
 
     def _closed(self, hand: Hand, member: Member) -> FloatArray:
-        """Return the plate's pose (3,) with a hand flush at an object where that stands."""
+        """Return the plate pose (3,) with a hand flush against an object at its current place."""
         assert hand.across is not None
         return se2.compose(self.entries[member], se2.inverse(hand.across))
 
     def _ends(self, now: Node, hand: Hand) -> Iterator[tuple[int, FloatArray, str]]:
-        """Yield places for the row, where the plate is with the hand there (3,), and what it comes to touch."""
+        """Yield places for the row, the plate pose (3,) with the hand there, and the object that the hand touches."""
         if hand.across is None or not self._may_end(now):
             return
         if now.front is not None and hand.closes:
@@ -205,7 +205,7 @@ class Steps:
             yield k, se2.compose(place.front, se2.inverse(hand.across)), ""
 
     def _may_end(self, now: Node) -> bool:
-        """Tell whether a hand comes next in the row, counted from its front."""
+        """Return whether a hand is next in the row, counted from the front."""
         if self.row.order == "any":
             return True
         return now.members[-1][0] == self.row.of[len(self.row.of) - len(now.delivered) - 1]
@@ -216,22 +216,22 @@ class Steps:
         return self.row.of.index(ahead) == self.row.of.index(behind) + 1
 
     def _fills(self, place: int, goal: FloatArray) -> bool:
-        """Tell whether a row whose last part ends with the plate at a pose is as long as its place."""
+        """Return whether the row fits its place if the last delivery ends with the plate at a pose."""
         rear = self.places[place].rear
         return rear is None or max(se2.pose_error(rear, goal)) < AT_PLACE
 
     def estimate(self, now: Node) -> float:
-        """Return what a plan costs about that goes on from a node, m.
+        """Return the estimated cost of a plan through a node, m.
 
-        Once all is taken, what the last push costs where nothing is in the way; before, at least how far it is to the
-        nearest other one from each object that is left.
+        Once all objects are taken, it includes the cost of the last push without obstacles. Before, it includes the
+        distance from each remaining object to its nearest neighbour.
         """
         if not now.left:
             return min((bound for bound, _ in self.last(now)), default=math.inf) if now.members else now.cost
         return now.cost + self._between(now.left, now.plate)
 
     def _between(self, left: frozenset[str], plate: FloatArray) -> float:
-        """Return how far it is from each object that is left to the nearest other one, or to the plate, in all, m."""
+        """Return the sum of distances from each remaining object to its nearest neighbour or the plate, m."""
         points = [self.starts[name][:2] for name in sorted(left)]
         others = np.array([*points, plate[:2]])
         away = np.linalg.norm(others[:-1, None] - others[None], axis=2)
@@ -239,7 +239,7 @@ class Steps:
         return float(away.min(axis=1).sum())
 
     def least(self, bound: float, chance: Chance) -> float:
-        """Return the least estimate of a plan that goes on with a chance whose bound is known, m."""
+        """Return a low estimate of the cost of a plan that continues with a step, from the step's bound, m."""
         now, taken = chance.node or self.begin, chance.taken
         if taken is None or now.left == {taken[0]}:
             return bound
@@ -247,10 +247,10 @@ class Steps:
         plate = self.entries[taken] if hand is None else self._closed(hand, taken)
         return bound + self._between(now.left - {taken[0]}, plate)
 
-    # --- what it costs ---
+    # --- exact costs ---
 
     def priced(self, chance: Chance) -> Node | None:
-        """Return the node that a chance leads to, None where it is not possible."""
+        """Return the node after a step with its exact cost; None if the step is impossible."""
         now = chance.node
         if now is None:
             assert chance.taken is not None
@@ -258,7 +258,7 @@ class Steps:
         if not chance.delivers:
             assert chance.taken is not None
             if self.hands.hand((*now.members, chance.taken)) is None:
-                return None  # it may have turned out meanwhile that the contact does not surely close
+                return None  # a check since then has shown that the contact may not close
         key = (now.key, chance.taken, chance.delivers, chance.place, chance.by_way)
         if key not in self._priced:
             found = self._worked_out(now, chance)
@@ -279,7 +279,7 @@ class Steps:
         return None if delivered is None else self._next_taken(delivered, chance.taken)
 
     def _standing(self, left: frozenset[str], delivered: Poses, *without: str) -> dict[str, FloatArray]:
-        """Return all that rests: what is no part of the row, or not taken yet, and what was delivered."""
+        """Return the poses of all objects at rest: outside the row, not taken yet, or delivered."""
         row = set(self.row.of)
         return {
             name: np.asarray(delivered.get(name, pose))
@@ -288,14 +288,14 @@ class Steps:
         }
 
     def after(self, segments: Segments) -> Steps:
-        """Return the steps from where some segments lead, the robot holding nothing then."""
+        """Return the steps that begin after some segments, with nothing held."""
         end = segments[-1]
         cost = self.begin.cost + plan_cost(self.scenario, segments)
         begin = replace(self.begin, cost=cost, plate=end.path.end)
         return Steps(self.hands, self.floor, (*self.before, *segments), begin, end.after)
 
     def least_accessible(self) -> list[str]:
-        """Return the objects that are left, those with the fewest faces that the robot comes up to at once first."""
+        """Return the remaining objects, those with the fewest reachable faces first."""
         faces = dict.fromkeys(self.row.left, 0)
         for member in self.members:
             if member[0] in faces:
@@ -303,7 +303,7 @@ class Steps:
         return sorted(faces, key=lambda name: faces[name])
 
     def _next_taken(self, now: Node, member: Member) -> Node | None:
-        """Return the node in which the robot, which holds nothing, has driven to an object."""
+        """Return the node after the robot, holding nothing, has driven to an object; None if it cannot."""
         hand, name = self.hands.held((member,)), member[0]
         at, pose = self.entries[member], self.starts[name]
         others = self._standing(now.left, now.delivered, name)
@@ -345,7 +345,7 @@ class Steps:
         )
 
     def _delivery(self, now: Node, hand: Hand, place: int, by_way: bool) -> Node | None:
-        """Return the node in which a hand was left in the row, and the robot has backed off."""
+        """Return the node after a hand is left in the row and the robot has backed off; None if impossible."""
         goal, onto = next((goal, onto) for k, goal, onto in self._ends(now, hand) if k == place)
         short = SHORT if onto else 0.0
         at = se2.compose(goal, [-short, 0.0, 0.0])
@@ -361,7 +361,7 @@ class Steps:
         return self._backed_off(now, hand, goal, moves, push.cost + short, place)
 
     def _left_there(self, now: Node, hand: Hand) -> Node | None:
-        """Return the node in which a row that may stand anywhere was pushed flush and left."""
+        """Return the node after a row that can stand anywhere is pushed flush and left; None if impossible."""
         settle = hand.packed.settling * hand.packed.settle
         end = se2.compose(now.plate, settle)
         arcs = np.append(hand.packed.settling, hand.packed.settle)[None]
@@ -392,7 +392,7 @@ class Steps:
         )
 
     def _poses_in(self, members: tuple[Member, ...], plate: FloatArray) -> dict[str, FloatArray]:
-        """Return where members are with the plate at a pose (3,)."""
+        """Return the poses of members with the plate at a pose (3,)."""
         found, at = {}, plate
         for member in members:
             way = self.hands.ways[member]

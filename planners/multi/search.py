@@ -1,4 +1,4 @@
-"""The search for several pushes: poses that they may lead between, what it finds, and how plans get better."""
+"""Search for several pushes of one load: intermediate poses, results and the improvement of plans."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from pushplan.planners.problem import sampling_box
 from pushplan.util.arrays import BoolArray, FloatArray
 
 CROSSED = 100_000
-"""Pairs of pushes of which it is seen at once where they cross: some 10 ms, and 20 MB."""
+"""Pairs of pushes whose crossings are computed in one batch: about 10 ms and 20 MB."""
 
 
 def crossings(start: FloatArray, goals: FloatArray, modes: list[PackedMode]) -> Iterator[FloatArray]:
-    """Yield poses (k, 3) where a straight push from the start, or from a tight turn there, meets one into a goal."""
+    """Yield poses (k, 3) where a straight push from the start, or after a tight turn there, meets one to a goal."""
     directions = np.array([se2.rotate(mode.contact[2], mode.settling[:2]) for mode in modes])  # in the load's frame
     pairs, turned = [(start, goal) for goal in goals], []
     for mode in modes:
@@ -38,12 +38,12 @@ def crossings(start: FloatArray, goals: FloatArray, modes: list[PackedMode]) -> 
 
 
 def _straight_crossings(starts: FloatArray, ends: FloatArray, directions: FloatArray) -> FloatArray:
-    """Return where straight pushes in directions (m, 2) from poses (n, 3) meet others into poses (n, 3): (k, 3)."""
-    same = np.abs(se2.wrap_angle(ends[:, 2] - starts[:, 2])) <= 1e-9  # the heading stays
+    """Return poses (k, 3) where straight pushes in directions (m, 2) from n starts meet those to n ends."""
+    same = np.abs(se2.wrap_angle(ends[:, 2] - starts[:, 2])) <= 1e-9  # straight pushes keep the heading
     starts, away = starts[same], se2.relative(starts[same], ends[same])[:, None, None]
     first, last = directions[:, None], directions
     across = _cross(first, last)
-    across = np.where(np.abs(across) < 1e-6, np.inf, across)  # parallel ones meet nowhere
+    across = np.where(np.abs(across) < 1e-6, np.inf, across)  # parallel lines do not meet
     ahead, rest = _cross(away, last) / across, _cross(first, away) / across
     n, i, j = np.nonzero((ahead > 0.0) & (rest > 0.0))
     steps = ahead[n, i, j, None] * directions[i]
@@ -55,7 +55,7 @@ def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def _turned_to(pose: FloatArray, heading: float, mode: PackedMode, sense: float) -> Iterator[FloatArray]:
-    """Yield the poses to which the tightest turns, driven on or back, turn a load so that it has a heading."""
+    """Yield the poses where the tightest turns, forward or backward, bring a load to a heading."""
     for letter in (0, 2):
         twist = mode.families[0, letter]
         if twist[2] == 0.0:
@@ -66,21 +66,21 @@ def _turned_to(pose: FloatArray, heading: float, mode: PackedMode, sense: float)
 
 
 def _moved(pose: FloatArray, mode: PackedMode, twist: FloatArray, length: float) -> FloatArray:
-    """Return where a twist in the contact's frame, driven so far, brings the load (3,)."""
+    """Return the load pose (3,) after motion along a twist in the contact's frame over a length."""
     contact = se2.compose(se2.compose(pose, mode.contact), se2.exp(twist * length))
     return se2.compose(contact, se2.inverse(mode.contact))
 
 
 class Sampler:
-    """Draws poses of the load.
+    """Sampler of load poses.
 
     Args:
         room: Robot, load and contacts.
-        query: From where to where.
-        changes: (m, m) the least that changes of the contact cost, m.
-        firsts: (m,) whether a contact can be pushed at first.
-        lasts: (m, g) whether the robot can back off from it at a goal.
-        seed: Of the random numbers.
+        query: Start and goals.
+        changes: (m, m) lower bounds of the cost of contact changes, m.
+        firsts: (m,) whether a first push at each contact is possible.
+        lasts: (m, g) whether the robot can back off from each contact at each goal.
+        seed: Seed of the random numbers.
     """
 
     def __init__(
@@ -94,9 +94,9 @@ class Sampler:
         self._state = np.array([seed], dtype=np.uint64)
 
     def draw(self, count: int, best: PushSequence | None, over: Callable[[], bool]) -> FloatArray:
-        """Return poses (count or a few more, 3), most of them near the changes of a plan or where descents end.
+        """Return at least `count` poses (k, 3), mostly near contact changes of a plan or at the ends of descents.
 
-        There are fewer, one at least, where it is `over` before.
+        Return fewer, but at least one, if `over` returns true first.
         """
         found: list[FloatArray] = []
         if best is not None and len(best.steps) > 1:
@@ -107,7 +107,7 @@ class Sampler:
 
     def _some(self, best: PushSequence | None) -> list[FloatArray]:
         kind = self._random.random()
-        # 30 % near those of the best plan, 20 % where random pushes lead, 2 % uniform, others where descents end.
+        # 30 % near poses of the best plan, 20 % after random pushes, 2 % uniform, the rest at the ends of descents.
         if kind < 0.3 and best is not None and len(best.steps) > 1:
             return [self._near(best.steps[self._random.integers(len(best.steps) - 1)].after)]
         if kind < 0.5:
@@ -118,7 +118,7 @@ class Sampler:
         return self._descended(math.inf if best is None else best.cost)
 
     def _near(self, pose: FloatArray) -> FloatArray:
-        """A pose beside another."""
+        """Return a random pose near a pose."""
         scale = self._scale()
         step = self._random.normal(size=3) * [scale, scale, 2.0 * scale]
         if self._random.random() < 0.5:
@@ -126,11 +126,11 @@ class Sampler:
         return se2.compose(pose, step)
 
     def _scale(self) -> float:
-        """Scale of the moves of a pose, m, drawn evenly between orders of magnitude."""
+        """Return a random scale for moving a pose, m, log-uniformly distributed."""
         return math.exp(self._random.uniform(math.log(1e-3), math.log(0.5)))
 
     def _pushed(self) -> FloatArray:
-        """A pose that a random push leads to from the start, or from which one leads to a goal."""
+        """Return a pose at the end of a random push from the start, or at the beginning of one to a goal."""
         back = self._random.random() < 0.5
         goals = self._query.goals
         pose = goals[self._random.integers(len(goals))] if back else self._query.load
@@ -138,7 +138,7 @@ class Sampler:
         return pushed_at_random(self._modes[contact], pose, -1.0 if back else 1.0, self._state)
 
     def _descended(self, below: float) -> list[FloatArray]:
-        """The poses between pushes where one of 12 descents ends that costs less than `below`, or one at random."""
+        """Return the intermediate poses of a descent that ends below a cost, or a random pose after 12 attempts."""
         query = self._query
         for _ in range(12):
             poses = random_descent(
@@ -157,7 +157,7 @@ class Sampler:
         return [self._pushed()]
 
     def _polished(self, best: PushSequence) -> list[FloatArray]:
-        """The poses at which a plan changes the contact, after a descent from where they are."""
+        """Return the poses at which a plan changes the contact, improved by a descent."""
         poses = np.array([step.after for step in best.steps[:-1]])
         ends = np.stack([best.steps[0].before, best.steps[-1].after])
         sequence = np.array([step.contact for step in best.steps])
@@ -166,27 +166,26 @@ class Sampler:
 
 
 MOST_POSES = 160
-"""Where there are more, a graph begins anew, with the poses of the best plan."""
+"""Maximum number of poses in a graph. Beyond it, a new graph begins with the poses of the best plan."""
 
 CROSSINGS = 40
-"""So many of the poses where straight pushes cross are tried at first, of the `MOST_POSES` of which plans may cost
-least: each adds pushes to and from all others."""
+"""Number of the best crossings that are tried first. Each adds pushes to and from all other poses."""
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a search came to.
+    """Result of a search.
 
     Attributes:
-        best: The best plan, None without any.
-        lower_bound: Cost that no plan beats, m.
-        seconds: Until the first plan, None without any.
-        batches: Of poses, which `Limits.iterations` limits.
-        looked_at: Pushes and ways that were looked at.
-        arrives: The robot found a way to some contact at the start, or none was looked for.
-        begins: (m,) whether the robot has room to drive to each contact at the start.
+        best: Best plan; None if there is none.
+        lower_bound: Lower bound of any plan's cost, m.
+        seconds: Time to the first plan, s; None if there is none.
+        batches: Number of pose batches, limited by `Limits.iterations`.
+        looked_at: Number of pushes and transits checked.
+        arrives: Whether a transit to some contact at the start exists or was not yet ruled out.
+        begins: (m,) whether the robot has room to approach each contact at the start.
         leaves: (m,) whether the settling push of each contact is free at the start.
-        ends: (m, g) whether it has room to back off from each contact at each goal.
+        ends: (m, g) whether the robot has room to back off from each contact at each goal.
     """
 
     best: PushSequence | None
@@ -202,15 +201,15 @@ class Found:
 
 @dataclass(frozen=True)
 class Limits:
-    """When a search ends.
+    """Stopping conditions of a search.
 
     Attributes:
-        until: `time.perf_counter` at which it is over.
-        patience: The same while there is no plan.
-        first: The first plan is enough.
-        iterations: Batches of poses, at most.
-        gap: Share above the lower bound at which a plan is good enough.
-        stop: Asked whether to end at once.
+        until: Value of `time.perf_counter` at which the search stops.
+        patience: The value at which it stops if there is no plan.
+        first: Whether to stop at the first plan.
+        iterations: Maximum number of pose batches.
+        gap: Relative gap to the lower bound at which the search stops.
+        stop: Returns whether to stop at once.
     """
 
     until: float
@@ -221,7 +220,7 @@ class Limits:
     stop: Callable[[], bool] | None = None
 
     def over(self, batches: int, without_plan: bool = False) -> bool:
-        """Whether there is no more time."""
+        """Return whether the search must stop."""
         spent = self.iterations is not None and batches >= self.iterations
         until = min(self.until, self.patience) if without_plan else self.until
         return spent or time.perf_counter() >= until or (self.stop is not None and self.stop())
@@ -238,15 +237,15 @@ def search(
 
     Args:
         room: Robot, load and contacts.
-        query: From where to where.
-        limits: When to end.
-        seed: Of the random numbers.
+        query: Start and goals.
+        limits: Stopping conditions.
+        seed: Seed of the random numbers.
         improved: Called with every better plan and the batches so far.
     """
     began = time.perf_counter()
     modes = [contact.packed for contact in room.contacts]
     graph = Graph(room, query, seed, partial(limits.over, -1))
-    sampler: Sampler | None = None  # most first plans need none
+    sampler: Sampler | None = None  # most first plans need no sampler
     best: PushSequence | None = None
     first: float | None = None
     batches, waiting = 0, query.goals[:0]
@@ -290,6 +289,6 @@ def search(
 
 
 def _shortest_first(graph: Graph, poses: FloatArray) -> FloatArray:
-    """Return poses (k, 3), those first through which a plan may cost least."""
+    """Return poses (k, 3), sorted by the lower bound of the cost of a plan through them."""
     to, on = graph.lower_bounds(poses)
     return poses[np.argsort(to + on, kind="stable")]

@@ -1,9 +1,9 @@
-"""What bringing several bodies to their goals costs, one after the other: about, and soon.
+"""Quick estimates of the cost to bring several bodies to their goals in sequence.
 
-Each is brought there by a single push, round what never moves and round each other body alone, where that stands or
-at its goal; the robot drives the shortest way from one to the next, whatever is in the way. The cheapest tour from
-every end of a push through every set of bodies is known at once, by the recursion of Held and Karp (1962). That is no
-bound: several pushes can cost less than a single one.
+Each body is delivered by a single push. The push avoids fixed obstacles and, one at a time, each other body at its
+current place or at its goal. Transits between pushes are the shortest ones without obstacles. The recursion of Held
+and Karp (1962) gives the cheapest tour from every end of a push through every set of bodies. The estimate is no
+bound, because several pushes can cost less than a single one.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from pushplan.planners.problem import standing_in
 from pushplan.util.arrays import FloatArray
 
 MOST = 12
-"""Bodies in a tour. Each one more takes up to twice the time; 12 take 0.03 s, 8 0.013 s."""
+"""Maximum number of bodies in a tour. Each further body can double the time; 8 take 0.013 s, 12 take 0.03 s."""
 
 FEW = 8
-"""So many, the nearest ones, are in it where there are more than that: it is made anew then for each step."""
+"""Number of nearest bodies in a tour if there are more than `MOST`. It is then recomputed for each step."""
 
 HARD = 3.0
-"""A body can always be brought to a goal for so much more than its cheapest push alone costs, it is assumed, m."""
+"""Assumed maximum excess of a body's cost over that of its cheapest push alone, m."""
 
 
 class Rooms:
-    """The robot in the room with what is never moved, and with one other body in it, too.
+    """Scenes of the robot among the bodies that never move, with or without one other body.
 
     Args:
         pieces: All bodies.
-        now: Where everything is.
-        moved: Indices of the bodies that are moved; the rest stand.
+        now: Current situation.
+        moved: Indices of the bodies that move; the others stay.
     """
 
     def __init__(self, pieces: tuple[Piece, ...], now: Situation, moved: Iterable[int]) -> None:
@@ -49,9 +49,9 @@ class Rooms:
         self._known: dict[tuple[object, ...], Scene] = {}
 
     def robot(self, piece: int, other: int | None, pose: FloatArray | None = None) -> Scene:
-        """Return the room of a body, another one standing at a pose (3,); bodies that are alike share it."""
+        """Return the scene for pushing a body, with another body at a pose (3,) if given; twins share scenes."""
         room = self._pieces[piece].search.room(0)
-        key = (id(room.shortest), other, None if pose is None else pose.tobytes())  # which rooms of twins share
+        key = (id(room.shortest), other, None if pose is None else pose.tobytes())  # twins share `shortest`
         if key not in self._known:
             there = () if other is None or pose is None else self._pieces[other].obstacles(pose)
             standing = (*room.scenario.obstacles, *self._standing, *there)
@@ -61,13 +61,14 @@ class Rooms:
 
 @dataclass(frozen=True, eq=False)
 class Ends:
-    """Where the robot is before and after a body is pushed to a goal, and what that costs.
+    """Robot poses before and after the pushes of a body to its goals, and the costs of these pushes.
 
     Attributes:
-        entries: (m, 3) poses of its frame before the approach, by contact.
-        exits: (k, 3) poses of the plate after the retreat, each once.
-        costs: (n, 2, m, k) least costs of the pushes between them, with approach and retreat, m: each of the n bodies
-            that are moved alone being at its goal, or not brought away yet; none of them where it is this one.
+        entries: (m, 3) poses of the robot's frame before the approach, by contact.
+        exits: (k, 3) distinct poses of the plate after the retreat.
+        costs: (n, 2, m, k) least costs of the pushes from entries to exits, including approach and retreat, m. The
+            first index names the only other body, the second whether it is at its goal (0) or not yet moved (1).
+            Entries for the body itself have no other body.
     """
 
     entries: FloatArray
@@ -76,13 +77,13 @@ class Ends:
 
     @classmethod
     def of(cls, pieces: tuple[Piece, ...], now: Situation, piece: int, rooms: Rooms) -> Ends:
-        """Return them for a body.
+        """Return the ends of a body's pushes.
 
         Args:
-            pieces: All of them.
-            now: Where everything is.
-            piece: The body's index.
-            rooms: What it is pushed in.
+            pieces: All bodies.
+            now: Current situation.
+            piece: Index of the body.
+            rooms: Scenes for the pushes.
         """
         own, pose = pieces[piece], now.poses[piece]
         goals = np.array([goal.pose_chain for goal in own.goals])
@@ -118,12 +119,12 @@ class Ends:
 
 
 class Tours:
-    """The cheapest tours through bodies that are left.
+    """Cheapest tours through the remaining bodies.
 
     Args:
-        pieces: All of them.
-        now: Where everything is.
-        ends: Of the bodies that are left, by index.
+        pieces: All bodies.
+        now: Current situation.
+        ends: Ends of the remaining bodies' pushes, by index.
     """
 
     def __init__(self, pieces: tuple[Piece, ...], now: Situation, ends: dict[int, Ends]) -> None:
@@ -138,7 +139,7 @@ class Tours:
 
     @classmethod
     def of(cls, pieces: tuple[Piece, ...], now: Situation) -> Tours:
-        """Return those from where everything is."""
+        """Return the tours from a situation."""
         away = np.hypot(*(now.poses - now.plate)[:, :2].T)
         nearest = sorted(sorted(now.left), key=lambda piece: float(away[piece]))
         nearest = nearest if len(nearest) <= MOST else nearest[:FEW]
@@ -146,14 +147,14 @@ class Tours:
         return cls(pieces, now, {piece: Ends.of(pieces, now, piece, rooms) for piece in nearest})
 
     def lead_on_from(self, now: Situation) -> bool:
-        """Tell whether they are those of a situation, too: of what is left nothing was moved."""
+        """Return whether the tours also hold for a situation: no remaining body has moved."""
         if not self._whole:
             return now.left == self._left and np.array_equal(now.plate, self._plate)
         left = sorted(now.left)
         return now.left <= self._left and np.array_equal(now.poses[left], self._poses[left])
 
     def begun(self, plate: FloatArray, left: Iterable[int]) -> dict[int, float]:
-        """Return what a tour costs that begins with each of some bodies, the plate being at a pose (3,), m."""
+        """Return the cost of the cheapest tour that begins with each of some bodies, from a plate pose (3,), m."""
         left = frozenset(left) & frozenset(self._ends)
         among, found = sum(self._bit[piece] for piece in left), {}
         waits = np.array([bit & among > 0 for bit in self._bit.values()], dtype=int)
@@ -165,14 +166,14 @@ class Tours:
         return found
 
     def after(self, left: Iterable[int], plates: FloatArray) -> FloatArray:
-        """Return what tours cost through some bodies from ends of pushes, the plate's poses (k, 3): (k,), m."""
+        """Return the costs (k,) of tours through some bodies from plate poses (k, 3) at the ends of pushes, m."""
         among = sum(self._bit[piece] for piece in left if piece in self._bit)
         off = np.hypot(*np.moveaxis(plates[:, None, :2] - self._exits[:, :2], -1, 0))
         turned = np.abs(se2.wrap_angle(plates[:, None, 2] - self._exits[:, 2]))
         return np.asarray(self._cost_to_go[among, np.argmin(off + turned, axis=1)])
 
     def _drives(self, plates: FloatArray, piece: int) -> FloatArray:
-        """What the ways from poses (k, 3) of the plate to the entries of a body cost, (k, m), m."""
+        """Return the costs (k, m) of transits from plate poses (k, 3) to the entries of a body, m."""
         room = self._pieces[piece].search.room(0)
         starts = se2.compose(plates, se2.inverse(room.scenario.chain.pusher.plate_pose))
         weight = room.scenario.transport.transit_weight

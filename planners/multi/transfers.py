@@ -1,4 +1,4 @@
-"""One body of several is brought somewhere while the others stand."""
+"""Transfers: one of several bodies is pushed to a goal or out of the way while the others stay."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from pushplan.scenario.parts import PolygonObstacle
 from pushplan.util.arrays import FloatArray, frozen
 
 SAME = 1e-6
-"""Goals at which a body covers the same, but for so much, are one place, m."""
+"""Hausdorff distance below which a body covers the same area at two goals, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +33,9 @@ class Piece:
     """A body that can be pushed on its own.
 
     Attributes:
-        name: Of the object.
-        search: For several pushes of it, in the room without the other bodies.
-        goals: Any of which will do; none where it is moved only when it is in the way.
+        name: Name of the object.
+        search: Search for several pushes of it, in the room without the other bodies.
+        goals: Alternative goals; empty if it moves only when it obstructs.
     """
 
     name: str
@@ -44,11 +44,11 @@ class Piece:
     _placed: dict[bytes, tuple[PolygonObstacle, ...]] = field(default_factory=dict)
 
     def is_at_goal(self, pose: FloatArray) -> bool:
-        """Tell whether its frame (3,) is at one of its goals."""
+        """Return whether the pose (3,) of its frame is at one of its goals."""
         return any(goal.is_reached(pose) for goal in self.goals)
 
     def obstacles(self, pose: FloatArray) -> tuple[PolygonObstacle, ...]:
-        """Return its objects as what stands in the room, its frame being at a pose (3,); made once for each pose."""
+        """Return its objects as obstacles, with its frame at a pose (3,); cached by pose."""
         key = pose.tobytes()
         if key not in self._placed:
             objects = self.search.scenario.chain.objects
@@ -57,29 +57,29 @@ class Piece:
         return self._placed[key]
 
     def area(self, pose: FloatArray) -> BaseGeometry:
-        """Return what it covers, its frame being at a pose (3,)."""
+        """Return the area that it covers with its frame at a pose (3,)."""
         return shapely.multipolygons([obstacle.core for obstacle in self.obstacles(pose)])
 
     def pushed_straight(self, pose: FloatArray, distances: Iterable[float]) -> list[FloatArray]:
-        """Return where straight pushes by its contacts lead from a pose (3,), by one distance (m) after the other."""
+        """Return the poses that straight pushes reach from a pose (3,), for each distance (m) in turn."""
         contacts = [contact.packed for contact in self.search.room(0).contacts]
         ahead = np.unique([np.round(se2.rotate(one.contact[2], one.settling[:2]), 9) for one in contacts], axis=0)
         return [se2.compose(pose, [away * x, away * y, 0.0]) for away in distances for x, y in ahead]
 
     @cached_property
     def goal_areas(self) -> list[BaseGeometry]:
-        """What it covers at each of its goals."""
+        """Areas that it covers at each of its goals."""
         return [self.area(goal.pose_chain) for goal in self.goals]
 
     @cached_property
     def only_place(self) -> list[FloatArray]:
-        """One of its goals (3,) where it covers the same at all of them, else none."""
+        """One of its goals (3,) if it covers the same area at all of them, else empty."""
         away = shapely.hausdorff_distance(self.goal_areas[0], np.array(self.goal_areas))
         return [self.goals[0].pose_chain] if (away < SAME).all() else []
 
     @cached_property
     def beside(self) -> tuple[FloatArray, float]:
-        """How far (m, rad) it may end beside its goals, (2,), and what other goals keep from these then, m."""
+        """Usable tolerance (2,) (m, rad) at its goals, and the distance of other goals that it needs, m."""
         used = TOLERANCE_USED * np.min([(g.position_tolerance, g.angle_tolerance) for g in self.goals], axis=0)
         size = max(float(np.hypot(*corner)) for corner in self.search.scenario.chain.objects[0].outline)
         return used, self.search.scenario.clearance + 2.0 * float(used[0] + used[1] * size)
@@ -87,12 +87,12 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """Where everything is.
+    """Poses of the robot and all bodies, and the bodies still to deliver.
 
     Attributes:
         plate: (3,) pose of the plate frame in the world.
         poses: (n, 3) poses of the chain frames of the pieces.
-        left: Indices of the pieces that have to be brought to a goal yet.
+        left: Indices of the pieces still to be brought to a goal.
     """
 
     plate: FloatArray
@@ -106,16 +106,16 @@ class Situation:
 
 @dataclass(frozen=True, eq=False)
 class Transfer:
-    """One body is brought somewhere while the others stand.
+    """A plan that pushes one body to a goal or out of the way while the others stay.
 
     Attributes:
-        piece: Its index.
-        search: For it among the others, with this transfer's start, goals and place of the robot.
-        room: That was searched in.
-        best: The pushes and transits of its plan.
-        lower_bound: What no plan of the transfer, with what comes after it, costs less than, m.
-        looked_at: Pushes and transits that the search looked at.
-        delivers: It ends at a goal of the piece; else the piece was in the way.
+        piece: Index of the piece.
+        search: Search for it among the others, with this transfer's start, goals and robot pose.
+        room: Room of the search.
+        best: Pushes and transits of the plan.
+        lower_bound: Lower bound of the cost, cost to go included, m.
+        looked_at: Number of pushes and transits that the search checked.
+        delivers: Whether the plan ends at a goal of the piece; else the piece obstructed.
     """
 
     piece: int
@@ -128,22 +128,22 @@ class Transfer:
 
     @property
     def cost(self) -> float:
-        """Of its plan, m."""
+        """Cost of the plan, m."""
         return self.best.cost - self.best.cost_to_go
 
     @property
     def with_cost_to_go(self) -> float:
-        """Cost of its plan and, about, of what comes after it, m."""
+        """Cost of the plan plus the estimated cost to go, m."""
         return self.best.cost
 
     @property
     def beyond_bound(self) -> float:
-        """What its plan, with what comes after it, costs beyond what none costs less than, m."""
+        """Excess of the cost over the lower bound, cost to go included, m."""
         return self.with_cost_to_go - self.lower_bound
 
     @cached_property
     def end(self) -> FloatArray:
-        """(3,) where the piece is afterwards."""
+        """(3,) pose of the piece afterwards."""
         return self.best.steps[-1].after
 
     @property
@@ -154,12 +154,12 @@ class Transfer:
         return se2.compose(robot, self.search.scenario.chain.pusher.plate_pose)
 
     def segments(self, before: plans.Poses) -> Segments:
-        """Return its segments with all bodies where they are before it."""
+        """Return the segments of the plan, given the poses of all bodies before it."""
         return self.search.segments(self.room, self.best, before)
 
 
 def situation_after(pieces: tuple[Piece, ...], one: Transfer, before: Situation) -> Situation:
-    """Return where everything is after a transfer."""
+    """Return the situation after a transfer."""
     poses = np.array(before.poses)
     poses[one.piece] = one.end
     left = before.left - {one.piece}
@@ -179,18 +179,18 @@ def find_transfer(
     cost_to_go: Callable[[FloatArray], FloatArray] | None = None,
     level: int = 0,
 ) -> Transfer | None:
-    """Return a transfer of one piece to one of some goals, or to places out of the way; None where none was found.
+    """Return a transfer of one piece to one of several goals or places; None if none was found.
 
     Args:
-        pieces: All of them.
-        now: Where everything is.
-        piece: Which of them.
-        limits: When the search ends.
-        seed: Of the random numbers.
-        goals: Any of which will do.
-        delivers: They are goals of the piece.
-        cost_to_go: Returns what comes after it costs, m, (k,) for poses (k, 3) of the plate; None: nothing.
-        level: Of the margins, each lower than the one before.
+        pieces: All pieces.
+        now: Current situation.
+        piece: Index of the piece.
+        limits: Stopping conditions.
+        seed: Seed of the random numbers.
+        goals: Alternative goals.
+        delivers: Whether these are goals of the piece.
+        cost_to_go: Returns the cost (k,) after the transfer for plate poses (k, 3), m; None for zero.
+        level: Level of the margins; each is lower than the one before.
     """
     scenario = posed(pieces, now, piece, goals)
     try:
@@ -198,7 +198,7 @@ def find_transfer(
     except PlanningError:
         return None
     searching = pieces[piece].search
-    searching.room(level)  # kept with the piece: what does not depend on the others is made once
+    searching.room(level)  # cached in the piece, because it does not depend on the others
     searching = searching.with_obstacles(scenario)
     room = searching.room(level)
     within = _within(pieces, now, piece) if delivers else np.zeros(2)
@@ -213,7 +213,7 @@ def find_transfer(
 
 
 def posed(pieces: tuple[Piece, ...], now: Situation, piece: int, goals: tuple[Goal, ...]) -> Scenario:
-    """Return the problem of a piece with the others as obstacles where they are."""
+    """Return the problem of a piece, with the others as obstacles at their current poses."""
     own = pieces[piece].search.scenario
     others = (one for k, other in enumerate(pieces) if k != piece for one in other.obstacles(now.poses[k]))
     load = replace(own.load, start=now.poses[piece])
@@ -222,15 +222,15 @@ def posed(pieces: tuple[Piece, ...], now: Situation, piece: int, goals: tuple[Go
 
 
 def plates_after(room: PushRoom, goals: FloatArray) -> FloatArray:
-    """Return where the plate is after pushes by each contact to each of some goals (g, 3), (m g, 3)."""
+    """Return the plate poses (m g, 3) after pushes by each of m contacts to each of some goals (g, 3)."""
     modes, plate = [contact.packed for contact in room.contacts], room.scenario.chain.pusher.plate_pose
     return se2.compose(np.array([mode.robot_at(goal, mode.retreat) for mode in modes for goal in goals]), plate)
 
 
 def depths(pieces: tuple[Piece, ...]) -> list[int]:
-    """Return how many layers of pieces at their goals have to be taken away before the robot gets to each piece.
+    """Return for each piece the number of layers of other delivered pieces that block the robot's access.
 
-    A grid of goals is filled from its middle: 0 is for the goals that can be left to the end.
+    A grid of goals is filled from its middle. Depth 0 means that a goal can be filled last.
     """
     areas = [piece.goal_areas[0] if piece.goals else None for piece in pieces]
     in_the_way: list[list[set[int]]] = []
@@ -259,9 +259,9 @@ def depths(pieces: tuple[Piece, ...]) -> list[int]:
 
 
 def nudged_goals(pieces: tuple[Piece, ...], now: Situation, piece: int) -> tuple[Goal, ...]:
-    """Return poses beside the goals of a piece, within their tolerance, where others stand or shall stand close.
+    """Return poses beside a piece's goals, within tolerance, if other pieces or their goals are close to these.
 
-    A plate that is wider than the object touches the neighbours of an exact goal; a little short of it, it does not.
+    A plate wider than the object can touch the neighbours of an exact goal, but not a little short of it.
     """
     own = pieces[piece]
     used, room = own.beside
@@ -277,7 +277,7 @@ def nudged_goals(pieces: tuple[Piece, ...], now: Situation, piece: int) -> tuple
 
 
 def _within(pieces: tuple[Piece, ...], now: Situation, piece: int) -> FloatArray:
-    """Return how far (m, rad) a piece may end beside its goals; 0 where goals of others are close to these."""
+    """Return the distance (m, rad) from its goals at which a piece can end; 0 if goals of others are close."""
     own = pieces[piece]
     used, room = own.beside
     others = [area for k in sorted(now.left - {piece}) for area in pieces[k].goal_areas]

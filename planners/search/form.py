@@ -123,7 +123,7 @@ def leave_path(definition: Any, arcs: FloatArray, planner: str) -> None:
     """Make arcs (k, 4) from the start to the goal the only solution of a problem.
 
     Raises:
-        PlanningError: When a twist is not in the stable set.
+        PlanningError: If a twist is not in the stable set.
     """
     definition.clearSolutionPaths()
     definition.addSolutionPath(path_control(information_of(definition), arcs), False, 0.0, planner)
@@ -148,7 +148,7 @@ def arcs_to_goal(definition: Any) -> FloatArray:
     """Return the arcs (k, 4) of a problem's exact solution, and of the word that leads from its end to the goal.
 
     Raises:
-        PlanningError: When there is none, or it is not what it claims to be: free, and ending in the goal region.
+        PlanningError: If there is none, or it is not what it claims to be: free, and ending in the goal region.
     """
     session = information_of(definition).session
     if not definition.hasExactSolution():
@@ -311,7 +311,7 @@ def information_of(definition: Any) -> PushInformation:
     """Return the space information of a push problem's definition.
 
     Raises:
-        PlanningError: When it is that of another problem.
+        PlanningError: If it is that of another problem.
     """
     information = definition.getSpaceInformation()
     if not isinstance(information, PushInformation):

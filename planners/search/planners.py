@@ -365,7 +365,7 @@ def planner_named(planner: str | Factory) -> tuple[str, Factory]:
         planner: A name, `module:attribute`, or what makes an `ompl.base.Planner` from a space information.
 
     Raises:
-        PlanningError: When nothing is called so, or it cannot be called.
+        PlanningError: If nothing is called so, or it cannot be called.
     """
     found = (
         attribute_named(PLANNERS.get(planner, planner), PLANNER_NAMES.group) if isinstance(planner, str) else planner

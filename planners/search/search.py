@@ -55,8 +55,8 @@ class Search:
         The path is as it is in OMPL's form where a planner was needed to find it.
 
         Raises:
-            PlanningError: When the planner is none, or it leaves a path that is none.
-            ExtensionError: When a user's planner raises anything else.
+            PlanningError: If the planner is none, or it leaves a path that is none.
+            ExtensionError: If a user's planner raises anything else.
         """
         level = ou.getLogLevel()
         ou.setLogLevel(ou.LOG_NONE)  # reseeding prints an error that is none

@@ -50,7 +50,7 @@ class StopRule:
         return iterations / self.iterations
 
     def is_used_up(self, seconds: float, iterations: int, share: float = 1.0) -> bool:
-        """Tell whether a share of the iterations or of the time is spent, or all of the time, or `stop` says so."""
+        """Return whether a share of the iterations or of the time is spent, or all of the time, or `stop` says so."""
         if self.stop is not None and self.stop():
             return True
         if self.iterations is None:

@@ -133,7 +133,7 @@ def limits_of_arcs(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> l
     """Return `contact_limits_of` of arcs with twists (k, 3) and lengths (k,), as numbers for each.
 
     Raises:
-        TimingError: When a twist is so close to the boundary of the stable set that its arc would take `CREEP`
+        TimingError: If a twist is so close to the boundary of the stable set that its arc would take `CREEP`
             times as long.
     """
     found, able = contact_limits_of(twists, lengths, bounds)

@@ -297,7 +297,7 @@ def blend_path(
         below: Duration (s) from which on a blend need not be found; the exact trajectory may be returned instead.
 
     Raises:
-        TimingError: When an arc cannot be timed.
+        TimingError: If an arc cannot be timed.
     """
     exact = cache(lambda: time_path(path, bounds, rate))
     if not corners_of(path):
@@ -337,7 +337,7 @@ def time_segments(
         below: Duration (s) from which on a push need not be blended.
 
     Raises:
-        TimingError: When an arc cannot be timed within the limits.
+        TimingError: If an arc cannot be timed within the limits.
     """
     return tuple(_timed(scenario, segment, rate, stable_set, scene, below) for segment in segments)
 

@@ -100,7 +100,7 @@ def time_path(path: PushPath, bounds: Bounds, rate: float = SAMPLE_RATE) -> Traj
         rate: Samples per second of the trajectory.
 
     Raises:
-        TimingError: When an arc cannot be timed.
+        TimingError: If an arc cannot be timed.
     """
     durations: list[FloatArray] = [np.zeros(0)]
     coefficients: list[FloatArray] = [np.zeros((0, 3, 3))]

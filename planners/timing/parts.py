@@ -292,7 +292,7 @@ def fit_lengths(
         rows: Other conditions that the lengths have to meet: no less than their values.
 
     Raises:
-        NoFitError: When Newton's method does not get there.
+        NoFitError: If Newton's method does not get there.
     """
     effects = effects_on(path.end, path)
     best, least = lengths, np.inf
@@ -316,7 +316,7 @@ def _change(
     """The change of the lengths, small in relation to them, that takes away the error and what is missing.
 
     Raises:
-        NoFitError: When what is missing cannot be had without a negative length.
+        NoFitError: If what is missing cannot be had without a negative length.
     """
     kept = np.eye(len(lengths))
     share = least_change(
@@ -378,7 +378,7 @@ def fitted(
     """Widen steps to meet the limits, and fit lengths (k,) that end on the goal (3,), in turn.
 
     Raises:
-        NoFitError: When no lengths lead there and meet the conditions.
+        NoFitError: If no lengths lead there and meet the conditions.
     """
     lengths = path.lengths
     for _ in range(FITS):

@@ -54,7 +54,7 @@ def rest_to_rest(length: float, limits: ArcLimits) -> Profile:
     """Return the time-optimal profile over `length`, starting and ending at rest.
 
     Raises:
-        TimingError: When Ruckig finds no profile.
+        TimingError: If Ruckig finds no profile.
     """
     (found,) = _over_lengths([length], [limits])
     profile = found.profiles[0][0]
@@ -70,7 +70,7 @@ def times_from_rest_to_rest(lengths: FloatArray, limits: ArcLimits) -> FloatArra
         (k, 2) the whole time, and that of it at full speed: 0 where the length is too short to reach it.
 
     Raises:
-        TimingError: When Ruckig finds no profile.
+        TimingError: If Ruckig finds no profile.
     """
     each = zip(*(bound.tolist() for bound in limits), strict=True)
     times = [(found.duration, found.profiles[0][0].t[3]) for found in _over_lengths(lengths.tolist(), each)]
@@ -103,7 +103,7 @@ def step_windows(bounds: FloatArray) -> FloatArray:
         (m, 2) windows long and short, s; zero where there is no step.
 
     Raises:
-        TimingError: When Ruckig finds no step.
+        TimingError: If Ruckig finds no step.
     """
     request, found, solver = ruckig.InputParameter(1), ruckig.Trajectory(1), ruckig.Ruckig(1)
     request.control_interface = ruckig.ControlInterface.Velocity
