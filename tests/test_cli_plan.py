@@ -48,6 +48,8 @@ def test_plan_prints_one_json_object_whose_numbers_fit_together(planned: Mapping
     assert (found["planner"], found["set"], found["seed"]) == settings
     assert 0.0 < found["first_solution_s"] <= found["planning_s"]
     assert sum(arc["length"] for arc in found["arcs"]) == pytest.approx(found["path_cost"])
+    assert found["format"] == "pushplan-plan/2"
+    assert [key for key, value in found.items() if value == found["path_cost"]] == ["path_cost"]
     assert np.allclose(cost_rate([arc["twist"] for arc in found["arcs"]]), 1.0)
     assert 0.0 <= found["goal_error"]["position"] <= 1e-6
     assert 0.0 <= found["goal_error"]["angle"] <= 1e-6

@@ -16,7 +16,7 @@ from pushplan.cli.console import Console, counted, span_text
 if TYPE_CHECKING:
     from pushplan.logging.runs import RunEntry
 
-_HEAD = ("", "outcome", "scenario", "planner", "set", "seed", "cost", "age", "size")
+_HEAD = ("", "outcome", "scenario", "planner", "set", "seed", "path cost", "age", "size")
 
 
 @p.command

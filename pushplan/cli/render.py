@@ -15,6 +15,7 @@ from pushplan.cli.main import DONE, MISMATCH, NO_PLAN
 from pushplan.errors import OutputError
 from pushplan.plans.execution import inertia_warning
 from pushplan.plans.run import segments_of
+from pushplan.util.names import CLOSE, PUSH
 
 if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
@@ -61,11 +62,11 @@ def plan_rows(document: Mapping[str, Any], remarks: Mapping[str, str]) -> Rows:
         found.append(("nearest path", f"{near['path_cost']:.3f} m long, {off}"))
     if len(document["segments"]) > 1:
         found += [(f"{k}. {one['kind']}", _segment_text(one)) for k, one in enumerate(document["segments"], start=1)]
-    if document["cost"] is not None:
-        found.append(("cost", _cost_text(document)))
+    if document["path_cost"] is not None:
+        found.append(("path cost", _cost_text(document)))
         if document["gap"] is not None and document["gap"] < _TELLING_GAP:
-            of = " of the duration" if document["objective"] == "time" else ""
-            found.append(("optimality gap", f"<= {100.0 * document['gap']:.3g} %{of}"))
+            of = "duration" if document["objective"] == "time" else "path cost"
+            found.append(("optimality gap", f"<= {100.0 * document['gap']:.3g} % of the {of}"))
     if document["duration_s"] is not None:
         found.append(("duration", f"{document['duration_s']:.2f} s"))
     first = document["first_solution_s"]
@@ -91,11 +92,15 @@ def plan_rows(document: Mapping[str, Any], remarks: Mapping[str, str]) -> Rows:
 
 
 def _cost_text(document: Mapping[str, Any]) -> str:
-    pushes = sum(segment["kind"] == "push" for segment in document["segments"])
     if len(document["segments"]) < 2:
-        return f"{document['cost']:.3f} m in {counted(len(document['arcs']), 'arc')}"
-    pushed = f"{document['pushed_distance']:.3f} m pushed in {counted(pushes, 'push', 'pushes')}"
-    return f"{document['cost']:.3f} m: {pushed}, the rest for transits and changes of the contact"
+        return f"{document['path_cost']:.3f} m in {counted(len(document['arcs']), 'arc')}"
+    pushing = [segment for segment in document["segments"] if segment["kind"] in (PUSH, CLOSE)]
+    pushed = sum(arc["length"] for segment in pushing for arc in segment["arcs"])
+    pushes = counted(sum(segment["kind"] == PUSH for segment in pushing), "push", "pushes")
+    return (
+        f"{document['path_cost']:.3f} m: {pushed:.3f} m pushed in {pushes}, the rest for transits and changes of the "
+        "contact"
+    )
 
 
 def _segment_text(segment: Mapping[str, Any]) -> str:
@@ -111,7 +116,7 @@ def _segment_text(segment: Mapping[str, Any]) -> str:
         text += f" {1e3 * segment['offset']:+.3g} mm"
     if segment["max_force"] is not None:
         text += f"  {segment['max_force']:.3g} N"
-    if segment["kind"] != "push":
+    if segment["kind"] != PUSH:
         return text
     places = []
     for x, y, theta in (segment["object_before"], segment["object_after"]):

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from pushplan.plans.robustness import Robustness
     from pushplan.scenario.model import Scenario
 
+PLAN_FORMAT = "pushplan-plan/2"
+"""Format of the JSON document of a plan."""
+
 T = TypeVar("T")
 
 
@@ -326,7 +329,6 @@ class Plan:
         """Return the numbers of the plan by name, in SI units, as JSON and the terminal show them."""
         execution = self.execution
         error = (None, None) if execution is None else execution.goal_error
-        travel = sum(segment.path.cost for segment in self.segments) if self.segments else None
         return {
             "solved": self.solved,
             "reason": self.reason,
@@ -337,12 +339,9 @@ class Plan:
             "first_solution_s": self.first_solution_s,
             "planning_s": self.planning_s,
             "iterations": self.iterations,
-            "cost": self.cost,
-            "path_cost": self.path.cost if self.path is not None else travel,
+            "path_cost": self.cost,
             "lower_bound": self.lower_bound,
             "gap": self.gap,
-            "pushed_distance": self.pushed_distance,
-            "travel": travel,
             "pushes": len(self.pushes),
             "arcs": sum(len(segment.path.lengths) for segment in self.pushes),
             "duration_s": self.duration,
@@ -364,6 +363,7 @@ class Plan:
         loss = None if self.execution is None else self.execution.loss
         robustness = self.robustness
         return {
+            "format": PLAN_FORMAT,
             "scenario": self.scenario.name,
             **numbers,
             "diagnosis": [vars(found) for found in self.diagnosis],
