@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import math
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator
 
 from pushplan.bench.outcome import OK
-from pushplan.bench.results import Results
+from pushplan.bench.results import MISSING, Results
 from pushplan.bench.statistics import percentiles
 from pushplan.drawing.figure import axes_at, figure_for
 from pushplan.drawing.palette import FAINT
@@ -33,37 +32,45 @@ LEAST_SOLVED = 0.5
 """Share of runs that must have a path before costs over time are drawn: of fewer, the median would mislead."""
 
 
-def plots_of(results: Results) -> list[tuple[str, str]]:
-    """Return titles and images (data URIs) of the plots; none where no run is valid."""
+def plots_of(results: Results, folder: Path) -> list[tuple[str, str, str]]:
+    """Write the plots as SVG and PDF, for papers; none if no run is valid.
+
+    Args:
+        results: Results to plot.
+        folder: Existing folder of the files.
+
+    Returns:
+        Title, file name without suffix, and image as data URI of each plot.
+    """
     if not (results.runs.outcome == OK).any():
         return []
     width, height = 5.2, 3.3
     bottom, right, top = 0.5, 0.15, 0.3
     plots = []
-    for title, left, draw in (
-        ("Success", 0.62, _draw_success),
-        ("Cost: median and quartiles", 0.62, _draw_cost),
-        ("First path: quartiles, 5 to 95 %, runs", 1.2, _draw_first),  # twelve letters fit, however wide
-        ("Margin against cost", 0.62, _draw_margins),
+    for name, title, left, draw in (
+        ("success", "Success", 0.62, _draw_success),
+        ("cost", "Cost: median and quartiles", 0.62, _draw_cost),
+        ("first-path", "First path: quartiles, 5 to 95 %, runs", 1.2, _draw_first),  # for twelve wide letters
+        ("margin", "Margin against cost", 0.62, _draw_margins),
     ):
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "plot.svg"
+        for path in (folder / f"{name}.pdf", folder / f"{name}.svg"):
             with figure_for(path, width, height) as figure:
                 axes = axes_at(figure, left, bottom, width - left - right, height - bottom - top)
                 axes.set_title(title, loc="left")
                 axes.grid(color=FAINT, alpha=0.25, linewidth=0.5)
                 draw(axes, results)
                 if axes.get_legend_handles_labels()[0]:
-                    axes.legend(loc="best", frameon=True)  # its markers are no points of the plot
-            plots.append((title, data_uri(path.read_bytes(), "svg+xml")))
+                    axes.legend(loc="best", frameon=True)  # a frame sets its markers apart from the plot's points
+        plots.append((title, name, data_uri(path.read_bytes(), "svg+xml")))
     return plots
 
 
 def _coloured(results: Results) -> Iterator[tuple[str, str, pd.DataFrame, pd.DataFrame]]:
-    """Yield the name of each planner, its colour, its runs, and those of them that are valid."""
+    """Yield the name of each planner, its colour, its runs and its valid runs, for planners with results."""
     for i, planner in enumerate(results.planners):
         runs = results.of(planner)
-        yield planner, COLOURS[i % len(COLOURS)], runs, runs[runs.outcome == OK]
+        if (runs.outcome != MISSING).any():
+            yield planner, COLOURS[i % len(COLOURS)], runs, runs[runs.outcome == OK]
 
 
 def _span(results: Results) -> tuple[float, float]:

@@ -26,6 +26,9 @@ from pushplan.util.files import write_whole
 
 NOTHING = "–"
 
+FIGURES = "figures"
+"""Folder of the plots, beside the report."""
+
 MOST_PICTURES = 6
 
 _NUMBER = re.compile(rf"[+-]?\d|< \d|× [\d{NOTHING}]|{NOTHING}")
@@ -40,10 +43,11 @@ def write_report(results: Results, path: Path, with_pictures: bool = True) -> No
         path: HTML file to write, in the folder of the results, so that its links lead to the logs.
         with_pictures: Draw the runs most worth a look, which takes about a second each.
     """
-    write_whole(path, render(results, with_pictures).encode())
+    (path.parent / FIGURES).mkdir(exist_ok=True)
+    write_whole(path, render(results, path.parent / FIGURES, with_pictures).encode())
 
 
-def render(results: Results, with_pictures: bool = True) -> str:
+def render(results: Results, figures: Path, with_pictures: bool = True) -> str:
     """Return the report as HTML."""
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, undefined=jinja2.StrictUndefined)
     template = environment.from_string((files("pushplan.bench") / "report.html.jinja").read_text("utf-8"))
@@ -56,7 +60,8 @@ def render(results: Results, with_pictures: bool = True) -> str:
         counts=results.runs.outcome.value_counts(sort=False).to_dict(),
         planners=by_planner(results),
         outcomes=outcomes(results),
-        plots=plots_of(results),
+        plots=plots_of(results, figures),
+        figures=figures.name,
         comparisons=comparisons(results),
         spread=spread(results),
         problems=by_problem(results),
@@ -245,6 +250,8 @@ def spread(results: Results) -> Table:
         if not any(len(values) for values in known.values()):
             continue
         for planner, values in known.items():
+            if values.empty:
+                continue
             shares = percentiles(values.to_numpy(), which)
             rows.append([label, planner, str(len(values)), *map(show, shares)])
     return Table(["", "planner", "runs", *(f"{p} %" for p in which)], rows, note="Runs with a valid path.")

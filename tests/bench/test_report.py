@@ -143,9 +143,12 @@ def test_costs_over_time_begin_when_half_of_the_runs_have_a_path(tmp_path: Path)
 
 def test_the_page_holds_all_it_shows_and_marks_what_is_invalid(tmp_path: Path) -> None:
     results = make(tmp_path)
-    text = render(results)
+    (tmp_path / "figures").mkdir()
+    text = render(results, tmp_path / "figures")
     addresses = re.findall(r'(?:src|href)="(.*?)"', text)
-    assert all(a.startswith(("data:image/", "logs/")) for a in addresses)
+    assert all(a.startswith(("data:image/", "logs/", "figures/", "#")) for a in addresses)
+    assert all((tmp_path / a).stat().st_size > 1000 for a in addresses if a.startswith("figures/"))
+    assert {a[1:] for a in addresses if a.startswith("#")} == set(re.findall(r'<h2 id="(.*?)"', text))
     assert sum(a.startswith("data:image/svg+xml") for a in addresses) == 4
     assert "http" not in re.sub(r"data:image/[^\"]*", "", text)
     assert '<span class="wrong">1 invalid</span>' in text
@@ -236,7 +239,7 @@ def test_nothing_overlaps_or_spills(tmp_path: Path) -> None:
     with chromium(tmp_path) as browser:
         for width, dark in SCREENS:
             show(browser, tmp_path / "report.html", width, dark)
-            assert_tidy(browser, "h1, h2, body > p, .scroll, .note, .plots img, figure, pre", width)
+            assert_tidy(browser, "h1, h2, body > p, .scroll, .note, .plots img, figcaption, pre", width)
             ground = browser.evaluate("getComputedStyle(document.body).backgroundColor")
             assert ground == ("rgb(23, 25, 28)" if dark else "rgb(255, 255, 255)")
 
