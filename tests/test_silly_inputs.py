@@ -111,7 +111,7 @@ def test_a_controller_stands_while_time_is_none(now: Any) -> None:
     if not isinstance(now, float):
         return
     assert controller.over
-    assert controller.reason == "the times of steps cannot be"
+    assert controller.reason == "the times of the steps are invalid"
 
 
 @pytest.mark.parametrize(("key", "value"), FOLLOWER, ids=name)

@@ -1,1 +1,1 @@
-"""Closed loop: watch the objects, plan again from where they are, close contacts, or give up with a reason."""
+"""Closed loop: observe the objects, replan from their measured poses, close contacts, or give up with a reason."""

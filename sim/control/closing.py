@@ -1,7 +1,7 @@
-"""What contacts are like where objects were measured, and short pushes that close those that are open.
+"""Gaps of contacts at measured poses, and short pushes that close open contacts.
 
-Pushes are chosen with the simulator, and proven by it over what is not known. With one of them the plate comes up to
-a load: straight ahead until the contact that closes tells where the plate is.
+The simulator selects the pushes and tests them in samples of the uncertainty. A straight push of this kind ends each
+approach: the contact that closes reveals the pose of the plate.
 """
 
 from __future__ import annotations
@@ -19,38 +19,38 @@ from pushplan.slip.world import World
 from pushplan.util.arrays import BoolArray, FloatArray
 
 LONGEST = 0.05
-"""Longest push that is tried, m."""
+"""Longest tried push, m."""
 STEP = 1e-3
 """Length of a simulated step, m."""
 RESERVE = 2e-3
-"""How much farther is pushed than it takes, m."""
+"""Extra length of a push beyond its simulated length, m."""
 GAP, ANGLE = 2e-4, 1e-3
-"""Gap (m) and turn (rad) up to which a simulated contact is closed."""
+"""Largest gap (m) and turn (rad) of a closed simulated contact."""
 PROOFS = 6
-"""Worlds that a push is proven in, beside the one that is believed."""
+"""Number of samples in which a push is tested, beside the nominal world."""
 MOST = 3
-"""Pushes in a row that may fail to close contacts."""
+"""Largest number of successive pushes that fail to close contacts."""
 BEST = 3
-"""Pushes that are proven, shortest first, until one is."""
+"""Largest number of pushes that are tested, shortest first."""
 ASIDE = (1e-3, np.radians(0.3))
-"""By how much (m, rad) the plate has to have met a load aside so that another approach may do better."""
+"""Smallest error (m, rad) of the plate at a load for which another approach can do better."""
 FOUND = 3.0
-"""A contact that is found by approach is off where it is believed to be by so many times what is likely, at most."""
+"""Largest error of the plate at an approach, in standard deviations of `approach_error`."""
 MET = 0.25
-"""Share of the straight push by which the plate has to have moved a load that it has met: 5 of 20 mm make boxes flush
-that are 15 cm wide and turned by 2 deg."""
+"""Smallest share of the straight push by which the plate moves a load that it has met. 5 of 20 mm make a box flush
+that is 15 cm wide and turned by 2 deg."""
 TRIES = 3
-"""Straight pushes in search of a load, at most."""
+"""Largest number of straight pushes in search of a load."""
 
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """What contacts are like against those of a chain.
+    """Differences between measured contacts and those of a chain.
 
     Attributes:
-        slide: (..., n) how far the middle of each segment has slid on the pushing body, m; to the left is positive.
-        opening: (..., n) the wider of the gaps at the two ends, m.
-        rotation: (..., n) turn of the pushed against the pushing body, rad.
+        slide: Slide of the midpoint of each segment on the pushing body, m, left positive, (..., n).
+        opening: The wider of the gaps at the two ends, m, (..., n).
+        rotation: Rotation of the pushed relative to the pushing body, rad, (..., n).
     """
 
     slide: FloatArray
@@ -58,13 +58,13 @@ class Contacts:
     rotation: FloatArray
 
     def flush(self, gap: float, angle: float) -> BoolArray:
-        """Return whether all contacts are closed, to a gap (m) and an angle (rad)."""
+        """Return whether all contacts are closed within a gap (m) and an angle (rad)."""
         closed = (self.opening <= gap) & (np.abs(self.rotation) <= angle)
         return np.asarray(closed.all(axis=-1))
 
 
 def contacts_at(chain: Chain, places: FloatArray) -> Contacts:
-    """Return what the contacts are like with the objects at poses (..., n, 3) in the chain frame."""
+    """Return the contacts of a chain with its objects at poses (..., n, 3) in the chain frame."""
     many = places.reshape(-1, len(chain.objects), 3)
     motions = compose(many, inverse(chain.places))
     plate = np.zeros((len(many), 1, 3))
@@ -77,8 +77,8 @@ class ClosingPush:
     """A push along one twist.
 
     Attributes:
-        twist: (3,) body twist scaled to a cost rate of 1.
-        length: m of path cost.
+        twist: Body twist scaled to a cost rate of 1, (3,).
+        length: Length, m of path cost.
     """
 
     twist: FloatArray
@@ -86,11 +86,11 @@ class ClosingPush:
 
 
 class Closings:
-    """Pushes in a row that close contacts.
+    """Successive pushes that close contacts.
 
     Args:
-        world: As it is believed to be, its chain with all contacts closed.
-        settings: See there.
+        world: Nominal world; all contacts of its chain are closed.
+        settings: Settings of the controller.
     """
 
     def __init__(self, world: World, settings: ControlSettings) -> None:
@@ -98,22 +98,22 @@ class Closings:
         self.restart()
 
     def restart(self) -> None:
-        """Take contacts for closed."""
+        """Assume closed contacts and reset the count of pushes."""
         self._count = 0
         self._before: Contacts | None = None
 
     def next(
         self, plate: FloatArray, object_poses: FloatArray, twists: FloatArray, noise: FloatArray
     ) -> ClosingPush | str:
-        """Return the shortest push that closes every contact, if possible in all worlds that are tried.
+        """Return the shortest push that closes every contact, if possible in all samples.
 
-        Or why none does.
+        If none closes them, return the reason.
 
         Args:
-            plate: (3,) pose of the chain frame in the world.
-            object_poses: (n, 3) where the objects are, the mean of a look.
-            twists: (k, 3) that the pusher can make and that hold the closed chain, scaled to a cost rate of 1.
-            noise: (2,) standard deviations of measurements, m and rad.
+            plate: Pose of the chain frame in the world, (3,).
+            object_poses: Mean measured poses of the objects, (n, 3).
+            twists: Twists of the pusher that are stable for the closed chain, scaled to a cost rate of 1, (k, 3).
+            noise: Standard deviations of measurements, m and rad, (2,).
         """
         if self._count >= MOST:
             return f"{MOST} pushes did not close the contacts"
@@ -130,13 +130,13 @@ class Closings:
         if not found:
             return f"no push of up to {1e3 * LONGEST:.0f} mm closes the contacts"
         self._count += 1
-        # What closes them only if all is as believed is tried where nothing else does: then it is looked at again.
+        # A push that closes them only in the nominal world is the last resort; its result is measured again.
         return min(found, key=lambda one: (one[0], one[1].length))[1]
 
     def _in_other_worlds(
         self, plate: FloatArray, object_poses: FloatArray, twist: FloatArray, noise: FloatArray
     ) -> list[float]:
-        """Return after what length a push closes the contacts in each of the worlds that it is proven in."""
+        """Return the length after which a push closes the contacts, for each sample up to the first failure."""
         random, found = np.random.default_rng(1), []
         spread = (noise / np.sqrt(self._settings.looks))[[0, 0, 1]]
         for _ in range(PROOFS):
@@ -149,7 +149,7 @@ class Closings:
         return found
 
     def change_nothing(self, contacts: Contacts, gap: float, turn: float) -> bool:
-        """Tell whether contacts are as open, to a gap (m) and a turn (rad), as they were before the last push."""
+        """Return whether contacts are as open as before the last push, within a gap (m) and a turn (rad)."""
         before, self._before = self._before, contacts
         if before is None or self._count == 0:
             return False
@@ -158,7 +158,7 @@ class Closings:
 
 
 def _closes_after(simulator: SlipSimulator, plate: FloatArray, object_poses: FloatArray, twist: FloatArray) -> float:
-    """Return the length (m of path cost) after which all contacts are closed and stay so; infinite if none is."""
+    """Return the length (m of path cost) after which all contacts stay closed; infinite if they do not."""
     count = round(LONGEST / STEP)
     simulator.place(object_poses, plate)
     trace = simulator.follow(np.tile(twist * STEP, (count, 1)))
@@ -174,14 +174,14 @@ def _closes_after(simulator: SlipSimulator, plate: FloatArray, object_poses: Flo
 
 
 def shift_at_contact(chain: Chain, plate: FloatArray, object_poses: FloatArray) -> FloatArray:
-    """Return by what body motion (3,) the plate is off if the first object that it pushes is flush.
+    """Return the pose error of the plate as a body motion (3,), given that its first object is flush.
 
-    Along the contact, where that cannot be told, the plate is where it is believed to be.
+    The error along the contact is unknown and set to 0.
 
     Args:
-        chain: With all contacts closed.
-        plate: (3,) pose of the chain frame in the world, as believed.
-        object_poses: (n, 3) as measured.
+        chain: Chain with all contacts closed.
+        plate: Believed pose of the chain frame in the world, (3,).
+        object_poses: Measured poses of the objects, (n, 3).
     """
     k = chain.first_pushed
     contact = chain.contacts[k]
@@ -193,17 +193,17 @@ def shift_at_contact(chain: Chain, plate: FloatArray, object_poses: FloatArray) 
 
 
 class Touch:
-    """The straight push with which the plate comes up to a load.
+    """Straight push that brings the plate into contact with a load.
 
     Args:
-        chain: The load.
-        length: Of the push, m; 0 where the plate is in contact.
-        straight: The load is in contact, and closes onto an object by that push.
-        settings: See there.
+        chain: Chain of the load.
+        length: Length of the push, m; 0 if the plate is in contact.
+        straight: Whether the load is already in contact, and the push closes it onto an object.
+        settings: Settings of the controller.
 
     Attributes:
-        length: Of the next straight push, m.
-        over: Whether the load was met, and tells where the plate is.
+        length: Length of the next straight push, m.
+        over: Whether the plate has met the load.
     """
 
     def __init__(self, chain: Chain, length: float, straight: bool, settings: ControlSettings) -> None:
@@ -214,20 +214,19 @@ class Touch:
 
     @property
     def aside(self) -> bool:
-        """Whether the plate was elsewhere than believed, so that another approach may do better."""
+        """Whether the pose error of the plate was so large that another approach can do better."""
         return self._off[0] > ASIDE[0] or self._off[1] > ASIDE[1]
 
     def told(self, plate: FloatArray, object_poses: FloatArray, sure: bool = False) -> tuple[FloatArray, str] | None:
-        """Return by what body motion (3,) the plate is off where it is believed to be, and words for that.
+        """Return the pose error of the plate as a body motion (3,), and a text about it.
 
-        The first object that the plate pushes, at rest after the push, is taken for flush; along it, what was
-        believed holds. Bodies do not overlap: one that stands where the plate is believed to be was not moved as far
-        as that has gone. Where it was hardly moved, the push is `over` only after another one.
+        The first pushed object, at rest after the push, is assumed to be flush; see `shift_at_contact`. If the push
+        has hardly moved it, another push follows before `over`.
 
         Args:
-            plate: (3,) pose of the chain frame in the world, as believed.
-            object_poses: (n, 3) as measured.
-            sure: Whether the object is flush for sure. None is returned where it is not, and far ahead of the plate.
+            plate: Believed pose of the chain frame in the world, (3,).
+            object_poses: Measured poses of the objects, (n, 3).
+            sure: Whether the object is certainly flush. Otherwise an implausible error returns None.
         """
         shift = shift_at_contact(self._chain, plate, object_poses)
         first, behind = self._chain.objects[self._chain.first_pushed].name, -float(shift[0])
@@ -241,4 +240,4 @@ class Touch:
         if not sure and (far > self._most[0] or off[1] > self._most[1]):
             return None
         self._off = off
-        return shift, f"{first} tells that the plate is {words(*off)} off"
+        return shift, f"{first} shows that the plate is {words(*off)} off"

@@ -1,10 +1,10 @@
 """The closed loop: measured poses of the objects in, twists of the plate out.
 
-The controller goes through the segments of a plan. A push is done by a `PushLoop`, which watches its load, closes
-contacts and plans again. Before the plate drives to an object it stands still and looks where everything is. It goes
-to the face that is there, not the one that was planned; a short straight push closes the contact and tells where the
-plate is. Objects that are not pushed are watched, too. Where they have moved, or a load was lost, the rest is planned
-from what was measured.
+The controller executes the segments of a plan. A `PushLoop` executes each push: it watches the load, closes contacts
+and replans. Before the plate drives to an object, it stands still and measures all objects. It drives to the measured
+face instead of the planned one; a short straight push closes the contact and reveals the pose of the plate. Objects
+that are not pushed are watched, too. If one has moved, or a load was lost, the controller replans the rest from the
+measured poses.
 """
 
 from __future__ import annotations
@@ -46,34 +46,34 @@ from pushplan.util.names import AUTO, RETREAT
 DEFAULTS = ControlSettings()
 SILENT = Observer()
 RESTS = 12
-"""Plans for the rest of several pushes, at most."""
+"""Largest number of plans for the rest of a multi-push plan."""
 AGAIN = 2
-"""So often the plate backs off and comes up to a load again that it met aside, at most."""
+"""Largest number of repeated approaches to a load that the plate met with a lateral offset."""
 DOUBTS = {
-    "wrong": "{} was seen elsewhere once: what leaps counts only if it is seen there again",
-    "exchanged": "objects were seen where others had been: they are taken for those",
-    "frozen": "measurements repeat one another though the plate is driven on: they do not count until they change",
+    "wrong": "{} was seen elsewhere once: a leap counts only if the next measurement confirms it",
+    "exchanged": "objects were seen at the poses of others: their names were exchanged back",
+    "frozen": "measurements repeat although the plate moves: they are ignored until they change",
 }
 SURE = 2.0
-"""Standard deviations of what is known of a camera's error up to which it is not excluded."""
+"""Standard deviations of a camera error that the measurements do not exclude."""
 STALLS = 1
-"""After so many stalls what is left is planned again, through another face if there is one; the next one ends it."""
+"""Number of stalls after which the rest is replanned, if possible through another face; the next one ends the run."""
 NEAR = 0.5
-"""Share of the slack by which a load may be off its planned place so that planned ways to it are driven."""
+"""Largest error of a load from its planned pose, as a share of the slack, for which planned transits are kept."""
 
 
 class Controller:
-    """Carries out a plan and watches it.
+    """Executes a plan in closed loop.
 
     Attributes:
-        scenario: What is believed: the objects, the room, and the goals.
-        settings: See there.
-        plan: What it does at first.
-        events: All that it noticed and did.
-        replans: All attempts to plan after the first one.
-        reason: Why it gave up; empty while it has not.
-        measured_error: How far (m) and by what angle (rad) the goal's object was measured off it at last; or None.
-        camera_error: What errors of the camera (m, rad) it could not exclude when it arrived; None before.
+        scenario: Believed scenario: the objects, the room, and the goals.
+        settings: Settings of the controller.
+        plan: Initial plan.
+        events: Observations and actions of the controller.
+        replans: All attempts to plan after the first plan.
+        reason: Reason for giving up; empty otherwise.
+        measured_error: Last measured distance (m) and angle (rad) of the goal's object from the goal; None before.
+        camera_error: Camera error (m, rad) that could not be excluded at the arrival; None before.
     """
 
     def __init__(
@@ -84,18 +84,18 @@ class Controller:
         plan: Plan | None = None,
         observer: Observer = SILENT,
     ) -> None:
-        """Get ready: what replans need is made.
+        """Prepare the controller and its planners.
 
         Args:
-            what: What is believed, or the plan to begin with; loads under the objects have to be known.
-            settings: See there.
-            plan: What to do at first in a scenario; None makes a plan, for a single push one that holds for
-                `settings.friction`, if there is one.
-            observer: Takes messages about what takes long.
+            what: Scenario, or initial plan. The loads under the objects must be known.
+            settings: Settings of the controller; None for the defaults.
+            plan: Initial plan in a scenario. None makes one; for a single push one that tolerates
+                `settings.friction`, if possible.
+            observer: Receiver of messages about slow steps.
 
         Raises:
-            PlanningError: When there is no plan.
-            SupportError: When the load under an object is not known.
+            PlanningError: If there is no plan.
+            SupportError: If the load under an object is not known.
         """
         scenario, plan = (what.scenario, what) if isinstance(what, Plan) else (what, plan)
         settings = DEFAULTS if settings is None else settings
@@ -110,23 +110,23 @@ class Controller:
         self.camera_error: tuple[float, float] | None = None
         self._intake = Intake(partial(self._tell, "dropped"))
         self._sightings = Sightings(np.array([settings.position_noise, settings.angle_noise]))
-        self._estimator: Estimator | None = None  # of the last push: what it found of clock and wheels
+        self._estimator: Estimator | None = None  # of the last push, with the errors of clock and wheels
         self._standing = Standing(scenario.poses, settings, self._sightings)
         self._delivered = Deliveries(scenario, settings, self._standing)
         asked = self._delivered.tolerance, settings.friction, observer
         wary = self._replanner is None and bears(plan, settings.friction)
         self._rest_planner = RestPlanner(scenario, plan, *asked, wary)
         self._plate = self._told = np.array(scenario.plate_start)
-        self._alone = 0.0, 0.0  # how far (m, rad) the plate has driven and turned since it pushed something
+        self._alone = 0.0, 0.0  # distance (m) and angle (rad) that the plate has driven since the last push
         self._odometry = Odometry(self._plate)
         self._wheels = relative(scenario.pusher.plate_pose, scenario.pusher.wheels_pose)
         self._now, self._began, self._since, self._late = 0.0, math.inf, 0.0, False
         self._planned, self._at, self._before, self._rests = plan, 0, 0, 0
         self._again, self._backing, self._lost, self._stalled = 0, False, "", list[str]()
-        self._headings = np.zeros((len(self._standing.names), 2))  # what is known of errors of headings: values and
-        self._headings[:, 1] = settings.bias[1]  # standard deviations, rad
-        self._blind, self._doubts = False, set[str]()  # whether nothing is seen; what was wrong with measurements
-        self._slips: Counter[str] = Counter()  # how often objects have slid since the plan was made, by name
+        self._headings = np.zeros((len(self._standing.names), 2))  # constant errors of the measured headings, and
+        self._headings[:, 1] = settings.bias[1]  # their standard deviations, rad
+        self._blind, self._doubts = False, set[str]()  # whether no object is seen; reported sensor problems
+        self._slips: Counter[str] = Counter()  # number of slides of each object, by name, since the plan was made
         self._most = settings.most(travel_of(plan.segments))
         self._push: PushLoop | None = None
         self._legs: deque[Leg] = deque()
@@ -135,24 +135,24 @@ class Controller:
 
     @property
     def phase(self) -> Phase:
-        """What it is doing."""
+        """State of the controller."""
         return self._phase if self._push is None else self._push.phase
 
     @property
     def estimates(self) -> dict[str, tuple[float, float]]:
-        """What is known of sensors and wheels, see `Estimator.estimates`; empty before the first push."""
+        """Estimated errors of sensors and wheels, see `Estimator.estimates`; empty before the first push."""
         push = self._push
         of, names = (self._estimator, ()) if push is None else (push.estimator, push.load.names)
         return {} if of is None else of.estimates(names)
 
     @property
     def over(self) -> bool:
-        """Whether it arrived or gave up: the plate stands still from now on."""
+        """Whether it has arrived or given up; the plate then stands still."""
         return self._phase in (Phase.ARRIVED, Phase.GAVE_UP)
 
     @property
     def load(self) -> Load | None:
-        """What is pushed, come up to or left; None while the plate drives alone."""
+        """Load that is pushed, approached or left; None while the plate drives alone."""
         return self._planned.segments[min(self._at, len(self._planned.segments) - 1)].load
 
     @property
@@ -192,7 +192,7 @@ class Controller:
         intake, sightings = self._intake, self._sightings
         if not intake.clock(now):
             if intake.bad > self.settings.patience * self.settings.rate and not self.over:
-                self._give_up("the times of steps cannot be")
+                self._give_up("the times of the steps are invalid")
             return np.zeros(3)
         self._now = intake.now
         if self._began == math.inf:
@@ -221,19 +221,19 @@ class Controller:
                 push.learn(taken, poses)
         if "noise" not in self._doubts and (more := sightings.noisier()):
             self._doubts.add("noise")
-            self._tell("sensor", f"measurements scatter by {more}: the larger ones count")
+            self._tell("sensor", f"measurements scatter by {more}: the measured noise is used")
         if not self.over:
             self._decide()
         return self._twist()
 
     def _doubt(self, what: str, k: int) -> None:
-        """Tell once what is wrong with measurements."""
+        """Report a sensor problem once."""
         if what not in self._doubts:
             self._tell("dropped", DOUBTS[what].format(self._standing.names[k]))
         self._doubts.add(what)
 
     def _moved(self) -> None:
-        """Take down how the plate has moved since the last step."""
+        """Update the pose of the plate with its motion since the last step."""
         if self._push is not None:
             self._push.moved(self._now)
             self._plate = compose(self._push.plate, inverse(self._push.load.frame_plate))
@@ -246,7 +246,7 @@ class Controller:
         self._told = self._odometry.pose
 
     def _twist(self) -> FloatArray:
-        """Return the twist (3,) of the plate frame to tell the plate."""
+        """Return the commanded twist (3,) of the plate frame."""
         told = np.zeros(3)
         if self._push is not None:
             told = twist_of(self._push.load.chain.pusher.plate_pose, self._push.twist())
@@ -257,14 +257,14 @@ class Controller:
         return np.array(told)
 
     def _spare(self, k: int) -> float:
-        """Return what travel there is left beyond that of the segments from the k-th on, m."""
+        """Return the remaining travel, m, without the travel of the segments from k on."""
         return self._most - self._odometry.travel - travel_of(self._planned.segments[k:])
 
     def notice(self, obstacles: Iterable[Obstacle]) -> None:
-        """Take over what stands in the room now.
+        """Set the obstacles in the room.
 
-        Where the rest of a push is not free any more, or another way has become shorter by a tenth, the plate stops
-        and plans again; where it drives alone, it stops and looks for a way.
+        In a push, the plate stops and replans if the rest of its path is blocked, or another path has become shorter
+        by a tenth. In a transit, it stops and searches a new transit.
         """
         self._obstacles = tuple(obstacles)
         if self._push is not None:
@@ -272,15 +272,15 @@ class Controller:
         elif self._replanner is not None:
             self._replanner.take_obstacles(self._obstacles)
         elif self._following is not None and not self._following.drive.stopping:
-            self._tell("room", "what stands in the room has changed")
+            self._tell("room", "the obstacles in the room have changed")
             self._following.drive.stop()
 
     def _around(self, load: Load) -> tuple[Obstacle, ...]:
-        """Return obstacles, and all objects that are not pushed where they are believed to stand."""
+        """Return the obstacles, and the objects that are not pushed as obstacles at their believed poses."""
         return (*self._obstacles, *standing_obstacles(self.scenario, self._standing.by_name, load.names))
 
     def _decide(self) -> None:
-        """Go on with the push, or with what the plate does alone."""
+        """Continue the push, the transit or the look."""
         if self._replanner is None and self._standing.watch(self._tell):
             if self._push is not None:
                 self._push.notice(self._around(self._push.load))
@@ -302,7 +302,7 @@ class Controller:
             self._following.drive.stop()
 
     def _begin(self) -> None:
-        """Begin the segment that comes next: a push, a retreat, or a look from which the plate drives on."""
+        """Start the next segment: a push, a retreat, or a look before a transit."""
         segments = self._planned.segments
         if self._at < len(segments) and segments[self._at].pushes:
             self._begin_push(segments[self._at])
@@ -312,13 +312,13 @@ class Controller:
             self._rest()
 
     def _back_off(self, retreat: Segment) -> None:
-        """Leave the load as a segment does, from where the plate is."""
+        """Execute a retreat from the current pose of the plate."""
         back = replace(retreat, path=PushPath(self._plate, retreat.path.twists, retreat.path.lengths))
         (timed,) = time_segments(self.scenario, (back,), self.settings.rate)
         self._set_out([(self._at, timed)])
 
     def _go_on(self) -> None:
-        """Go on after a part of the way, or a push, that is over."""
+        """Continue after a finished leg or push."""
         if self._legs:
             self._set_out(list(self._legs))
         else:
@@ -326,25 +326,25 @@ class Controller:
             self._begin()
 
     def _set_out(self, legs: list[Leg]) -> None:
-        """Drive along the first of some ways."""
+        """Drive along the first of some legs."""
         self._legs, (self._at, leg) = deque(legs), legs[0]
         assert leg.trajectory is not None
         if leg.load is not None:
-            self._standing.let_go(self._standing.columns(leg.load.names))  # may be touched
+            self._standing.let_go(self._standing.columns(leg.load.names))  # the plate can touch them
         limits, rate = self.scenario.pusher.limits, self.settings.rate
         self._following = Following(leg.trajectory, limits, rate, np.zeros(3), Steering(alone(self._planned, leg)))
         self._phase = Phase.DRIVING
 
     def _rest(self) -> None:
-        """Stand still and look where everything is."""
+        """Stand still and measure all objects."""
         self._legs.clear()
         self._backing, self._following, self._phase, self._since = False, None, Phase.LOOKING, self._now
 
     def _look(self) -> None:
-        """Once it is known where everything stands, drive to the next load, plan the rest, or end."""
+        """Once all poses are known, drive to the next load, plan the rest, or end."""
         standing, segments = self._standing, self._planned.segments
         if self._is_blind():
-            self._since = self._now  # what is not seen then is waited for
+            self._since = self._now  # wait for the objects that are not seen
             return
         usual = self.settings.late + self.settings.delay_error if self._late else 0.0
         late = usual + 2.0 * self.settings.delay_error if self._estimator is None else self._estimator.late
@@ -358,15 +358,15 @@ class Controller:
             return
         loads = [segment.load for segment in segments[self._at :] if segment.pushes]
         ahead = {name for load in loads if load is not None for name in load.names}
-        why = self._lost or ("" if left <= ahead else f"{', '.join(sorted(left - ahead))} is to be pushed once more")
+        why = self._lost or ("" if left <= ahead else f"{', '.join(sorted(left - ahead))} must be pushed again")
         legs = [] if why else self._legs_to_next()
         if legs:
             self._set_out(legs)
         else:
-            self._plan_rest(why or "there is no short way to the next push as it was planned")
+            self._plan_rest(why or "there is no short transit to the next planned push")
 
     def _is_blind(self) -> bool:
-        """Tell whether nothing is seen, which is told once; give up where that goes on."""
+        """Return whether no object is seen; report it once, and give up after the outage time."""
         columns = self._standing.columns(self._standing.names)
         unseen = self._now - float(self._sightings.unseen(self._began, columns).max())
         self._blind = self._sightings.is_blind(unseen, self._blind, self.settings.patience, self._tell)
@@ -375,7 +375,7 @@ class Controller:
         return self._blind
 
     def _legs_to_next(self) -> list[Leg]:
-        """Return the ways to the load of the next push from where everything stands."""
+        """Return the legs to the load of the next push; empty if there are none within the remaining travel."""
         settings, standing = self.settings, (self._standing.by_name, self._obstacles)
         near = NEAR * settings.position_slack, NEAR * settings.angle_slack
         legs = legs_to(self._planned, self._at, self._plate, *standing, near, settings.rate)
@@ -388,10 +388,10 @@ class Controller:
         return legs
 
     def _plan_rest(self, why: str) -> None:
-        """Plan what is left to do, and begin."""
+        """Plan the rest, and start it."""
         self._rests += 1
         if self._rests > RESTS:
-            self._give_up(f"{RESTS} plans were made for the rest, and it is not there: {why}")
+            self._give_up(f"the goal is not reached after {RESTS} plans for the rest: {why}")
             return
         asked = self._plate, self._standing.by_name, self._obstacles, self._delivered.names, self._rests
         most = self._most - self._odometry.travel
@@ -418,14 +418,14 @@ class Controller:
             self._begin()
 
     def _begin_push(self, segment: Segment) -> None:
-        """Push the load of a segment."""
+        """Start the push of a segment."""
         load = segment.pushed_load
         replanner = self._replanner
         if replanner is None:
             poses, tolerance = self._standing.by_name, self._delivered.tolerance
             most = min(self.settings.most(segment.path.travel), self._spare(self._at + 1))
             job = push_job(self._planned, segment, self._plate, poses, self._obstacles, tolerance, most)
-            # What stands in a row is hardly pushed in another way.
+            # An object in a row can hardly be pushed in another way.
             lowers = self.scenario.task.flush and self.scenario.stability.margin == AUTO
             replanner = Replanner(job.scenario, self.settings, self._observer, lowers)
         else:
@@ -453,7 +453,7 @@ class Controller:
         self._standing.let_go(job.columns)
 
     def _end_push(self, push: PushLoop) -> None:
-        """Go on after a push that is over: with the next segment, or with a look at what is left."""
+        """Continue after a finished push with the next segment, or with a retreat and a look."""
         names = push.load.names
         self._push, self._estimator, self._slips = None, push.estimator, push.slips
         self._plate, self._alone = compose(push.plate_after, inverse(push.load.frame_plate)), (0.0, 0.0)
@@ -471,7 +471,7 @@ class Controller:
         if push.phase is Phase.GAVE_UP:
             retreat = next(s for s in self._planned.segments[self._at :] if s.kind == RETREAT)
             if push.met_aside:
-                self._at -= 1  # the approach, which is done again
+                self._at -= 1  # repeat the approach
                 self._again += 1
             else:
                 self._lost = f"the push of {', '.join(names)} gave up ({push.text})"
@@ -484,7 +484,7 @@ class Controller:
         self._go_on()
 
     def _learn_headings(self, push: PushLoop) -> None:
-        """Take down by what the headings of pushed objects are measured wrong: that stays from push to push."""
+        """Record the heading errors of pushed objects, which persist from push to push."""
         columns = self._standing.columns(push.load.names)
         values, deviations = push.estimator.headings
         self._headings[columns, 0] += values
@@ -494,7 +494,7 @@ class Controller:
         self._end(Phase.GAVE_UP, reason)
 
     def _end(self, phase: Phase, text: str) -> None:
-        """Stand still from now on."""
+        """Stop the plate for good."""
         estimator = self._estimator if self._push is None else self._push.estimator
         if estimator is not None and (found := estimator.words()):
             self._tell("sensor", found)
@@ -502,7 +502,7 @@ class Controller:
         self.reason = text if phase is Phase.GAVE_UP else ""
         if phase is Phase.ARRIVED:
             self.camera_error = SURE * self.settings.bias[0], SURE * float(self._headings[:, 1].max())
-            text += f", as measured; an error of the camera of up to {words(*self.camera_error)} is not excluded"
+            text += f", as measured; a camera error of up to {words(*self.camera_error)} is not excluded"
         self._tell(phase.value, text)
 
     def _tell(self, kind: str, text: str) -> None:

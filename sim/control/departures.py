@@ -1,19 +1,19 @@
-"""Whether objects have left their places on the plate, as measurements have it.
+"""Detection of objects that have left their places on the plate.
 
-**Away** is an object where the mean of a few measurements is off what was expected before, from all that was learned.
+An object is **away** if the mean of a few measurements differs from the pose that the estimator expects.
 
-**Slides** along contacts are found by likelihood ratios against constant errors of sensors and wheels: a constant
-explains what has been so from the beginning, not what begins later. Steps and ramps along each contact, of the object
-that is pushed through it alone or with all that it carries, are tried from several moments on. One is accepted where
+**Slides** along contacts are found by likelihood ratios against constant errors of sensors and wheels. A constant
+explains an error that is there from the beginning, but not one that begins later. Steps and ramps along each contact
+are tried from several moments on, for the object that is pushed through it alone or with all that it carries. A slide
+is accepted if it is large enough to matter and
 
     2 (log L1 - log L0) > ln N + 10,
 
-the constants being fitted once more in both cases, and where it is far enough to matter.
+with the constants fitted again in both cases.
 
-A ramp of all that the plate pushes is the hardest to tell from errors of wheels: all objects move on the plate as if
-that were elsewhere. On an arc, 8 mm of a ramp of 10 mm a metre of a single box gain 20 on average, give or take 9.
-Such ramps are few, and long ones differ little from one another. So errors are seldom taken for them, and less is
-asked.
+A ramp of all objects that the plate pushes is the hardest to distinguish from errors of wheels: all objects move as
+if the plate were elsewhere. On an arc, a ramp of 10 mm a metre of a single box gains 20 +- 9 over 8 mm. Such ramps
+are few, and long ones differ little from one another. Errors are seldom mistaken for them, so less gain is required.
 """
 
 from __future__ import annotations
@@ -31,33 +31,33 @@ from pushplan.sim.control.settings import words
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 SLOW, QUICK, UNSURE = 4.0, 5.0, 3.0
-"""Standard deviations of the mean of many measurements, of two, and of what is expected, by which an object has to be
-off."""
+"""Smallest deviation of an object in standard deviations: of the mean of many measurements, of the mean of two, and
+of the expected pose."""
 UNSETTLED = 1.5e-3, math.radians(0.4)
-"""By what contacts that were open at first may have been (m, rad)."""
+"""Typical initial opening of contacts (m, rad)."""
 LEAST = 0.7
-"""Share of the slack that a slide has to have, whose size is known better than that."""
+"""Smallest size of a slide as a share of the slack; its size is known more accurately than a single deviation."""
 FEWEST = 16
-"""Samples that it takes."""
+"""Smallest number of samples."""
 LATEST = 5
-"""Samples that have to be behind the beginning of a slide."""
+"""Smallest number of samples after the beginning of a slide."""
 SURELY, LONG, ENOUGH = 2e-3, 5e-3, 9.0
-"""Ramps of all that the plate pushes: up to which size (m) as much gain is asked of them as of others, and from which
-size on so little. In 38 runs without a slide (seeds 1 to 3) none of 5 mm or more gained above 6.3."""
+"""Ramps of all objects: size (m) up to which they need the usual gain, size from which they need `ENOUGH`, and that
+gain. In 38 runs without a slide (seeds 1 to 3) no ramp of 5 mm or more gained above 6.3."""
 RAMPS = np.linspace(0.1, 0.9, 9)
-"""Shares of the samples after which ramps are tried."""
+"""Tried beginnings of ramps, as shares of the samples."""
 STEPS = (6, 9, 13, 18, 24, 30)
-"""Samples before the last one at which steps are tried."""
+"""Tried positions of steps, in samples before the last one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Slide:
-    """A slide.
+    """Slide of an object along a contact.
 
     Attributes:
-        contact: Number of the contact.
-        size: How far, m; to the left is positive.
-        since: When it began, s.
+        contact: Index of the contact.
+        size: Length, m, left positive.
+        since: Time of its beginning, s.
     """
 
     contact: int
@@ -66,16 +66,16 @@ class Slide:
 
 
 def off_place(estimator: Estimator, recent: list[Sample], names: Sequence[str], settled: bool) -> str:
-    """Return which object has left its place and by how much; empty if none has.
+    """Return a text with the object that has left its place and its deviation; empty if none has.
 
-    Three quarters of the measurements of a look, or half of them, tell of a slow departure, two of a quick one:
-    the mean of what they are off what was expected from all that was learned before.
+    The mean error of half or three quarters of the measurements of a look shows a slow departure, that of two
+    measurements a quick one.
 
     Args:
-        estimator: Of what is expected.
-        recent: The last measurements, up to three quarters of those of a look.
-        names: Of the objects.
-        settled: Whether contacts that were open at first have closed.
+        estimator: Estimator with the expected poses.
+        recent: Last measurements, up to three quarters of those of a look.
+        names: Names of the objects.
+        settled: Whether initially open contacts have closed.
     """
     if len(recent) < 2:
         return ""
@@ -100,16 +100,16 @@ def off_place(estimator: Estimator, recent: list[Sample], names: Sequence[str], 
 
 
 def find_slide(estimator: Estimator, chain: Chain, after: float) -> Slide | None:
-    """Return the most likely slide; None where constants explain what was measured.
+    """Return the most likely slide; None if constants explain the measurements.
 
     Args:
-        estimator: Of the constants.
-        chain: As its objects stand in the samples to come.
-        after: It began after that time, s.
+        estimator: Estimator of the constants.
+        chain: Chain with the current places of its objects.
+        after: Earliest time of its beginning, s.
     """
     if estimator.count < FEWEST:
         return None
-    # Student's weights take a fifth of a slide for outliers; weights that spare it stop for nothing in 2 of 60.
+    # Student's weights treat a fifth of a slide as outliers; weights without this gave false alarms in 2 of 60 runs.
     linear = estimator.linear()
     shapes, begins, rises = _shapes(estimator.ways(linear.samples))
     late = np.array([linear.samples[begin].time > after for begin in begins])
@@ -117,7 +117,7 @@ def find_slide(estimator: Estimator, chain: Chain, after: float) -> Slide | None
         return None
     shapes, begins, rises = shapes[:, late], begins[late], rises[late]
     moves, which = _moves(linear, chain)
-    # Sums over the m measurements, for every move (r) with every shape (s).
+    # Sums over the m measurements for each pair of a move (r) and a shape (s).
     along = shapes[np.nonzero(linear.seen)[0]]
     weighted = linear.weights[:, None, None] * moves
     own = ((along**2).T @ (weighted * moves).sum(axis=1)).T.ravel()
@@ -142,15 +142,15 @@ def find_slide(estimator: Estimator, chain: Chain, after: float) -> Slide | None
 
 
 def _asked(far: FloatArray, ramps_of_all: BoolArray, usual: float) -> FloatArray:
-    """Return the gain that is asked of slides (q,) that go so far, in m, some being ramps of all that is pushed."""
+    """Return the required gain of slides (q,) with sizes `far`, m; it is lower for ramps of all objects."""
     lower = (usual - ENOUGH) * np.clip((far - SURELY) / (LONG - SURELY), 0.0, 1.0)
     return np.asarray(usual - np.where(ramps_of_all, lower, 0.0))
 
 
 def _shapes(ways: FloatArray) -> tuple[FloatArray, IntArray, BoolArray]:
-    """Return how slides go on (k, s), the samples (s,) at which they begin, and which of them (s,) are ramps.
+    """Return the shapes of slides (k, s), the samples (s,) at which they begin, and whether they are ramps (s,).
 
-    Ramps go on with the way, in m; steps are by 1.
+    Ramps grow with the driven distance, m; steps have a height of 1.
     """
     count = len(ways)
     ramps = sorted({int(share * count) for share in RAMPS} - set(range(count - LATEST, count)))
@@ -161,7 +161,7 @@ def _shapes(ways: FloatArray) -> tuple[FloatArray, IntArray, BoolArray]:
 
 
 def _moves(linear: Linear, chain: Chain) -> tuple[FloatArray, list[int]]:
-    """Return what 1 m along each contact makes of the errors (m, 3, r), and the contact of each of the r moves."""
+    """Return the change of the errors (m, 3, r) by 1 m along each contact, and the contact of each of the r moves."""
     carried, alone = carried_objects(chain), np.eye(len(chain.objects), dtype=np.bool_)
     which: list[tuple[int, BoolArray]] = [(k, row) for k, row in enumerate(carried)]
     which += [(k, alone[k]) for k in range(len(alone)) if not np.array_equal(alone[k], carried[k])]

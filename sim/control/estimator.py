@@ -1,17 +1,17 @@
-"""What sensors and wheels err by, from measurements while contacts are closed.
+"""Errors of sensors and wheels, estimated from measurements while contacts are closed.
 
-With closed contacts object i stands at its place X_i on the plate, and what is measured of it at t is
+With closed contacts, object i stands at its place X_i on the plate. Its measured pose at t is
 
-    z_i(t) = C P(t - tau; s_v, c, s_w) X_i B_i + noise,
+    z_i(t) = C P(t - tau; s_v, c, s_w) X_i B_i + noise.
 
-P the pose that the plate has been told to go to (or odometry says), its motions scaled by 1 + s_v along, 1 + s_w in
-turns and drifting aside by c of the way; C where the plate really started; B_i the error of what is measured of
-object i. All are constants without process noise, so that a slip is none of them; the most likely ones are found by
-Gauss-Newton, with priors and Student's t for outliers. What has no information stays at its prior, and is told as not
+P is the pose of the plate by commands or odometry. Its motions are scaled by 1 + s_v in translation and 1 + s_w in
+rotation, and drift sideways by c times the distance. C is the true start of the plate, B_i the measurement bias of
+object i. All are constants without process noise, so they cannot explain a slip. Gauss-Newton finds the most likely
+ones, with priors, and Student's t for outliers. A value without information keeps its prior and is reported as not
 observable yet.
 
-Scales and drift are those of the wheels' frame (`Pusher.wheels_pose`). In a frame at a distance d aside of that, a
-turn by theta would seem to go s_v d theta farther: 6 mm for 3 %, 0.2 m and 1 rad, which no constant explains.
+Scales and drift belong to the wheels' frame (`Pusher.wheels_pose`). In a frame at a lateral distance d, a turn by
+theta would seem to be s_v d theta longer: 6 mm for 3 %, 0.2 m and 1 rad, which no constant explains.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ from pushplan.sim.control.values import COMMON, DELAY, NAMES, OWN, START_THETA, 
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 ROOM = 320
-"""Samples kept; when there are more, every second one of the older half goes."""
+"""Largest number of samples; beyond it, every second one of the older half is dropped."""
 HOLD = 0.4
-"""Age that a sample has to have before it is learned from, s: what happens is noticed before it can be explained."""
+"""Smallest age of a sample in a fit, s; a departure is thus noticed before the fit can explain it."""
 FREEDOM = 4.0
 """Degrees of freedom of Student's t."""
 MODEL = (3e-4, 1e-3)
-"""What the model errs by whatever is known, m and rad."""
+"""Smallest standard deviations of the model's error, m and rad."""
 STEPS = np.array([1e-5, 1e-5, 1e-5, 1e-4, 1e-5, 1e-5, 1e-5])
-"""Steps of the differences by which derivatives are taken."""
+"""Steps of finite differences."""
 KNOT = 10
-"""Poses of the plate between two that its way is added up from."""
+"""Number of recorded plate poses between two knots from which the motion is integrated."""
 PINNED = 1e6
-"""Factor of what is likely of a value by which it is held where it is."""
+"""Factor of the prior precision that fixes a value."""
 KNOWN = 1.0 / 3.0
-"""Share of what is likely of a value up to which it has to be known to outlast a departure."""
+"""Largest standard deviation, as a share of the prior, of a value that is kept after a departure."""
 DOUBT = 0.2
-"""Share of what is likely of them that is doubted of what a push before has told."""
+"""Smallest standard deviation, as a share of the prior, of a value that an earlier push has estimated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +53,11 @@ class Sample:
     """A measurement with closed contacts.
 
     Attributes:
-        time: When, s.
-        poses: (n, 3) of the objects, NaN where unseen.
-        places: (n, 3) X_i.
-        noise: (2,) its standard deviations as stated, m and rad.
-        found: (2,) likewise as found from measurements about then; None while there are too few.
+        time: Time of the measurement, s.
+        poses: Measured poses of the objects, NaN for unseen ones, (n, 3).
+        places: Places X_i, (n, 3).
+        noise: Nominal standard deviations, m and rad, (2,).
+        found: Standard deviations estimated from measurements near this time, (2,); None while there are too few.
     """
 
     time: float
@@ -69,17 +69,17 @@ class Sample:
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """What samples tell, made linear in the values.
+    """Errors of samples, linearised about the values.
 
     Attributes:
-        samples: Of what.
-        sigma: (m, 3) what errors are divided by, m, m and rad.
-        seen: (k, n) whether an object was.
-        errors: (m, 3) of all that were seen, sample by sample.
-        jacobian: (m, 3, p) their derivatives by the values.
-        weights: (m,) by Student's t.
-        gradient: (p,) of half the squares, priors included, by the values.
-        hessian: (p, p) likewise.
+        samples: Linearised samples.
+        sigma: Standard deviations that scale the errors, m, m and rad, (m, 3).
+        seen: Whether each object was seen in each sample, (k, n).
+        errors: Scaled errors of all seen objects, sample by sample, (m, 3).
+        jacobian: Derivatives of the errors by the values, (m, 3, p).
+        weights: Weights by Student's t, (m,).
+        gradient: Gradient of half the sum of squares, with priors, (p,).
+        hessian: Hessian of half the sum of squares, with priors, (p, p).
     """
 
     samples: list[Sample]
@@ -93,22 +93,22 @@ class Linear:
 
 
 class Estimator:
-    """Estimates constants of the sensors and of the plate's motion.
+    """Estimates constant errors of the sensors and of the plate's motion.
 
     Args:
-        settings: Its priors.
-        normals: (n, 2) of the contact that each object is pushed through, in the frame of the places.
-        wheels: (3,) pose of what the wheels move in the frame that is told of and in which the places are.
-        known: Of a push before: what it found of clock and wheels is the prior.
-        aside_deviation: Standard deviation of where the load is along the plate, m: the plate has come up to it.
-            That is no error of the camera, and the plate stands elsewhere by as much.
-        places: (n, 3) of the objects in such a load.
-        headings: (n,) standard deviations of what their headings are measured wrong, rad; None: as settings have it.
+        settings: Settings with the priors.
+        normals: Normals of the contacts through which the objects are pushed, in the frame of the places, (n, 2).
+        wheels: Pose of the wheels' frame in the commanded frame, which is also the frame of the places, (3,).
+        known: Estimator of an earlier push; its values of clock and wheels are the prior.
+        aside_deviation: Standard deviation of the load's position along the plate after an approach, m. This error
+            belongs to the pose of the plate, not to the camera.
+        places: Places of the objects after an approach, (n, 3).
+        headings: Standard deviations of the measured headings' constant errors, rad, (n,); None for the settings'.
 
     Attributes:
-        settings: See there.
-        values: (7 + 3 n,) x, y (m), theta (rad) of C, tau (s), s_v, c, s_w, and of each object x, y, theta of B_i.
-        covariance: Of these.
+        settings: Settings with the priors.
+        values: x, y (m), theta (rad) of C, tau (s), s_v, c, s_w, then x, y, theta of B_i for each object, (7 + 3 n,).
+        covariance: Covariance of the values.
     """
 
     def __init__(
@@ -134,7 +134,7 @@ class Estimator:
         if known is not None:
             self._center[OWN] = known.values[OWN]
             self._prior[OWN] = np.maximum(np.sqrt(np.diag(known.covariance)[OWN]), DOUBT * self._prior[OWN])
-        self._along = np.zeros(3 * count)  # how offsets change if the load stands 1 m farther to the left
+        self._along = np.zeros(3 * count)  # change of the biases if the load stands 1 m farther to the left
         if aside_deviation > 0.0 and places is not None:
             self._along.reshape(-1, 3)[:, :2] = self._tangents(places)
         self._shift = aside_deviation * np.array([0.0, 1.0, *np.zeros(COMMON - 2), *-self._along])  # of all values
@@ -148,39 +148,39 @@ class Estimator:
 
     @property
     def _likely(self) -> FloatArray:
-        """(p, p) covariance of the values before anything was measured."""
+        """Prior covariance of the values, (p, p)."""
         return np.asarray(np.diag(self._prior**2) + np.outer(self._shift, self._shift))
 
     @property
     def count(self) -> int:
-        """Number of samples that are kept."""
+        """Number of stored samples."""
         return len(self._samples)
 
     @property
     def headings(self) -> tuple[FloatArray, FloatArray]:
-        """By what headings are measured wrong (n,), and standard deviations, rad."""
+        """Constant errors of the measured headings (n,) and their standard deviations (n,), rad."""
         return self.values[COMMON + 2 :: 3], np.sqrt(np.diag(self.covariance)[COMMON + 2 :: 3])
 
     @property
     def late(self) -> float:
-        """By how much measurements may be late, s."""
+        """Upper bound of the delay of measurements, s."""
         return max(0.0, float(self.values[DELAY] + 2.0 * math.sqrt(self.covariance[DELAY, DELAY])))
 
     def noise(self, samples: Sequence[Sample]) -> FloatArray:
-        """Return standard deviations (k, 2) of samples, m and rad, as stated or as found where that is more."""
+        """Return the standard deviations (k, 2) of samples, m and rad: the larger of nominal and estimated ones."""
         stated = np.array([sample.noise for sample in samples])
         found = np.array([self._found if sample.found is None else sample.found for sample in samples])
         return np.asarray(np.maximum(np.maximum(stated, found), 1e-6))
 
     def unstamped(self) -> None:
-        """Expect what comes without a time to be late."""
+        """Set the prior of the delay for measurements without time stamps."""
         late = self.settings.late
         self._center[DELAY], self._prior[DELAY] = late, late
         self.values[DELAY], self.covariance[DELAY, DELAY] = late, late**2
         self._precision = _inverse(self._likely)
 
     def moved(self, time: float, plate: FloatArray) -> None:
-        """Take down where the plate is by what it was told, or by odometry (3,)."""
+        """Record the pose of the plate (3,) by commands or odometry."""
         k = self._count_moved
         if k == len(self._history):
             self._history = np.concatenate([self._history, np.zeros_like(self._history)])
@@ -190,41 +190,41 @@ class Estimator:
             self._knots.append(log(relative(self._history[k - KNOT, 1:], plate)))
 
     def add(self, sample: Sample) -> None:
-        """Take down a measurement with closed contacts."""
+        """Store a measurement with closed contacts."""
         self._samples.append(sample)
         if len(self._samples) > ROOM:
             half = ROOM // 2
             self._samples = self._samples[:half:2] + self._samples[half:]
 
     def forget(self, since: float, until: float) -> None:
-        """Forget what was measured between two times: something happened then, or contacts were open."""
+        """Drop the samples between two times, because of an event or open contacts."""
         self._samples = [sample for sample in self._samples if not since <= sample.time <= until]
 
     def plate(self, time: float) -> FloatArray:
-        """Return where the plate is or was at a time (3,), as the measured poses have it."""
+        """Return the estimated pose of the plate (3,) at a time."""
         return np.asarray(self._plates(self.values, *self._moments(np.array([time])))[0])
 
     def astray(self, driven: float, turned: float) -> float:
-        """Return how far the plate may have gone astray, a standard deviation in m, on a way that nothing watched.
+        """Return the standard deviation of the plate's position after a transit without measurements, m.
 
         Args:
-            driven: m.
-            turned: rad, to either side.
+            driven: Driven distance, m.
+            turned: Sum of the absolute turns, rad.
         """
         heading, _, along, aside, turns = (math.sqrt(self.covariance[p, p]) for p in range(START_THETA, COMMON))
         return math.hypot(heading, along, aside, 0.5 * turns * turned) * driven
 
     def scaled(self, twist: FloatArray, wheels: FloatArray) -> FloatArray:
-        """Return the body twist (3,) that a frame does when it is told another.
+        """Return the actual body twist (3,) of a frame for a commanded one.
 
         Args:
-            twist: (3,) as told.
-            wheels: (3,) pose of the wheels' frame in that frame.
+            twist: Commanded twist, (3,).
+            wheels: Pose of the wheels' frame in that frame, (3,).
         """
         return np.asarray(_scaled(twist[None], self.values, wheels)[0])
 
     def asked(self, twist: FloatArray, wheels: FloatArray) -> FloatArray:
-        """Return the body twist (3,) to tell a frame so that it does another; see `scaled`."""
+        """Return the commanded body twist (3,) that gives an actual one; inverse of `scaled`."""
         s, c, w = self.values[WHEELS]
         x, y, turn = twist_of(wheels, twist)
         size = (1 + s) ** 2 + c**2
@@ -232,23 +232,22 @@ class Estimator:
         return twist_of(inverse(wheels), told)
 
     def unbiased(self, poses: FloatArray, places: FloatArray) -> FloatArray:
-        """Return measured poses (n, 3) without what of their errors can be told from slides: normal and angle.
+        """Return measured poses (n, 3) without their bias along contact normals and in angle.
+
+        The bias along a contact stays, because it cannot be told from a slide.
 
         Args:
-            poses: As measured.
-            places: (n, 3) X_i.
+            poses: Measured poses, (n, 3).
+            places: Places X_i, (n, 3).
         """
         bias = self.values[COMMON:].reshape(-1, 3)
         return compose(poses, inverse(bias - self._aside(places)))
 
     def aside(self, places: FloatArray) -> tuple[float, float]:
-        """Return how far along the plate the load is from where it is taken to be, and the standard deviation of it.
+        """Return the lateral offset of the load on the plate, left positive, and its standard deviation, m.
 
         Args:
-            places: (n, 3) X_i.
-
-        Returns:
-            Both in m; to the left is positive.
+            places: Places X_i, (n, 3).
         """
         gradient = np.zeros((self._count, 3))
         gradient[:, :2] = self._tangents(places) / self._count
@@ -256,14 +255,14 @@ class Estimator:
         return float(along @ self.values), math.sqrt(along @ self.covariance @ along)
 
     def take_for_closed(self, resting: Sample, recent: Iterable[Sample]) -> None:
-        """Begin once more from objects at rest that have slid to new places, where contacts are closed.
+        """Restart from resting objects that have slid to new places with closed contacts.
 
-        Errors along the contacts were slides; what the objects still seem off is the camera's. Of the samples before
-        only what they tell of the plate is kept: the offsets of objects that have slid would be taken for its errors.
+        Errors along the contacts become slides; the remaining errors become biases of the camera. Earlier samples
+        count only for the shared values, because the slides would look like errors of the plate.
 
         Args:
-            resting: Mean of what was measured, and the new places.
-            recent: Measurements at rest; with what comes next, they tell the delay.
+            resting: Mean of the measurements at rest, with the new places.
+            recent: Measurements at rest; together with later ones they determine the delay.
         """
         self.values = self.values - np.append(np.zeros(COMMON), self._aside(resting.places))
         (rest,) = self.residuals([resting])
@@ -278,32 +277,32 @@ class Estimator:
         self.fit(resting.time + HOLD)
 
     def _tangents(self, places: FloatArray) -> FloatArray:
-        """Return the directions (n, 2) along the contacts in the frames of the objects at places (n, 3)."""
+        """Return the contact tangents (n, 2) in the frames of the objects at places (n, 3)."""
         along = np.arctan2(self._normals[:, 1], self._normals[:, 0]) + 0.5 * np.pi - places[:, 2]
         return np.stack([np.cos(along), np.sin(along)], axis=-1)
 
     def _aside(self, places: FloatArray) -> FloatArray:
-        """Return what of the errors (n, 3) in the objects' frames is along the contacts."""
+        """Return the part of the biases (n, 3) along the contacts, in the objects' frames."""
         t = self._tangents(places)
         bias = self.values[COMMON:].reshape(-1, 3)
         tangential = (bias[:, :2] * t).sum(axis=1, keepdims=True) * t
         return np.concatenate([tangential, np.zeros((len(bias), 1))], axis=1)
 
     def residuals(self, samples: list[Sample]) -> FloatArray:
-        """Return what measurements are off (k, n, 3) of what is expected with closed contacts, in their frames."""
+        """Return the errors of measurements (k, n, 3) from the expected poses, in the objects' frames."""
         times, poses, places = _arrays(samples)
         plates = self._plates(self.values, *self._moments(times - self.values[DELAY]))
         return self._errors(plates, poses, places)
 
     def spread(self, sample: Sample) -> FloatArray:
-        """Return the standard deviations (n, 2) of what is expected of the objects then, m and rad."""
+        """Return the standard deviations (n, 2) of the expected poses of a sample, m and rad."""
         jacobian = self._linear([sample])[1][0]
         own = np.einsum("nip,pq,niq->ni", jacobian, self.covariance, jacobian)
         position, angle = 0.5 * own[:, :2].sum(axis=1), own[:, 2]
         return np.asarray(np.sqrt(np.stack([position + MODEL[0] ** 2, angle + MODEL[1] ** 2], axis=-1)))
 
     def fit(self, now: float) -> None:
-        """Find the most likely values for all samples that are old enough."""
+        """Fit the values to all samples that are older than `HOLD`."""
         self._look_at_noise(now - HOLD)
         samples = [sample for sample in self._samples if sample.time <= now - HOLD]
         if len(samples) < 8:
@@ -313,10 +312,10 @@ class Estimator:
         self.values = self.values - self.covariance @ linear.gradient
 
     def doubt(self, now: float) -> None:
-        """Take what is not known well of clock and wheels for unknown: an object has left its place.
+        """Reset the poorly known values of clock and wheels to their priors after an object has left its place.
 
-        It may have begun to before that was noticed: a slide at the beginning of a push looks like wheels that err in
-        turns. Start and offsets are fitted once more without.
+        The slide could have begun before it was noticed; at the start of a push it looks like a rotation error of the
+        wheels. The start and the biases are fitted again without these values.
         """
         sigma = np.sqrt(np.diag(self.covariance))
         unsure = np.zeros(len(sigma), dtype=np.bool_)
@@ -330,7 +329,7 @@ class Estimator:
         self.covariance += np.diag(np.where(unsure, self._prior**2, 0.0))
 
     def linear(self, samples: list[Sample] | None = None) -> Linear:
-        """Return what samples, or all that are kept, tell near the values."""
+        """Return samples, or all stored ones, linearised about the values."""
         samples = self._samples if samples is None else samples
         errors, jacobian = self._linear(samples)
         sigma = np.broadcast_to(self.noise(samples)[:, None, [0, 0, 1]], errors.shape)
@@ -344,34 +343,34 @@ class Estimator:
         return Linear(samples, sigma[seen], seen, errors, jacobian, weights, gradient, hessian)
 
     def ways(self, samples: list[Sample]) -> FloatArray:
-        """Return how far the plate had driven (k,) when samples were taken, m."""
+        """Return the driven distance of the plate (k,) at the times of samples, m."""
         history = self._history[: self._count_moved]
         ways = np.append(0.0, np.cumsum(np.hypot(*np.diff(history[:, 1:3], axis=0).T)))
         times = np.array([sample.time for sample in samples]) - self.values[DELAY]
         return np.asarray(np.interp(times, history[:, 0], ways))
 
     def estimates(self, names: Sequence[str]) -> dict[str, tuple[float, float]]:
-        """Return values and their standard deviations, SI units, by name.
+        """Return the values and their standard deviations by name, in SI units.
 
-        `start x`, `start y`, `start theta` of the plate, `delay` of measurements, `odometry` (share that the wheels
-        go too far), `drift` aside, `turns`; and of each object that is named, what its measurements are off in its
-        own frame, as `NAME x`.
+        The names are `start x`, `start y`, `start theta` of the plate, `delay` of measurements, `odometry` (relative
+        error of the driven distance), lateral `drift`, `turns`, and `NAME x`, `NAME y`, `NAME theta` for the
+        measurement bias of each named object in its own frame.
         """
         own = [f"{name} {axis}" for name in names for axis in ("x", "y", "theta")]
         sigma = np.sqrt(np.diag(self.covariance))
         return {key: (float(v), float(s)) for key, v, s in zip([*NAMES, *own], self.values, sigma, strict=False)}
 
     def words(self) -> str:
-        """Return what was found, and what was not."""
+        """Return the found errors as text; see `errors_in_words`."""
         values, along = self.values.copy(), self._along
-        if along.any():  # a load that stands elsewhere on the plate is no offset of the camera
+        if along.any():  # a lateral offset of the load on the plate is not an error of the camera
             values[COMMON:] -= along * (values[COMMON:] @ along) / (along @ along)
         return errors_in_words(values, np.sqrt(np.diag(self.covariance)), self._prior)
 
     def _look_at_noise(self, until: float) -> None:
-        """Estimate the noise of the last samples up to a time; earlier ones keep what was found then.
+        """Estimate the noise of the last samples up to a time.
 
-        A camera that gets worse has measured well before.
+        Earlier samples keep their estimate, because a camera that gets worse has measured well before.
         """
         recent = [sample for sample in self._samples if sample.time <= until][-4 * NOISY :]
         if len(recent) < 2:
@@ -388,11 +387,11 @@ class Estimator:
         return errors
 
     def _linear(self, samples: list[Sample]) -> tuple[FloatArray, FloatArray]:
-        """Return errors (k, n, 3) and their derivatives (k, n, 3, p); by those of B_i, which is small, minus 1."""
+        """Return errors (k, n, 3) and their derivatives (k, n, 3, p); those by the small B_i are taken as -1."""
         times, poses, places = _arrays(samples)
         moments = self._moments(times - self.values[DELAY])
         plates = self._plates(self.values, *moments)
-        moved = np.zeros((len(samples), 3, COMMON))  # body motions of the plate by each value
+        moved = np.zeros((len(samples), 3, COMMON))  # derivative of the plate's pose by each value
         away = plates[:, :2] - compose(self._history[0, 1:], self.values[:3])[:2]
         for p in (0, 1):
             ahead = rotate(float(self._history[0, 3]), np.eye(3)[p, :2])
@@ -417,7 +416,7 @@ class Estimator:
         return self._errors(plates, poses, places), jacobian
 
     def _moments(self, times: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return the knot (k,) before each time, and the motion (k, 3) since it, as told."""
+        """Return the index (k,) of the knot before each time, and the commanded motion (k, 3) since it."""
         times_moved, history = self._history[: self._count_moved, 0], self._history[: self._count_moved, 1:]
         last = len(history) - 1
         at = np.clip(times, times_moved[0], times_moved[-1])
@@ -430,7 +429,7 @@ class Estimator:
         return knot, log(relative(history[knot * KNOT], poses))
 
     def _plates(self, values: FloatArray, knot: IntArray, rest: FloatArray) -> FloatArray:
-        """Return where the plate was (k, 3) so far behind knots."""
+        """Return the poses of the plate (k, 3) after motions `rest` (k, 3) from knots."""
         begin = compose(self._history[0, 1:], values[:3])
         chain = chained(begin, exp(_scaled(np.array(self._knots).reshape(-1, 3), values, self._wheels)))
         return compose(chain[knot], exp(_scaled(rest, values, self._wheels)))
@@ -447,7 +446,7 @@ def _arrays(samples: list[Sample]) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _scaled(twists: FloatArray, values: FloatArray, wheels: FloatArray) -> FloatArray:
-    """Return the twists (k, 3) that a frame does when it is told others; see `Estimator.scaled`."""
+    """Return the actual twists (k, 3) of a frame for commanded ones; see `Estimator.scaled`."""
     s, c, w = values[WHEELS]
     x, y, turn = twist_of(wheels, twists).T
     scaled = np.empty(twists.shape)

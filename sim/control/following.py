@@ -1,4 +1,4 @@
-"""A timed path that the plate is led along, and back to where it is off it."""
+"""Guidance of the plate along a trajectory, with correction of its errors."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from pushplan.sim.follower import Drive, Steering
 from pushplan.util.arrays import FloatArray
 
 EXACT = 1e-7
-"""Up to here (m, rad) the plate is on its path."""
+"""Largest error of a plate that counts as on its path, m and rad."""
 SHIFT = 0.2
-"""Share of a period by which time goes faster or slower where the plate is ahead or behind."""
+"""Largest correction of the trajectory time in a step, as a share of the period."""
 
 
 class Following:
-    """Leads the plate along a trajectory by twists of the trajectory's frame.
+    """Guides the plate along a trajectory by twists of the trajectory's frame.
 
     Attributes:
-        drive: The place on the trajectory.
+        drive: Position on the trajectory.
 
     Args:
-        trajectory: Of the load's contact frame, or of the plate frame.
-        limits: Of the pusher.
-        rate: Steps per second.
-        frame: (3,) pose of the trajectory's frame in the plate frame.
-        steering: Corrects errors; None follows a short path as it is.
+        trajectory: Trajectory of the load's contact frame, or of the plate frame.
+        limits: Limits of the pusher.
+        rate: Steps per second, Hz.
+        frame: Pose of the trajectory's frame in the plate frame, (3,).
+        steering: Correction of errors that keeps the contacts; None for a short path without one.
     """
 
     def __init__(
@@ -38,13 +38,13 @@ class Following:
         self._rate, self._frame, self._steering = rate, frame, steering
 
     def ahead(self) -> tuple[FloatArray, float]:
-        """Return poses (m, 3) of the frame from where it is to the end of the path, and the cost of these, m."""
+        """Return the poses (m, 3) of the frame on the rest of the path, and the cost of the rest, m."""
         drive = self.drive
         poses = drive.trajectory.poses_at(np.arange(drive.at, drive.trajectory.duration, 0.02))
         return poses, float(cost_rate(log(relative(poses[:-1], poses[1:]))).sum())
 
     def twist(self, plate: FloatArray) -> FloatArray:
-        """Go on by a period and return the twist (3,) for it, the frame being at a pose (3,) in the world."""
+        """Advance by a period and return its twist (3,), for the pose (3,) of the frame in the world."""
         drive, before = self.drive, self.drive.at
         wanted = drive.advance(1.0 / self._rate)
         off = np.abs(relative(drive.trajectory.poses_at([before])[0], plate))
@@ -53,7 +53,7 @@ class Following:
         return np.asarray(log(relative(plate, wanted)) * self._rate)
 
     def _steered(self, steering: Steering, plate: FloatArray, before: float, ahead: float) -> FloatArray:
-        """Return the planned twist (3,) and what correction contacts bear; an error along the path is one of time."""
+        """Return the planned twist (3,) with the correction that contacts allow; shift time by an error along it."""
         drive, period = self.drive, 1.0 / self._rate
         error = steering.error(before, compose(plate, drive.trajectory.base))
         twist = steering.corrected(steering.planned(before, ahead, period), error, before)

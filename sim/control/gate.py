@@ -1,8 +1,8 @@
-"""Which measured poses are held back: those that leap, until the next one agrees.
+"""Gate for measured poses: a pose that leaps is held back until the next measurement confirms it.
 
-From one measurement to the next an object rests, or moves with the plate. One that does neither was displaced, or its
-measurement is wrong: a reflection, another object taken for it. What was displaced is measured there again; objects
-that are measured where others were have exchanged their names. How much measurements differ tells their noise.
+Between two measurements an object rests or moves with the plate. If it does neither, it was displaced, or its
+measurement is wrong: a reflection, or another object. A displaced object is measured at its new pose again. Objects
+that are measured at the poses of others have exchanged names. The scatter of measurements gives their noise.
 """
 
 from __future__ import annotations
@@ -17,29 +17,29 @@ from pushplan.geometry.se2 import compose, pose_error, relative
 from pushplan.util.arrays import FloatArray
 
 LEAP = np.array([0.01, np.radians(5.0)])
-"""What (m, rad) an object may leap at least: less is told from noise by what the loop expects of it."""
+"""Smallest leap that is held back (m, rad); the control loop itself detects smaller ones."""
 SIGMAS = 8.0
-"""Standard deviations of noise that it may leap."""
+"""Smallest leap that is held back, in standard deviations of the noise."""
 LATELY, FEWEST = 128, 24
-"""Measurements that tell the noise, and the fewest of them."""
+"""Largest and smallest number of measurements from which the noise is estimated."""
 SURE = 6.5
-"""Noise is more than stated where it seems so by a share of this over the root of the number of measurements: by 0.57
-of 128. The median of so many scatters by a tenth."""
+"""Threshold of the estimated noise: it counts above 1 + SURE / sqrt(number of measurements) times the nominal noise,
+1.57 for 128. The median of 128 scatters by a tenth."""
 MEDIANS = np.array([1.665, 0.954])
 """Medians of the distance and of the angle between two measurements, in standard deviations of one."""
 ELSEWHERE = 0.5
-"""Up to this share of its leap from where another object was, one that leapt may be that one."""
+"""Largest distance from another object's last pose, as a share of the leap, at which a pose can belong to it."""
 
 
 class Seen(NamedTuple):
-    """Where an object was measured (3,), and where the plate was then (3,)."""
+    """Measured pose of an object (3,), and the pose of the plate at that time (3,)."""
 
     pose: FloatArray
     plate: FloatArray
 
 
 class Gate:
-    """Holds back what leaps, and gives objects that were taken for one another their names back."""
+    """Holds back poses that leap, and restores exchanged names."""
 
     def __init__(self) -> None:
         self._kept: dict[int, Seen] = {}
@@ -47,7 +47,7 @@ class Gate:
         self._lately: deque[FloatArray] = deque(maxlen=LATELY)
 
     def noise(self, stated: FloatArray) -> FloatArray:
-        """Return standard deviations (2,) of measurements, m and rad: as stated, or as seen if that is more."""
+        """Return the standard deviations (2,) of measurements, m and rad: nominal, or estimated if larger."""
         count = len(self._lately)
         if count < FEWEST:
             return stated
@@ -55,16 +55,16 @@ class Gate:
         return np.where(seen > (1.0 + SURE / math.sqrt(count)) * stated, seen, stated)
 
     def passed(self, poses: FloatArray, plate: FloatArray, noise: FloatArray) -> tuple[FloatArray, list[int], bool]:
-        """Return what of a measurement counts.
+        """Return the accepted part of a measurement.
 
         Args:
-            poses: (n, 3) measured, NaN where unseen.
-            plate: (3,) pose of the plate then, by odometry.
-            noise: (2,) standard deviations, m and rad.
+            poses: Measured poses, NaN for unseen objects, (n, 3).
+            plate: Pose of the plate at that time, by odometry, (3,).
+            noise: Standard deviations, m and rad, (2,).
 
         Returns:
-            Poses (n, 3), NaN of what is held back; the objects of which the measurement before was wrong; and whether
-            names were exchanged.
+            Poses (n, 3), NaN for those held back; indices of objects whose previous measurement was wrong; and
+            whether names were exchanged.
         """
         allowed = np.maximum(LEAP, SIGMAS * noise)
         passed, wrong, leapt = np.full_like(poses, np.nan), [], dict[int, Seen]()
@@ -101,6 +101,6 @@ class Gate:
 
 
 def _leap(before: Seen, now: Seen) -> FloatArray:
-    """Return how far (2,), m and rad, an object is from where it would be at rest or on the plate, the nearer one."""
+    """Return the leap (2,), m and rad: the pose error from rest or from motion with the plate, the smaller one."""
     carried = compose(now.plate, relative(before.plate, before.pose))
     return np.array(min((pose_error(now.pose, pose) for pose in (before.pose, carried)), key=lambda e: e[0]))

@@ -1,4 +1,4 @@
-"""Pushes of a plan as jobs of their own, from where everything stands: where each ends, and what is in its way."""
+"""Single pushes of a plan as separate jobs from the measured poses, each with its goal and its obstacles."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from pushplan.slip.closing import OFF as CLOSES
 from pushplan.util.arrays import FloatArray
 
 PASSING = 2.0
-"""Factor of the tolerances for a push after which the load is pushed on from elsewhere."""
+"""Factor of the tolerances of a push if a later push moves the same load again."""
 SQUARE = 0.5
-"""Share of the angle's tolerance by which a load may be turned that closes onto the row: that is turned as much."""
+"""Share of the angle tolerance for a load that closes onto a row, because it turns the row by its own error."""
 PRESSED = 1e-3
-"""A load that closes onto an object is pushed on by so much, m, and by what its face is off square."""
+"""Extra length of a push that closes a load onto an object, m, beside the length that squares its face."""
 
 
 class Phase(Enum):
-    """What a controller is doing."""
+    """State of a controller."""
 
     DRIVING = "driving"
     PUSHING = "pushing"
@@ -36,21 +36,21 @@ class Phase(Enum):
 
 @dataclass(frozen=True, eq=False)
 class PushJob:
-    """A push that is to be done.
+    """A push to execute.
 
     Attributes:
-        scenario: The push problem: the load, where it shall go, and what stands in the room.
-        plan: Of this push alone, to begin with.
-        columns: Numbers of the load's objects among all that are measured.
-        settle: Length of the straight push that closes the contacts after an approach, m; 0 where they are closed.
-        most: Travel of the plate that it may take, m.
-        again: Whether the plate may back off and come up to the load once more.
-        alone: How far the plate has driven (m) and turned (rad) since it pushed something.
-        slips: How often objects have slid, by name, since all that is done was planned.
-        will_do: How far off its goal it may end where no plan leads nearer, m and rad.
-        straight: Whether it is over after that straight push, wherever it ends: it closes onto an object that rests.
-        onto: Name of the object that the load is pushed up to; empty where there is none.
-        headings: (n,) standard deviations of what headings are measured wrong, rad; None: as settings have it.
+        scenario: Push problem: the load, its goal, and the obstacles.
+        plan: Initial plan of this push alone.
+        columns: Indices of the load's objects among all measured ones.
+        settle: Length of the straight push that closes the contacts after an approach, m; 0 if they are closed.
+        most: Largest travel of the plate, m.
+        again: Whether the plate can back off and approach the load again.
+        alone: Distance (m) and angle (rad) that the plate has driven since the last push.
+        slips: Number of slides of each object, by name, since the plan was made.
+        will_do: Accepted error at the goal (m, rad) if no plan leads nearer.
+        straight: Whether the push ends after the straight push, which closes onto a resting object.
+        onto: Name of the object that the load is pushed up to; empty without one.
+        headings: Standard deviations of the measured headings' constant errors, rad, (n,); None for the settings'.
     """
 
     scenario: Scenario
@@ -76,23 +76,23 @@ def push_job(
     tolerance: tuple[float, float],
     most: float,
 ) -> PushJob:
-    """Return a push of a plan of several segments as a job of its own; its goal is where the plan ends it.
+    """Return a push of a multi-push plan as a separate job; its goal is the end of the planned push.
 
     Args:
-        plan: What is done.
-        segment: The push.
-        plate: (3,) pose of the plate frame.
-        poses: Of all objects, as measured.
-        obstacles: What else stands in the room.
-        tolerance: Distance (m) and angle (rad) by which an object may be off its goal.
-        most: See `PushJob`.
+        plan: Executed plan.
+        segment: Push of the plan.
+        plate: Pose of the plate frame, (3,).
+        poses: Measured poses of all objects.
+        obstacles: Obstacles in the room.
+        tolerance: Largest distance (m) and angle (rad) of an object from its goal.
+        most: Largest travel of the plate, m.
     """
     scenario, load = plan.scenario, segment.pushed_load
     problem, last = segment.problem(scenario), is_last(plan, segment)
     position, turn = tolerance if last else (PASSING * value for value in tolerance)
     will_do = position, turn
     after = plan.segments[plan.segments.index(segment) + 1 :][:1]
-    if not last and any(one.onto and is_last(plan, one) for one in after):  # it leads up to a close
+    if not last and any(one.onto and is_last(plan, one) for one in after):  # a close follows
         position, turn = tolerance[0], SQUARE * tolerance[1]
     goals = scenario.goals.get(load.names[0], ()) if len(load.names) > 1 else ()  # else the object is the load
     of = goals[0].of if last and goals else None
@@ -113,9 +113,9 @@ def push_job(
 
 
 def straight_onto(segment: Segment, plate: FloatArray, poses: Poses, tolerance: tuple[float, float]) -> float | None:
-    """Return how far a load has to be pushed straight ahead to close onto an object where that was measured, m.
+    """Return the length of the straight push that closes a load onto an object at its measured pose, m.
 
-    None where that is too far off or turned to become flush so, or to stand well in the row; see `push_job`.
+    None if the object is too far off or turned to become flush in this way; see `push_job` for the arguments.
     """
     onto, away = segment.onto, inverse(segment.path.end)
     flush = compose(poses[onto], inverse(compose(away, segment.before[onto])))
@@ -129,12 +129,12 @@ def straight_onto(segment: Segment, plate: FloatArray, poses: Poses, tolerance: 
 
 
 def is_last(plan: Plan, segment: Segment) -> bool:
-    """Tell whether the objects of a push are not pushed again by the plan."""
+    """Return whether the plan does not push the objects of a push again."""
     later = plan.segments[plan.segments.index(segment) + 1 :]
     names = {name for s in later if s.pushes and s.load is not None for name in s.load.names}
     return segment.load is not None and not names & set(segment.load.names)
 
 
 def alone(plan: Plan, segment: Segment) -> Plan:
-    """Return a plan of one segment."""
+    """Return a plan of this segment alone."""
     return Plan(plan.scenario, (segment,), "", plan.planner, plan.stable_set, plan.seed, cost=segment.cost)

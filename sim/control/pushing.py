@@ -1,9 +1,8 @@
 """One push in closed loop: measured poses of its objects in, twists of the plate out.
 
-The plate follows a path. When measurements say that an object is away from its pose, it slows down along the path and
-stands still: objects on the floor then stand still, too, and every measurement from then on tells the same, so that
-noise averages out and delay does not matter. From what was seen the controller closes contacts that are open, plans
-again, or gives up.
+The plate follows a path. If an object leaves its pose, the plate slows down along the path and stops. The objects
+rest, too: averaging then reduces the noise of measurements, and their delay does not matter. The controller then
+closes open contacts, replans, or gives up.
 """
 
 from __future__ import annotations
@@ -44,42 +43,42 @@ from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
 LITTLE, SETTLE = 0.5, 0.02
-"""Travel (m) that any error beyond the tolerances is worth, and after which contacts are closed that were open."""
+"""Travel (m) that is always allowed for an error beyond the tolerances, and that closes initially open contacts."""
 TOLD = 2.0
-"""Standard deviations by which the plate has to stand aside to be taken for that where a push tells it badly."""
+"""Standard deviations from which a poorly known lateral offset of the plate is used."""
 REFIT = 0.25
 """Time between two fits, s."""
 LONGER, UNDECIDED = 2.0, 3.0
-"""Time (s) for which it is looked where an error is at its tolerance, to so many standard deviations of a look. More
-noise than stated takes longer, as long as measurements are kept."""
+"""Extra time of a look (s) for an error within so many standard deviations of its tolerance. More noise than nominal
+extends it, up to the memory of measurements."""
 
 
 class PushLoop:
-    """Pushes a load to its goal and watches it.
+    """Pushes a load to its goal in closed loop.
 
     Args:
-        job: What to do.
-        replanner: Of its scenario.
-        settings: See there.
-        sightings: What was measured of all objects.
-        tell: Takes kind and text of events.
-        record: Takes attempts to plan.
+        job: Push to execute.
+        replanner: Replanner of its scenario.
+        settings: Settings of the controller.
+        sightings: Recent measurements of all objects.
+        tell: Receiver of kind and text of events.
+        record: Receiver of attempts to plan.
         now: Time, s.
-        plate: (3,) pose of the contact's frame in the world, as believed.
-        odometry: Where the plate is by that, and how far it has travelled.
-        known: Of a push before: what it found of clocks and wheels holds on.
+        plate: Believed pose of the contact frame in the world, (3,).
+        odometry: Pose and travel of the plate by odometry.
+        known: Estimator of an earlier push; its values of clock and wheels are the prior.
 
     Attributes:
-        load: What is pushed: twists are of its contact's frame.
-        phase: What it is doing.
-        text: How it ended: what is left, or why it gave up.
-        plate: (3,) pose of the contact's frame in the world, as believed.
-        places: (n, 3) poses of the objects in that frame, as believed.
-        estimator: What sensors and wheels err by.
-        slips: See `PushJob`, those of this push included.
-        met_aside: It is over because the load was met where it takes a long way round from.
-        stalled: It is over because the load is too heavy.
-        error: How far (m) and by what angle (rad) the goal's object was measured off it last.
+        load: Pushed load; twists refer to its contact frame.
+        phase: State of the push.
+        text: Outcome: the remaining error, or the reason for giving up.
+        plate: Believed pose of the contact frame in the world, (3,).
+        places: Believed poses of the objects in that frame, (n, 3).
+        estimator: Estimator of the errors of sensors and wheels.
+        slips: Slides by name as in `PushJob`, with those of this push.
+        met_aside: Whether it gave up because the plate met the load with a lateral offset that needs a long detour.
+        stalled: Whether it gave up because the load is too heavy.
+        error: Last measured distance (m) and angle (rad) of the goal's object from the goal.
     """
 
     def __init__(
@@ -127,17 +126,17 @@ class PushLoop:
 
     @property
     def over(self) -> bool:
-        """Whether it arrived or gave up."""
+        """Whether it has arrived or given up."""
         return self.phase in (Phase.ARRIVED, Phase.GAVE_UP)
 
     def _take_place(self, plate: FloatArray) -> None:
-        """Go on from a pose (3,) of the contact's frame."""
+        """Set the pose (3,) of the contact frame."""
         self.plate = plate
         self._from_odometry = compose(plate, inverse(compose(self._odometry.pose, self.load.frame_plate)))
 
     @property
     def by_odometry(self) -> FloatArray:
-        """(3,) pose of the contact's frame from where the push began, by odometry alone."""
+        """Pose of the contact frame by odometry alone since the beginning of the push, (3,)."""
         return compose(compose(self._from_odometry, self._odometry.pose), self.load.frame_plate)
 
     @property
@@ -147,16 +146,16 @@ class PushLoop:
 
     @property
     def _aside(self) -> tuple[float, float]:
-        """How far the load is along the plate from where it is taken to be, and the standard deviation of that, m."""
+        """Lateral offset of the load on the plate and its standard deviation, m."""
         if self._job.settle == 0.0:
             return 0.0, 0.0
         return self.estimator.aside(self._replanner.chain.places)
 
     @property
     def plate_after(self) -> FloatArray:
-        """(3,) pose of the contact's frame that the plate drives on from.
+        """Pose of the contact frame after the push, (3,).
 
-        What a push has hardly told of where the plate stands along the load leaves it where it was believed to be.
+        If the push has hardly determined the lateral offset of the plate, the believed offset stays.
         """
         aside, deviation = self._aside
         if deviation <= self.settings.approach_error[0] or abs(aside) > TOLD * deviation:
@@ -165,26 +164,26 @@ class PushLoop:
 
     @property
     def _share(self) -> float:
-        """Share of the tolerances that the error at the goal is."""
+        """Error at the goal as a share of the tolerances."""
         return float(self._replanner.aim.share(compose(self.plate, self.places)))
 
     @property
     def _most(self) -> float:
-        """Travel that a plan may take, m: what is left, and no more than coming nearer to the goal is worth."""
+        """Largest travel of a plan, m: at most the remaining travel and the worth of the reduced error."""
         return min(self._job.most - self._way, max(LITTLE, self.settings.worth * (self._share - 1.0)))
 
     @property
     def driving(self) -> bool:
-        """Whether it follows a path, and nothing has made it stop."""
+        """Whether it follows a path and does not stop."""
         return self.phase is Phase.PUSHING and not self._following.drive.stopping
 
     @property
     def carrying(self) -> bool:
-        """Whether it pushes a load that was met, its contacts closed."""
+        """Whether it pushes the load with closed contacts."""
         return self._touch.over and self.phase is Phase.PUSHING
 
     def moved(self, now: float) -> None:
-        """Take down where the plate is by odometry."""
+        """Update the pose of the plate with odometry."""
         self._now = now
         self.estimator.moved(now, self.by_odometry)
         if self._odometry.watched:
@@ -194,7 +193,7 @@ class PushLoop:
         return Sample(time, poses, self._replanner.chain.places, self._sightings.noise)
 
     def learn(self, time: float, poses: FloatArray) -> None:
-        """Take a measurement (n, 3) of all objects into account while contacts are taken for closed."""
+        """Use a measurement (n, 3) of all objects; the fit uses it only while contacts are assumed to be closed."""
         sample = self._sample(time, poses[self._job.columns])
         self._recent.append(sample)
         self._stall.see(time, sample.poses, float(sample.noise[0]))
@@ -203,7 +202,7 @@ class PushLoop:
         self.estimator.add(sample)
         if not self._settled and self._way > SETTLE:
             self._settled = True
-            self.estimator.forget(-math.inf, self._now)  # gaps were closing
+            self.estimator.forget(-math.inf, self._now)  # contacts were closing until now
         if self._now >= self._fitted + REFIT:
             self._fitted = self._now
             self.estimator.fit(self._now)
@@ -212,10 +211,9 @@ class PushLoop:
                 self._slide = find_slide(self.estimator, self._replanner.chain, self._since)
 
     def notice(self, obstacles: tuple[Obstacle, ...]) -> None:
-        """Take over what stands in the way now.
+        """Set the obstacles.
 
-        Where the rest of the path is not free any more, or another one has become shorter by a tenth, the plate stops
-        and plans again.
+        The plate stops and replans if the rest of the path is blocked, or another path has become shorter by a tenth.
         """
         self._replanner.take_obstacles(obstacles)
         if not self.driving:
@@ -226,20 +224,20 @@ class PushLoop:
             self._following.drive.stop()
 
     def twist(self) -> FloatArray:
-        """Return the twist (3,) to tell the plate: what leads it along the path, and back to it as contacts bear."""
+        """Return the commanded twist (3,): along the path, with the correction that the contacts allow."""
         if self.over or self._following.drive.over:
             return np.zeros(3)
         period = 1.0 / self.settings.rate
-        led = compose(self.plate, [0.0, self._aside[0], 0.0])  # where the load stands along the plate is only seen
+        led = compose(self.plate, [0.0, self._aside[0], 0.0])  # with the measured lateral offset of the load
         twist = self._following.twist(led)
         self.plate = compose(self.plate, exp(twist * period))
         self._stall.driven(self._now, twist * period, self.plate)
         return self.estimator.asked(twist, self._wheels)
 
     def decide(self) -> None:
-        """Stop where something is not as it should be, and decide what to do once it has been looked at."""
-        # While it comes up to the load or closes contacts, the plate, millimetres off where it believes to be, may
-        # not have met it.
+        """Check for a stall, a departure or missing measurements; at rest, decide how to continue."""
+        # During the approach and while contacts close, the plate, millimetres off its believed pose, might not touch
+        # the load yet.
         meeting = not self._touch.over or (self.phase is Phase.CLOSING and not self._job.straight)
         heavy = () if meeting else self._stall.stalled(self.places)
         if heavy:
@@ -253,26 +251,26 @@ class PushLoop:
             self._look()
         elif self._following.drive.over:
             if self.phase is Phase.CLOSING:
-                self._stall.restart()  # only a part of the load may have had to move
+                self._stall.restart()  # a closing push can move only a part of the load
             self.phase, self._since = Phase.LOOKING, self._now
         elif not self._following.drive.stopping:
             self._watch(unseen)
 
     def _end_stall(self, heavy: tuple[str, ...]) -> None:
-        """Give up as the plate cannot push what it is driven against."""
+        """Give up because the plate cannot push its load."""
         limit, self.stalled = self.scenario.pusher.limits.force, True
         force = "" if math.isinf(limit) else f", and has {limit:.3g} N"
         stands = f"{heavy[0]} stands" if len(heavy) == 1 else f"{', '.join(heavy)} stand"
-        self._tell("stall", f"{stands} still in the measurements though the plate is driven on")
+        self._tell("stall", f"{stands} still in the measurements although the plate moves")
         around, since = compose(self.plate, self.places), self._now - WINDOWS[0]
         seen = self._sightings.mean(around, 2, since, self._job.columns)
-        if seen is not None:  # the plate stands, too, where it touches the load
+        if seen is not None:  # the plate stands at the face of the load
             ahead = float(shift_at_contact(self.scenario.chain, self.plate, seen)[0])
             self._take_place(compose(self.plate, [min(ahead, 0.0), 0.0, 0.0]))
         self._give_up(f"the plate stalls: it cannot push {', '.join(heavy)}{force}")
 
     def _watch(self, unseen: float) -> None:
-        """Stop when an object has left its place, or nothing is seen any more."""
+        """Stop if an object has left its place, or no object is seen."""
         what, since, slide = "", self._now - 2.0 * HOLD, self._slide
         if unseen <= self.settings.patience and self.phase is Phase.PUSHING:
             recent = [sample for sample in self._recent if sample.time >= self._since]
@@ -285,17 +283,17 @@ class PushLoop:
             self.estimator.forget(since, self._now)
             if what:
                 self._tell("deviation", what)
-                self.estimator.doubt(self._now)  # what it took for constants is none
+                self.estimator.doubt(self._now)  # the slide has disturbed the estimates
             self._slide = None
             self._following.drive.stop()
             self._heed_slides()
 
     def _heed_slides(self) -> None:
-        """Plan for the least friction once an object has slid often, if the plate may let go of it."""
+        """Plan for the least friction once an object has slid often, if the plate can leave it."""
         often = [name for name in self.load.names if self.slips[name] >= OFTEN]
         if often and self._job.settle > 0.0 and not self._replanner.wary:
             self._replanner.wary = True
-            self._tell("grip", f"{', '.join(often)} has slid {OFTEN} times: it is pushed as with the least friction")
+            self._tell("grip", f"{', '.join(often)} has slid {OFTEN} times: plans now assume the least friction")
 
     def _look(self) -> None:
         """Once there are enough measurements at rest, decide."""
@@ -334,7 +332,7 @@ class PushLoop:
         elif aim.share(poses) <= (CLEARLY if nearer else 1.0):
             self._end(Phase.ARRIVED, f"{off} off the goal")
         elif self._replans >= self.settings.replans:
-            self._give_up(f"{self.settings.replans} plans were made on the way, and it is not there")
+            self._give_up(f"the goal is not reached after {self.settings.replans} replans")
         elif not flush:
             self._close(poses)
         elif not nearer:
@@ -348,17 +346,17 @@ class PushLoop:
         return min(LONGER * max(1.0, noise / max(self.settings.position_noise, 1e-6)), MEMORY - LATE)
 
     def _unbiased(self, measured: FloatArray) -> FloatArray:
-        if self._job.settle > 0.0:  # where a contact tells where the plate is, goals are where the camera sees them
+        if self._job.settle > 0.0:  # if a contact gives the pose of the plate, goals are in the frame of the camera
             return measured - np.outer(self.estimator.headings[0], [0.0, 0.0, 1.0])
         return self.estimator.unbiased(measured, self._replanner.chain.places)
 
     def _is_undecided(self, measured: FloatArray) -> bool:
-        """Tell whether the noise of a look (n, 3) leaves open on which side of the tolerances the errors are."""
+        """Return whether the noise of a look (n, 3) is too large to compare the errors with the tolerances."""
         noise = self.estimator.noise([self._sample(self._now, measured)])[0] / math.sqrt(self.settings.looks)
         return self._replanner.aim.at_limit(self._unbiased(measured), UNDECIDED * noise)
 
     def _closed(self) -> tuple[float, float]:
-        """Return the gap (m) and turn (rad) up to which contacts count as closed, by all that is not known."""
+        """Return the gap (m) and turn (rad) up to which contacts count as closed, given noise and uncertainty."""
         share = SIGMAS / math.sqrt(self.settings.looks)
         resting = self._sample(self._now, np.zeros_like(self.places))
         noise, unsure = self.estimator.noise([resting])[0], self.estimator.spread(resting).max(axis=0)
@@ -366,21 +364,21 @@ class PushLoop:
         return max(self.settings.gap, float(gap)), max(self.settings.turn, float(turn))
 
     def _persists(self, contacts: Contacts, open_by: str) -> bool:
-        """Tell whether contacts seem as open as before a push that closes them: that is the camera's error."""
-        most, cause = [SIGMAS * value for value in self.settings.bias], "cameras err so"
+        """Return whether contacts seem as open as before a closing push: a camera or plate error explains that."""
+        most, cause = [SIGMAS * value for value in self.settings.bias], "a camera error explains them"
         if self._job.settle > 0.0:
-            # Pushed on and as open as before it is in contact, however far off the plate has driven up to it.
+            # A load that seems as open after the push is in contact; the pose of the plate is wrong.
             most, cause = [LONGEST, math.inf], "the plate is elsewhere"
         if not (self._closings.change_nothing(contacts, *self._closed()) and contacts.flush(*most)):
             return False
-        self._tell("sensor", f"a push does not change that contacts seem open by {open_by}: {cause}")
+        self._tell("sensor", f"contacts still seem open by {open_by} after a closing push: {cause}")
         return True
 
     def _replan(self, contacts: Contacts, measured: FloatArray, off: str) -> None:
-        """Go on with a new plan, from objects that are flush and have slid, unless it costs more than it gains."""
+        """Replan with the slid objects, all flush, and follow the plan unless its travel exceeds its worth."""
         self._closings.restart()
         given = self._now, self.plate, self._path, contacts.slide
-        # Where the plate lets go, another push may bring the load to the goal if this one cannot.
+        # If the plate can leave the load, a later push can bring it to the goal if this one cannot.
         attempts = self._replanner.best(*given, self._most, BARELY if self._job.settle > 0.0 else math.inf)
         for replan in attempts:
             self._record(replan)
@@ -404,10 +402,10 @@ class PushLoop:
             self._give_up(f"{off} remain to the goal, and there is no plan from here: {attempts[0].reason}")
 
     def _is_too_far(self, travel: float, off: str) -> bool:
-        """End where a plan takes more travel (m) than it may."""
+        """End if a plan exceeds the largest travel (m); return whether it does."""
         if travel <= self._most:
             return False
-        why = f"coming nearer takes {travel:.1f} m, and may take {max(self._most, 0.0):.1f} m"
+        why = f"the next plan takes {travel:.1f} m, and {max(self._most, 0.0):.1f} m are allowed"
         self.met_aside = self._job.again and self._touch.aside and self._replans == 1
         if self._share <= 1.0 and not self.met_aside:
             self._end(Phase.ARRIVED, f"{off} off the goal; {why}")
@@ -416,13 +414,13 @@ class PushLoop:
         return True
 
     def _take_for_closed(self, measured: FloatArray) -> None:
-        """Take the objects for being in contact at their new places; what they still seem off is the sensor's."""
+        """Assume contact at the new places of the objects; the remaining errors become sensor errors."""
         self._settled |= self._job.settle > 0.0
         resting = self._sample(self._now, measured)
         self.estimator.take_for_closed(resting, self._recent)
 
     def _come_up(self, measured: FloatArray, sure: bool = False) -> None:
-        """Go on from where the load, measured like all (n, 3), tells that the plate is; see `Touch.told`."""
+        """Correct the pose of the plate by the measured poses of the load (n, 3); see `Touch.told`."""
         told = self._touch.told(self.plate, measured, sure)
         if told is None:
             return
@@ -445,15 +443,15 @@ class PushLoop:
             self._straight(self._ahead, self._touch.length)
 
     def _drive_on(self, plan: Plan) -> None:
-        """Follow a plan, with corrections that its contacts bear."""
+        """Follow a plan, with corrections that its contacts allow."""
         self._start(plan.segments[0].contact_trajectory, Phase.PUSHING, Steering(plan))
 
     def _close(self, poses: FloatArray) -> None:
-        """Push so that open contacts close."""
+        """Start a push that closes open contacts, or give up."""
         twists = self._replanner.planner(BOLD).twists
         push = self._closings.next(self.plate, poses, twists, self._sightings.noise)
         if isinstance(push, ClosingPush) and push.length > self._job.most - self._way:
-            push = f"contacts are open, and {self._job.most:.1f} m, all that the push may take, were driven"
+            push = f"contacts are open, and the allowed travel of {self._job.most:.1f} m is used up"
         if isinstance(push, str):
             self._give_up(push)
             return
@@ -461,7 +459,7 @@ class PushLoop:
         self._straight(push.twist, push.length)
 
     def _straight(self, twist: FloatArray, length: float) -> None:
-        """Push along one twist (3,) by a length (m of path cost), to close contacts."""
+        """Start a closing push along one twist (3,) with a length (m of path cost)."""
         planner = self._replanner.planner(BOLD)
         path = PushPath(self.plate, twist[None], np.array([length]))
         bounds = motion_bounds(planner.scenario.with_margin(planner.margin), planner.stable)

@@ -1,4 +1,4 @@
-"""Plans from where the objects are: for the chain as it is believed to be, within a time limit."""
+"""Replans of a push from the current poses of the believed chain, within a time limit."""
 
 from __future__ import annotations
 
@@ -34,47 +34,47 @@ from pushplan.util.arrays import FloatArray
 from pushplan.util.names import AUTO
 
 Caution = tuple[float, float, float]
-"""Shares of what frictions may be off, of the room beside obstacles, and of the margin, that a plan is made for."""
+"""Caution of a plan: shares of the friction error, of the clearance from obstacles, and of the margin."""
 BOLD: Caution = (0.0, 0.0, 1.0)
 CAUTION: tuple[Caution, ...] = ((1.0, 0.4, 1.0), (0.5, 0.2, 1.0), BOLD)
-"""What plans on the way are made for, one after the other until there is one."""
+"""Caution of replans, tried in this order."""
 WARY: tuple[Caution, ...] = ((1.0, 0.4, 1.0), (1.0, 0.2, 1.0), (1.0, 0.0, 1.0))
-"""What they are made for where contacts have slid again and again, and the plate may push from elsewhere."""
+"""Caution of replans after repeated slides, if the plate can push from elsewhere."""
 OFTEN = 2
-"""So often an object has slid where its contact is taken to grip less than the plan believes, and not to be hit."""
+"""Number of slides of an object after which its contact is assumed to have the least friction."""
 LOWER = tuple((friction, room, margin) for friction, room, _ in CAUTION for margin in (0.5, 0.25))
-"""What plans to the goal itself are made for where all others fail and a margin may be lowered."""
+"""Caution of replans to the exact goal with a lower margin, if all others fail and the margin is automatic."""
 NEARBY = tuple((friction, room, margin) for friction, room, _ in CAUTION for margin in (1.0, 0.5, 0.25))
-"""What plans that end beside the goal are made for: an automatic margin is halved as that of a first plan is."""
+"""Caution of replans that end near the goal; an automatic margin is halved as in a first plan."""
 FIRST: Caution = (1.0, 1.0, 1.0)
-"""What the plan to begin with is made for before these; on the way, a load may be nearer to an obstacle than that."""
+"""Caution of the first plan, tried before the others; later, a load can be nearer to an obstacle than this allows."""
 MERIDIANS = 96
-"""Meridians of the stable set that controls are taken from: plans without haste take five times as many."""
+"""Number of meridians of the stable set for controls; plans without a time limit use five times as many."""
 BETTER, STOP = 0.1, 0.1
-"""Share of a path's cost, and way (m) that a stop is worth, by which another way has to be shorter."""
+"""Reduction of the path cost that is worth a replan: a share of the cost, plus the cost of a stop (m)."""
 ITERATIONS = 10_000
-"""Of the search of a plan, a few hundredths of a second: where they, not the time limit, end it, runs repeat."""
+"""Iterations of a search, a few hundredths of a second; if they end it before the time limit, runs are repeatable."""
 SAME = 5e-4
-"""Slide (m) up to which it is the same chain: another one meets obstacles elsewhere. Its planners take 0.01 s."""
+"""Largest change of slides (m) for which planners are reused; new planners take 0.01 s."""
 ATTEMPTS = 24
-"""Replans in a row that may find nothing."""
+"""Largest number of successive replans without a result."""
 BARELY = 0.9
-"""Share of the tolerances by which a plan beside the goal is to end within them: the rest is for what is off then."""
+"""Share of the tolerances within which a plan near the goal must end; the rest is for errors of its execution."""
 CLEARLY = 0.8
-"""Share of the tolerances up to which nothing need be better."""
+"""Share of the tolerances up to which an error needs no improvement."""
 GAIN = 0.2
-"""Share of the tolerances that a plan which does not reach the goal has to come nearer to it by."""
+"""Smallest improvement by a plan that does not reach the goal, as a share of the tolerances."""
 INTERVAL_SETS = ("ecof", "robust")
 """Stable sets that hold for intervals of floor friction."""
 
 
 @dataclass(frozen=True)
 class Near:
-    """What will do where no path reaches the goal.
+    """Limits of a plan that ends near the goal because no path reaches it.
 
     Attributes:
-        travel: Of the plate, m, at most.
-        share: Of the tolerances that is left, at most.
+        travel: Largest travel of the plate, m.
+        share: Largest remaining error as a share of the tolerances.
     """
 
     travel: float
@@ -82,18 +82,18 @@ class Near:
 
 
 class Replanner:
-    """Plans for a chain whose objects slide and whose friction is known roughly.
+    """Replans for a chain whose objects slide and whose friction is known roughly.
 
     Args:
-        scenario: What the chain is believed to be at first, the room, and the goal.
-        settings: See there.
-        observer: Takes messages about what takes long.
-        lowers: Whether planners chose the scenario's margin, and may lower it where there is no other plan.
+        scenario: Scenario with the initial chain, the room, and the goal.
+        settings: Settings of the controller.
+        observer: Receiver of messages about slow steps.
+        lowers: Whether the scenario's margin is automatic, so that it can be lowered if there is no other plan.
 
     Attributes:
-        wary: Whether plans are made for the least friction only.
-        aim: What counts as the goal.
-        chain: As it is believed to be, with the objects where they have slid to.
+        wary: Whether all plans assume the least friction.
+        aim: Goal poses and tolerances.
+        chain: Believed chain with the current slides.
     """
 
     def __init__(
@@ -105,12 +105,12 @@ class Replanner:
         self.chain, self._slides = scenario.chain, np.zeros(len(scenario.chain.contacts))
         self._planners: dict[Caution, Planner] = {}
         self._margins: dict[Caution, float] = {}
-        for level in CAUTION:  # so that the first replan does not wait for it
+        for level in CAUTION:  # prepare the planners now, so that the first replan is fast
             with suppress(PushplanError):
                 self.planner(level)
 
     def first(self) -> Plan:
-        """Return the plan to begin with, made as `pushplan.plan` does: the most cautious there is."""
+        """Return the first plan from `pushplan.plan`: the most cautious one that exists."""
         found = None
         for level in (FIRST, *CAUTION):
             try:
@@ -125,18 +125,18 @@ class Replanner:
         return found
 
     def rehearse(self, path: PushPath) -> None:
-        """Plan once from the middle of a path, so that planners are prepared when time counts."""
+        """Plan once from the middle of a path, to prepare the planners before time counts."""
         self.replan(0.0, path.poses_at([0.5 * path.cost])[0], path, self._slides)
 
     def planner(self, level: Caution) -> Planner:
-        """Return a planner for the chain.
+        """Return the planner for the chain with a level of caution.
 
         Raises:
-            EmptyStableSetError: When no twist keeps every contact.
+            EmptyStableSetError: If no twist keeps every contact.
         """
         if level not in self._planners:
             scenario = replace(self._careful(level), trajectory="exact")
-            # What `auto` comes to is not worked out again for a chain that slid.
+            # Reuse the automatic margin after slides of the chain.
             margin = self._margins.get(level)
             if margin is None and level[2] < 1.0:
                 margin = level[2] * self.planner((*level[:2], 1.0)).margin
@@ -151,34 +151,34 @@ class Replanner:
         return cautious(scenario, level[0] * settings.friction, level[1] * settings.room)
 
     def take_obstacles(self, obstacles: tuple[Obstacle, ...]) -> None:
-        """Take over what is in the way now; stable sets and controls are kept."""
+        """Set the obstacles; stable sets and controls are reused."""
         self._scenario = replace(self._scenario, obstacles=obstacles)
         self._planners = {level: planner.with_obstacles(obstacles) for level, planner in self._planners.items()}
 
     def reason_to_replan(self, poses: FloatArray, rest: float) -> str:
-        """Return why the rest of a plan is not to be driven on; empty if it is.
+        """Return the reason to leave the rest of a plan; empty without one.
 
         Args:
-            poses: (m, 3) of the chain frame in the world, from where it is to the end.
-            rest: What is left of the path's cost, m.
+            poses: Poses of the chain frame in the world on the rest of the path, (m, 3).
+            rest: Cost of the rest of the path, m.
         """
         if len(poses) < 2:
             return ""
         hit = find_collision(with_chain(self._scenario, self.chain), poses)
         if hit is not None:
-            return f"the way is not free any more: {hit}"
+            return f"the path is blocked: {hit}"
         goals = self.aim.exact(self.chain)[None]
         planners = [planner for level, planner in self._planners.items() if level in CAUTION]
         shortest = min(float(planner.reach(poses[0], goals)[0, 0]) for planner in planners)
         if shortest < (1.0 - BETTER) * rest - STOP:
-            return f"there is a way of {shortest:.2f} m now instead of {rest:.2f} m"
+            return f"there is now a path of {shortest:.2f} m instead of {rest:.2f} m"
         return ""
 
     def believe(self, slides: FloatArray) -> None:
-        """Take over how far objects have slid (n,), m.
+        """Set the slides of the objects (n,), m.
 
         Raises:
-            ChainError: When one has slid off.
+            ChainError: If an object has slid off.
         """
         chain = slid(self._scenario.chain, slides)
         if (np.abs(slides - self._slides) > SAME).any():
@@ -186,7 +186,7 @@ class Replanner:
         self.chain = chain
 
     def could_be_nearer(self, poses: FloatArray, slides: FloatArray) -> bool:
-        """Tell whether objects that have slid (n,), m, could stand much nearer to the goal than at poses (n, 3)."""
+        """Return whether objects with slides (n,), m, could be much nearer to the goal than at poses (n, 3)."""
         try:
             best = self.aim.best(slid(self._scenario.chain, slides))
         except ChainError:
@@ -196,18 +196,18 @@ class Replanner:
     def best(
         self, now: float, start: FloatArray, previous: PushPath | None, slides: FloatArray, most: float, left: float
     ) -> list[Replan]:
-        """Return attempts to plan, of which the last one counts.
+        """Return the attempts to plan; the last one is the result.
 
-        It is the most cautious plan that reaches the goal with no more travel than it may take; or where there is
-        none, the one that comes nearest with so much; or the shortest.
+        It is the most cautious plan that reaches the goal within the largest travel. Without one, it is the plan that
+        comes nearest within this travel, or else the shortest.
 
         Args:
-            now: See `replan`, as of the next three.
-            start: See there.
-            previous: See there.
-            slides: See there.
-            most: Travel that a plan may take, m.
-            left: Share of the tolerances that a plan may leave where none reaches the goal.
+            now: Time of the record, s.
+            start: Pose of the chain frame, (3,).
+            previous: Current path; its rest is the first candidate.
+            slides: Slides of the objects, m, (n,).
+            most: Largest travel, m.
+            left: Largest remaining error, as a share of the tolerances, if no plan reaches the goal.
         """
         missed: list[Replan] = []
         solved: list[tuple[float, Replan]] = []
@@ -226,7 +226,7 @@ class Replanner:
             return [*missed, next(replan for travel, replan in solved if travel <= most)]
         here = float(self.aim.share(compose(start, self.chain.places)))
         near, beside = Near(most, min(left, here - GAIN)), list[tuple[float, Replan]]()
-        # Contacts are risked where nothing else brings the objects within the tolerances.
+        # Lower the margin only if nothing else brings the objects within the tolerances.
         risks = here > 1.0 and left > 1.0 and self._scenario.stability.margin == AUTO
         for level in NEARBY if risks else levels:
             replan = self.replan(now, start, previous, slides, level, near)
@@ -257,18 +257,18 @@ class Replanner:
         near: Near | None = None,
         seed: int = 1,
     ) -> Replan:
-        """Return a plan from a pose (3,) of the chain frame to the goal, or within its tolerances if that is far.
+        """Return a plan from a pose (3,) of the chain frame to the goal, or to a pose within its tolerances.
 
-        Trajectories stop at every corner, which takes half as long to work out as blending it.
+        Trajectories stop at every corner, which halves the computing time compared with blends.
 
         Args:
-            now: For the record.
-            start: Where the plate is.
-            previous: The rest of it is the first candidate.
-            slides: (n,) how far the objects have slid, m.
-            level: What it is made for.
-            near: What will do in place of the goal: the plan ends as near to that as a steering path leads.
-            seed: Of the search.
+            now: Time of the record, s.
+            start: Pose of the chain frame, (3,).
+            previous: Current path; its rest is the first candidate.
+            slides: Slides of the objects, m, (n,).
+            level: Caution of the plan.
+            near: Limits of a plan that ends as near to the goal as a steering path leads; None for the goal itself.
+            seed: Seed of the search.
         """
         began = time.process_time()
         reason, result = "", None
@@ -290,7 +290,7 @@ class Replanner:
         return Replan(now, result, reason, time.process_time() - began)
 
     def _goal(self, planner: Planner, start: FloatArray) -> FloatArray:
-        """Return the exact goal, or the one within the tolerances that is the least way away if that is far less."""
+        """Return the exact goal, or the nearest pose within the tolerances if its path is much shorter."""
         goals = self.aim.candidates(self.chain)
         goals = goals[[max(pose_error(goal, start)) > 1e-6 for goal in goals]]
         ways = planner.reach(start, goals)[0]
@@ -300,10 +300,10 @@ class Replanner:
         return np.asarray(goals[nearest])
 
     def _beside(self, planner: Planner, start: FloatArray, near: Near) -> FloatArray:
-        """Return the pose nearest to the goal that a steering path leads to.
+        """Return the pose nearest to the goal that a steering path reaches.
 
         Raises:
-            PlanningError: When that leaves too much.
+            PlanningError: If the remaining error is too large.
         """
 
         def reach(goals: FloatArray) -> FloatArray:
@@ -317,14 +317,14 @@ class Replanner:
 
 
 def cautious(scenario: Scenario, share: float, room: float = 0.0) -> Scenario:
-    """Return the scenario with every coefficient of friction off by up to a share; one with intervals keeps them.
+    """Return the scenario with a relative error of all friction coefficients; intervals of the scenario are kept.
 
-    Of objects that stand apart and of a row it is the least friction of contacts.
+    A multi-push scenario gets the lowest contact friction.
 
     Args:
-        scenario: What is believed.
-        share: From 0 to below 1.
-        room: Clearance to keep at least, m.
+        scenario: Believed scenario.
+        share: Relative error, from 0 to below 1.
+        room: Smallest clearance, m.
     """
     scenario = replace(scenario, clearance=max(scenario.clearance, room))
     least = 1.0 - share
@@ -344,15 +344,15 @@ def cautious(scenario: Scenario, share: float, room: float = 0.0) -> Scenario:
 
 
 def with_chain(scenario: Scenario, chain: Chain) -> Scenario:
-    """Return the scenario with another chain; where it states intervals, they hold for that."""
+    """Return the scenario with another chain, which also gets its intervals."""
     interval = None if scenario.interval is None else replace(scenario.interval, chain=chain)
     return scenario.with_load(chain=chain, interval=interval)
 
 
 def planned_for_least(scenario: Scenario, friction: float, make: Callable[[Scenario], Plan]) -> Plan:
-    """Return a plan of several pushes that is made for a friction of contacts that is less by a share.
+    """Return a multi-push plan that is made for a contact friction lower by a share.
 
-    Its loads and its scenario are those that are believed: what follows it plans with caution of its own.
+    Its loads and its scenario have the nominal friction, because the controller adds its own caution.
     """
     made = make(cautious(scenario, friction))
     if friction == 0.0 or any(load.interval is not None for load in scenario.loads):
@@ -373,7 +373,7 @@ def planned_for_least(scenario: Scenario, friction: float, make: Callable[[Scena
 
 
 def bears(plan: Plan, friction: float) -> bool:
-    """Tell whether contacts hold in all pushes of a plan with a friction that is less by a share."""
+    """Return whether the contacts hold in all pushes of a plan with a friction lower by a share."""
     for push in plan.pushes:
         problem = push.pushed_load.problem
         less = problem.with_load(chain=with_contact_friction(problem.chain, 1.0 - friction), interval=None)
@@ -386,7 +386,7 @@ def bears(plan: Plan, friction: float) -> bool:
 
 
 def first_of_several(scenario: Scenario, settings: ControlSettings, observer: Observer) -> Plan:
-    """Return a plan of several pushes: for the least friction if there is one that brings as many objects."""
+    """Return a multi-push plan, made for the least friction if such a plan delivers as many objects."""
     found = plan(scenario, observer=observer)
     if settings.friction > 0.0 and found.segments:
         with suppress(PushplanError):
@@ -399,19 +399,19 @@ def first_of_several(scenario: Scenario, settings: ControlSettings, observer: Ob
 def first_plan(
     scenario: Scenario, given: Plan | None, settings: ControlSettings, observer: Observer
 ) -> tuple[Plan, Replanner | None]:
-    """Return the plan to begin with, the given one or one that is made, and what replans a single push.
+    """Return the first plan, given or new, and for a single push its replanner.
 
     Raises:
-        PlanningError: When there is no plan.
-        SupportError: When the load under an object is not known.
+        PlanningError: If there is no plan.
+        SupportError: If the load under an object is not known.
     """
-    SlipSimulator(World.from_scenario(scenario))  # before anything takes long: loads have to be known
+    SlipSimulator(World.from_scenario(scenario))  # fails early if a load is not known
     replanner = Replanner(scenario, settings, observer) if scenario.task.held else None
     found = given
     if found is None:
         found = first_of_several(scenario, settings, observer) if replanner is None else replanner.first()
     if found.trajectory is None:
-        raise PlanningError(f"there is no plan to begin with: {found.reason}")
+        raise PlanningError(f"there is no first plan: {found.reason}")
     if replanner is not None and found.path is not None:
         replanner.rehearse(found.path)
     return found, replanner

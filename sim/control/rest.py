@@ -1,4 +1,4 @@
-"""How the plate gets to the next object from where everything was measured, and plans for what is left to do."""
+"""Transits to the next object from measured poses, and plans for the rest of a multi-push plan."""
 
 from __future__ import annotations
 
@@ -28,28 +28,27 @@ from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, AUTO, FACES, TRANSIT
 
 TIME_LIMIT = 20.0
-"""Of a plan for the rest, s: its search ends by itself, so that runs repeat."""
+"""Time limit of a plan for the rest, s; the search usually ends earlier, so runs are repeatable."""
 BATCHES = 4
-"""Of poses that the search for several pushes of one load draws, at most."""
+"""Largest number of batches of poses in the search of several pushes of one load."""
 CAREFUL = 0.08
-"""Margin of a plan for the rest. Pushes that are planned again on the way keep less, and so can turn more tightly
-than planned, as corrections ask for; with 0.12 a plan for two boxes behind one another took twice the travel."""
+"""Margin of a plan for the rest. Replans during a push keep less and can turn more tightly, as corrections need. With
+0.12, a plan for two boxes behind one another took twice the travel."""
 SAME = 1e-4, 1e-4
-"""Up to so far (m, rad) off its beginning a planned way is driven as it is."""
+"""Largest distance (m, rad) from the start of a planned transit at which it is kept."""
 BERTH = 0.03
-"""Clearance (m) with which the robot drives alone if there is such a way: wheels that are off by 1.5 % lead it astray
-by so much in 2 m."""
+"""Preferred clearance of transits, m: a wheel error of 1.5 % gives this error after 2 m."""
 Leg = tuple[int, Segment]
-"""Index of a segment of the plan, and how it is driven."""
+"""Index of a segment of the plan, and the segment to drive."""
 
 
 def travel_of(segments: Iterable[Segment]) -> float:
-    """Return the travel of the plate in segments, m."""
+    """Return the travel of the plate in some segments, m."""
     return sum(segment.path.travel for segment in segments)
 
 
 def carried_by(load: Load, poses: Poses) -> FloatArray:
-    """Return the pose (3,) that the load's contact frame has where its first object is flush with the plate."""
+    """Return the pose (3,) of the load's contact frame at which its first object is flush with the plate."""
     obj = load.chain.objects[load.chain.first_pushed]
     return compose(poses[obj.name], inverse(obj.pose_chain))
 
@@ -63,16 +62,16 @@ def legs_to(
     near: tuple[float, float],
     rate: float,
 ) -> list[Leg]:
-    """Return how the plate drives up to the load of the next push; nothing where there is no way.
+    """Return the legs of the plate to the load of the next push; empty if there is no transit.
 
     Args:
-        plan: With what is to be done.
-        begin: Index of the segment that comes next.
-        plate: (3,) pose of the plate frame.
-        poses: Of all objects, as measured.
-        obstacles: What else stands in the room.
-        near: How far (m, rad) the load may be off its planned place so that planned ways are driven as they are.
-        rate: Of trajectories, Hz.
+        plan: Executed plan.
+        begin: Index of the next segment.
+        plate: Pose of the plate frame, (3,).
+        poses: Measured poses of all objects.
+        obstacles: Obstacles in the room.
+        near: Largest error (m, rad) of the load from its planned pose for which planned transits are kept.
+        rate: Sample rate of trajectories, Hz.
     """
     scenario, segments = plan.scenario, plan.segments
     k = next(k for k in range(begin, len(segments)) if segments[k].pushes)
@@ -117,15 +116,15 @@ def _planned(scenario: Scenario, settings: PlanSettings, first: bool) -> Plan:
 
 
 class RestPlanner:
-    """Plans what is left to do from where everything was measured.
+    """Plans the rest of a task from measured poses.
 
     Args:
-        scenario: What is believed.
-        plan: What was to be done at first.
-        tolerance: Distance (m) and angle (rad) by which an object that was brought to its goal may be off.
-        friction: Share by which coefficients of friction may be off.
-        observer: Takes messages about what takes long.
-        wary: Whether plans are made for the least friction from the beginning, if there are any: as the first was.
+        scenario: Believed scenario.
+        plan: First plan.
+        tolerance: Largest distance (m) and angle (rad) of a delivered object from its goal.
+        friction: Relative error of the friction coefficients.
+        observer: Receiver of messages about slow steps.
+        wary: Whether plans assume the least friction from the beginning, if possible, as the first plan does.
     """
 
     def __init__(
@@ -154,19 +153,19 @@ class RestPlanner:
         slips: Mapping[str, int],
         avoided: Collection[str] = (),
     ) -> Replan:
-        """Return a plan for the rest: one with room for corrections, unless it takes more travel than it may.
+        """Return a plan for the rest, with a margin for corrections unless it then exceeds the largest travel.
 
         Args:
-            now: For the record.
-            plate: (3,) pose of the plate frame.
-            poses: Of all objects.
-            obstacles: What else stands in the room.
-            delivered: Objects that stay where they are.
-            seed: Of the random numbers.
-            most: Travel that it may take, m.
-            slips: How often objects have slid since the last plan, by name. Where one did so again and again, this
-                and all later plans are for the least friction, if there is one.
-            avoided: Faces through which nothing is pushed if there is such a plan: a push through them stalled.
+            now: Time of the record, s.
+            plate: Pose of the plate frame, (3,).
+            poses: Poses of all objects.
+            obstacles: Obstacles in the room.
+            delivered: Objects that stay at their poses.
+            seed: Seed of the random numbers.
+            most: Largest travel, m.
+            slips: Number of slides of each object, by name, since the last plan. From `OFTEN` slides of one object
+                on, this and all later plans assume the least friction, if possible.
+            avoided: Faces that are not pushed if possible, because a push through them stalled.
         """
         began, reason, result = time.process_time(), "", None
         self._wary |= max(slips.values(), default=0) >= OFTEN
@@ -194,14 +193,14 @@ class RestPlanner:
         return Replan(now, result, reason, time.process_time() - began, rest=True)
 
     def _faces(self, avoided: Collection[str]) -> list[tuple[str | float, ...] | None]:
-        """Return what faces plans may push, one after the other."""
+        """Return the allowed faces for successive attempts."""
         stated = self._scenario.transport.faces
         rest = tuple(face for face in stated or FACES if face not in avoided)
         return [rest, stated] if avoided and rest else [stated]
 
     @property
     def _margins(self) -> tuple[Margin | None, ...]:
-        """What pushes are planned with, one after the other; a row asks for margins of its own."""
+        """Margins for successive attempts; a row determines its own margins."""
         stated = self._scenario.stability.margin
         usual = 0.0 if stated == AUTO else float(stated)
         return (CAREFUL, None) if usual < CAREFUL and not self._scenario.task.flush else (None,)
@@ -209,7 +208,7 @@ class RestPlanner:
     def _asked(
         self, plate: FloatArray, poses: Poses, obstacles: tuple[Obstacle, ...], delivered: frozenset[str]
     ) -> Scenario:
-        """Return the scenario with everything where it is now."""
+        """Return the scenario with the current poses of plate and objects and the remaining goals."""
         loads = tuple(replace(load, start=load.start_for(poses[load.name])) for load in self._scenario.loads)
         by_name = {load.name: load for load in loads}
         goals = tuple(goal.remaining(by_name, delivered) for goal in self._goals)

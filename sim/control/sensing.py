@@ -1,4 +1,4 @@
-"""Measured poses: of objects by a simulated sensor, what was seen of them lately, and where the plate is."""
+"""A simulated sensor, recent measurements of the objects, and the odometry of the plate."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from pushplan.sim.control.settings import words
 from pushplan.util.arrays import FloatArray, plain_number
 
 JUMP = (0.01, math.radians(0.5))
-"""What (m, rad) the measured pose of the plate may be off from one to the next."""
+"""Largest error (m, rad) of the plate's measured motion that does not count as a jump."""
 MEMORY = 3.0
-"""How long poses of the plate and measurements are kept, s."""
+"""Time for which poses of the plate and measurements are kept, s."""
 STILL = 2e-3
-"""Way (m) of the plate that pushes during which measurements that repeat one another are no news of its load."""
+"""Travel (m) of a pushing plate after which identical measurements count as frozen."""
 OUTLIER = 4.0
-"""Measurements of a mean are so many standard deviations from their median, at most."""
+"""Largest distance of a measurement from the median, in standard deviations, that counts in a mean."""
 NOISY, CLOSE = 24, 0.15
-"""Measurements of an object from which noise is estimated, and time (s) up to which one comes next to another."""
+"""Smallest number of pairs of measurements for a noise estimate, and largest time (s) between the two of a pair."""
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """How objects are measured.
+    """Simulated sensor of object poses.
 
     Attributes:
         rate: Measurements per second, Hz.
-        delay: From a measurement to its coming, s; trackers lag by about 0.1 s.
+        delay: Time from a measurement to its arrival, s; trackers lag by about 0.1 s.
         position: Standard deviation of each coordinate of a position, m.
         angle: Standard deviation of an angle, rad.
     """
@@ -59,19 +59,19 @@ class Sensor:
 
 
 _MOST = {"rate": 1e4, "delay": MEMORY, "position": 1.0, "angle": math.pi}
-"""Largest values of a sensor; what came later than the memory would be dropped."""
+"""Largest values of a sensor; later measurements than the memory would be dropped."""
 
 
 class Measurements:
-    """Measures objects as time goes by.
+    """Measurements of a simulated sensor.
 
     Attributes:
-        t: When each measurement was taken, s.
-        poses: (n, 3) what was measured.
+        t: Times of the measurements, s.
+        poses: Measured poses, each (n, 3).
     """
 
     def __init__(self, sensor: Sensor, seed: int) -> None:
-        """Begin at time 0 with a seed of the noise."""
+        """Start at time 0; `seed` is that of the noise."""
         self._sensor, self._random = sensor, np.random.default_rng(seed)
         self._waiting: deque[tuple[float, FloatArray]] = deque()
         self.t: list[float] = []
@@ -79,7 +79,7 @@ class Measurements:
 
     @classmethod
     def recorded(cls, sensor: Sensor, measured: Measured) -> Self:
-        """Return measurements that were made, as they came from the sensor."""
+        """Return recorded measurements, with the delay of the sensor."""
         again = cls(sensor, 0)
         again._waiting.extend((float(t), poses) for t, poses in zip(measured.t, measured.poses, strict=True))
         return again
@@ -90,7 +90,7 @@ class Measurements:
         return Measured(np.array(self.t), np.array(self.poses))
 
     def take(self, now: float, object_poses: FloatArray) -> None:
-        """Measure the objects (n, 3), if it is time to."""
+        """Measure the objects (n, 3) if the next measurement is due."""
         sensor = self._sensor
         if now < len(self.t) / sensor.rate - 1e-9:
             return
@@ -100,7 +100,7 @@ class Measurements:
         self._waiting.append((now, self.poses[-1]))
 
     def arrived(self, now: float) -> tuple[FloatArray, float] | None:
-        """Return the latest measurement that has come since, and when it was taken; None where none has."""
+        """Return the latest new measurement and its time; None without one."""
         latest = None
         while self._waiting and self._waiting[0][0] + self._sensor.delay <= now + 1e-9:
             time, poses = self._waiting.popleft()
@@ -109,13 +109,13 @@ class Measurements:
 
 
 class Sightings:
-    """Recent measurements, in the order of the times at which they were taken.
+    """Recent measurements, ordered by time.
 
     Args:
-        noise: (2,) standard deviations of measurements that come without, m and rad.
+        noise: Standard deviations of measurements without a covariance, m and rad, (2,).
 
     Attributes:
-        rides: Whether the last one came from a camera on the robot, which may see nothing on its way.
+        rides: Whether the last one came from a camera on the robot, which often sees no object during a transit.
     """
 
     def __init__(self, noise: FloatArray) -> None:
@@ -124,27 +124,27 @@ class Sightings:
         self._ahead: deque[tuple[float, FloatArray, bool]] = deque()
         self._plates: deque[FloatArray] = deque()  # time and pose of each (4,)
         self._gate = Gate()
-        self._last = np.zeros(0)  # when each object was seen last (n,); empty before the first measurement
-        self._came: tuple[FloatArray, FloatArray] | None = None  # the last one, and where the plate was at first
+        self._last = np.zeros(0)  # time of the last sighting of each object (n,); empty before the first measurement
+        self._came: tuple[FloatArray, FloatArray] | None = None  # last distinct one, and the pose of the plate then
         self._frozen = False
 
     @property
     def noise(self) -> FloatArray:
-        """(2,) standard deviations of measurements, m and rad: as stated last, or as seen where that is more."""
+        """Standard deviations of measurements, m and rad, (2,): the last nominal ones, or the estimate if larger."""
         return self._gate.noise(self._stated)
 
     def noisier(self) -> str:
-        """Return by how much measurements scatter more than is stated; empty where they do not."""
+        """Return a text about noise above the nominal one; empty without it."""
         stated, seen = self._stated, self._gate.noise(np.maximum(self._stated, self._usual))
-        return f"{words(*seen)}, and {words(*stated)} are stated" if (seen > stated).any() else ""
+        return f"{words(*seen)} instead of {words(*stated)}" if (seen > stated).any() else ""
 
     def see(
         self, time: float, object_poses: FloatArray, frame: str = "world", noise: FloatArray | None = None
     ) -> None:
-        """Take down measured poses (n, 3) of the objects in a frame, `world` or `plate`, NaN where unseen.
+        """Store measured poses (n, 3) of the objects in a frame, `world` or `plate`, NaN for unseen objects.
 
         Raises:
-            PushplanError: When it is another frame.
+            PushplanError: If it is another frame.
         """
         if frame not in ("world", "plate"):
             raise PushplanError(f"frame is {frame!r:.40}; allowed: 'world' and 'plate'")
@@ -155,17 +155,17 @@ class Sightings:
     def come(
         self, now: float, plate: FloatArray, pushing: bool, doubt: Callable[[str, int], None]
     ) -> list[tuple[float, FloatArray]]:
-        """Return what has come since, in the world; measurements stamped ahead wait until `now` is there.
+        """Return the new measurements in the world; those with a later time stamp wait until `now`.
 
-        What leaps is NaN until the next one agrees, see `Gate`; what repeats the measurement before to the last
-        digit, though the load is pushed, is left out.
+        A pose that leaps is NaN until the next one confirms it; see `Gate`. A measurement that repeats the previous
+        one to the last digit although the load is pushed is dropped.
 
         Args:
             now: Time, s.
-            plate: (3,) pose of the plate frame then, in the world, from which is seen what is measured in it.
-                Not one that was learned from such measurements, which would confirm itself.
-            pushing: Whether the plate pushes, all contacts being closed.
-            doubt: Told what is wrong with measurements (`wrong`, `exchanged`, `frozen`), and the number of an object.
+            plate: Pose of the plate frame in the world, (3,), by odometry. A pose that is learned from these
+                measurements would confirm itself.
+            pushing: Whether the plate pushes with all contacts closed.
+            doubt: Receiver of the problem (`wrong`, `exchanged`, `frozen`) and the index of the object.
         """
         self._plates.append(np.append(now, plate))
         while self._plates[0][0] < now - MEMORY:
@@ -200,7 +200,7 @@ class Sightings:
         return self._frozen
 
     def _plate_at(self, time: float) -> FloatArray:
-        """Return where the plate was (3,) at a time, s: at a constant twist between two steps."""
+        """Return the pose of the plate (3,) at a time, s, with a constant twist between two steps."""
         after = next(k for k, row in enumerate(self._plates) if row[0] >= time)
         end = self._plates[after]
         begin = self._plates[max(after - 1, 0)]
@@ -208,30 +208,30 @@ class Sightings:
         return between(begin[1:], end[1:], max(share, 0.0))
 
     def latest(self) -> float:
-        """Return the time of the last measurement that came; minus infinity before the first."""
+        """Return the time of the last measurement; minus infinity before the first."""
         if self._ahead:
             return self._ahead[-1][0]
         return self._seen[-1][0] if self._seen else -np.inf
 
     def unseen(self, since: float, columns: list[int]) -> FloatArray:
-        """Return when each of some objects was seen last (n,), or `since` where that is later or it never was."""
+        """Return the time of the last sighting of each of some objects (n,), at least `since`."""
         return np.maximum(self._last[columns], since) if len(self._last) else np.array([since])
 
     def is_blind(self, unseen: float, was: bool, patience: float, tell: Callable[[str, str], None]) -> bool:
-        """Tell once that no measurement has come for longer than one is waited for; return whether that is so."""
+        """Return whether the time without measurements exceeds the patience; report it once."""
         blind = unseen > patience
         if blind and not was:
             tell("unseen", f"no measurement has come for {unseen:.2f} s: the plate stands still until one does")
         return blind
 
     def mean(self, around: FloatArray, least: int, since: float, columns: list[int]) -> FloatArray | None:
-        """Return the mean poses (n, 3) of measurements of some objects, without outliers; None if there are too few.
+        """Return the mean measured poses (n, 3) of some objects, without outliers; None if there are too few.
 
         Args:
-            around: (n, 3) poses about which angles are taken.
-            least: Number of measurements that it takes.
-            since: Only those from this time on count.
-            columns: Numbers of the objects among all.
+            around: Poses about which angles are wrapped, (n, 3).
+            least: Smallest number of measurements.
+            since: Time of the first measurement that counts, s.
+            columns: Indices of the objects.
         """
         counted = [poses[columns] for time, poses in self._seen if time >= since]
         off = np.array(counted).reshape(-1, *around.shape) - around
@@ -243,21 +243,20 @@ class Sightings:
 
 
 def _middle(values: FloatArray) -> FloatArray:
-    """Return the mean (3,) of those of the values (k, 3) that are not far from their median."""
+    """Return the mean (3,) of the values (k, 3) without outliers from the median."""
     off = np.abs(values - np.median(values, axis=0))
     usual = OUTLIER * 1.48 * np.median(off, axis=0) + 1e-9
     return np.asarray(values[(off <= usual).all(axis=1)].mean(axis=0))
 
 
 def noise_between(times: FloatArray, errors: FloatArray) -> FloatArray | None:
-    """Return the standard deviations (2,), m and rad, by which errors differ from one measurement to the next.
+    """Return the noise of measurements as standard deviations (2,), m and rad; None for too few pairs of neighbours.
+
+    It follows from the differences of neighbouring errors.
 
     Args:
-        times: (k,) of measurements, s.
-        errors: (k, n, 3) of objects, NaN where unseen.
-
-    Returns:
-        None where there are too few that come next to one another.
+        times: Times of measurements, s, (k,).
+        errors: Errors of objects, NaN for unseen ones, (k, n, 3).
     """
     steps = np.diff(errors, axis=0)[np.diff(times) < CLOSE] / math.sqrt(2.0)
     steps = steps[~np.isnan(steps[..., 0])]
@@ -268,33 +267,33 @@ def noise_between(times: FloatArray, errors: FloatArray) -> FloatArray | None:
 
 
 class Odometry:
-    """Where the plate is: by what it was told, by its wheels where they tell, and by its measured pose.
+    """Pose of the plate from commands, wheel odometry and measured poses.
 
     Attributes:
-        pose: (3,) of the plate frame in the world.
-        travel: So far, as it was told, m.
-        watched: Whether it is measured how the plate moves, by its pose or by its wheels.
+        pose: Pose of the plate frame in the world, (3,).
+        travel: Commanded travel so far, m.
+        watched: Whether its motion is measured, by poses or by wheels.
     """
 
     def __init__(self, pose: FloatArray) -> None:
-        """Begin at a pose (3,)."""
+        """Start at a pose (3,)."""
         self.pose, self.travel, self.watched = pose, 0.0, False
         self._measured: tuple[FloatArray, FloatArray] | None = None
-        self._leapt: tuple[FloatArray, FloatArray] | None = None  # one that leapt, likewise
-        self._sure = False  # whether two have agreed
-        self._rolled: tuple[FloatArray, FloatArray] | None = None  # what was told last, and the pose then
+        self._leapt: tuple[FloatArray, FloatArray] | None = None  # the same for a measured pose that leapt
+        self._sure = False  # whether two measured poses have agreed
+        self._rolled: tuple[FloatArray, FloatArray] | None = None  # last wheel pose, and the pose at that time
 
     def drive(self, twist: FloatArray, period: float) -> None:
-        """Go on by a body twist (3,) for a time, s."""
+        """Apply a commanded body twist (3,) for a period, s."""
         self.pose = compose(self.pose, exp(twist * period))
         self.travel += float(np.hypot(twist[0], twist[1])) * period
 
     def take(self, rolled: FloatArray | None, measured: FloatArray | None) -> tuple[float, float] | None:
-        """Take how the plate has moved; return by what its measured pose jumped (m, rad), None if it did not.
+        """Apply measurements of the plate; return the jump of its measured pose (m, rad), None without one.
 
         Args:
-            rolled: (3,) pose by the wheels, in a frame that stays: what counts is how it has changed.
-            measured: (3,) pose in the world.
+            rolled: Pose by the wheels in any fixed frame, (3,); only its change counts.
+            measured: Pose in the world, (3,).
         """
         if rolled is not None:
             if self._rolled is not None:
@@ -304,10 +303,10 @@ class Odometry:
         return None if measured is None else self._take_pose(measured)
 
     def _take_pose(self, pose: FloatArray) -> tuple[float, float] | None:
-        """Take a measured pose (3,); return by what it jumped.
+        """Apply a measured pose (3,); return its jump.
 
-        One that leaps is wrong, or a jump of the measurement if the next one agrees: then the plate has moved as it
-        was told to, or as its wheels say. The first two have to agree.
+        A pose that leaps is wrong, or, if the next one confirms it, a jump of the measurement. In both cases the
+        plate has moved by its commands or wheels. The first two poses must agree.
         """
         first, jump = self._measured is None, None
         offs = []

@@ -1,4 +1,4 @@
-"""What a controller is told about its sensor, and when it acts."""
+"""Settings of the closed loop: sensor errors, limits and thresholds."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from pushplan.errors import PushplanError
 from pushplan.util.arrays import frozen, plain_number
 
 SIGMAS = 6.0
-"""Standard deviations of a mean by which a contact may seem to be open and count as closed."""
+"""Standard deviations of a mean up to which the measured gap of a contact counts as closed."""
 LEAST_GAP, LEAST_TURN = 8e-4, 5e-3
-"""Gap (m) and turn (rad) that count as closed however well objects are measured."""
+"""Gap (m) and turn (rad) that always count as closed, even with exact measurements."""
 
 _LEAST = {"position_noise": 0, "angle_noise": 0, "friction": 0, "replans": 0, "looks": 2}
-"""Least values of what need not be above 0."""
+"""Smallest values of settings that can be 0 or have a larger minimum; all others must be above 0."""
 _MOST = {"friction": 1.0, "rate": 1e4, "looks": 1000, "patience": 60.0}
-"""What values have to be below."""
+"""Exclusive upper limits; 1e6 for all others."""
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,12 @@ class ControlSettings:
         position_tolerance: Distance from the goal at which the goal's object has arrived, m. A wider tolerance of the
             goal replaces it.
         angle_tolerance: Angle from the goal at which the goal's object has arrived, rad, or a wider one of the goal.
-        friction: Share by which friction coefficients may be off; closing pushes are proven for it.
+        friction: Relative error of the friction coefficients; closing pushes are tested for it.
         time_limit: Wall-clock time of a search, s.
         replans: Largest number of replans.
         detour: Largest travel of the plate: a factor of the first plan, plus a distance in m. Each push has the
             same limit relative to its own plan.
-        worth: Travel (m) that a replan may take to reduce an error by the goal's tolerance. Half a metre is always
+        worth: Largest travel (m) of a replan that reduces an error by the goal's tolerance. Half a metre is always
             allowed.
         patience: Time without a measurement after which the plate stops, s.
         outage: Time without a measurement after which the controller gives up, s.
@@ -74,21 +74,21 @@ class ControlSettings:
 
     @property
     def room(self) -> float:
-        """Clearance of cautious plans, m: what objects may be off unnoticed, and twice the error of a camera."""
+        """Clearance of cautious plans, m: unnoticed deviation of objects plus twice the error of the camera."""
         return self.position_slack + 2.0 * self.bias[0]
 
     @property
     def gap(self) -> float:
-        """Gap up to which a contact that was looked at counts as closed, m."""
+        """Largest measured gap of a closed contact, m."""
         return max(LEAST_GAP, SIGMAS / math.sqrt(self.looks) * self.position_noise)
 
     @property
     def turn(self) -> float:
-        """Turn up to which it does, rad."""
+        """Largest measured turn of a closed contact, rad."""
         return max(LEAST_TURN, SIGMAS / math.sqrt(self.looks) * self.angle_noise)
 
     def most(self, travel: float) -> float:
-        """Return what travel is allowed where a plan takes so much, m."""
+        """Return the largest travel, m, for a plan with `travel`, m."""
         return self.detour[0] * travel + self.detour[1]
 
     def __post_init__(self) -> None:
@@ -110,5 +110,5 @@ class ControlSettings:
 
 
 def words(distance: float, angle: float) -> str:
-    """Return a distance (m) and an angle (rad) for people."""
+    """Return a distance (m) and an angle (rad) as text in mm and deg."""
     return f"{1e3 * distance:.1f} mm and {math.degrees(angle):.2f} deg"

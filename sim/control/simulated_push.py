@@ -1,4 +1,4 @@
-"""What moves the plate, put into a simulated world, and what happens there."""
+"""Simulation of a controller, or an open-loop plan, in a world with disturbances and a sensor."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ if TYPE_CHECKING:
 
 SENSOR = Sensor()
 TIME_LIMIT = 600.0
-"""Simulated time after which a course ends, s."""
+"""Simulated time after which a simulation ends, s."""
 
 
 @dataclass(frozen=True)
 class Disturbance:
-    """A displacement of one object, at once.
+    """Instantaneous displacement of one object.
 
     Attributes:
-        time: s.
-        index: Of the object.
-        x: By how much, in the object's own frame, m.
-        y: Likewise.
-        turn: About the origin of the object's frame, rad.
+        time: Time, s.
+        index: Index of the object.
+        x: Shift along x of the object's own frame, m.
+        y: Shift along y of the object's own frame, m.
+        turn: Rotation about the origin of the object's frame, rad.
     """
 
     time: float
@@ -61,25 +61,25 @@ class Disturbance:
             raise PushplanError(f"{self}; allowed: an object's index, and numbers up to {FARTHEST:g}")
 
     def event(self, names: Sequence[str]) -> Event:
-        """Return it as logs tell it, the objects having names."""
+        """Return the disturbance as an event of a log; `names` are those of all objects."""
         moved = f"{1e3 * math.hypot(self.x, self.y):.1f} mm and {math.degrees(self.turn):.2g} deg"
         return Event(self.time, "disturbance", f"{names[self.index]} was displaced by {moved}")
 
 
 Simulator = Union["SlipSimulator", "PhysicsSimulator"]
-"""Objects on the floor and a plate that moves among them."""
+"""Simulator of a plate and the objects on the floor."""
 
 
 def disturbed(simulator: Simulator, frame: FloatArray, disturbance: Disturbance) -> FloatArray:
-    """Return the poses (n, 3) of the objects after a disturbance.
+    """Return the poses (n, 3) of the objects after a disturbance, without overlaps.
 
-    Bodies do not overlap: of what is pushed, the object is kept off what pushes it, and what it carries is moved
-    ahead of it. Else those that are farther from the plate give way.
+    A pushed object is kept clear of the body that pushes it, and moves the objects that it carries ahead. Otherwise
+    objects farther from the plate give way.
 
     Args:
-        simulator: With the objects as they were.
-        frame: (3,) pose of the frame that the plate is moved in.
-        disturbance: See there.
+        simulator: Simulator with the objects before the disturbance.
+        frame: Pose of the moved frame of the plate, (3,).
+        disturbance: Displacement to apply.
     """
     poses, chain, names = simulator.object_poses, simulator.chain, simulator.world.names
     if disturbance.index >= len(poses):
@@ -101,7 +101,7 @@ def disturbed(simulator: Simulator, frame: FloatArray, disturbance: Disturbance)
 
 
 def _apart(simulator: Simulator, frame: FloatArray, poses: FloatArray) -> FloatArray:
-    """Return poses (n, 3) of objects of which none overlaps another or the plate: the farther ones give way."""
+    """Return poses (n, 3) without overlaps of objects and plate; objects farther from the plate give way."""
     world = simulator.world
     pusher, plate = world.chain.pusher, compose(frame, simulator.plate_in_frame)
     there = [transform_points(compose(plate, inverse(pusher.plate_pose)), pusher.outline)]
@@ -116,30 +116,30 @@ def _apart(simulator: Simulator, frame: FloatArray, poses: FloatArray) -> FloatA
 
 
 class Driver(Protocol):
-    """What moves the plate; see `Controller`."""
+    """Controller of the plate; see `Controller`."""
 
     @property
     def load(self) -> Load | None:
-        """What is pushed now, come up to or left."""
+        """Load that is pushed, approached or left now."""
 
     @property
     def segment(self) -> int:
-        """Index of the segment that is executed."""
+        """Index of the current segment."""
 
     @property
     def over(self) -> bool:
-        """Whether it has come to its end."""
+        """Whether it has ended."""
 
     def step(self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None) -> FloatArray:
         """Return the twist (3,) of the plate frame until the next step."""
 
 
 class OpenLoop:
-    """Does what a plan of any kind says, whatever happens.
+    """Executes a plan of any kind without feedback.
 
     Args:
-        plan: Timed.
-        rate: Steps per second.
+        plan: Timed plan.
+        rate: Steps per second, Hz.
     """
 
     def __init__(self, plan: Plan, rate: float) -> None:
@@ -158,11 +158,11 @@ class OpenLoop:
 
     @property
     def over(self) -> bool:
-        """Whether the plan is at its end."""
+        """Whether the plan has ended."""
         return self._at >= self._trajectory.duration
 
     def step(self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None) -> FloatArray:
-        """Return the twist (3,) until the next step; what is measured does not matter."""
+        """Return the twist (3,) until the next step; measurements are ignored."""
         begin, self._at = self._at, min(self._at + 1.0 / self._rate, self._trajectory.duration)
         before, after = self._trajectory.poses_at([begin, self._at])
         return np.asarray(log(relative(before, after)) * self._rate)
@@ -170,20 +170,20 @@ class OpenLoop:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedPush:
-    """What happened in a world, at every step.
+    """Recorded simulation, one row for each step.
 
     Attributes:
-        names: Of the objects.
-        t: (m,) times, s.
-        poses: (m, 3) of the plate frame in the world.
-        object_poses: (m, n, 3) of the objects in the world.
-        wrenches: (m - 1, 3) of the plate between each pose and the next, in the contact's frame: N, N, N m.
-        twists: (m, 3) of the plate frame from then on.
-        segment: (m,) index of the segment that was executed then.
-        measured: What the sensor said.
-        jammed: Nothing could give way; everything ends there.
-        over: What moves the plate came to its end.
-        stalled: The plate stood at some time because it had not the force.
+        names: Names of the objects.
+        t: Times, s, (m,).
+        poses: Poses of the plate frame in the world, (m, 3).
+        object_poses: Poses of the objects in the world, (m, n, 3).
+        wrenches: Wrenches of the plate between successive poses, in the contact frame: N, N, N m, (m - 1, 3).
+        twists: Commanded twists of the plate frame until the next row, (m, 3).
+        segment: Index of the current segment, (m,).
+        measured: Measurements of the sensor.
+        jammed: Whether it ended because the objects jammed.
+        over: Whether the driver has ended.
+        stalled: Whether the plate stood at some time because it lacked the force.
     """
 
     names: tuple[str, ...]
@@ -211,24 +211,24 @@ def simulate_push(
     simulator_of: Callable[[World], Simulator] = SlipSimulator,
     step: Callable[..., FloatArray] | None = None,
 ) -> SimulatedPush:
-    """Let a driver push in a world until it is over.
+    """Simulate a driver in a world until it ends.
 
     Args:
-        world: What is pushed; it need not be what the driver believes.
-        driver: What moves the plate.
-        rate: Steps per second.
-        disturbances: What happens to objects meanwhile.
-        sensor: What the driver sees.
-        seed: Of the sensor's noise.
-        time_limit: Simulated seconds, at most.
-        progress: Called every simulated second with what has happened so far.
-        simulator_of: What the world is simulated with: slip without inertia, or `PhysicsSimulator`.
-        step: Asked in place of `driver.step` for the twist that the plate really has, of a robot whose sensors or
-            wheels err.
+        world: Simulated world; it can differ from the driver's scenario.
+        driver: Controller of the plate.
+        rate: Steps per second, Hz.
+        disturbances: Displacements of objects.
+        sensor: Sensor of the driver.
+        seed: Seed of the sensor's noise.
+        time_limit: Largest simulated time, s.
+        progress: Callback with the simulation so far, once per simulated second.
+        simulator_of: Simulator of the world: slip without inertia, or `PhysicsSimulator`.
+        step: Function in place of `driver.step` that returns the actual twist of the plate, for a robot with errors
+            of sensors or wheels.
 
     Raises:
-        MissingExtraError: When the physics engine is asked for and not installed.
-        SupportError: When the load under an object is not known.
+        MissingExtraError: If the physics engine is requested and not installed.
+        SupportError: If the load under an object is not known.
     """
     simulator, seen, held = simulator_of(world), Measurements(sensor, seed), None
     step = driver.step if step is None else step

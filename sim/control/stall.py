@@ -1,4 +1,4 @@
-"""Whether the plate stalls: what it pushes stands still in the measurements though the plate is driven on."""
+"""Detection of a stall: the measured load stands still although the plate is commanded to move."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from pushplan.geometry.se2 import compose, relative, rotate
 from pushplan.util.arrays import FloatArray
 
 WINDOWS = (0.3, 0.6, 1.2)
-"""Times over which the beginning is compared with the end, s."""
+"""Lengths of the time windows whose beginning and end are compared, s."""
 LATE = 0.25
-"""By how much measurements may be late, s: what the plate did before that has to show in them."""
+"""Largest delay of measurements, s; older motions of the plate must show in them."""
 DRIVEN, SIGMAS = 0.016, 5.0
-"""Way (m), and standard deviations of what is compared, by which objects would have had to move: a gap before the
-load of up to three quarters of that, where the plate is not yet in contact or a load was displaced, is no stall."""
+"""Smallest expected motion of an object for a stall: a distance (m), and standard deviations of the compared means.
+A gap before the load of up to three quarters of this distance does not count as a stall."""
 STILL = 0.25
-"""Share of that way up to which an object stands still."""
+"""Largest share of the expected motion of an object that stands still."""
 PRESSED = 0.012
-"""By how much (m) the plate has to be believed beyond where objects leave room, unless it is measured to stand: it
-may not have met them before that."""
+"""Smallest overlap (m) of the believed plate with the objects, unless the plate is measured to stand; with less, it
+might not have met them yet."""
 FEWEST = 6
-"""Measurements that a window has to have."""
+"""Smallest number of measurements in a window."""
 MEMORY = 2.0
-"""Time after which poses of the plate are forgotten, s."""
+"""Time after which poses of the plate are dropped, s."""
 
 
 class StallWatch:
-    """Compares how the plate is told to move with how its load moves.
+    """Compares the commanded motion of the plate with the measured motion of its load.
 
-    A stall is of the whole load: every object stands still that would have moved. One that left its place, or was
-    hindered alone, leaves others moving.
+    In a stall, every object that should move stands still. If one object has slipped or is blocked alone, others
+    still move.
 
     Args:
-        names: Of the load's objects.
-        onto: What the load is pushed up to; empty where that is nothing.
+        names: Names of the load's objects.
+        onto: Name of the object that the load is pushed up to; empty without one.
     """
 
     def __init__(self, names: Sequence[str], onto: str = "") -> None:
@@ -51,12 +51,12 @@ class StallWatch:
         self._fresh = False
 
     def driven(self, now: float, motion: FloatArray, believed: FloatArray) -> None:
-        """Take down by what body motion (3,) of the load's frame the plate was told to move until now.
+        """Record the commanded motion of the plate.
 
         Args:
             now: Time, s.
-            motion: (3,) since it was taken down before.
-            believed: (3,) pose of that frame in the world, as believed.
+            motion: Commanded body motion of the load's frame since the last call, (3,).
+            believed: Believed pose of that frame in the world, (3,).
         """
         self._plate = compose(self._plate, motion)
         self._told.append((now, self._plate, believed))
@@ -64,7 +64,7 @@ class StallWatch:
             self._told.popleft()
 
     def see(self, time: float, poses: FloatArray, noise: float) -> None:
-        """Take down measured poses (n, 3), NaN where unseen, and the standard deviation of their coordinates, m."""
+        """Record measured poses (n, 3), NaN for unseen objects, and the standard deviation of coordinates, m."""
         self._noise = noise
         if self._first is None:
             self._first = self._last = poses
@@ -76,20 +76,20 @@ class StallWatch:
             self._seen.popleft()
 
     def restart(self) -> None:
-        """Forget what was seen so far."""
+        """Drop all measurements."""
         self._seen.clear()
 
     def stalled(self, places: FloatArray) -> tuple[str, ...]:
-        """Return the names of what the plate cannot push on; none where it can, or that is not known yet.
+        """Return the names of the objects that the plate cannot push; empty without a stall.
 
-        All objects stand still then, and measurements alone do not say which of them is too heavy: the load is named.
-        Objects that have never moved while others have are named alone: the plate, or the load, has just met them.
+        All objects stand still in a stall, so measurements do not show which of them is too heavy, and the whole load
+        is named. If only some objects have never moved, these are named: the plate or the load has just met them.
 
         Args:
-            places: (n, 3) poses of the objects in the load's frame.
+            places: Poses of the objects in the load's frame, (n, 3).
         """
         if not self._fresh:
-            return ()  # nothing was measured since it was asked before
+            return ()  # no measurement since the last call
         self._fresh = False
         self._times = np.array([time for time, *_ in self._told])
         for window in WINDOWS:
@@ -102,7 +102,7 @@ class StallWatch:
     def _stands(
         self, before: list[tuple[float, FloatArray]], after: list[tuple[float, FloatArray]], places: FloatArray
     ) -> bool:
-        """Tell whether every object stood still between measurements that would have moved."""
+        """Return whether every object that should have moved stood still between two groups of measurements."""
         times = [float(np.mean([time for time, _ in part])) for part in (before, after)]
         poses = [np.array([poses[:, :2] for _, poses in part]) for part in (before, after)]
         seen = ~np.isnan(np.concatenate(poses)[..., 0]).any(axis=0)
@@ -127,12 +127,12 @@ class StallWatch:
         return True
 
     def _at(self, time: float) -> tuple[FloatArray, FloatArray]:
-        """Return where the plate was told to be, from where it began, and where it was believed to be (3,)."""
+        """Return the commanded pose of the plate, relative to its start, and its believed pose (3,)."""
         return self._told[max(int(np.searchsorted(self._times, time, side="right")) - 1, 0)][1:]
 
     def _blamed(self) -> tuple[str, ...]:
         assert self._first is not None
-        way = np.hypot(*(self._last[:, :2] - self._first[:, :2]).T)  # NaN of what was never seen
+        way = np.hypot(*(self._last[:, :2] - self._first[:, :2]).T)  # NaN for objects that were never seen
         most = max(0.5 * DRIVEN, SIGMAS * self._noise)
         rested = tuple(name for name, gone in zip(self._names, way, strict=True) if gone <= most)
         if not (way > most).any():

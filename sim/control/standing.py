@@ -1,4 +1,4 @@
-"""Where objects are believed to stand, whether one has moved that nothing pushed, and which are at their goals."""
+"""Believed object poses, detection of objects that moved without a push, and the objects that are at their goals."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from pushplan.sim.control.settings import ControlSettings, words
 from pushplan.util.arrays import FloatArray
 
 PATIENT = 4.0
-"""So many times the patience of the settings is waited for objects that are not seen."""
+"""Waiting time for objects that are not seen, as a multiple of the settings' patience."""
 
 
 TURNED = 2.0
-"""So many times its tolerance an object of a row may be turned while others are yet to close onto it."""
+"""Largest turn of an object of a row, as a multiple of its tolerance, while others must still close onto it."""
 
 
 class Standing:
-    """Where all objects of a scenario are believed to stand.
+    """Believed poses of all objects of a scenario.
 
     Args:
-        poses: Of all objects, as stated.
-        settings: See there.
-        sightings: What was measured.
+        poses: Nominal poses of all objects.
+        settings: Settings of the controller.
+        sightings: Recent measurements.
 
     Attributes:
-        names: Of the objects.
-        poses: (n, 3) as believed.
+        names: Names of the objects.
+        poses: Believed poses, (n, 3).
     """
 
     def __init__(self, poses: Poses, settings: ControlSettings, sightings: Sightings) -> None:
@@ -47,29 +47,29 @@ class Standing:
 
     @property
     def by_name(self) -> dict[str, FloatArray]:
-        """Poses (3,) by name, as they are now."""
+        """Believed poses (3,) by name."""
         return dict(zip(self.names, self.poses.copy(), strict=True))
 
     def columns(self, names: Iterable[str]) -> list[int]:
-        """Return the numbers of some objects."""
+        """Return the indices of some objects."""
         return [self.names.index(name) for name in names]
 
     def let_go(self, columns: list[int]) -> None:
-        """Watch some objects no longer: they are pushed from now on."""
+        """Stop watching some objects because they are pushed from now on."""
         self._resting[columns] = np.nan
 
     def put(self, columns: list[int], poses: FloatArray) -> None:
-        """Take objects to be at poses (k, 3)."""
+        """Set the believed poses (k, 3) of some objects."""
         self.poses[columns] = poses
 
     def measured(self, poses: FloatArray) -> None:
-        """Take down measured poses (n, 3), NaN where unseen."""
+        """Record measured poses (n, 3), NaN for unseen objects."""
         self._recent.append(poses)
 
     def look(self, since: float, now: float) -> bool:
-        """Take over where objects were measured at rest since a time; False while that is not known of all.
+        """Set the believed poses to those measured at rest since a time; return False while some are missing.
 
-        Objects that are not seen are waited for a while, then taken to stand where they were.
+        Objects that stay unseen for `PATIENT` times the patience keep their poses.
         """
         count, patient = self._settings.looks, PATIENT * self._settings.patience
         for k in range(len(self.names)):
@@ -81,9 +81,9 @@ class Standing:
         return True
 
     def watch(self, tell: Callable[[str, str], None]) -> bool:
-        """Tell of each object that has moved; return whether there is one.
+        """Report each object that has moved; return whether there is one.
 
-        As for the load, several measurements tell of a slow departure, two of a quick one.
+        As for the load, several measurements show a slow motion, two show a quick one.
         """
         before = self._resting.copy()
         for k, name in enumerate(self.names):
@@ -95,7 +95,7 @@ class Standing:
                 if self._is_off(mean, last):
                     self.poses[k], self._resting[k] = self._resting[k] + mean, np.nan
                     far = words(float(np.hypot(*mean[:2])), abs(float(mean[2])))
-                    tell("moved", f"{name} stands {far} away from where it stood, and is not pushed")
+                    tell("moved", f"{name} moved by {far} although it is not pushed")
                     break
         return not np.array_equal(before, self._resting, equal_nan=True)
 
@@ -107,15 +107,15 @@ class Standing:
 
 
 class Deliveries:
-    """Which objects were brought to their goals, and are there still.
+    """Objects that were delivered to their goals and are still there.
 
     Args:
-        scenario: With a goal for every object that is to be brought to one.
-        settings: See there.
-        standing: Where objects are believed to stand.
+        scenario: Scenario with the goals of the objects.
+        settings: Settings of the controller.
+        standing: Believed poses of the objects.
 
     Attributes:
-        tolerance: Distance (m) and angle (rad) that an object may be off its goal.
+        tolerance: Largest distance (m) and angle (rad) of an object from its goal.
     """
 
     def __init__(self, scenario: Scenario, settings: ControlSettings, standing: Standing) -> None:
@@ -125,19 +125,19 @@ class Deliveries:
 
     @property
     def names(self) -> frozenset[str]:
-        """Of those that are there."""
+        """Names of the delivered objects."""
         return frozenset(self._there)
 
     def aim_at(self, scenario: Scenario) -> None:
-        """Go by other goals from now on: a plan for the rest of a row may give its objects other places."""
+        """Use the goals of another scenario: a plan for the rest of a row can give its objects other places."""
         self._scenario = scenario
 
     def take(self, names: Iterable[str]) -> None:
-        """Take objects for delivered, where they are seen next."""
+        """Mark objects as delivered; their next measured poses are the reference."""
         self._there |= {name: np.full(3, np.nan) for name in names}
 
     def left(self) -> set[str]:
-        """Return the objects that have to be pushed yet; one that was delivered and moved is one of them."""
+        """Return the objects that must still be pushed, with those that moved after their delivery."""
         standing, settings = self._standing, self._settings
         wanted = set[str]()
         for name in self._scenario.goals:
@@ -146,7 +146,7 @@ class Deliveries:
         for goal in self._scenario.task.goals:
             allowed = np.array(goal.slack(self.tolerance))
             if goal.flush and wanted - set(self._there):
-                allowed[1] *= TURNED  # what is pushed flush onto it turns it
+                allowed[1] *= TURNED  # an object that closes onto it turns it
             most |= {name: allowed for load in goal.names for name in self._scenario.task.by_name[load].names}
         errors = errors_at_goal(self._scenario, standing.poses)
         slack = settings.position_slack, settings.angle_slack

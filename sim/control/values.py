@@ -1,4 +1,4 @@
-"""What an estimator finds out: which of its values is which, and words for them."""
+"""Values of the estimator: their indices, names and description."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ import numpy as np
 from pushplan.util.arrays import FloatArray
 
 START_X, START_Y, START_THETA, DELAY, ODOMETRY, DRIFT, TURNS = range(7)
-"""What all objects share: where the plate really started, how late measurements are, and what wheels err by."""
+"""Indices of the values that all objects share: true start of the plate, delay of measurements, errors of wheels."""
 COMMON = 7
-"""Number of these; x, y and theta of what is measured of each object follow."""
+"""Number of shared values; x, y and theta of each object's measurement bias follow."""
 NAMES = ("start x", "start y", "start theta", "delay", "odometry", "drift", "turns")
-"""Of these."""
+"""Names of the shared values."""
 OWN = slice(DELAY, COMMON)
-"""Those of clock and wheels, which stay the same from one push to the next."""
+"""Values of clock and wheels, which stay the same from one push to the next."""
 WHEELS = slice(ODOMETRY, COMMON)
-"""Those of the wheels."""
+"""Values of the wheels."""
 
 
 def errors_in_words(values: FloatArray, sigma: FloatArray, prior: FloatArray) -> str:
-    """Return what errors of sensors and wheels were found, and what is not observable yet.
+    """Return the found errors of sensors and wheels as text, and the names of those that are not observable yet.
 
     Args:
-        values: (COMMON + 3 n,) of an estimator.
-        sigma: Their standard deviations.
-        prior: Likewise, before anything was measured.
+        values: Values of an estimator, (COMMON + 3 n,).
+        sigma: Standard deviations of the values.
+        prior: Standard deviations of the values before any measurement.
     """
     found, open_yet = [], []
     far, theta = float(np.hypot(values[START_X], values[START_Y])), values[START_THETA]

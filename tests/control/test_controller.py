@@ -104,7 +104,7 @@ def test_travel_keeps_to_its_bound_and_what_remains_is_told(
     )
     planned, driven = (travel(poses) for poses in (there(plan.trajectory).poses, run.simulated.poses))
     assert driven <= detour[0] * planned + detour[1] + 2e-3
-    assert run.outcome == "arrived" or " remain to the goal; coming nearer takes " in run.reason
+    assert run.outcome == "arrived" or " remain to the goal; the next plan takes " in run.reason
 
 
 def test_without_measurements_the_plate_stands_still_and_the_controller_gives_up_in_the_end() -> None:
@@ -346,7 +346,7 @@ def test_an_obstacle_that_comes_into_the_way_is_gone_around() -> None:
     controller, course = noticing("free-space", obstacle)
     rooms = [event.text for event in controller.events if event.kind == "room"]
     assert len(rooms) == 1
-    assert rooms[0].startswith("the way is not free any more: ")
+    assert rooms[0].startswith("the path is blocked: ")
     assert controller.phase is Phase.ARRIVED, controller.reason
     blocked = replace(scenario("free-space"), obstacles=(obstacle,))
     assert find_collision(replace(blocked, clearance=0.0), course.poses) is None
@@ -354,7 +354,7 @@ def test_an_obstacle_that_comes_into_the_way_is_gone_around() -> None:
 
 def test_a_better_way_is_taken_and_what_changes_nothing_is_not_minded() -> None:
     controller, _ = noticing("feet")
-    assert [e.text[:16] for e in controller.events if e.kind == "room"] == ["there is a way o"]
+    assert [e.text[:16] for e in controller.events if e.kind == "room"] == ["there is now a p"]
     assert controller.phase is Phase.ARRIVED
     assert sum(r.result.path.cost for r in controller.replans if r.result and r.result.path) < 5.6
     aside = CircleObstacle(np.array([50.0, 50.0]), 0.1)

@@ -139,7 +139,7 @@ def test_the_command_arrives_in_closed_loop_and_verifies(file: Path, tmp_path: P
     assert told["measured_error"]["position"] <= 5e-3
     assert told["camera_error_not_excluded"]["position"] == pytest.approx(4e-3)
     ended = told["events"][-1]["text"]
-    assert "as measured; an error of the camera of up to 4.0 mm and " in ended
+    assert "as measured; a camera error of up to 4.0 mm and " in ended
     assert ended in page.read_text(encoding="utf-8")
     kinds = {event["kind"] for event in told["events"]}
     assert kinds >= {"plan", "disturbance", "deviation", "re-localisation", "replan", "arrived"}
