@@ -1,7 +1,7 @@
-"""Plan how a robot pushes a chain of objects over a floor to a goal pose without anything slipping.
+"""Plan how a robot pushes a chain of objects over a floor to a goal pose without slip.
 
-The mechanics are those of Harada, Nishiyama, Murakami and Kaneko, "Pushing manipulation for multiple objects", 2006.
-Every name but the compiled core is loaded when it is first used, so that `import pushplan` costs next to nothing.
+The mechanics follow Harada, Nishiyama, Murakami and Kaneko, "Pushing manipulation for multiple objects", 2006.
+`import pushplan` loads only the compiled core. Every other name is loaded on first use.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 _HOMES = {
-    # What is asked
+    # Scenarios
     "scenario.model": "Scenario",
     "scenario.file": "load_scenario scenario_from_document scenario_from_text example_names",
     "scenario.check": "check_scenario",
@@ -51,7 +51,7 @@ _HOMES = {
 }
 _HOME_OF = {name: f"pushplan.{home}" for home, names in _HOMES.items() for name in names.split()}
 
-if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported without a list of its own
+if TYPE_CHECKING:  # type checkers treat a name imported `as` itself as exported
     from pushplan.drawing.plans import plot_plan as plot_plan
     from pushplan.drawing.plans import plot_scenario as plot_scenario
     from pushplan.drawing.sets import plot_stable_sets as plot_stable_sets
@@ -113,12 +113,12 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    """Return the public names, loaded or not."""
+    """Return all public names, including those that are not loaded yet."""
     return sorted({*globals(), *_HOME_OF, "__version__"})
 
 
 class _Package(ModuleType):
-    """Keeps `pushplan.plan` the function: importing the module `pushplan.plan` would put the module in its place."""
+    """Keeps `pushplan.trial` a function: importing the module `pushplan.trial` would replace it by the module."""
 
     def __setattr__(self, name: str, value: object) -> None:
         if isinstance(value, ModuleType) and _HOME_OF.get(name) == value.__name__:
@@ -131,5 +131,5 @@ sys.modules[__name__].__class__ = _Package
 import_module("pushplan.util.interruption").import_uninterrupted("pushplan.core")
 
 _CORE = Path(__file__).with_name("core")
-if (_CORE / "module.cpp").is_file():  # a checkout, whose sources may be newer than what was built of them
+if (_CORE / "module.cpp").is_file():  # in a checkout, the sources can be newer than the built core
     import_module("pushplan.util.checkout").require_present_core(_CORE)

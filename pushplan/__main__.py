@@ -1,4 +1,4 @@
-"""Where the program begins: Ctrl-C while it loads ends it without a traceback."""
+"""Entry point of the command line. Ctrl-C while it loads ends it without a traceback."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import NoReturn
 
 from pushplan.util.interruption import leaving_at_once
 
-# Matrices here are small: OpenBLAS's threads would only wait for one another. Identification of a few logs takes
-# 11 s of CPU with one of them, and 70 s with two.
+# The matrices are small, so several OpenBLAS threads only wait for one another. Identification from a few logs takes
+# 11 s of CPU with one thread and 70 s with two.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# Nothing here has plugins of pydantic, which it would look for in every package that is installed.
+# pushplan uses no pydantic plugins. Without this setting, pydantic searches every installed package for them.
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
-# Looking for cycles after every 700 objects takes an eighth of the time of a short command, and finds next to none;
-# such a command makes up to 110,000, and 210,000 with a picture.
+# Garbage collection after every 700 objects takes an eighth of the time of a short command and finds almost no
+# cycles. Such a command creates up to 110,000 objects, or 210,000 with a picture.
 gc.set_threshold(300_000)
 
 

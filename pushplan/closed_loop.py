@@ -1,6 +1,6 @@
-"""A plan in a simulated world with disturbances: in closed loop, or along the plan whatever happens.
+"""Executes a plan in a simulated world with disturbances, in closed loop or in open loop.
 
-A recorded closed loop is gone through once more: the same measurements have to lead to the same twists and events.
+It also checks a recorded closed loop: the same measurements must lead to the same twists and events.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
 CONTROL = "pushplan.control"
-"""Metadata of a closed loop's log: its settings, its sensor and its disturbances, as JSON."""
+"""Name of the metadata in a closed loop's log: settings, sensor and disturbances, as JSON."""
 ROUNDING = 1e-6
-"""Difference (m/s, rad/s) of twists that angles of measurements, read from quaternions, may make."""
+"""Tolerance of recomputed twists, m/s and rad/s: measured angles are rounded when they are stored as quaternions."""
 JAMMED = "no motion of the objects satisfies all contacts"
 STALLED = "pushing takes more than robot.limits.force"
 MISSED = "the goal's object is not within its tolerances"
@@ -46,23 +46,23 @@ MISSED = "the goal's object is not within its tolerances"
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoopRun:
-    """A plan in a world with disturbances.
+    """Result of executing a plan in a simulated world with disturbances.
 
     Attributes:
-        scenario: What was believed.
-        plan: What was planned at first.
-        simulated: What happened in the world.
-        events: What happened to objects, and what the controller noticed and did.
-        replans: All attempts to plan after the first one.
+        scenario: The controller's model of the world.
+        plan: The first plan.
+        simulated: The simulated motion.
+        events: Disturbances, and the controller's observations and actions.
+        replans: All planning attempts after the first plan.
         outcome: `arrived`, `gave up`, `missed`, `jammed`, `stalled` or `time limit`.
-        reason: Why it did not arrive; empty if it did.
-        settings: Of the controller; None in open loop.
-        sensor: How objects were measured.
-        seed: Of the sensor's noise.
-        disturbances: What happened to objects.
-        measured_error: How far (m) and by what angle (rad) the goal's object was measured off it at last; or None.
-        camera_error: What errors of the camera (m, rad) were not excluded when it arrived; None where it did not.
-        log: The log that was written meanwhile; None where there is none, or it could not be written.
+        reason: Reason why the objects did not arrive; empty if they did.
+        settings: Settings of the controller; None in open loop.
+        sensor: Sensor that measured the objects.
+        seed: Seed of the sensor's noise.
+        disturbances: Disturbances of the objects.
+        measured_error: Last measured goal error (m, rad); None if there is none.
+        camera_error: Camera errors (m, rad) that were still possible on arrival; None if the objects did not arrive.
+        log: Log that was written during the run; None without a log or if it could not be written.
     """
 
     scenario: Scenario
@@ -82,40 +82,40 @@ class ClosedLoopRun:
 
     @property
     def goal_errors(self) -> tuple[float, float]:
-        """How far (m) and by what angle (rad) the goal's object ends off; the worst where there are several."""
+        """Goal error (m, rad) at the end; the largest if there are several goals."""
         return _errors_at_end(self.scenario, self.plan, self.replans, self.simulated.object_poses[-1])
 
     @property
     def execution(self) -> Execution:
-        """The course as logs and pictures know it."""
+        """The motion in the form that logs and pictures use."""
         made = execution_of(self.scenario, self.plan, self.simulated, self.feedback)
         return replace(made, goal_error=self.goal_errors)
 
     @property
     def feedback(self) -> Feedback:
-        """What was measured, noticed and done."""
+        """Measurements, events and replans."""
         return Feedback(self.simulated.measured, self.events, self.replans)
 
     @property
     def recorded(self) -> RecordedRun:
-        """The run as its log would have it."""
+        """The run in the form that its log is read into."""
         path = Path(f"{self.scenario.name}.mcap")
         return RecordedRun(path, self.scenario, self.plan, self.execution, self.feedback)
 
     def write(self, path: Path | str) -> None:
-        """Write the log (MCAP) at once: plan, /measured, /events, the plans made on the way, and what happened.
+        """Write the whole log (MCAP): plan, /measured, /events, replans and the motion.
 
         Raises:
-            OutputError: When the file cannot be written.
+            OutputError: If the file cannot be written.
         """
-        asked = self.scenario, self.plan, self.settings, self.sensor, self.seed, self.disturbances
-        with _Growing(*asked, SILENT, None, path, None) as growing:
-            growing.begin(self.plan)
-            growing.completed(self)
+        setup = self.scenario, self.plan, self.settings, self.sensor, self.seed, self.disturbances
+        with _ClosedLoopRecording(*setup, SILENT, None, path, None) as recording:
+            recording.begin(self.plan)
+            recording.completed(self)
 
 
 def execution_of(scenario: Scenario, plan: Plan, course: SimulatedPush, feedback: Feedback) -> Execution:
-    """Return a course as logs and pictures know it, without an error at the goal."""
+    """Return a simulated motion in the form that logs and pictures use, without the goal error."""
     judge, margins = _judged(scenario, plan, feedback, course)
     return Execution(
         course.names,
@@ -135,7 +135,7 @@ def execution_of(scenario: Scenario, plan: Plan, course: SimulatedPush, feedback
 def _judged(
     scenario: Scenario, plan: Plan, feedback: Feedback, course: SimulatedPush | Execution
 ) -> tuple[str, FloatArray]:
-    """Return who judges the contacts of a course, and their margins (m, n)."""
+    """Return the name of the margins' source and the margins (m, n) of the contacts."""
     loads: list[Load | None] = [s.load if s.pushes else None for s in segments_of(plan, feedback)]
     loads = [Load.of(scenario)] if scenario.task.held else loads
     return judged(loads, scenario.stability.set, course.names, course.segment, course.twists)
@@ -144,7 +144,7 @@ def _judged(
 def _errors_at_end(
     scenario: Scenario, plan: Plan, replans: Sequence[Replan], objects: FloatArray
 ) -> tuple[float, float]:
-    """Return how far (m) and by what angle (rad) objects at poses (n, 3) are off at most, by the last whole plan."""
+    """Return the largest goal error (m, rad) of objects at poses (n, 3), with the goals of the last whole plan."""
     rests = [one.result for one in replans if one.rest and one.result is not None and one.solved]
     last = [plan, *rests][-1]
     return worst_at_goal(last.aims(plan.aims(scenario)), objects)
@@ -153,14 +153,14 @@ def _errors_at_end(
 def events_until(
     now: float, names: Sequence[str], disturbances: Sequence[Disturbance], controller: Controller | None
 ) -> tuple[Event, ...]:
-    """Return what happened to objects, and what a controller noticed and did, up to a time, s; causes come first."""
+    """Return disturbances and the controller's events up to a time, s; at the same time, disturbances come first."""
     happened = [one.event(names) for one in disturbances if one.time <= now]
     noticed = [] if controller is None else controller.events
     return tuple(sorted([*happened, *noticed], key=lambda event: event.time))
 
 
-class _Growing(Recording):
-    """The log of a simulated run; what it has written outlives a kill."""
+class _ClosedLoopRecording(Recording):
+    """Records a simulated run as it goes: what is written survives if the process is killed."""
 
     def __init__(
         self,
@@ -194,9 +194,9 @@ class _Growing(Recording):
         self.write(lambda log: log.plan(plan))
 
     def grown(self, course: SimulatedPush) -> None:
-        """Write what has come since the last time; the `progress` of `simulate_push`."""
+        """Write what is new since the last call; this is the `progress` callback of `simulate_push`."""
         moves = np.flatnonzero(course.twists[:-1].any(axis=1))
-        known = int(moves[-1]) + 2 if len(moves) else 0  # margins at rest are of the twist that comes next
+        known = int(moves[-1]) + 2 if len(moves) else 0  # margins at rest are those of the next twist
         replans = () if self._controller is None else tuple(self._controller.replans)
         events = events_until(float(course.t[-1]), course.names, self._disturbances, self._controller)
         feedback = Feedback(course.measured, events, replans)
@@ -207,10 +207,10 @@ class _Growing(Recording):
             self._progress(float(course.t[-1]))
 
     def completed(self, run: ClosedLoopRun) -> ClosedLoopRun:
-        """Write the rest; return the run with its log.
+        """Write the rest and return the run with its log.
 
         Raises:
-            IncompleteLogError: When the log that is named could not be written.
+            IncompleteLogError: If the named log could not be written.
         """
         self.write(lambda log: log.feedback(run.feedback))
         self.write(lambda log: log.execution(run.execution))
@@ -237,32 +237,32 @@ def run_closed_loop(
     progress: Callable[[float], None] | None = None,
     simulator_of: Callable[[World], Simulator] = SlipSimulator,
 ) -> ClosedLoopRun:
-    """Push objects to their goals in a simulated world, watching them or not.
+    """Push objects to their goals in a simulated world, in closed or open loop.
 
     Args:
-        scenario: What is believed.
-        world: What is there; None for the world as the scenario states it.
-        disturbances: What happens to objects meanwhile.
-        watched: Measure, correct and replan; else a plan is executed whatever happens.
-        plan: What to do at first; see `Controller`.
-        settings: Of the controller.
-        sensor: How objects are measured.
-        seed: Of the sensor's noise.
-        log: File that the log is written to as it goes, None for one in the folder `runs`, False for none.
+        scenario: The controller's model of the world.
+        world: The simulated world; None for the nominal world of the scenario.
+        disturbances: Disturbances of the objects during the run.
+        watched: Close the loop: measure, correct and replan. If False, the plan is executed without feedback.
+        plan: First plan; see `Controller`.
+        settings: Settings of the controller.
+        sensor: Sensor that measures the objects.
+        seed: Seed of the sensor's noise.
+        log: File of the log, written during the run; None for a file in the folder `runs`, False for no log.
         runs: See `pushplan.run`.
-        observer: Takes messages about what takes long, and about the recording.
-        progress: Called with the simulated time now and then.
-        simulator_of: What simulates the world; see `simulate_push`.
+        observer: Callbacks for messages about long operations and about the recording.
+        progress: Called from time to time with the simulated time, s.
+        simulator_of: Function that creates the simulator of a world; see `simulate_push`.
 
     Raises:
-        MissingExtraError: As `simulate_push`.
-        PlanningError: When there is no plan to begin with.
-        SupportError: When the load under an object is not known.
-        OutputError: As `pushplan.run`.
+        MissingExtraError: See `simulate_push`.
+        PlanningError: If there is no first plan.
+        SupportError: If the load under an object is not known.
+        OutputError: See `pushplan.run`.
     """
     there = World.from_scenario(scenario) if world is None else world
     asked = settings if watched else None, sensor, seed, tuple(disturbances)
-    with _Growing(scenario, plan, *asked, observer, progress, log, runs) as growing:
+    with _ClosedLoopRecording(scenario, plan, *asked, observer, progress, log, runs) as recording:
         driver: Controller | OpenLoop
         if watched:
             driver = controller = Controller(scenario, settings, plan=plan, observer=observer)
@@ -272,7 +272,7 @@ def run_closed_loop(
             if plan.trajectory is None:
                 raise PlanningError(f"there is no plan: {plan.reason}")
             driver = OpenLoop(plan, settings.rate)
-        growing.begin(plan, controller)
+        recording.begin(plan, controller)
         course = simulate_push(
             there,
             driver,
@@ -280,7 +280,7 @@ def run_closed_loop(
             disturbances,
             sensor,
             seed,
-            progress=growing.grown,
+            progress=recording.grown,
             simulator_of=simulator_of,
         )
         if controller is None:
@@ -291,20 +291,20 @@ def run_closed_loop(
         replans = () if controller is None else tuple(controller.replans)
         known = (None, None) if controller is None else (controller.measured_error, controller.camera_error)
         done = ClosedLoopRun(scenario, plan, course, events, replans, outcome, reason, *asked, *known)
-        return growing.completed(done)
+        return recording.completed(done)
 
 
 def _end_of(controller: Controller, course: SimulatedPush) -> tuple[str, str]:
-    """Return outcome and reason of what a controller has driven."""
+    """Return outcome and reason of a closed-loop run."""
     if course.jammed:
         return "jammed", JAMMED
     if not course.over:
-        return "time limit", f"it was not there after {course.t[-1]:.0f} s"
+        return "time limit", f"the objects had not arrived after {course.t[-1]:.0f} s"
     return controller.phase.value, controller.reason
 
 
 def _end_of_plan(scenario: Scenario, plan: Plan, settings: ControlSettings, course: SimulatedPush) -> tuple[str, str]:
-    """Return outcome and reason of a plan that was executed whatever happened."""
+    """Return outcome and reason of an open-loop run."""
     if course.jammed:
         return "jammed", JAMMED
     placed = plan.aims(scenario)
@@ -315,15 +315,15 @@ def _end_of_plan(scenario: Scenario, plan: Plan, settings: ControlSettings, cour
 
 
 def check_closed_loop(run: RecordedRun) -> list[Check]:
-    """Compare what a recorded run did with what its measurements lead to, and where the plate went with its twists.
+    """Recompute a recorded closed loop from its measurements and compare: twists, events, replans and plate poses.
 
-    What the objects did cannot be made again: the world that they were in is not in the log.
+    Object motion cannot be recomputed, because the log does not hold the simulated world.
 
     Raises:
-        RunLogError: When the log is none of a closed loop, or its settings cannot be read.
+        RunLogError: If the log holds no closed loop or its settings cannot be read.
     """
     if run.feedback is None or run.execution is None or run.plan is None:
-        raise RunLogError(str(run.path), "it holds no closed loop")
+        raise RunLogError(str(run.path), "the log holds no closed loop")
     try:
         words = run.fields[CONTROL]
         told, sensor = json.loads(words["settings"]), Sensor(**json.loads(words["sensor"]))
@@ -349,7 +349,7 @@ def check_closed_loop(run: RecordedRun) -> list[Check]:
 
 
 def _twists(controller: Controller, execution: Execution, feedback: Feedback, sensor: Sensor) -> FloatArray:
-    """Return the twists (m, 3) of the plate frame that the recorded measurements lead to."""
+    """Return the controller's twists (m, 3) of the plate frame, recomputed from the recorded measurements."""
     seen = Measurements.recorded(sensor, feedback.measured)
     twists = []
     for now in execution.t:
@@ -359,8 +359,8 @@ def _twists(controller: Controller, execution: Execution, feedback: Feedback, se
 
 
 def _said(controller: Controller, feedback: Feedback) -> Iterator[Check]:
-    """Compare events, and the paths that were planned."""
-    told = [event for event in feedback.events if event.kind != "disturbance"]  # which no controller is told
+    """Compare the events and the replanned paths."""
+    told = [event for event in feedback.events if event.kind != "disturbance"]  # the controller does not know those
     found, expected = ([(e.kind, e.text) for e in events] for events in (told, controller.events))
     differs = next((k for k, pair in enumerate(zip(found, expected, strict=False)) if pair[0] != pair[1]), None)
     if differs is not None:
@@ -368,13 +368,13 @@ def _said(controller: Controller, feedback: Feedback) -> Iterator[Check]:
         yield Check("events", math.inf, 0.0, told[differs].time, what)
     else:
         yield Check("number of events", abs(len(found) - len(expected)), 0.0)
-    yield Check("number of plans on the way", abs(len(feedback.replans) - len(controller.replans)), 0.0)
+    yield Check("number of replans", abs(len(feedback.replans) - len(controller.replans)), 0.0)
     for k, (recorded, made) in enumerate(zip(feedback.replans, controller.replans, strict=False)):
-        yield Check(f"plan {k + 1} on the way", _apart(recorded.result, made.result), time=recorded.time)
+        yield Check(f"replan {k + 1}", _apart(recorded.result, made.result), time=recorded.time)
 
 
 def _apart(first: Plan | None, second: Plan | None) -> float:
-    """Return by how much the ends of arcs, and numbers, of two plans differ; infinite for other segments."""
+    """Return the largest difference of the arc ends and numbers of two plans; infinite if their segments differ."""
     if first is None or second is None:
         return 0.0 if first is second else math.inf
     forms = [[(s.kind, s.path.knots.shape) for s in plan.segments] for plan in (first, second)]

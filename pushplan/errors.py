@@ -12,13 +12,13 @@ class PushplanError(Exception):
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing wrong in a file.
+    """One error in a file.
 
     Attributes:
-        where: Dotted place in the document, e.g. `objects[1].shape.box`.
-        what: What is wrong and what is allowed.
-        line: 1-based line, or None when the finding has no place in the text.
-        column: 1-based column, or None likewise.
+        where: Path of the entry in the document, e.g. `objects[1].shape.box`.
+        what: The error and the allowed values.
+        line: Line, from 1; None if the error has no place in the text.
+        column: Column, from 1; None if the error has no place in the text.
     """
 
     where: str
@@ -33,7 +33,7 @@ class Finding:
 
 
 class ScenarioError(PushplanError, ValueError):
-    """A scenario is wrong; `findings` holds everything found, the first one also as `line` and `column`."""
+    """A scenario is invalid; `findings` holds all errors, `line` and `column` the place of the first."""
 
     def __init__(self, path: str, findings: Sequence[Finding]) -> None:
         self.path = path
@@ -44,19 +44,19 @@ class ScenarioError(PushplanError, ValueError):
 
 
 class ImportedFileError(PushplanError, ValueError):
-    """An outline or a map that is imported is not what it should be."""
+    """An imported outline or map is invalid."""
 
 
 class ChainError(PushplanError, ValueError):
-    """Objects and contacts do not form a chain or a tree that the pusher carries."""
+    """The objects and contacts do not form a chain or tree that starts at the pusher."""
 
 
 class SupportError(PushplanError, ValueError):
-    """A support model is impossible or lacks what the question needs (e.g. known loads)."""
+    """A support model is impossible or lacks required data, such as known loads."""
 
 
 class TippingError(SupportError):
-    """An object could tip over where it is pushed."""
+    """A push could tip an object over."""
 
 
 class UndefinedEcofError(PushplanError, ValueError):
@@ -68,19 +68,19 @@ class EmptyStableSetError(PushplanError):
 
 
 class PlanningError(PushplanError):
-    """A planning problem cannot be posed (start or goal in collision, no turning, ...)."""
+    """A planning problem is invalid, for example because the start or the goal is in collision."""
 
 
 class ExtensionError(PushplanError):
-    """Code that was added (a planner, stable set, simulator or exporter) fails or returns what is not allowed."""
+    """User code (a planner, stable set, simulator or exporter) fails or returns an invalid result."""
 
 
 class TimingError(PushplanError):
-    """A path cannot be timed within the pusher's limits."""
+    """No trajectory along a path satisfies the pusher's limits."""
 
 
 class OutputError(PushplanError, ValueError):
-    """A file cannot be written where `path` says."""
+    """The file `path` cannot be written."""
 
     def __init__(self, path: str, what: str) -> None:
         self.path = path
@@ -88,7 +88,7 @@ class OutputError(PushplanError, ValueError):
 
 
 class RunLogError(PushplanError, ValueError):
-    """A run log is damaged, hostile, of another kind or version; `offset` is the byte where it shows."""
+    """A run log is damaged, malicious, or of another kind or version; `offset` is the byte of the error."""
 
     def __init__(self, path: str, what: str, offset: int | None = None) -> None:
         self.path = path
@@ -98,4 +98,4 @@ class RunLogError(PushplanError, ValueError):
 
 
 class OutOfTimeError(PlanningError):
-    """The time limit ended while the problem was posed, before there was anything to search."""
+    """The time limit was reached during preparation, before the search began."""

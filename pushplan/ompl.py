@@ -1,11 +1,11 @@
-"""Push problems for OMPL: pose one, solve it by any of OMPL's planners, get the path back.
+"""Push problems for OMPL: pose a problem, solve it with any OMPL planner, and get the path back.
 
-The problem is the one that the planner `auto` solves with two of OMPL's RRTs, from the start and back from the goal.
+The planner `auto` solves the same problem with two of OMPL's RRTs, one from the start and one back from the goal.
 
-The states are poses of the chain frame (`SE2StateSpace`), the controls three coordinates in [0, 1] that chart the
-stable set: which segment of it, where on that, and how long the arc is, in units of the longest one. Propagation is
-exact; an arc that touches something ends out of bounds. The goal is the region from which a free steering path
-of stable arcs leads exactly to the goal pose.
+The states are poses of the chain frame (`SE2StateSpace`). The controls are three coordinates in [0, 1]: a segment of
+the stable set, a position on this segment, and the arc length divided by the longest allowed length. Propagation is
+exact; an arc in collision ends out of bounds. The goal is the region from which a collision-free steering path of
+stable arcs leads exactly to the goal pose.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ from pushplan.sets.stable_set import StableSet
 __all__ = ["pose", "push_path"]
 
 NEVER = 10**15
-"""Iterations after which a search would end by itself: planners stop when OMPL's condition tells them to."""
+"""Iterations without improvement that end a search: never, because OMPL's stopping condition ends it."""
 
 
 def pose(scenario: Scenario, stable: str | type[StableSet] | StableSet | None = None) -> tuple[Any, Any]:
     """Return OMPL's space information (`ompl.control.SpaceInformation`) and problem definition of a scenario.
 
     Args:
-        scenario: The problem; where its margin is `auto`, the first of those that `plan` tries counts.
-        stable: What limits the pusher's twists: the name of a stable set, `module:attribute`, a subclass of
-            `StableSet` or an instance; None stands for that of the scenario.
+        scenario: The problem. For the margin `auto`, the first margin that `plan` tries is used.
+        stable: Stable set that limits the pusher's twists: a name, `module:attribute`, a subclass of `StableSet` or
+            an instance; None for that of the scenario.
 
     Raises:
-        PushplanError: When there is no such set.
-        EmptyStableSetError: When no pusher twist keeps every contact.
+        PushplanError: If there is no stable set of this name.
+        EmptyStableSetError: If no pusher twist keeps every contact.
     """
     if not isinstance(stable, StableSet):
         stable = planning_set(scenario, None if stable is None else add_set(stable))
@@ -53,15 +53,15 @@ def pose(scenario: Scenario, stable: str | type[StableSet] | StableSet | None = 
 
 
 def push_path(definition: Any, scenario: Scenario | None = None) -> PushPath:
-    """Return the path to the goal that an exact solution stands for, the last word included.
+    """Return the path of an exact solution, including the final steering path to the goal.
 
     Args:
         definition: The solved problem definition.
-        scenario: What it was posed from, to be sure.
+        scenario: Scenario that the problem was posed from, as a check; None for no check.
 
     Raises:
-        PlanningError: When there is no exact solution, or what a planner left as one is not free, or the problem is
-            that of another scenario.
+        PlanningError: If there is no exact solution, if the solution is in collision, or if the problem was posed
+            from another scenario.
     """
     start = information_of(definition).session.start
     if scenario is not None and (scenario.start != start).any():

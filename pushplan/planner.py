@@ -1,4 +1,4 @@
-"""Planning: prepare once, search, time, execute and validate, whatever the scenario asks for."""
+"""Plans a scenario of any kind: prepares once, then searches, times, executes and validates."""
 
 from __future__ import annotations
 
@@ -40,19 +40,19 @@ from pushplan.util.stopwatch import Stopwatch, no_collection
 
 @named
 def plan(scenario: Scenario | str | Path, *, watch: Stopwatch | None = None, **options: Unpack[PlanOptions]) -> Plan:
-    """Plan how every object of a scenario gets to its goal.
+    """Plan the pushes that bring every object of a scenario to its goal.
 
     Args:
-        scenario: One push, several pushes of one load, or several objects; or its file, or a packaged example's name.
-        watch: Takes the time of the phases `preparing`, `search`, `timing`, `execution` and `validation`.
-        **options: See `PlanSettings`; what they leave open is taken from the scenario.
+        scenario: Scenario of any kind, its file, or the name of a packaged example.
+        watch: Measures the phases `preparing`, `search`, `timing`, `execution` and `validation`.
+        **options: See `PlanSettings`; the scenario provides those that are not given.
 
     Returns:
-        The plan; it is not `solved`, and has the reason, where none was found in time.
+        The plan. If no plan is found in time, `solved` is False and `reason` says why.
 
     Raises:
-        PlanningError: When the problem cannot be posed.
-        EmptyStableSetError: When no pusher twist keeps every contact.
+        PlanningError: If the problem is invalid.
+        EmptyStableSetError: If no pusher twist keeps every contact.
     """
     watch, settings = watch or Stopwatch(), PlanSettings(**options)
     planner = Planner(scenario_of(scenario), settings=settings, watch=watch)
@@ -60,25 +60,25 @@ def plan(scenario: Scenario | str | Path, *, watch: Stopwatch | None = None, **o
 
 
 class Planner:
-    """Plans in one scenario, prepared once: stable sets, contacts, collision scene and compiled code are kept.
+    """Plans several times in one scenario and keeps its stable sets, contacts and collision scene.
 
     Args:
         scenario: Loads, room and settings.
-        settings: How to plan, as far as a question does not say otherwise.
-        meridians: How finely an omnidirectional pusher's twists are taken from the stable set; half as many take half
-            the time to make. Of a single push only.
-        rate: Samples per second of trajectories, at which they are executed and validated.
-        watch: Takes the time of the phase `preparing`.
-        **options: See `PlanSettings`, in place of `settings`.
+        settings: Default settings of every plan.
+        meridians: Resolution of the stable set for an omnidirectional pusher, for a single push only. Half as many
+            meridians take half the time to compute.
+        rate: Sampling rate of trajectories in execution and validation, 1/s.
+        watch: Measures the phase `preparing`.
+        **options: See `PlanSettings`; they replace `settings`.
 
     Attributes:
-        scenario: With which questions are asked.
-        settings: Complete.
-        began: `time.perf_counter` when it began to prepare, compiled code being ready.
+        scenario: The scenario with the settings applied.
+        settings: The settings, completed from the scenario.
+        began: Time at which the preparation began (`time.perf_counter`), s.
 
     Raises:
-        PlanningError: When the settings do not go together with the scenario.
-        EmptyStableSetError: When no pusher twist keeps every contact.
+        PlanningError: If the settings do not fit the scenario.
+        EmptyStableSetError: If no pusher twist keeps every contact.
     """
 
     @named
@@ -120,26 +120,26 @@ class Planner:
         gap: float | None = None,
         observer: Observer | None = None,
     ) -> Plan:
-        """Return the first plan from one place to another, validated like every plan.
+        """Return the first plan from a start to a goal, validated like every plan.
 
         Args:
-            start: (3,) pose of the chain frame in the world; None stands for the scenario's. Of one load only.
-            goal: (3,) likewise, or (g, 3) any of which will do where there may be several pushes.
-            robot: (3,) pose of the plate frame in the world, where the plate need not be in contact.
-            timed: Make, execute and validate the trajectory. Without it the paths alone are validated, which takes a
-                tenth of the time; `trajectory`, `execution` and `robustness` are None.
-            previous: An earlier path of a single push, in the contact's frame; a way onto it and along its rest,
-                moved so that it ends at the goal, is the first candidate, so that a plan that is still good is kept.
-            explain: Find out why there is no plan where none is found, which takes longer than some searches.
-            first: See `PlanSettings`, like the next ones; None stands for the planner's.
-            seed: Of the random numbers.
-            time_limit: Seconds.
-            iterations: Of the search, at most.
-            gap: Share above the lower bound that is good enough.
-            observer: Who is told.
+            start: Pose (3,) of the chain frame in the world, for a single load only; None for the scenario's start.
+            goal: Pose (3,) of the chain frame in the world; for a multi-push plan also alternative poses (g, 3).
+            robot: Pose (3,) of the plate frame in the world, if the plate need not be in contact.
+            timed: Compute, execute and validate the trajectory. If False, only the paths are validated, which takes
+                a tenth of the time, and `trajectory`, `execution` and `robustness` are None.
+            previous: Earlier path of a single push, in the contact's frame. The first candidate is a path onto it
+                and along its rest, moved to end at the goal. A plan that is still good is kept this way.
+            explain: Explain a failure. This takes longer than some searches.
+            first: See `PlanSettings`. For this and the next arguments, None means the planner's setting.
+            seed: Seed of the random numbers.
+            time_limit: Time limit, s.
+            iterations: Largest number of search iterations.
+            gap: Optimality gap at which the search ends.
+            observer: Callbacks for messages, progress and cancelling.
 
         Raises:
-            PlanningError: When a pose is none, too near to something, or start and goal are the same.
+            PlanningError: If a pose is invalid or too near to an obstacle, or start and goal are the same.
         """
         began = time.perf_counter()
         given = {"seed": seed, "time_limit": time_limit, "iterations": iterations, "gap": gap, "observer": observer}
@@ -149,7 +149,7 @@ class Planner:
         return self.solve(scenario, settings, Stopwatch(), began, timed, previous, explain)
 
     def _asked(self, start: ArrayLike | None, goal: ArrayLike | None, robot: ArrayLike | None) -> Scenario:
-        """Return the scenario with another start, goal and place of the robot."""
+        """Return the scenario with another start, goal and pose of the robot."""
         scenario, task = self.scenario, self.scenario.task
         if all(value is None for value in (start, goal, robot)):
             return scenario
@@ -165,24 +165,27 @@ class Planner:
         return scenario
 
     def reach(self, starts: ArrayLike, goals: ArrayLike) -> FloatArray:
-        """Return the costs (n, m), m, of the cheapest collision-free steering paths between poses.
+        """Return the costs (n, m), m, of the cheapest collision-free steering paths from starts to goals.
 
-        From each of the starts (n, 3) to each of the goals (m, 3). A steering path is three stable arcs with the
-        margin that is asked for first. The cost is inf where none is free, which does not say that there is no path;
-        `plan` searches for one.
+        A steering path consists of three stable arcs with the margin that `plan` tries first. The cost is inf if no
+        steering path is collision-free; `plan` can still find a path then.
+
+        Args:
+            starts: Poses (n, 3) of the chain frame in the world.
+            goals: Poses (m, 3) of the chain frame in the world.
 
         Raises:
-            PlanningError: When poses are not finite or not (k, 3), or the scenario is not of a single push.
+            PlanningError: If poses are not finite or not (k, 3), or the scenario is not of a single push.
         """
         steering = self._search.steering()
         both = (_poses(starts, "starts"), _poses(goals, "goals"))
         return costs_of_words(steering.scene, steering.families, *both, self.scenario.clearance)
 
     def with_obstacles(self, obstacles: Iterable[Obstacle]) -> Planner:
-        """Return a planner among other obstacles; stable sets and contacts are kept.
+        """Return a planner with other obstacles that keeps stable sets and contacts.
 
         Raises:
-            PlanningError: When one of them is no obstacle.
+            PlanningError: If an item is not an obstacle.
         """
         obstacles = tuple(obstacles)
         for k, one in enumerate(obstacles):
@@ -198,17 +201,17 @@ class Planner:
 
     @property
     def stable(self) -> StableSet:
-        """The set that a single push is planned in."""
+        """The stable set of a single push."""
         return self._search.steering().stable
 
     @property
     def margin(self) -> float:
-        """The margin that a single push is planned with first."""
+        """The first margin that a single push is planned with."""
         return self._search.steering().margin
 
     @property
     def twists(self) -> FloatArray:
-        """(k, 3) stable twists that steering paths are made of, scaled to a cost rate of 1."""
+        """Stable twists (k, 3) of the steering paths, scaled to a cost rate of 1."""
         twists = np.unique(self._search.steering().families.reshape(-1, 3), axis=0)
         return np.asarray(twists[np.abs(twists).max(axis=1) > 0.0])
 
@@ -225,17 +228,17 @@ class Planner:
         """Search, time, execute and validate.
 
         Args:
-            scenario: As the planner's, but for starts and goals.
-            settings: Complete.
-            watch: Takes the time of the phases.
-            began: `time.perf_counter` from which the time limit counts.
+            scenario: The planner's scenario, with any start and goal.
+            settings: Complete settings.
+            watch: Measures the phases.
+            began: Time at which the time limit begins (`time.perf_counter`), s.
             timed: See `plan`.
             previous: See `plan`.
             explain: See `plan`.
 
         Raises:
-            PlanningError: When a start or a goal is too near to something, or they are the same.
-            EmptyStableSetError: When no pusher twist keeps every contact.
+            PlanningError: If a start or a goal is too near to an obstacle, or they are the same.
+            EmptyStableSetError: If no pusher twist keeps every contact.
         """
         validator = self._validator.of(scenario)
         question = Question(scenario, validator, previous, explain)
@@ -256,7 +259,7 @@ class Planner:
         timed: bool,
         explain: bool,
     ) -> Plan:
-        """Return what was found timed, executed and validated; else why nothing was found."""
+        """Time, execute and validate the search's result; return the plan, or the reason why there is none."""
         reason, execution = "", None
         diagnosis: tuple[Diagnosis, ...] = outcome.proofs
         nearest: Nearest | None = None
@@ -311,10 +314,10 @@ class Planner:
         return loads[0].stable_set(self.settings.set_name).name if loads else self._search.set_name
 
     def _fastest(self, scenario: Scenario, outcome: Outcome, set_name: str | None) -> tuple[Segments, str]:
-        """Return the plan that is driven fastest, timed; or the best one, and why none can be driven.
+        """Return the fastest candidate, timed; if none can be timed, the best one and the reason.
 
-        Where paths are ranked by time, others are driven as well: an objective knows a motion only roughly. The best
-        one comes last, as it needs the most stops.
+        If paths are ranked by time, all candidates are timed, because the objective only estimates the duration. The
+        best one comes last, because it needs the most stops.
         """
         fastest, least, reason = outcome.candidates[0], math.inf, ""
         for segments in reversed(outcome.candidates):
@@ -341,10 +344,10 @@ def _why_not(
 
 
 def _poses(poses: ArrayLike, what: str) -> FloatArray:
-    """Return poses as (k, 3) numbers.
+    """Return poses as an array (k, 3).
 
     Raises:
-        PlanningError: When they are none.
+        PlanningError: If they are not poses.
     """
     array = np.atleast_2d(numbers(poses, what))
     if array.ndim != 2 or array.shape[1] != 3 or not len(array):

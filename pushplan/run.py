@@ -1,4 +1,4 @@
-"""Plan, execute and record: the whole pipeline in one call."""
+"""Plans, executes and records in one call."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ def run(
     """Plan, execute in the kinematic simulator, and record both.
 
     Args:
-        scenario: As for `plan`.
-        log: File to write the run log to (MCAP), or False for none; None records the run in the folder `runs`. A
-            run that finds no plan, or is refused, is recorded as well.
+        scenario: See `plan`.
+        log: File of the run log (MCAP); None for a file in the folder `runs`, False for no log. A run without a plan
+            or with an invalid problem is recorded as well.
         runs: Folder of recorded runs; None for $PUSHPLAN_RUNS, else `pushplan/runs` in $XDG_STATE_HOME or in
-            ~/.local/state. One that cannot be written is a warning, and `Run.log` is None then.
-        **options: See `PlanSettings`. The observer takes warnings about the recording, too; the outcome in the log of
-            a run that was cancelled is `interrupted`.
+            ~/.local/state. If this folder cannot be written, there is a warning and `Run.log` is None.
+        **options: See `PlanSettings`. The observer also gets warnings about the recording. A cancelled run has the
+            outcome `interrupted` in its log.
 
     Raises:
-        PushplanError: As `plan`.
-        OutputError: When the file named by `log` cannot be written: before planning, or, as an `IncompleteLogError`
-            that has the run, after it.
+        PushplanError: See `plan`.
+        OutputError: If the file `log` cannot be written. After planning this is an `IncompleteLogError`, which holds
+            the run.
     """
     scenario, watch, settings = scenario_of(scenario), Stopwatch(), PlanSettings(**options)
     observer = settings.observer
@@ -53,7 +53,7 @@ def run(
 def record(
     found: Plan, *, log: Where = None, runs: Path | str | None = None, observer: Observer | None = None
 ) -> Run:
-    """Record a plan that is there already; arguments and errors as for `run`."""
+    """Record an existing plan; see `run` for the arguments and errors."""
     message = None if observer is None else observer.message
     with Recording(found.scenario, fields_of_plan(found), log, runs, message) as recording:
         for improvement in found.improvements:
@@ -63,7 +63,7 @@ def record(
 
 
 def fields_of(scenario: Scenario, settings: PlanSettings) -> dict[str, object]:
-    """Return what the log says of the settings: those asked for, and the scenario's where they are left open."""
+    """Return the settings for the log's metadata, completed from the scenario."""
     whole = settings.completed(scenario)
     return {
         "planner": planner_named(whole.planner or scenario.planner.name)[0],
@@ -77,7 +77,7 @@ def fields_of(scenario: Scenario, settings: PlanSettings) -> dict[str, object]:
 
 
 def fields_of_plan(plan: Plan) -> dict[str, object]:
-    """Return what the log says of the settings with which a plan was made that is there already."""
+    """Return the settings of an existing plan for the log's metadata."""
     asked = plan.scenario
     return {
         "planner": plan.planner,

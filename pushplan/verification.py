@@ -1,6 +1,6 @@
-"""Verifies a run log: its plan is validated in its scenario, its numbers are worked out again, and it is executed.
+"""Verifies a run log: validates its plan in its scenario, recomputes its numbers and executes it again.
 
-Compared is all that scenario and plan decide. What is taken as it is, the report lists.
+All data that scenario and plan determine are compared. The report lists the data that are not.
 """
 
 from __future__ import annotations
@@ -39,30 +39,30 @@ from pushplan.sim.robustness import least_robustness
 from pushplan.trial import TRIAL, check_trials, executed_again
 from pushplan.util.names import APPROACH, PUSH
 
-NOT_DECIDED = "which planner ran, its seed and its remarks"
-"""Of a plan, what nothing in the log decides."""
+NOT_DECIDED = "the name, the seed and the remarks of the planner"
+"""Parts of a plan that the rest of the log does not determine."""
 
-OTHERS = "how the Monte Carlo samples ended (in a simulator that is not pushplan's)"
+OTHERS = "the ends of the Monte Carlo samples (not executed by pushplan's own simulator)"
 
 ROUNDING = 1e-6
-"""Relative difference of recomputed numbers and motions: they are worked out by iterations."""
+"""Relative tolerance of recomputed numbers and motions, which iterative methods compute."""
 
 
 def verify_log(path: Path | str) -> VerifyReport:
-    """Read a log, once, and compare all that is in it with what its scenario and its plan lead to.
+    """Read a log once, recompute its data from its scenario and plan, and compare.
 
     Raises:
-        RunLogError: When the log cannot be read.
-        PushplanError: When the recorded plan cannot be executed at all.
+        RunLogError: If the log cannot be read.
+        PushplanError: If the recorded plan cannot be executed at all.
     """
     return verify_run(load_run(path, messages=True))
 
 
 def verify_run(run: RecordedRun) -> VerifyReport:
-    """Compare a run that was read with its messages with what its plan, or what its measurements, lead to.
+    """Recompute the data of a run from its plan or measurements, and compare. The run must hold its messages.
 
     Raises:
-        PushplanError: When the recorded plan cannot be executed at all.
+        PushplanError: If the recorded plan cannot be executed at all.
     """
     report = verify(run, execute_again)
     checks, left_out = list(report.checks), list(report.not_compared)
@@ -70,7 +70,7 @@ def verify_run(run: RecordedRun) -> VerifyReport:
         checking = _PlanChecks(run, run.plan, not report.versions)
         try:
             checks = [*checking.checks(), *checks]
-        except PushplanError as error:  # a load that the scenario has not, or that nothing can push
+        except PushplanError as error:  # a load that is not in the scenario or cannot be pushed
             checks = [_differs("plan", str(error)), *checks]
         left_out += checking.left_out
     if run.feedback is not None and CONTROL in run.fields and run.execution is not None and run.plan is not None:
@@ -83,7 +83,7 @@ def verify_run(run: RecordedRun) -> VerifyReport:
 
 
 def execute_again(run: RecordedRun) -> Execution | None:
-    """Execute a recorded plan again; None where objects slipped or were watched, in a world that no log holds."""
+    """Execute a recorded plan again; return None for closed loops and for slip in a world that no log holds."""
     execution, plan = run.execution, run.plan
     if TRIAL in run.fields and execution is not None:
         return executed_again(run)
@@ -94,20 +94,20 @@ def execute_again(run: RecordedRun) -> Execution | None:
 
 
 class _PlanChecks:
-    """Validates the plan of a run in the run's scenario, and works out again what is said of it.
+    """Validates the plan of a run in the run's scenario and recomputes its numbers.
 
     Args:
-        run: With the plan.
-        plan: That one.
-        same: Whether all packages have the versions that they had.
+        run: The run with the plan.
+        plan: The plan.
+        same: Whether all packages have the recorded versions.
 
     Attributes:
-        left_out: What is not compared, in words.
+        left_out: Descriptions of the data that are not compared.
     """
 
     def __init__(self, run: RecordedRun, plan: Plan, same: bool) -> None:
         self._run, self._plan, self._words = run, plan, run.fields.get(metadata.RUN, {})
-        # Another commit may time paths otherwise, and prove other bounds.
+        # Another commit can time paths differently and prove other bounds.
         self._same = same and self._words.get("git", "") == metadata.git_commit()
         # A closed loop plans with more caution than the scenario asks for: less friction, more clearance.
         self._watched = CONTROL in run.fields
@@ -133,18 +133,18 @@ class _PlanChecks:
         yield from self._check_solution()
         yield from self._check_motion()
         if self._watched and self._is_cautious():
-            self.left_out.append("numbers of a plan that was made with more caution than the scenario asks for")
+            self.left_out.append("the numbers of a plan that assumes less friction than the scenario")
             return
         yield from self._check_numbers()
 
     def _is_cautious(self) -> bool:
-        """Tell whether contacts have less friction in the plan than in the scenario."""
+        """Return whether contacts have less friction in the plan than in the scenario."""
         pairs = zip(self._plan.segments, self._own, strict=True)
         both = [(s.load.chain.contacts, own.load.chain.contacts) for s, own in pairs if s.load and own.load]
         return any(a.friction < b.friction - TOLERANCE for pair in both for a, b in zip(*pair, strict=True))
 
     def _own_load(self, scenario: Scenario, load: Load | None) -> Load | None:
-        """Return what the scenario has for a load."""
+        """Return the scenario's own load for a recorded load."""
         return None if load is None else load_of(scenario, load.names, load.face, load.offset, load.faces)
 
     def _check_words(self, scenario: Scenario) -> Iterator[Check]:
@@ -166,7 +166,7 @@ class _PlanChecks:
             yield _same(f"{metadata.RESULT} outcome", outcome, "solved" if plan.solved else "unsolved")
 
     def _check_undelivered(self, scenario: Scenario) -> Iterator[Check]:
-        """Check that the plan leaves out just the objects that it says, and gives that as its reason."""
+        """Check that the stated objects, and no others, miss their goals and that the plan's reason names them."""
         plan, named = self._plan, self._plan.undelivered
         end, goals = end_of(scenario, plan.segments), scenario.task.goals
         missed = {
@@ -176,11 +176,11 @@ class _PlanChecks:
         yield _same("reason", plan.reason, reason_of(named, len(scenario.goals)) if named else "")
 
     def _check_unsolved(self, scenario: Scenario) -> Iterator[Check]:
-        """Check what is said of a plan that is none: no numbers, and how near the nearest path comes."""
+        """Check that an unsolved plan has no numbers, and check the error of its nearest path."""
         plan, nearest = self._plan, self._plan.nearest
-        self.left_out.append("why there is no plan")
+        self.left_out.append("the reason why there is no plan")
         said = [plan.cost, plan.robustness, plan.execution, plan.segments or None]
-        yield _same("numbers of a plan that is none", sum(one is not None for one in said), 0)
+        yield _same("numbers of an unsolved plan", sum(one is not None for one in said), 0)
         yield _same("reason", bool(plan.reason), True)
         if nearest is None or not scenario.task.held:
             return
@@ -193,19 +193,19 @@ class _PlanChecks:
         yield _none("nearest path", next(filter(None, flaws), ""))
 
     def _set_name(self, segments: tuple[Segment, ...]) -> str | None:
-        """Return the set that was planned in; None where it is code of a user, which a log does not load."""
+        """Return the name of the plan's stable set; None for user code, which a log does not load."""
         name = self._plan.stable_set
         try:
             for segment in segments:
                 if segment.load is not None and segment.pushes:
                     segment.load.stable_set(name)
         except PushplanError:
-            self.left_out.append(f"margins in the stable set {name!r} (not known here)")
+            self.left_out.append(f"the margins in the stable set {name!r}, which is not installed")
             return None
         return name
 
     def _check_loads(self) -> Iterator[Check]:
-        """Compare what is pushed with what the scenario has for it."""
+        """Compare the recorded loads with those of the scenario."""
         apart = 0.0
         for segment, own in zip(self._plan.segments, self._own, strict=True):
             if segment.load is not None and own.load is not None and segment.load is not own.load:
@@ -227,10 +227,10 @@ class _PlanChecks:
         yield Check("length of an approach", max(off, default=0.0), EXACT)
 
     def _check_solution(self) -> Iterator[Check]:
-        """Judge the plan, its motion and its paths, by the validator, which the searches do not use."""
+        """Validate the plan, its motion and its paths. The searches do not use this validator."""
         segments, name = self._own, self._set
         if self._set is None:
-            # Margins above -1 are had by all twists: other code checks the contacts in the execution.
+            # Every twist has a margin above -1; the contacts are checked in the execution instead.
             segments = tuple(replace(segment, margin=-1.0) for segment in segments)
         judge = Validator(self._scenario)
         timed = all(segment.trajectory is not None for segment in segments)
@@ -241,7 +241,7 @@ class _PlanChecks:
             yield _none("path", judge.flaw(paths, None, name))
 
     def _check_motion(self) -> Iterator[Check]:
-        """Compare the trajectory with what timing the path leads to."""
+        """Time the path again and compare the trajectories."""
         apart, timed = 0.0, [s for s in self._own if s.trajectory is not None]
         for segment in timed:
             trajectory = segment.trajectory
@@ -250,7 +250,7 @@ class _PlanChecks:
             apart = max(apart, *(max(pose_error(*pair)) for pair in ends))
         yield Check("ends of the trajectory and of the path", apart, EXACT)
         if not timed or self._watched or not self._same or self._set is None:
-            self.left_out += ["the timing of the path (of another version, or planned with caution)"] if timed else []
+            self.left_out += ["the timing of the path (other version, closed loop or unknown set)"] if timed else []
             return
         rate = timed[0].trajectory.rate if timed[0].trajectory is not None else 0.0
         paths = tuple(replace(segment, trajectory=None) for segment in self._own)
@@ -262,7 +262,7 @@ class _PlanChecks:
         yield Check("trajectory", max(_motion_apart(*pair) for pair in zip(self._own, again, strict=True)), ROUNDING)
 
     def _check_numbers(self) -> Iterator[Check]:
-        """Work out again what the plan says of itself."""
+        """Recompute the plan's numbers and compare them."""
         plan, scenario, segments = self._plan, self._scenario, self._own
         single = bool(scenario.task.held)
         yield _number("cost", plan.cost, segments[0].cost if single else plan_cost(scenario, segments))
@@ -287,7 +287,7 @@ class _PlanChecks:
         yield _number("lower bound", plan.lower_bound, bound)
 
     def _check_margins(self, scenario: Scenario, name: str) -> Iterator[Check]:
-        """Compare margins, stated and kept, with those that planning may ask for."""
+        """Compare the stated margins and the margins of the pushes with those that the planner tries."""
         plan, row = self._plan, self._scenario.task.flush
         pushes = [s for s in self._own if s.pushes and s.load is not None]
         firsts, wrong = list[float](), ""
@@ -299,19 +299,19 @@ class _PlanChecks:
             ]
             firsts += [one[0] for one in tries]
             if all(abs(push.margin - margin) > TOLERANCE for one in tries for margin in one):
-                wrong = wrong or f"a push has {push.margin:.6g}, which is none that planning asks for"
+                wrong = wrong or f"a push has the margin {push.margin:.6g}, which the planner does not try"
             if push.trajectory is not None:
                 least = float(stable.margin(push.contact_path.twists).min())
                 yield _number("smallest margin of a push", push.min_margin, least)
         yield _none("margins of pushes", wrong)
         stated = (("margin", plan.margin, [s.margin for s in pushes]), ("margin asked", plan.margin_asked, firsts))
         for what, value, known in stated:
-            # Of a row, what was moved out of its way does not count.
+            # Objects that were moved out of the way of a row do not count.
             yield _number(what, value, min(known, key=lambda one: abs(one - (value or 0.0))) if row else min(known))
 
 
 def _apart(load: Load, own: Load, watched: bool) -> float:
-    """Return by how much a load differs from the scenario's; a watched one may be planned for with less friction."""
+    """Return the largest difference of two loads; in a closed loop, less friction than in the scenario is allowed."""
     first, second = load.chain, own.chain
     one, other = (
         np.concatenate(
@@ -324,7 +324,7 @@ def _apart(load: Load, own: Load, watched: bool) -> float:
 
 
 def _motion_apart(first: Segment, second: Segment) -> float:
-    """Return by how much two timed segments differ, in SI units."""
+    """Return the largest difference of two timed segments, in SI units."""
     one, other = first.trajectory, second.trajectory
     if one is None or other is None or one.coefficients.shape != other.coefficients.shape:
         return math.inf
@@ -337,7 +337,7 @@ def _differs(quantity: str, what: str) -> Check:
 
 
 def _none(quantity: str, flaw: str) -> Check:
-    """Return the check that there is no flaw."""
+    """Return a check that passes if `flaw` is empty."""
     return _differs(quantity, flaw) if flaw else Check(quantity, 0.0)
 
 

@@ -24,7 +24,7 @@ def convex_pieces(outlines: Sequence[FloatArray], until: float = math.inf) -> It
     """Yield counter-clockwise convex polygons (k, 2) that cover simple polygons (v, 2), m, in their order.
 
     Raises:
-        OutOfTimeError: When a polygon is not likely to be cut up before `time.perf_counter` is `until`.
+        OutOfTimeError: If a polygon is not likely to be cut up before `time.perf_counter` is `until`.
     """
     if not len(outlines):
         return

@@ -28,7 +28,7 @@ def simple_polygon(outline: ArrayLike, name: str) -> FloatArray:
     """Return `outline` as a read-only counter-clockwise (v, 2) array.
 
     Raises:
-        SupportError: When it is not a simple polygon with an area.
+        SupportError: If it is not a simple polygon with an area.
     """
     vertices = frozen(outline, (None, 2), name)
     if len(vertices) < 3:
@@ -268,7 +268,7 @@ def _lines(pieces: FloatArray) -> list[FloatArray]:
 
 
 def _aligned(first: FloatArray, second: FloatArray) -> bool:
-    """Tell whether the ends of both pieces lie on one line, to 2 `TOUCH`, and the pieces run the same way."""
+    """Return whether the ends of both pieces lie on one line, to 2 `TOUCH`, and the pieces run the same way."""
     ends = np.concatenate([first, second])
     direction = ends[np.argmax(np.linalg.norm(ends - first[0], axis=1))] - first[0]
     direction = direction / np.linalg.norm(direction)

@@ -302,7 +302,7 @@ class Chain:
         pusher: The plate.
 
     Raises:
-        ChainError: When the contacts do not form a tree in this order.
+        ChainError: If the contacts do not form a tree in this order.
     """
 
     objects: tuple[PushedObject, ...]
@@ -356,7 +356,7 @@ class Chain:
         """The height of all contacts, m.
 
         Raises:
-            SupportError: When they have several, or intervals.
+            SupportError: If they have several, or intervals.
         """
         heights = self.contact_heights
         if (heights != heights[0, 0]).any():
@@ -407,7 +407,7 @@ class Chain:
         """Return the index of the object called `name`.
 
         Raises:
-            ChainError: When no object has that name.
+            ChainError: If no object has that name.
         """
         names = [obj.name for obj in self.objects]
         if name not in names:

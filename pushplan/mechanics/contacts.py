@@ -107,7 +107,7 @@ def friction_wrench(obj: PushedObject, twists: ArrayLike, contact_height: float 
 
     Raises:
         PushplanError: On twists that are zero, not finite or not (k, 3).
-        SupportError: When the load is not known, or the push at that height could lift a part of the object.
+        SupportError: If the load is not known, or the push at that height could lift a part of the object.
     """
     packed = pack_object(obj, contact_height)
     return -contacts.object_wrenches_of(packed, checked_twists(twists))
@@ -126,7 +126,7 @@ def ecof(obj: PushedObject, cor: ArrayLike, sense: int = +1, contact_height: flo
         contact_height: See `friction_wrench`.
 
     Raises:
-        UndefinedEcofError: When the friction force vanishes, as for a COR at the COF of a symmetric load.
+        UndefinedEcofError: If the friction force vanishes, as for a COR at the COF of a symmetric load.
         SupportError: As `friction_wrench`.
     """
     c = frozen(cor, (2,), "centre of rotation")
@@ -175,7 +175,7 @@ def contact_state(chain: Chain, twists: ArrayLike) -> ContactState:
 
     Raises:
         PushplanError: On twists that are zero, not finite or not (m, 3).
-        SupportError: When a load is not known.
+        SupportError: If a load is not known.
     """
     arrays = pack_chain(chain)
     checked = checked_twists(twists)

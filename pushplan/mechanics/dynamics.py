@@ -133,7 +133,7 @@ class ContactDynamics(MotionConditions):
             pressure with the centres that these allow counts (`mechanics.heights`).
 
     Raises:
-        SupportError: When a load is not known, unless the worst case is asked for.
+        SupportError: If a load is not known, unless the worst case is asked for.
     """
 
     chain: Chain
@@ -305,7 +305,7 @@ def dynamic_rows(chain: Chain, twist: ArrayLike) -> DynamicRows:
 
     Raises:
         PushplanError: On a twist that is zero, not finite or not (3,).
-        SupportError: When a load is not known.
+        SupportError: If a load is not known.
     """
     return ContactDynamics(chain).rows(twist)
 
@@ -323,7 +323,7 @@ def dynamic_margins(chain: Chain, twists: ArrayLike, rates: ArrayLike) -> FloatA
 
     Raises:
         PushplanError: On twists that are zero, not finite or not (m, 3), or rates unlike them.
-        SupportError: When a load is not known.
+        SupportError: If a load is not known.
     """
     return ContactDynamics(chain).margins(twists, rates)
 

@@ -147,7 +147,7 @@ def pushed_at(chain: Chain, face: str | float, offset: float = 0.0) -> Chain:
         offset: Of the plate's middle from that of the face, to the left of the push, m.
 
     Raises:
-        ChainError: When there is no such face, or more than one; see `pushed_from` too.
+        ChainError: If there is no such face, or more than one; see `pushed_from` too.
     """
     found = [
         place
@@ -173,7 +173,7 @@ def pushed_from(chain: Chain, place: Place) -> Chain:
     touches now, and the plate's own friction and height hold at any other.
 
     Raises:
-        ChainError: When the robot's footprint overlaps an object there, or touches one beside the plate.
+        ChainError: If the robot's footprint overlaps an object there, or touches one beside the plate.
     """
     order = carried_from(chain, place.touched)
     into = se2.inverse(place.contact)

@@ -80,7 +80,7 @@ def load_areas(chain: Chain, interval: IntervalChain | None = None, off: bool = 
         off: Whether pressures that are off put the centre elsewhere, too, as load fractions in intervals do.
 
     Raises:
-        TippingError: When a push at the contact heights could tip an object.
+        TippingError: If a push at the contact heights could tip an object.
     """
     areas = _areas(chain, interval, off)
     if loads_move(chain):

@@ -55,7 +55,7 @@ class IntervalChain:
             pressures: From 0 to 1; of objects whose load is known, and not on feet.
 
         Raises:
-            ChainError: When no object has a name.
+            ChainError: If no object has a name.
             PushplanError: On an interval that is empty or outside what is allowed.
             SupportError: On fractions for an object without feet, for another number of feet, or that cannot
                 sum to 1, and on a pressure's share for feet or an unknown load.
@@ -134,7 +134,7 @@ def fractions_within(spans: FloatArray, whose: str = "") -> FloatArray:
     """Return load fractions (k,) that sum to 1, at the same share of each of the intervals (k, 2).
 
     Raises:
-        SupportError: When no fractions in the intervals sum to 1.
+        SupportError: If no fractions in the intervals sum to 1.
     """
     low, high = spans.sum(axis=0)
     if not low - FRACTION_TOLERANCE <= 1.0 <= high + FRACTION_TOLERANCE:

@@ -76,7 +76,7 @@ def pack_chain(chain: Chain) -> contacts.PackedChain:
     """Return the arrays of `chain`; every set and judge of a plan asks for the same.
 
     Raises:
-        SupportError: When a load is not known, contacts have several heights, or a push at theirs could lift a part
+        SupportError: If a load is not known, contacts have several heights, or a push at theirs could lift a part
             of an object.
     """
     pushers = [contact.pusher for contact in chain.contacts]
@@ -190,7 +190,7 @@ class _Spread(NamedTuple):
         """Return that of a known load.
 
         Raises:
-            SupportError: When it is not known.
+            SupportError: If it is not known.
         """
         support, turn = obj.support, float(obj.pose_chain[2])
         if isinstance(support, UniformSupport):
@@ -220,7 +220,7 @@ def push_room(obj: PushedObject, height: float) -> float:
     """Return by how much more (m) a push at a height could shift the load of an object before a part of it lifts.
 
     Raises:
-        SupportError: When the load is not known.
+        SupportError: If the load is not known.
     """
     return _Spread.of(obj).highest_push - height * obj.floor_friction
 

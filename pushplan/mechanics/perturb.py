@@ -72,8 +72,8 @@ def with_leaning_load(chain: Chain, direction: ArrayLike, share: float, index: i
         index: Of the object; None for all.
 
     Raises:
-        PushplanError: When there is no direction.
-        SupportError: When a load is not known, or would be negative somewhere.
+        PushplanError: If there is no direction.
+        SupportError: If a load is not known, or would be negative somewhere.
     """
     e = frozen(direction, (2,), "direction of a leaning load")
     if not e.any():
@@ -99,7 +99,7 @@ class Motion:
         """Return the chain of the first size.
 
         Raises:
-            ChainError: When a contact is left without a segment.
+            ChainError: If a contact is left without a segment.
         """
         if (self.lengths[0] < SHORTEST_CONTACT).any():
             k = int(self.lengths[0].argmin())
@@ -124,7 +124,7 @@ def displace(chain: Chain, slides: FloatArray, turns: FloatArray) -> Motion:
     object is not as square to it as the plan believes.
 
     Raises:
-        ChainError: When a contact does not lie on edges of both bodies.
+        ChainError: If a contact does not lie on edges of both bodies.
     """
     slid = slide(chain, slides)
     poses, ends, carried = slid.poses, slid.ends, carried_objects(chain)
@@ -147,7 +147,7 @@ def slide(chain: Chain, slides: FloatArray) -> Motion:
     A contact is the overlap of the edges that lie on its line.
 
     Raises:
-        ChainError: When a contact does not lie on edges of both bodies.
+        ChainError: If a contact does not lie on edges of both bodies.
     """
     many = np.asarray(slides, dtype=np.float64)
     shifts = np.zeros((len(many), len(chain.contacts) + 1, 2))  # the last row is the plate's
@@ -185,7 +185,7 @@ def slid(chain: Chain, slides: Sequence[float] | FloatArray) -> Chain:
     """Return the chain of `slide` by (n,), m.
 
     Raises:
-        ChainError: When a contact is left without a segment.
+        ChainError: If a contact is left without a segment.
     """
     return slide(chain, np.atleast_2d(np.asarray(slides, dtype=np.float64))).applied(chain)
 
@@ -202,7 +202,7 @@ def contact_edges(chain: Chain, k: int) -> tuple[FloatArray, FloatArray]:
     They are intervals of the coordinate from the contact's right end to its left end, m.
 
     Raises:
-        ChainError: When the contact does not lie on edges of both bodies.
+        ChainError: If the contact does not lie on edges of both bodies.
     """
     contact = chain.contacts[k]
     by_plate = contact.pusher == PLATE

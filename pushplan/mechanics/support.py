@@ -87,7 +87,7 @@ class Support(ABC):
         gathered in the cells of a grid, and a polygon is cut by one into pieces with their exact parts of the load.
 
         Raises:
-            SupportError: When the load is not known.
+            SupportError: If the load is not known.
         """
         positions, fractions, _ = self.point_loads
         return _gathered(positions, fractions)
@@ -96,7 +96,7 @@ class Support(ABC):
         """Return e . (x - g) / h (k,) at corners or points x, and what it is a share of there: see `leaning`.
 
         Raises:
-            SupportError: When the load is not known.
+            SupportError: If the load is not known.
         """
         if not self.known:
             raise SupportError("a load that is not known cannot be shifted to one side")
@@ -121,7 +121,7 @@ class Support(ABC):
             share: May be negative.
 
         Raises:
-            SupportError: When the load is not known, or would be negative somewhere.
+            SupportError: If the load is not known, or would be negative somewhere.
         """
         lean, _ = self.lean(direction)
         positions, fractions, _ = self.point_loads
@@ -139,7 +139,7 @@ class UniformSupport(Support):
         center_of_mass: (2,) m; None stands for the centroid.
 
     Raises:
-        SupportError: When the polygon is not simple or the pressure would be negative somewhere on it.
+        SupportError: If the polygon is not simple or the pressure would be negative somewhere on it.
     """
 
     outline: FloatArray
@@ -333,7 +333,7 @@ class UnknownSupport(Support):
         center_of_mass: (2,) m; None stands for the centroid of the outline.
 
     Raises:
-        SupportError: When the polygon is not simple or the centre lies outside its convex hull.
+        SupportError: If the polygon is not simple or the centre lies outside its convex hull.
     """
 
     outline: FloatArray

@@ -57,7 +57,7 @@ def pack_centred(chain: Chain, interval: IntervalChain | None = None, off: bool 
     Loads on feet in intervals stay what they are where nothing moves them. What is `off`: see `heights.load_areas`.
 
     Raises:
-        SupportError: When a push at the contact heights could tip an object.
+        SupportError: If a push at the contact heights could tip an object.
     """
     loads = np.array([[obj.friction_load, obj.friction_load] for obj in chain.objects])
     areas: list[LoadArea | None] = list(load_areas(chain, interval, off))

@@ -76,7 +76,7 @@ def _rearrangement(source: Source, attachments: Attachments) -> Scenario | None:
 
 
 def _names_are_known(file: RearrangementFile, source: Source) -> bool:
-    """Tell whether names differ, and goals are for objects, and report what is not so."""
+    """Return whether names differ, and goals are for objects, and report what is not so."""
     names = [obj.name for obj in file.objects]
     check_differ(names, source)
     row = isinstance(file, GatheringFile)

@@ -94,7 +94,7 @@ def _nearly_touching(i: int, layout: Layout) -> Iterator[tuple[int, float]]:
 
 
 def _is_sideways(along: FloatArray) -> BoolArray:
-    """Tell whether edges with directions (..., 2) in the chain frame are sides that run along the push."""
+    """Return whether edges with directions (..., 2) in the chain frame are sides that run along the push."""
     return np.asarray(np.abs(along[..., 1]) <= math.tan(SIDEWAYS) * np.abs(along[..., 0]))
 
 

@@ -54,8 +54,8 @@ def read_svg_outlines(path: str | Path, *, tolerance: float = 1e-4, centered: bo
         Counter-clockwise outlines (v, 2), m, by id, or `shape-1`, `shape-2` and so on where there is none.
 
     Raises:
-        MissingExtraError: When svgelements is not installed.
-        ImportedFileError: When the file cannot be read, or a shape is not one simple closed outline.
+        MissingExtraError: If svgelements is not installed.
+        ImportedFileError: If the file cannot be read, or a shape is not one simple closed outline.
     """
     svg = optional("svgelements", "reading an SVG drawing", "svgelements", "import")
     path = Path(path)

@@ -35,7 +35,7 @@ def example_text(name: str) -> str:
     """Return the file of a packaged scenario.
 
     Raises:
-        PushplanError: When there is none of that name.
+        PushplanError: If there is none of that name.
     """
     known = example_names()
     if name not in known:
@@ -56,7 +56,7 @@ def load_scenario(source: str | Path, maps: Sequence[str | Path] = ()) -> Scenar
 
     Raises:
         ScenarioError: With everything found wrong: syntax, values, geometry, start and goals.
-        ImportedFileError: When a map cannot be read.
+        ImportedFileError: If a map cannot be read.
     """
     data, path = read_named(source, _FOLDER, "scenario", ScenarioError)
     scenario = _read(data, path, Attachments({}, path.parent), by_hand=path.parent != _FOLDER)

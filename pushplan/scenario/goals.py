@@ -73,7 +73,7 @@ class Goal:
         return float(position), float(angle)
 
     def is_reached(self, pose_chain: FloatArray) -> bool:
-        """Tell whether the chain frame at a pose (3,) is at the goal, within the tolerance."""
+        """Return whether the chain frame at a pose (3,) is at the goal, within the tolerance."""
         position, angle = self.errors(pose_chain)
         return position <= self.position_tolerance and angle <= self.angle_tolerance
 
@@ -137,7 +137,7 @@ class TaskGoal(ABC):
         """Return in words what the goal asks of a load."""
 
     def fulfilled(self, end: End) -> bool:
-        """Tell whether the goal is fulfilled."""
+        """Return whether the goal is fulfilled."""
         return not self.shortfall(end)
 
     def slack(self, tolerance: tuple[float, float]) -> tuple[float, float]:
@@ -347,7 +347,7 @@ class Row(TaskGoal):
         return ""
 
     def _is_at_wall(self, front: FloatArray, end: End) -> bool:
-        """Tell whether a face with its middle and outward normal at a pose (3,) faces the row's wall, near to it."""
+        """Return whether a face, with middle and outward normal at a pose (3,), is near the row's wall and faces it."""
         if end.workspace is None:
             return False
         area, (x, y, theta) = end.workspace, (float(value) for value in front)

@@ -164,7 +164,7 @@ def flush_pose(base: FloatArray, outline: FloatArray, offset: float, names: tupl
         names: What messages call the two.
 
     Raises:
-        ChainError: When one has no such edge, or the edges do not meet along a line.
+        ChainError: If one has no such edge, or the edges do not meet along a line.
     """
     front, rear = _edge_span(base, +1), _edge_span(outline, -1)
     if front is None or rear is None:
@@ -215,7 +215,7 @@ def snap(bodies: Sequence[Named], part: Part, pose: FloatArray, within: Snap) ->
 
 
 def _is_too_far(i: int, moved: Snapped, within: Snap, source: Source) -> bool:
-    """Tell whether an object is farther from its contact than `snap` allows, and report it."""
+    """Return whether an object is farther from its contact than `snap` allows, and report it."""
     if abs(moved.gap) <= within.position and abs(moved.turn) <= within.angle:
         return False
     allowed = f"snap allows {millimetres(within.position)} and {math.degrees(within.angle):.3g} deg"

@@ -106,7 +106,7 @@ def read_ros_map(path: str | Path, *, unknown_is_free: bool = False, tolerance: 
             obstacles always cover the cells; they reach at most three times as far beyond them.
 
     Raises:
-        ImportedFileError: When the file or its picture cannot be read.
+        ImportedFileError: If the file or its picture cannot be read.
     """
     path = Path(path)
     read = map_files(path, path.name).__getitem__
@@ -117,7 +117,7 @@ def map_files(path: Path, name: str) -> dict[str, bytes]:
     """Return what a map's YAML file and its picture hold, by `name` and the picture's name beside it.
 
     Raises:
-        ImportedFileError: When one of them cannot be read.
+        ImportedFileError: If one of them cannot be read.
     """
     data = bytes_of(path, MOST_PICTURE)
     image = _map_file(data, str(path)).image
@@ -128,7 +128,7 @@ def bytes_of(path: Path, most: int) -> bytes:
     """Return what a file that is imported holds.
 
     Raises:
-        ImportedFileError: When it cannot be read, or holds more than so many bytes.
+        ImportedFileError: If it cannot be read, or holds more than so many bytes.
     """
     try:
         data = read_regular(path, most + 1)
@@ -216,7 +216,7 @@ def cells_of(picture: bytes, name: str, mode: str, negate: bool, occupied: float
         free: Occupancy below which it is free.
 
     Raises:
-        ImportedFileError: When the picture cannot be read.
+        ImportedFileError: If the picture cannot be read.
     """
     grey = np.arange(3 * 255 + 1) / 3.0  # by the sum of red, green and blue
     shade = grey if negate else 255.0 - grey

@@ -184,7 +184,7 @@ class Scenario:
         A load without goals has its own place for a goal.
 
         Raises:
-            ChainError: When no load has that name.
+            ChainError: If no load has that name.
         """
         if name not in self.task.by_name:
             raise ChainError(f"no object is called {name!r}; there are {', '.join(self.task.by_name)}")
@@ -260,7 +260,7 @@ class Scenario:
         """The margin that planned twists have to exceed.
 
         Raises:
-            PushplanError: When it is `auto`, which is no number yet; planning makes it one (`with_margin`).
+            PushplanError: If it is `auto`, which is no number yet; planning makes it one (`with_margin`).
         """
         if self.stability.margin == "auto":
             raise PushplanError("stability.margin is 'auto', and no number was chosen for it yet")

@@ -116,7 +116,7 @@ def _stated_goals(file: ScenarioFile) -> dict[Place, GoalPose]:
 
 
 def _goals_exist(file: ScenarioFile, stated: Mapping[Place, GoalPose], source: Source) -> bool:
-    """Tell whether the object that each goal names exists, and report the first that does not."""
+    """Return whether the object that each goal names exists, and report the first that does not."""
     known = [obj.name for obj in file.objects]
     for place, goal in stated.items():
         if goal.of is not None and goal.of not in known:

@@ -53,7 +53,7 @@ class Attachments:
         """Return what the file `name` holds.
 
         Raises:
-            SupportError: When the name leads out of the folder or the file cannot be read.
+            SupportError: If the name leads out of the folder or the file cannot be read.
         """
         if name not in self.contents:
             self.contents[name] = self._given[name] if name in self._given else self._from_folder(name)

@@ -143,7 +143,7 @@ class Source:
         return Finding(place_text(place), what, *position)
 
     def holds(self, place: Place) -> bool:
-        """Tell whether the document states something at a place."""
+        """Return whether the document states something at a place."""
         return len(self.root.path(place)) == len(place)
 
     @property

@@ -54,9 +54,9 @@ def write_new_scenario(name: str, *, drive: str = "omnidirectional", map_file: P
         map_file: YAML file of a map, in the scenario's folder or below; start and goal are where it has room.
 
     Raises:
-        TemplateError: When no scenario may be called so, or the map is elsewhere or has no room.
-        ImportedFileError: When the map cannot be read.
-        OutputError: When the file exists already or cannot be written.
+        TemplateError: If no scenario may be called so, or the map is elsewhere or has no room.
+        ImportedFileError: If the map cannot be read.
+        OutputError: If the file exists already or cannot be written.
     """
     path = Path(name if name.endswith(_SUFFIX) else name + _SUFFIX)
     if len(path.stem) > MOST_LETTERS or not re.fullmatch(NAME_PATTERN, path.stem):

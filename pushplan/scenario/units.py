@@ -93,7 +93,7 @@ class Stated(ABC):
         """Return the value in SI.
 
         Raises:
-            PydanticCustomError: When `value` is written otherwise.
+            PydanticCustomError: If `value` is written otherwise.
         """
 
     @abstractmethod

@@ -43,7 +43,7 @@ def unknown_object(name: str, known: Sequence[str]) -> str:
 
 
 def _is_tag(step: object) -> bool:
-    """Tell whether a step of pydantic's location names the form that it chose, as `<box>` does."""
+    """Return whether a step of pydantic's location names the form that it chose, as `<box>` does."""
     return isinstance(step, str) and step.startswith("<") and step.endswith(">")
 
 

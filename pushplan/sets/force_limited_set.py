@@ -87,7 +87,7 @@ def within_force(stable: StableSet, force: PushForce, limits: Limits) -> StableS
     """Return the part of a set that does not take more force than the robot has; the set where all of it is.
 
     Raises:
-        EmptyStableSetError: When there is no such part.
+        EmptyStableSetError: If there is no such part.
     """
     if force.most_friction * begin_factor(limits) <= limits.force:
         return stable

@@ -92,7 +92,7 @@ class EcofSet(StableSet):
         packed: The chain as arrays for the core.
 
     Raises:
-        SupportError: When a load is not known, or a push at the contact height could lift a part of an
+        SupportError: If a load is not known, or a push at the contact height could lift a part of an
             object.
     """
 
@@ -121,7 +121,7 @@ class CofSet(StableSet):
         centers: (n, 2) centre of friction of the objects that each contact carries, chain frame, m.
 
     Raises:
-        SupportError: When a load is not known, or a push at the contact height could lift a part of an
+        SupportError: If a load is not known, or a push at the contact height could lift a part of an
             object. That height changes nothing else: it moves the load along the line of action.
     """
 

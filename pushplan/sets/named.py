@@ -64,7 +64,7 @@ def stable_set_over(interval: IntervalChain, name: str = "ecof") -> StableSet:
 
     Raises:
         PushplanError: On an unknown name, or `cof`.
-        SupportError: When the algorithm needs something as a number that is an interval.
+        SupportError: If the algorithm needs something as a number that is an interval.
     """
     if name not in STABLE_SETS:
         raise PushplanError(
@@ -109,7 +109,7 @@ def stable_set(chain: Chain, name: str = "ecof") -> StableSet:
 
     Raises:
         PushplanError: On an unknown name.
-        SupportError: When the algorithm needs loads that are not known, or a push at the contact heights could tip an
+        SupportError: If the algorithm needs loads that are not known, or a push at the contact heights could tip an
             object (for `cof` also: lift a part of one).
     """
     if name not in _SETS and name not in _OTHERS and PLACE.fullmatch(name) is None:
@@ -130,7 +130,7 @@ def add_set(given: str | type[StableSet]) -> str:
             `StableSet`.
 
     Raises:
-        PushplanError: When there is none, or it is no stable set with a name of its own.
+        PushplanError: If there is none, or it is no stable set with a name of its own.
     """
     if isinstance(given, str) and (given in _SETS or given in _OTHERS):
         return given

@@ -66,7 +66,7 @@ class StableUnknownSet(_UnknownLoadSet):
             have to satisfy (2). None where they are numbers.
 
     Raises:
-        SupportError: When a push at the contact height could tip an object.
+        SupportError: If a push at the contact height could tip an object.
     """
 
     name = "stable"
@@ -161,7 +161,7 @@ class RobustSet(_UnknownLoadSet):
         interval: The chain with intervals of masses, floor frictions and load fractions; None where they are numbers.
 
     Raises:
-        SupportError: When a push at the contact height could tip an object.
+        SupportError: If a push at the contact height could tip an object.
     """
 
     name = "robust"

@@ -34,7 +34,7 @@ STEP = 4e-3
 
 
 def closes(chain: Chain, gap: float, push: float, other_friction: float) -> bool:
-    """Tell whether the last object of a chain becomes flush with those before it, though it stands off.
+    """Return whether the last object of a chain becomes flush with those before it, though it stands off.
 
     Simulated with the object off by `OFF` to either side and turned either way, with both frictions of `FRICTION`. A
     load that is not known is taken as an even one.
@@ -71,6 +71,6 @@ def _known(obj: PushedObject) -> PushedObject:
 
 
 def _is_flush(simulator: SlipSimulator, chain: Chain) -> bool:
-    """Tell whether all objects are as in a chain now, but for where the last one is along the face."""
+    """Return whether all objects are as in a chain now, but for where the last one is along the face."""
     errors = se2.pose_errors(se2.relative(simulator.plate_pose, simulator.object_poses), chain.places)
     return bool((errors[:-1, 0] < KEPT).all() and errors[-1, 1] < FLUSH)

@@ -90,7 +90,7 @@ def feet_of(support: Support, degree: int = DEGREE) -> Feet:
     """Return the feet that stand for a support; known loads on points as they are.
 
     Raises:
-        SupportError: When the loads are not known.
+        SupportError: If the loads are not known.
     """
     if not support.known:
         raise SupportError(
@@ -124,7 +124,7 @@ def compressed(rule: Rule, degree: int) -> Rule:
     """Return a rule on at most (degree + 1)(degree + 2) / 2 of the points with the same moments up to `degree`.
 
     Raises:
-        SupportError: When rounding keeps the moments from being met.
+        SupportError: If rounding keeps the moments from being met.
     """
     low, high = rule.points.min(axis=0), rule.points.max(axis=0)
     scaled = (2.0 * rule.points - low - high) / np.maximum(high - low, 1e-300)

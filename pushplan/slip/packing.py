@@ -89,7 +89,7 @@ def pack_world(world: World, chain: Chain | None = None) -> slip.World:
     """Return what can be pushed of a world, with objects in its order; see `bodies_of`.
 
     Raises:
-        SupportError: When the load under an object is not known, or it has no friction with the floor.
+        SupportError: If the load under an object is not known, or it has no friction with the floor.
     """
     objects, _, pieces, pairs = bodies_of(world, chain)
     order = np.array([world.names.index(obj.name) for obj in objects])
@@ -126,7 +126,7 @@ def pack_bodies(
         order: (n,) the numbers that the objects have outside; None for the same ones.
 
     Raises:
-        SupportError: When the load under an object is not known, or it has no friction with the floor.
+        SupportError: If the load under an object is not known, or it has no friction with the floor.
     """
     feet = [_feet(obj, h) for obj, h in zip(objects, np.broadcast_to(heights, len(objects)), strict=True)]
     return slip.World(

@@ -44,8 +44,8 @@ class SlipSimulator:
             step: How far the fastest corner moves in a step at most, m.
 
         Raises:
-            PushplanError: When the step is no length.
-            SupportError: When the load under an object is not known, or it has no friction with the floor.
+            PushplanError: If the step is no length.
+            SupportError: If the load under an object is not known, or it has no friction with the floor.
         """
         if not 0.0 < step < np.inf:
             raise PushplanError(f"step is {step}; it must be finite and > 0")
@@ -110,7 +110,7 @@ class SlipSimulator:
             objects.
 
         Raises:
-            PushplanError: When more bodies touch at once than there is room for.
+            PushplanError: If more bodies touch at once than there is room for.
         """
         trace = self._simulation.march(motions[:0] if self.jammed else motions, self._limit)
         if (trace.end == core.CROWDED).any():

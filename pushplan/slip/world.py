@@ -91,7 +91,7 @@ class World:
         """Refuse a world that plans of a scenario cannot be executed in.
 
         Raises:
-            PushplanError: When it has other objects, or the plate is in contact in one of them only.
+            PushplanError: If it has other objects, or the plate is in contact in one of them only.
         """
         wanted = tuple(scenario.poses)
         if self.names != wanted:

@@ -31,7 +31,7 @@ def numbers(values: ArrayLike, name: str) -> FloatArray:
     """Return a copy of `values` as floats.
 
     Raises:
-        PushplanError: When they are none.
+        PushplanError: If they are none.
     """
     try:
         return np.array(values, dtype=np.float64, copy=True)
@@ -43,7 +43,7 @@ def parameters(values: ArrayLike, name: str) -> FloatArray:
     """Return parameters along a path or a trajectory, infinite ones too, as floats.
 
     Raises:
-        PushplanError: When one is no number.
+        PushplanError: If one is no number.
     """
     found = numbers(values, name)
     if np.isnan(found).any():

@@ -18,7 +18,7 @@ def read_regular(path: Path, most: int) -> bytes:
     """Return at most `most` bytes of a file.
 
     Raises:
-        OSError: When it cannot be read or is no regular file.
+        OSError: If it cannot be read or is no regular file.
     """
     # Opened without blocking: a named pipe that nobody writes to would hold the process in open().
     descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
@@ -59,7 +59,7 @@ def check_output(path: Path) -> Target:
     """Return where an output called `path` goes; nothing is written.
 
     Raises:
-        OutputError: When nothing can be written there, or writing would destroy what is no file.
+        OutputError: If nothing can be written there, or writing would destroy what is no file.
     """
     found = _status(path)
     if found is not None and not stat.S_ISREG(found.st_mode):
@@ -113,7 +113,7 @@ class Output:
         partial: The name under which it can be found until `publish`.
 
     Raises:
-        OutputError: When it cannot be written, nobody reads the pipe, or another process is writing the file.
+        OutputError: If it cannot be written, nobody reads the pipe, or another process is writing the file.
     """
 
     def __init__(self, path: Path | str, *, new: bool = False) -> None:
@@ -175,7 +175,7 @@ class Output:
         """Append `data`; after a write that failed nothing is appended any more.
 
         Raises:
-            OutputError: When the operating system takes no more (disk full, ...), and ever after.
+            OutputError: If the operating system takes no more (disk full, ...), and ever after.
         """
         rest = memoryview(data)
         with self._reporting("write"):
@@ -217,7 +217,7 @@ class Output:
         """End the file, which is whole: its bytes and its final name are on the disk when this returns.
 
         Raises:
-            OutputError: When the operating system refuses, or meanwhile the name is another thing's; the file keeps
+            OutputError: If the operating system refuses, or meanwhile the name is another thing's; the file keeps
                 its partial name.
         """
         if not self._target.streamed:
@@ -251,7 +251,7 @@ def write_whole(path: Path | str, data: bytes, *, new: bool = False) -> None:
         new: See `Output`.
 
     Raises:
-        OutputError: When it cannot be written; nothing is left behind.
+        OutputError: If it cannot be written; nothing is left behind.
     """
     write_pieces(path, [data], new=new)
 
@@ -260,7 +260,7 @@ def write_pieces(path: Path | str, pieces: Iterable[bytes], *, new: bool = False
     """Write an output of `pieces` that appears under its name when it is whole.
 
     Raises:
-        OutputError: When it cannot be written; nothing is left behind.
+        OutputError: If it cannot be written; nothing is left behind.
     """
     file = Output(path, new=new)
     try:
@@ -273,7 +273,7 @@ def write_pieces(path: Path | str, pieces: Iterable[bytes], *, new: bool = False
 
 
 def is_being_written(path: str | Path) -> bool:
-    """Tell whether a process is writing the partial file `path`."""
+    """Return whether a process is writing the partial file `path`."""
     with contextlib.suppress(FileNotFoundError):
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
         try:

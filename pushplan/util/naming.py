@@ -102,7 +102,7 @@ def function_named(name: str, known: OpenNames, what: str) -> Callable[..., Any]
         what: What the function is, for messages.
 
     Raises:
-        PushplanError: When there is none, or it is no function.
+        PushplanError: If there is none, or it is no function.
     """
     found = attribute_named(name, known.group)
     if found is None:
@@ -118,7 +118,7 @@ def attribute_named(name: str, group: str) -> Any:
     A module is looked for in the working directory too.
 
     Raises:
-        PushplanError: When it cannot be imported or has no such attribute.
+        PushplanError: If it cannot be imported or has no such attribute.
     """
     if PLACE.fullmatch(name) is None:
         found = _entry_point(group, name)
@@ -169,7 +169,7 @@ def code_of_others(kind: str, made: Any) -> Iterator[None]:
         made: The class or function.
 
     Raises:
-        ExtensionError: When the code raises anything but an error of pushplan's own.
+        ExtensionError: If the code raises anything but an error of pushplan's own.
     """
     try:
         yield
@@ -211,7 +211,7 @@ def optional(module: str, what: str, package: str, extra: str) -> Any:
         extra: Name of pushplan's extra that installs it.
 
     Raises:
-        MissingExtraError: When it is not installed.
+        MissingExtraError: If it is not installed.
     """
     try:
         return import_module(module)
