@@ -137,7 +137,9 @@ def test_a_plan_not_found_is_logged_all_the_same(text: str, reason: str, tmp_pat
 
 def test_a_log_is_no_scenario_and_replaces_none(planned: Mapping[str, Any], tmp_path: Path, capsys: Captured) -> None:
     assert main(["plan", str(planned["log"])]) == 2
-    assert "run.mcap:1:1: this is a run log; `pushplan replay` reads it" in capsys.readouterr().err
+    assert (
+        "run.mcap:1:1: this is a run log, not a scenario; read it with `pushplan replay`" in capsys.readouterr().err
+    )
     mine = tmp_path / "mine.yaml"
     mine.write_text(example_text("one-box"))
     assert main(["plan", "two-crates", "-o", str(mine)]) == 2

@@ -1,4 +1,4 @@
-"""Objects, their contacts and the robot in a scenario file as typed models; descriptions say what is allowed."""
+"""Typed models of objects, contacts and robot in a scenario file; descriptions state the allowed values."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FACES = f"all, or a list of {', '.join(names.FACES)} and angles of outward norma
 SUPPORT = "uniform, unknown, {feet: [[x, y], ...]}, {feet: [[x, y, load], ...]} or {pressure_map: file.csv}"
 DRIVE = "omnidirectional, {differential: {axle: [x, y, theta]}} or {car: {axle: ..., min_radius: ...}}"
 LENGTH = "a length in m"
-HEIGHT = "a height in m, or the interval [lowest, highest] of it"
+HEIGHT = "a height in m, or its interval [lowest, highest]"
 MOST_PARTS = 50
 FOOTPRINT = (
     "{box: [length, width], pose: [x, y, theta]}, {polygon: [[x, y], ...]} or a list of 1 to "
@@ -29,7 +29,7 @@ _LIMITS = Limits()
 
 
 def one_of(words: tuple[str, ...]) -> str:
-    """Return what is allowed where one of some words is."""
+    """Return the description of a choice of words."""
     return f"one of {', '.join(words)}"
 
 
@@ -51,7 +51,7 @@ Shape = Annotated[
 
 
 class Feet(t.Strict):
-    """Feet in the object's frame, all of them with their part of the load, or none."""
+    """Feet in the object's frame, either all with or all without a fraction of the load."""
 
     feet: Annotated[
         tuple[t.Foot, ...],
@@ -85,7 +85,7 @@ Support = Annotated[
 
 
 class Object(t.Strict):
-    """One object; without `pose` it is stacked flush on the one before, or on the plate."""
+    """One object; without `pose` it is stacked flush on the previous object or the plate."""
 
     name: t.Name = Field(description=NAME)
     shape: Shape = Field(description="{box: [length, width]} or {polygon: [[x, y], ...]}")
@@ -101,7 +101,7 @@ class Object(t.Strict):
 
 
 class ContactPair(t.Strict):
-    """The friction between two objects, or between the pusher and an object, and the height of their contact."""
+    """Friction and height of the contact between two objects, or between the pusher and an object."""
 
     objects: Annotated[tuple[str, ...], t.Several(2, 2)] = Field(
         description="two names of objects that touch, e.g. [near, far], or pusher and an object"
@@ -112,12 +112,12 @@ class ContactPair(t.Strict):
     @model_validator(mode="after")
     def _says_something(self) -> ContactPair:
         if self.friction is None and self.height is None:
-            raise fault("neither friction nor height of a contact", "one of them, or both")
+            raise fault("has neither friction nor height", "one of them, or both")
         return self
 
 
 class Contacts(t.Strict):
-    """Friction where objects touch each other."""
+    """Friction between objects."""
 
     friction: t.Friction | None = Field(default=None, description=FRICTION)
     between: Annotated[tuple[ContactPair, ...], t.Several(0, 400)] = Field(
@@ -132,7 +132,7 @@ class Wheels(t.Strict):
 
 
 class CarWheels(Wheels):
-    """A rear axle that follows and front wheels that steer."""
+    """A fixed rear axle and steered front wheels."""
 
     min_radius: t.Size = Field(description="the smallest turning radius of the axle's middle, a length in m")
 
@@ -158,7 +158,7 @@ Drive = Annotated[
 
 
 class MotionLimits(t.Strict):
-    """What the pusher's motion may not exceed."""
+    """Limits of the pusher's motion."""
 
     speed: t.Speed = Field(default=_LIMITS.speed, description="a speed in m/s, or [least, most]")
     acceleration: t.Acceleration = Field(
@@ -185,7 +185,7 @@ Faces = Annotated[
 
 
 class Plate(t.Strict):
-    """The plate and how it may move."""
+    """The plate, its contacts and its motion limits."""
 
     width: t.Size = Field(description=LENGTH)
     thickness: t.Size = Field(default=0.03, description=LENGTH)
@@ -224,17 +224,17 @@ Footprint = Annotated[
 
 
 class RobotLimits(t.Strict):
-    """What the robot cannot exceed, beside the plate's motion."""
+    """Limits of the robot's push force."""
 
-    force: t.Force = Field(description="a force in N, the largest with which the plate pushes, e.g. 40 N")
+    force: t.Force = Field(description="a force in N: the largest push of the plate, e.g. 40 N")
     breakaway: t.Breakaway = Field(
         default=_LIMITS.breakaway,
-        description="a factor from 1, by which the force that sets a load in motion exceeds that of sliding",
+        description="a factor from 1: the force that starts a load's motion, divided by the force of sliding",
     )
 
 
 class Robot(t.Strict):
-    """What carries the plate, its shape and its drive."""
+    """The robot that carries the plate, with its shape and drive."""
 
     footprint: Footprint | None = Field(default=None, description=FOOTPRINT)
     drive: Drive | None = Field(default=None, description=DRIVE)
@@ -243,18 +243,18 @@ class Robot(t.Strict):
     )
     base: t.Pose | None = Field(
         default=None,
-        description="[x, y, theta] in the plate's frame of the frame that path followers steer; default: the axle",
+        description="[x, y, theta] of the frame that path followers steer, in the plate's frame; default: the axle",
     )
     limits: RobotLimits | None = Field(default=None, description="{force: ..., breakaway: ...}")
 
 
 class PlacedObject(Object):
-    """One object, apart from the others."""
+    """One object that stands apart from the others."""
 
     pose: t.Pose = Field(description="[x, y, theta] in the world, where there are goals")
 
 
 class PlacedRobot(Robot):
-    """The robot, which stands somewhere in the room."""
+    """The robot at a given start pose."""
 
     start: t.Pose = Field(description="[x, y, theta] of the plate's frame in the world")

@@ -1,4 +1,4 @@
-"""From a document to the scenario that it states, or to findings: one load, or several objects that stand apart."""
+"""Builds the scenario of a document, or reports its errors: a single load, or several separate objects."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from pushplan.util.names import PUSHER
 
 
 def build_scenario(source: Source, attachments: Attachments) -> Scenario | None:
-    """Return the scenario that a document states, or report all that is wrong with it and return None."""
+    """Return the scenario of a document, or report all its errors and return None."""
     build = _rearrangement if source.holds(("goals",)) else one_load
     scenario = build(source, attachments)
     return None if source.findings else scenario
@@ -45,7 +45,7 @@ def build_scenario(source: Source, attachments: Attachments) -> Scenario | None:
 def _rearrangement(source: Source, attachments: Attachments) -> Scenario | None:
     for key in ("goal", "start"):
         if source.holds((key,)):
-            what = "does not go together with goals, and objects have their poses"
+            what = "is not allowed together with goals; each object has its own pose"
             source.error((key,), what, at_key=True)
     of_row = source.holds(("goals", "row", "of"))
     file: RearrangementFile | None = validate(GatheringFile if of_row else RearrangementFile, source)
@@ -76,7 +76,7 @@ def _rearrangement(source: Source, attachments: Attachments) -> Scenario | None:
 
 
 def _names_are_known(file: RearrangementFile, source: Source) -> bool:
-    """Return whether names differ, and goals are for objects, and report what is not so."""
+    """Check that object names differ and that goals name objects; report errors and return False if not."""
     names = [obj.name for obj in file.objects]
     check_differ(names, source)
     row = isinstance(file, GatheringFile)
@@ -86,12 +86,12 @@ def _names_are_known(file: RearrangementFile, source: Source) -> bool:
         if name not in names:
             source.error(place, unknown_object(str(name), names), at_key=not row)
         elif name in aimed[:i]:
-            source.error(place, f"'{name}' stands in the row already; allowed: each object once")
+            source.error(place, f"'{name}' is already in the row; allowed: each object once")
     return not source.findings
 
 
 def _poses(file: RearrangementFile, loads: tuple[PlacedLoad, ...]) -> tuple[TaskGoal, ...]:
-    """Return the goals that a file states for objects, by themselves."""
+    """Return the goals of single objects in a file."""
     found = []
     for load in (load for load in loads if load.name in file.goals):
         stated = _goals_of(file.goals[load.name], load.name)
@@ -100,7 +100,7 @@ def _poses(file: RearrangementFile, loads: tuple[PlacedLoad, ...]) -> tuple[Task
 
 
 def _row(file: GatheringFile, source: Source) -> Row:
-    """Return the row that a file asks for."""
+    """Return the row of a file and report its errors."""
     stated, friction = file.goals.row, widened(file).contacts.friction
     names = [obj.name for obj in file.objects]
     if friction is None:
@@ -109,7 +109,7 @@ def _row(file: GatheringFile, source: Source) -> Row:
         friction = 0.0
     for i, pair in enumerate(file.contacts.between):
         if set(pair.objects) <= set(names):
-            what = "is of two objects of a row; allowed: contacts.friction, for all of them"
+            what = "is for two objects of a row; allowed: contacts.friction, for all of them"
             source.error(("contacts", "between", i), what)
     if stated.wall is not None and file.workspace is None:
         source.error(("goals", "row", "wall"), "needs a workspace, whose sides are the walls")
@@ -118,14 +118,14 @@ def _row(file: GatheringFile, source: Source) -> Row:
         if name not in stated.of:
             source.error((*where, i), f"'{shorten(str(name))}' is not in the row; allowed: {', '.join(stated.of)}")
     if len(set(stated.placed)) not in (0, *range(len(stated.placed), len(stated.of))):
-        source.error(where, "names all of the row, or one of it twice; allowed: each at most once, and not all")
+        source.error(where, "names all objects of the row, or one twice; allowed: each at most once, and not all")
     if stated.placed and stated.anywhere:
-        source.error(where, "does not go together with a row anywhere, which comes about in one piece")
+        source.error(where, "is not allowed together with anywhere: such a row has no placed objects")
     front = stated.of[len(stated.of) - len(stated.placed) :]
     if stated.order == "given" and set(front) != set(stated.placed):
-        source.error(where, f"is not the front of the given order; allowed: the last ones, as {', '.join(front)}")
+        source.error(where, f"is not the front of the given order; allowed: the last objects: {', '.join(front)}")
     if stated.anywhere and file.gather == "never":
-        source.error(("gather",), "'never' does not go together with a row anywhere; allowed: auto, always")
+        source.error(("gather",), "'never' is not allowed together with anywhere; allowed: auto, always")
     return Row(
         stated.of,
         None if stated.pose is None else np.array(stated.pose),
@@ -139,7 +139,7 @@ def _row(file: GatheringFile, source: Source) -> Row:
 
 
 def _in_place(row: Row, loads: tuple[PlacedLoad, ...]) -> Row:
-    """Return a row of which some stand in their places at its front already: these count as placed."""
+    """Return a row with the objects placed that already stand in their places at its front."""
     by_name = {load.name: load for load in loads}
     if row.pose is None or row.placed or not set(row.of) <= set(by_name):
         return row
@@ -191,7 +191,7 @@ def _placed_object(file: RearrangementFile, i: int, attachments: Attachments, so
     between = tuple(pair for pair in file.contacts.between if set(pair.objects) == {obj.name, PUSHER})
     pose = _on_the_plate(outline_of(obj.shape))
     if pose is None:
-        source.error(("objects", i, "shape"), f"'{obj.name}' has no edge that a plate could lie flat on")
+        source.error(("objects", i, "shape"), f"'{obj.name}' has no edge that a plate can lie flat against")
         return None
     alone = {
         "objects": (obj.model_copy(update={"pose": pose if pose[2] else None, "offset": None}),),
@@ -206,7 +206,7 @@ def _placed_object(file: RearrangementFile, i: int, attachments: Attachments, so
 
 
 def _on_the_plate(outline: FloatArray) -> tuple[float, ...] | None:
-    """Return the pose of an object with its rear edge on the plate, with its longest flat one where it has none."""
+    """Return the pose of an object with its rear edge, or else its longest possible edge, flat against the plate."""
     flat = []
     for way in ways_through(outline):
         pose = se2.inverse(way.entry).round(15)
@@ -216,7 +216,7 @@ def _on_the_plate(outline: FloatArray) -> tuple[float, ...] | None:
 
 
 def _goals_of(stated: Any, name: str) -> tuple[GoalPose, ...]:
-    """Return the goals of one object as a file of one load has them."""
+    """Return the goals of one object in the form of a file of one load."""
     if isinstance(stated, ObjectGoal):
         return (GoalPose.model_construct(of=name, **dict(stated)),)
     if isinstance(stated[0], float):
@@ -225,7 +225,7 @@ def _goals_of(stated: Any, name: str) -> tuple[GoalPose, ...]:
 
 
 def _check_row(scenario: Scenario, row: Row, source: Source) -> None:
-    """Report a row that fits in no order and with no faces, with the robot behind it, where it shall stand."""
+    """Report a row that does not fit at its goal with the robot behind it, in any order and with any faces."""
     if row.pose is None and row.wall is None:
         return
     length, faces, loads = 0.0, scenario.transport.faces, scenario.task.by_name
@@ -233,7 +233,7 @@ def _check_row(scenario: Scenario, row: Row, source: Source) -> None:
         outline = loads[name].chain.objects[0].outline
         depths = [way.across[0] for way in ways_through(outline, faces) if way.across is not None]
         if not depths:
-            what = f"'{name}' has no face to be pushed at that is parallel to one opposite: it stands in no row"
+            what = f"'{name}' cannot stand in a row: no face that the plate may push is parallel to an opposite face"
             source.error(("goals", "row", "of", i), what)
             return
         length += float(min(depths))
@@ -246,10 +246,10 @@ def _check_row(scenario: Scenario, row: Row, source: Source) -> None:
         rooms = {"x": area.xmax - area.xmin, "y": area.ymax - area.ymin}
         room = max(rooms.values()) if row.wall == "any" else rooms[str(row.wall)[0]]
         if length + behind > room:
-            what = f"a row of {length:.3g} m at least, and {behind:.3g} m of robot, do not fit into {room:.3g} m"
+            what = f"a row of at least {length:.3g} m and {behind:.3g} m of robot do not fit into {room:.3g} m"
             source.error(("goals", "row", "wall"), what)
         return
-    # So narrow that no row is narrower: what it meets, every row does.
+    # Every row is wider than this strip, so an obstacle of the strip is an obstacle of every row.
     narrow = np.array([[0.0, -1e-3], [length, -1e-3], [length, 1e-3], [0.0, 1e-3]])
     robot = placed(chain.carried, se2.compose(row.pose, se2.inverse(chain.pusher.plate_pose)))
     for what in placement_troubles(
@@ -259,7 +259,7 @@ def _check_row(scenario: Scenario, row: Row, source: Source) -> None:
 
 
 def _check_apart(scenario: Scenario, source: Source) -> None:
-    """Report objects that touch one another at first, and those that cannot all be at their goals."""
+    """Report objects that are too near to each other at the start or at their goals."""
     loads, kept = scenario.task.by_name, scenario.clearance
     names = list(loads)
     standing = {name: _area(load.chain, load.start) for name, load in loads.items()}
@@ -279,9 +279,9 @@ def _check_apart(scenario: Scenario, source: Source) -> None:
 
 
 def overlapping_goals(scenario: Scenario) -> dict[str, str]:
-    """Return in words which loads cannot be at their goals together with another, by the name of the later one."""
+    """Return sentences on pairs of loads with overlapping goals, by the name of the second load."""
     ends, found, kept = dict[str, list[shapely.MultiPolygon]](), dict[str, str](), scenario.clearance
-    for name, goals in scenario.goals.items():  # at each goal, and at the start where that reaches one
+    for name, goals in scenario.goals.items():  # at each goal, and at the start if that reaches a goal
         load = scenario.task.by_name[name]
         poses = [goal.pose_chain for goal in goals]
         poses += [load.start for goal in goals if goal.is_reached(load.start)]
@@ -291,13 +291,13 @@ def overlapping_goals(scenario: Scenario) -> dict[str, str]:
         if gap < kept:
             found[other] = (
                 f"at their goals, '{one}' and '{other}' are {millimetres(gap)} apart; "
-                f"allowed: at least {millimetres(kept)}; objects that shall touch stand in goals.row"
+                f"allowed: at least {millimetres(kept)}; for objects that touch, use goals.row"
             )
     return found
 
 
 def _area(chain: Chain, pose: FloatArray) -> shapely.MultiPolygon:
-    """Return what the objects cover with the chain frame at a pose (3,)."""
+    """Return the area of the objects with the chain frame at a pose (3,)."""
     return shapely.MultiPolygon([shapely.Polygon(outline) for outline in _outlines(chain, pose)])
 
 

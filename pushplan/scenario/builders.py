@@ -1,6 +1,6 @@
-"""Scenarios from Python: objects, plate, obstacles and goal as arguments instead of a YAML file.
+"""Builds scenarios in Python, with objects, plate, obstacles and goal as arguments instead of a YAML file.
 
-The values go through the same checks as a file's, and messages name the same places (`objects[1].mass`).
+The values pass the same checks as a file, and messages name the same places (`objects[1].mass`).
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from pushplan.scenario.parts import Obstacle
 from pushplan.util.names import SCENARIO_FORMAT
 
 Document = dict[str, Any]
-"""A part of a scenario in the form that it has in a file."""
+"""Part of a scenario in the form of a file."""
 
 
 def box(name: str, length: float, width: float, mass: float, **more: object) -> Document:
     """Return an object with a rectangular outline about its frame's origin.
 
     Args:
-        name: Of the object.
-        length: Along x, the direction of the push, m.
-        width: Along y, m.
-        mass: kg.
+        name: Name of the object.
+        length: Length along x, the direction of the push, m.
+        width: Width along y, m.
+        mass: Mass, kg.
         more: Other keys of an object in a file: `support`, `center_of_mass`, `floor_friction`, `offset`, `pose`.
     """
     return {"name": name, "shape": {"box": [length, width]}, "mass": mass, **more}
 
 
 def polygon(name: str, outline: ArrayLike, mass: float, **more: object) -> Document:
-    """Return an object with the outline (v, 2) in its own frame, m; `more` as for `box`."""
+    """Return an object with the outline (v, 2) in its own frame, m; see `box` for `more`."""
     return {"name": name, "shape": {"polygon": _numbers(outline)}, "mass": mass, **more}
 
 
@@ -43,8 +43,8 @@ def plate(width: float, friction: float | str, **more: object) -> Document:
     """Return a pusher.
 
     Args:
-        width: Of the plate, m.
-        friction: Coefficient between plate and objects, or an angle as text, e.g. `"14 deg"`.
+        width: Width of the plate, m.
+        friction: Friction coefficient between plate and objects, or a friction angle as text, e.g. `"14 deg"`.
         more: Other keys of `pusher` in a scenario file: `thickness`, `contact_height`, `drive`, `limits`.
     """
     return {"width": width, "friction": friction, **more}
@@ -67,21 +67,21 @@ def build_scenario(
     """Return a checked scenario.
 
     Args:
-        name: Of the scenario.
-        objects: From the pusher outward, made by `box` and `polygon`.
-        pusher: Made by `plate`.
-        goal: (3,) pose (x, y, theta) in the world to bring the object `of` to.
-        floor_friction: Coefficient between floor and objects, or an angle as text.
-        contact_friction: Likewise between objects; needed when there are several.
-        of: Name of the object that the goal is stated for; None stands for the chain frame.
+        name: Name of the scenario.
+        objects: Objects from the pusher outward, created by `box` and `polygon`.
+        pusher: Pusher, created by `plate`.
+        goal: Goal pose (3,) (x, y, theta) of the object `of` in the world.
+        floor_friction: Friction coefficient between floor and objects, or a friction angle as text.
+        contact_friction: Friction coefficient between objects, or a friction angle as text; required for several.
+        of: Name of the object that the goal is for; None for the chain frame.
         obstacles: Outlines (v, 2) in the world, m, or the obstacles of another scenario or of a map.
-        start: (3,) pose of the chain frame in the world.
+        start: Start pose (3,) of the chain frame in the world.
         attachments: Contents of the pressure maps that objects name.
         more: Other keys of a file, e.g. `workspace={"x": [0, 4], "y": [0, 3]}`, `stability={"margin": 0.01}`,
             `robot={"footprint": {"box": [0.42, 0.285], "pose": [-0.21, 0, 0]}}`.
 
     Raises:
-        ScenarioError: With everything found wrong.
+        ScenarioError: If the scenario is invalid, with all errors.
     """
     standing = [one.document() if isinstance(one, Obstacle) else {"polygon": _numbers(one)} for one in obstacles]
     document = {

@@ -1,4 +1,4 @@
-"""From the objects, contacts, pusher and robot of a scenario file to the chain, checked for geometry."""
+"""Builds the chain from the objects, contacts, pusher and robot of a scenario file, and checks its geometry."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ from pushplan.util.arrays import FloatArray
 from pushplan.util.names import RESERVED_NAMES, ROBOT
 
 ReadFile = Callable[[str], bytes]
-"""Returns the bytes of a file that the scenario names; raises SupportError when it cannot."""
+"""Function that returns the bytes of a file by its name in the scenario; raises SupportError if it cannot."""
 
 File = TypeVar("File", bound=RoomFile)
 
 
 MOST_UNCERTAIN = 16
-"""Objects of a chain whose masses, floor frictions or loads are intervals: 10 take 4 s to plan for, 20 take 20 s."""
+"""Largest number of objects in a chain with intervals: planning takes 4 s for 10 objects and 20 s for 20."""
 
 
 def build_bodies(stated: RoomFile, read: ReadFile, source: Source) -> Bodies | None:
-    """Return the chain of a scenario file, or report what is wrong with it and return None."""
+    """Return the chain of a scenario file, or report its errors and return None."""
     file = widened(stated)
     _check_names(file, source)
     _check_fractions(stated, source)
@@ -67,7 +67,7 @@ def build_bodies(stated: RoomFile, read: ReadFile, source: Source) -> Bodies | N
     objects = []
     for obj, part, support, floor, pose in zip(file.objects, parts, supports, floors, layout.poses, strict=True):
         assert support is not None
-        center = None if obj.height is None else 0.5 * obj.height  # of the mass, where the file does not say it
+        center = None if obj.height is None else 0.5 * obj.height  # default height of the centre of mass
         if obj.center_of_mass is not None and len(obj.center_of_mass) == 3:
             center = obj.center_of_mass[2]
         objects.append(PushedObject(obj.name, part.outline, middle(obj.mass), middle(floor), support, pose, center))
@@ -76,8 +76,8 @@ def build_bodies(stated: RoomFile, read: ReadFile, source: Source) -> Bodies | N
     if interval is not None and len(objects) > MOST_UNCERTAIN:
         source.error(
             ("objects",),
-            f"are {len(objects)}, with intervals or an uncertainty; allowed: {MOST_UNCERTAIN} then, for the set that "
-            "holds for all values takes minutes for more; state numbers",
+            f"are {len(objects)}; allowed: {MOST_UNCERTAIN} with intervals or an uncertainty, because the stable set "
+            "of all values takes minutes to compute for more; use plain numbers",
         )
         return None
     return Bodies(
@@ -90,10 +90,10 @@ def build_bodies(stated: RoomFile, read: ReadFile, source: Source) -> Bodies | N
 
 
 def check_differ(names: Sequence[str], source: Source) -> None:
-    """Report objects that are called as another one."""
+    """Report objects with the same name as another one."""
     for i, name in enumerate(names):
         if name in names[:i]:
-            what = f"objects[{names.index(name)}] is called '{name}' too; names differ"
+            what = f"objects[{names.index(name)}] is called '{name}' too; allowed: each name once"
             source.error(("objects", i, "name"), what)
 
 
@@ -116,10 +116,10 @@ def floor_friction(obj: bodies.Object, file: RoomFile) -> float | Span:
 
 
 def widened(file: File) -> File:
-    """Return a file with the intervals that its `uncertainty` stands for; those that it states itself stay.
+    """Return a file with the intervals of its `uncertainty`; explicit intervals are kept.
 
-    A share s makes an interval [(1 - s) v, (1 + s) v] of a value v. What `load` does to a load that is not on feet is
-    no interval of a number: it is a share by which the pressure at every place may be off.
+    A share s turns a value v into the interval [(1 - s) v, (1 + s) v]. For an object without feet, `load` is the
+    uncertainty of the pressure at every point, which is not applied here.
     """
     share = file.uncertainty
     floor = file.floor.model_copy(update={"friction": around(file.floor.friction, share.floor_friction)})
@@ -153,16 +153,16 @@ def _widened(obj: bodies.Object, share: schema.Uncertainty) -> bodies.Object:
 
 
 def around(value: float | Span, share: float, most: float = float("inf")) -> float | Span:
-    """Return the interval around a number, up to `most`; an interval, or a number that is exact, as it is."""
+    """Return the interval around a number, limited to `most`; return an interval or an exact number unchanged."""
     if isinstance(value, tuple) or share == 0.0:
         return value
     return (1.0 - share) * value, min((1.0 + share) * value, most)
 
 
 def _interval_chain(file: RoomFile, chain: Chain) -> IntervalChain | None:
-    """Return the chain with the intervals of a widened file, None when loads and floor frictions are numbers.
+    """Return the chain with the intervals of a widened file; None if loads and floor frictions are plain numbers.
 
-    Intervals of contact friction are not looked at: the chain has their lowest values, and these decide.
+    Intervals of contact friction are ignored, because the chain holds their lowest values, which are the worst case.
     """
     masses = {obj.name: obj.mass for obj in file.objects if isinstance(obj.mass, tuple)}
     floors = {obj.name: floor_friction(obj, file) for obj in file.objects}
@@ -179,7 +179,7 @@ def _interval_chain(file: RoomFile, chain: Chain) -> IntervalChain | None:
 
 
 def _foot_spans(support: object) -> list[Span] | None:
-    """Return the interval of every foot's load fraction, or None when none of them is an interval."""
+    """Return the interval of every foot's load fraction; None if all are plain numbers."""
     if not isinstance(support, bodies.Feet):
         return None
     loads = [foot[2] for foot in support.feet if len(foot) == 3]
@@ -194,7 +194,7 @@ def _foot_spans(support: object) -> list[Span] | None:
 def _support(
     stated: bodies.Object, outline: FloatArray, index: int, read: ReadFile, source: Source
 ) -> Support | None:
-    """Return the support model of object `index` with the counter-clockwise `outline` (v, 2), or report why not."""
+    """Return the support of object `index` with the counter-clockwise `outline` (v, 2), or report its error."""
     center = None if stated.center_of_mass is None else np.array(stated.center_of_mass[:2])
     try:
         if isinstance(stated.support, str):
@@ -207,7 +207,7 @@ def _support(
 
 
 def _check_fractions(stated: RoomFile, source: Source) -> None:
-    """Report load fractions that do not sum to 1; within the intervals that `uncertainty` makes of them, some may."""
+    """Report nominal load fractions that do not sum to 1; this is not visible after `uncertainty` widens them."""
     for i, obj in enumerate(stated.objects):
         loads = (
             [load for foot in obj.support.feet for load in foot[2:]] if isinstance(obj.support, bodies.Feet) else []
@@ -220,10 +220,10 @@ def _check_fractions(stated: RoomFile, source: Source) -> None:
 def _placed_support(
     support: bodies.Feet | bodies.PressureMap, outline: FloatArray, center: FloatArray | None, read: ReadFile
 ) -> Support:
-    """Return feet or a pressure map; the centre of feet without loads is the outline's centroid if not stated."""
+    """Return feet or a pressure map; the default centre of mass of feet without loads is the outline's centroid."""
     bare = isinstance(support, bodies.Feet) and len(support.feet[0]) == 2
     if center is not None and not bare:
-        raise SupportError("center_of_mass follows from the stated loads; leave it out")
+        raise SupportError("center_of_mass follows from the given loads; leave it out")
     if isinstance(support, bodies.PressureMap):
         return PressureMapSupport.from_bytes(read(support.pressure_map), support.pressure_map)
     positions = np.array([foot[:2] for foot in support.feet], dtype=np.float64)
@@ -241,7 +241,7 @@ def _placed_support(
 def _pusher(file: RoomFile, parts: Sequence[Part], layout: Layout, source: Source) -> Pusher:
     plate, robot, frame = file.pusher, file.robot, layout.plate_pose
     if robot.drive is not None and "drive" in plate.model_fields_set:
-        source.error(("robot", "drive"), "is stated in pusher.drive, too; keep one of them", at_key=True)
+        source.error(("robot", "drive"), "is also given as pusher.drive; keep one of them", at_key=True)
     return Pusher(
         layout.plate,
         lowest(plate.friction),
@@ -254,7 +254,7 @@ def _pusher(file: RoomFile, parts: Sequence[Part], layout: Layout, source: Sourc
 
 
 def _drive(stated: bodies.Drive, frame: FloatArray) -> Drive:
-    """Return a drive that is stated in a frame (3,) given in the chain frame."""
+    """Return a drive whose axle is given in a frame at a pose (3,) in the chain frame."""
     match stated:
         case bodies.Car(car=car):
             return Drive("car", se2.compose(frame, np.array(car.axle)), car.min_radius)
@@ -264,7 +264,7 @@ def _drive(stated: bodies.Drive, frame: FloatArray) -> Drive:
 
 
 def _footprint(file: RoomFile, parts: Sequence[Part], layout: Layout, source: Source) -> tuple[FloatArray, ...]:
-    """Return the outlines (v, 2) of the robot's parts in the chain frame, and report where they meet objects."""
+    """Return the outlines (v, 2) of the robot's parts in the chain frame, and report parts that meet objects."""
     stated = file.robot.footprint or ()
     several = isinstance(stated, tuple)
     outlines = []
@@ -277,7 +277,7 @@ def _footprint(file: RoomFile, parts: Sequence[Part], layout: Layout, source: So
 
 
 def _footprint_troubles(outline: FloatArray, parts: Sequence[Part], layout: Layout) -> Iterator[str]:
-    """Yield a sentence on every object that a part of the robot meets."""
+    """Yield a sentence for every object that a part of the robot meets."""
     plate = shapely.Polygon(layout.plate).buffer(TOUCH, join_style="mitre")
     for part, object_outline in zip(parts, layout.outlines, strict=True):
         overlap = describe_overlap((f"'{part.name}'", object_outline), (ROBOT, outline))
@@ -286,16 +286,16 @@ def _footprint_troubles(outline: FloatArray, parts: Sequence[Part], layout: Layo
             continue
         touch = find_touch(outline, object_outline)
         segments = [] if touch is None else list(touch)
-        # Along the plate's own contact the plate pushes; anywhere else the robot itself would.
+        # A touch along the plate's contact is a push by the plate; any other touch is a push by the robot.
         if any(shapely.difference(shapely.LineString(s), plate).length > SHORTEST_CONTACT for s in segments):
-            yield f"'{ROBOT}' touches '{part.name}' beside the plate, which alone may push; move it back"
+            yield f"'{ROBOT}' touches '{part.name}' beside the plate; only the plate may push: move it back"
 
 
-# --- the same as plain data ---
+# --- plain data ---
 
 
 def _resolved(file: RoomFile, layout: Layout) -> dict[str, Any]:
-    """Return what is stated of objects, contacts, pusher and robot, with poses and defaults filled in."""
+    """Return objects, contacts, pusher and robot as plain data, with poses and defaults filled in."""
     parts = {"objects", "contacts", "pusher", "robot"}
     resolved = file.model_dump(mode="json", exclude_none=True, include=parts)
     for i, (obj, stated) in enumerate(zip(file.objects, resolved["objects"], strict=True)):

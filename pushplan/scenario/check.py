@@ -1,4 +1,4 @@
-"""What reading leaves out: whether the stable set is empty, and what plain numbers say but hardly mean."""
+"""Checks beyond reading a scenario: empty stable sets, and plain numbers that are probably in another unit."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from pushplan.scenario.source import Place, Source
 from pushplan.util.names import AUTO, KNOWN_LOAD_SETS, STABLE_SETS
 
 LONGEST = 20.0
-"""Side, or distance of an axle, up to which a plain number is taken for metres without a question, m."""
+"""Largest side, or distance of an axle, that is plausible as a plain number, m."""
 
 SPEEDS = 1e-3, 5.0
-"""Least and largest speed that is taken without a question, m/s."""
+"""Lowest and highest plausible speed, m/s."""
 
 
 def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
-    """Return what `load_scenario` leaves out because it takes longer: whether the stable set is empty.
+    """Return an error if the stable set of `scenario.stability` is empty or needs loads that are not specified.
 
-    The set is that of `scenario.stability`; one that needs loads which the scenario does not state is a finding too.
-    Of several pushes, the contact that the file states is only one of those that may be chosen.
+    `load_scenario` leaves out this check because it takes longer. For multi-push plans only the loads are checked,
+    because the planner can choose other contacts than the one in the file.
     """
     unknown = [obj.name for obj in scenario.chain.objects if not obj.support.known]
     if unknown and scenario.stability.set in KNOWN_LOAD_SETS:
         others = ", ".join(other for other in STABLE_SETS if other not in KNOWN_LOAD_SETS)
-        what = f"'{scenario.stability.set}' needs to know how loads rest on the floor, which is not stated for "
+        what = f"'{scenario.stability.set}' needs the pressure distribution on the floor, which is not known for "
         what += f"{', '.join(map(repr, unknown))}; allowed: {others}, or a support with known loads"
         return (_finding(scenario, ("stability", "set"), what),)
     if not scenario.task.held:
@@ -48,14 +48,14 @@ def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
 
 
 def _finding(scenario: Scenario, place: Place, what: str) -> Finding:
-    """Return a finding about a place of the file, or without a line where there is no file."""
+    """Return a finding about a place in the file; without a file, it has no line."""
     return (
         Finding(".".join(map(str, place)), what) if scenario.origin is None else scenario.origin.finding(place, what)
     )
 
 
 def length_question(source: Source) -> Finding | None:
-    """Return the question whether a length that is a plain number is in mm; one with a unit is never asked about."""
+    """Return a finding for the first plain number that is too long in m and is probably in mm; None without one."""
     stated = source.root.plain()
     known = [key for key in ("objects", "robot", "pusher") if isinstance(stated, Mapping) and key in stated]
     for place, found in _nodes({key: stated[key] for key in known}):
@@ -66,26 +66,26 @@ def length_question(source: Source) -> Finding | None:
         elif kind == "axle" and isinstance(found, list) and found:
             place, length, what = (*place, 0), next(iter(_numbers(found[0])), 0.0), "from the plate"
         if abs(length) > LONGEST:
-            question = f'is {length:g} m {what}: mm? plain numbers are m; write "{length:g} mm" if so, everywhere'
-            return source.finding(place, question)
+            text = f'is {length:g} m {what}: plain numbers are in m; for mm, write "{length:g} mm" everywhere'
+            return source.finding(place, text)
     return None
 
 
 def questions(source: Source) -> tuple[Finding, ...]:
-    """Return what is to be asked about numbers that a file states but hardly means."""
+    """Return a finding for each number that is probably in another unit."""
     length = length_question(source)
     found = [] if length is None else [length]
     for place, speed in _nodes(source.root.plain().get("pusher"), ("pusher",)):
         most = max(_numbers(speed), default=SPEEDS[0])
         if place == ("pusher", "limits", "speed") and most > SPEEDS[1]:
-            found.append(source.finding(place, f'is {most:g} m/s: mm/s? write "{most:g} mm/s" if so'))
+            found.append(source.finding(place, f'is {most:g} m/s; for mm/s, write "{most:g} mm/s"'))
         elif place == ("pusher", "limits", "speed") and most < SPEEDS[0]:
-            found.append(source.finding(place, f"is {1e3 * most:g} mm/s: m/s? a push takes hours"))
+            found.append(source.finding(place, f"is {1e3 * most:g} mm/s: a push takes hours; check the unit"))
     return tuple(found)
 
 
 def _nodes(stated: object, place: Place = ()) -> Iterator[tuple[Place, object]]:
-    """Yield all that a part of a document holds, itself included, with its place."""
+    """Yield a part of a document and all its members, each with its place."""
     yield place, stated
     members = stated.items() if isinstance(stated, Mapping) else enumerate(stated) if isinstance(stated, list) else ()
     for key, member in members:

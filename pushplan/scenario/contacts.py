@@ -1,4 +1,4 @@
-"""The contacts of a laid-out chain, each object pushed by one body before it in the list, and their frictions."""
+"""Finds the contacts of a chain and their friction. Each object is pushed by one earlier body in the list."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from pushplan.util.arrays import BoolArray, FloatArray
 from pushplan.util.names import PUSHER
 
 Pair = tuple[int, int]
-"""Indices of a pushing and a pushed body; `PLATE` is the plate."""
+"""Indices of a pushing and a pushed body; `PLATE` stands for the plate."""
 
 NEARLY = 1e-3
-"""Gap below which bodies that do not touch are too near to be told apart from bodies that do, m."""
+"""Smallest gap that is clearly not a contact, m."""
 
 
 SIDEWAYS = math.radians(1.0)
-"""Sides within this of the push direction, rad, transmit nothing that is needed: what is fixed on both sides of them
-does not move against one another, whether they touch or not."""
+"""Sides within this angle of the push direction, rad, need not transmit force: the bodies on both sides do not move
+relative to each other, whether they touch or not."""
 
 
 def find_segments(parts: Sequence[Part], layout: Layout, source: Source) -> dict[Pair, FloatArray]:
-    """Return the one segment (2, 2) through which each object is pushed, and report what keeps it from being one."""
+    """Return the single contact segment (2, 2) of each object, and report objects without one."""
     found: dict[Pair, FloatArray] = {}
     for i in range(len(parts)):
         touching = _touching(i, parts, layout, source)
@@ -45,8 +45,8 @@ def find_segments(parts: Sequence[Part], layout: Layout, source: Source) -> dict
         for j, gap in _nearly_touching(i, layout):
             source.error(
                 ("objects", i),
-                f"{_name(i, parts)} and {_name(j, parts)} do not touch, but are only {millimetres(gap)} apart: the "
-                f"least error makes a contact of it; allowed: at least {millimetres(NEARLY)}, or a contact",
+                f"{_name(i, parts)} and {_name(j, parts)} do not touch, but are only {millimetres(gap)} apart: a "
+                f"small error would make them touch; allowed: at least {millimetres(NEARLY)}, or a contact",
             )
         ((pusher, segments),) = touching.items()
         found[pusher, i] = segments[0]
@@ -58,7 +58,7 @@ def _name(index: int, parts: Sequence[Part]) -> str:
 
 
 def _near(i: int, layout: Layout, reach: float) -> Iterator[tuple[int, FloatArray]]:
-    """Yield the earlier bodies whose bounding boxes come nearer to that of object i than `reach`, the plate first."""
+    """Yield the earlier bodies, plate first, whose bounding boxes are nearer than `reach` to that of object i."""
     low, high = layout.outlines[i].min(axis=0) - reach, layout.outlines[i].max(axis=0) + reach
     for j, outline in enumerate((layout.plate, *layout.outlines[:i]), start=PLATE):
         if (outline.min(axis=0) <= high).all() and (outline.max(axis=0) >= low).all():
@@ -66,7 +66,7 @@ def _near(i: int, layout: Layout, reach: float) -> Iterator[tuple[int, FloatArra
 
 
 def _touching(i: int, parts: Sequence[Part], layout: Layout, source: Source) -> dict[int, FloatArray] | None:
-    """Return the segments (k, 2, 2) shared with each earlier body that object i touches; None on overlap."""
+    """Return the segments (k, 2, 2) along which object i touches each earlier body; None if they overlap."""
     touching: dict[int, FloatArray] = {}
     overlaps = False
     for j, outline in _near(i, layout, TOUCH):
@@ -82,30 +82,30 @@ def _touching(i: int, parts: Sequence[Part], layout: Layout, source: Source) -> 
 
 
 def _nearly_touching(i: int, layout: Layout) -> Iterator[tuple[int, float]]:
-    """Yield the earlier bodies that object i does not touch but nearly, and the gap, m."""
+    """Yield the earlier bodies that object i nearly touches, with the gap, m."""
     own = shapely.Polygon(layout.outlines[i])
     for j, outline in _near(i, layout, NEARLY):
         between = shapely.get_coordinates(shapely.shortest_line(own, shapely.Polygon(outline)))
         across = between[1] - between[0]
         gap = float(np.hypot(*across))
-        # The line between two sides stands on them.
+        # The shortest line between two sides is perpendicular to them.
         if TOUCH < gap < NEARLY - TOUCH and not _is_sideways(np.array([across[1], -across[0]])):
             yield j, gap
 
 
 def _is_sideways(along: FloatArray) -> BoolArray:
-    """Return whether edges with directions (..., 2) in the chain frame are sides that run along the push."""
+    """Return whether edges with directions (..., 2) in the chain frame are parallel to the push."""
     return np.asarray(np.abs(along[..., 1]) <= math.tan(SIDEWAYS) * np.abs(along[..., 0]))
 
 
 def _trouble(i: int, touching: Mapping[int, FloatArray], parts: Sequence[Part], layout: Layout) -> str | None:
-    """Return why object i has no single contact, or None."""
+    """Return the reason why object i has no single contact; None if it has one."""
     name = f"'{parts[i].name}'"
     if len(touching) > 1:
         bodies = " and ".join(_name(j, parts) for j in touching)
         return (
-            f"{name} touches {bodies}: how a loop of contacts shares its forces cannot be told; "
-            f"allowed: one contact with one body before it in the list"
+            f"{name} touches {bodies}: the forces in a loop of contacts are indeterminate; "
+            f"allowed: one contact with one earlier body in the list"
         )
     segments = next(iter(touching.values()), np.empty((0, 2, 2)))
     if len(segments) > 1:
@@ -124,9 +124,9 @@ def _trouble(i: int, touching: Mapping[int, FloatArray], parts: Sequence[Part], 
 def make_contacts(
     file: RoomFile, segments: Mapping[Pair, FloatArray], source: Source
 ) -> tuple[tuple[Contact, ...], FloatArray]:
-    """Return the contacts through segments (2, 2), and the ends (n, 2) of their frictions, the lowest of which count.
+    """Return the contacts through segments (2, 2), with the lowest friction, and all friction intervals (n, 2).
 
-    What is missing is reported, and what is above an object.
+    Missing friction and contacts above an object are reported.
     """
     names = [obj.name for obj in file.objects]
     between, stated = file.contacts.between, _stated(file, names, source)
@@ -154,7 +154,7 @@ def make_contacts(
                 place: Place = ("contacts", "between", i, "height")
                 place = ("pusher", "contact_height") if entry.height is None else place
                 reach, top = millimetres(highest(height)), millimetres(obj.height)
-                source.error(place, f"reaches {reach}, and '{obj.name}' is {top} high; allowed: up to {top}")
+                source.error(place, f"reaches {reach}, but '{obj.name}' is {top} high; allowed: up to {top}")
     if len(contacts) == len(names):
         for key, i in stated.items():
             if key not in touching and between[i].friction is not None:
@@ -165,7 +165,7 @@ def make_contacts(
 
 
 def _stated(file: RoomFile, names: Sequence[str], source: Source) -> dict[frozenset[str], int]:
-    """Return which entry of `contacts.between` is of each pair, and report entries that name no pair."""
+    """Return the index in `contacts.between` of each pair, and report entries that do not name a pair."""
     stated: dict[frozenset[str], int] = {}
     known = [*names, PUSHER]
     for i, entry in enumerate(file.contacts.between):
@@ -177,7 +177,7 @@ def _stated(file: RoomFile, names: Sequence[str], source: Source) -> dict[frozen
         if len(pair) == 1 and not unknown:
             source.error(place, "names one object twice; allowed: two objects that touch")
         elif pair in stated:
-            source.error(place, "this pair stands further up already; keep one entry")
+            source.error(place, "this pair already has an entry; keep one")
         elif not unknown:
             stated[pair] = i
     return stated

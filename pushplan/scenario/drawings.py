@@ -1,4 +1,4 @@
-"""Outlines of objects and obstacles from files that drawing and spreadsheet programs write: SVG and CSV."""
+"""Reads outlines of objects and obstacles from SVG drawings and CSV tables."""
 
 from __future__ import annotations
 
@@ -21,37 +21,37 @@ from pushplan.util.arrays import FloatArray
 from pushplan.util.naming import optional
 
 MOST_BYTES = 16 << 20
-"""Size up to which a file is read."""
+"""Largest size of a file, bytes."""
 
 MOST_ELEMENTS = 10_000
-"""Elements, copies by `use` among them, up to which a drawing is read."""
+"""Largest number of elements of a drawing, including copies by `use`."""
 
 MOST_POINTS = 10_000
-"""Points of one path up to which it is read: 20 times the corners that an object may have."""
+"""Largest number of points of a path: 20 times the allowed corners of an object."""
 
 MOST_DEPTH = 100
 
 _DENSE = 1025
-"""Points of a curve among which the ends of its chords are chosen."""
+"""Number of points of a curve from which the ends of its chords are chosen."""
 
 _NUMBERS = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _POSITIVE = {"width", "height", "r", "rx", "ry"}
 _SIZES = _POSITIVE | {"x", "y", "cx", "cy", "x1", "x2", "y1", "y2"}
 
-_PIXELS_PER_METRE = 96.0 / 0.0254  # of CSS, in which SVG counts
+_PIXELS_PER_METRE = 96.0 / 0.0254  # SVG uses CSS pixels
 
 
 def read_svg_outlines(path: str | Path, *, tolerance: float = 1e-4, centered: bool = True) -> dict[str, FloatArray]:
-    """Read the closed shapes of a drawing, each under its id, with x to the right and y up.
+    """Read the closed shapes of a drawing, with x to the right and y up.
 
     Args:
-        path: The SVG file; its size, e.g. `width="120mm"` with a `viewBox`, says what its units mean.
+        path: SVG file; its size, e.g. `width="120mm"` with a `viewBox`, defines its units.
         tolerance: Largest distance between a curve and the chords that replace it, m.
-        centered: Whether every outline is moved to have its centroid at its origin, as the frame of an object may be;
-            otherwise the origin is the drawing's upper left corner.
+        centered: Whether every outline is moved so that its centroid is the origin; otherwise the origin is the
+            drawing's upper left corner.
 
     Returns:
-        Counter-clockwise outlines (v, 2), m, by id, or `shape-1`, `shape-2` and so on where there is none.
+        Counter-clockwise outlines (v, 2), m, by id; shapes without an id are called `shape-1`, `shape-2` and so on.
 
     Raises:
         MissingExtraError: If svgelements is not installed.
@@ -63,7 +63,7 @@ def read_svg_outlines(path: str | Path, *, tolerance: float = 1e-4, centered: bo
     _check_elements(data, path)
     try:
         drawing = svg.SVG.parse(io.BytesIO(data), ppi=96.0, reify=True)
-    except Exception as error:  # the parser and its XML library raise whatever they stumble over
+    except Exception as error:  # the parser and its XML library raise errors of many types
         raise ImportedFileError(f"{path}: cannot read the drawing: {error}") from error
     outlines: dict[str, FloatArray] = {}
     for element in drawing.elements():
@@ -72,20 +72,18 @@ def read_svg_outlines(path: str | Path, *, tolerance: float = 1e-4, centered: bo
             corners = _corners(svg.Path(element), f"{path}: {name}", tolerance * _PIXELS_PER_METRE)
             _add(outlines, name, corners * [1.0, -1.0] / _PIXELS_PER_METRE, path, centered)
     if not outlines:
-        raise ImportedFileError(
-            f"{path}: no shape is in the drawing; needed: a path, polygon, rect, circle or ellipse"
-        )
+        raise ImportedFileError(f"{path}: the drawing has no shape; needed: a path, polygon, rect, circle or ellipse")
     return outlines
 
 
 def _check_elements(data: bytes, path: Path) -> None:
-    """Refuse a drawing that is no drawing, whose copies or corners are too many, or whose sizes are no sizes.
+    """Check that the drawing can be parsed, does not have too many elements or points, and has valid sizes.
 
     Raises:
-        ImportedFileError: With the number of what is too much.
+        ImportedFileError: If a check fails.
     """
     if b"<!ENTITY" in data:
-        raise ImportedFileError(f"{path}: declares entities, which are not read; leave them out")
+        raise ImportedFileError(f"{path}: declares entities, which are not supported; leave them out")
     try:
         root = ElementTree.fromstring(data)
     except (ElementTree.ParseError, LookupError, ValueError) as error:
@@ -94,7 +92,7 @@ def _check_elements(data: bytes, path: Path) -> None:
     known: dict[ElementTree.Element, int] = {}
 
     def count(element: ElementTree.Element, depth: int = 0) -> int:
-        """Return how many elements one stands for, with the copies that `use` makes."""
+        """Return the number of elements in an element, including copies by `use`."""
         if depth > MOST_DEPTH:
             raise ImportedFileError(f"{path}: is nested deeper than the {MOST_DEPTH} levels allowed")
         if element not in known:
@@ -124,17 +122,17 @@ def _check_elements(data: bytes, path: Path) -> None:
 
 
 def read_csv_outlines(path: str | Path, *, centered: bool = False) -> dict[str, FloatArray]:
-    """Read outlines from a table with the columns x, y (m) and, for several outlines, name; a row is a corner.
+    """Read outlines from a table with one corner per row: x, y (m) and, for several outlines, name.
 
     Args:
-        path: The CSV file.
-        centered: Whether every outline is moved to have its centroid at its origin.
+        path: CSV file.
+        centered: Whether every outline is moved so that its centroid is the origin.
 
     Returns:
-        Counter-clockwise outlines (v, 2), m, by name, or by the file's name when there is no such column.
+        Counter-clockwise outlines (v, 2), m, by name, or by the file's name if there is no such column.
 
     Raises:
-        ImportedFileError: With file and line, when a value is not allowed.
+        ImportedFileError: If a value is invalid; the message has file and line.
     """
     path = Path(path)
     corners: dict[str, list[list[float]]] = {}
@@ -159,7 +157,7 @@ def _add(outlines: dict[str, FloatArray], name: str, corners: FloatArray, path: 
 
 
 def _corners(curve: Any, name: str, tolerance: float) -> FloatArray:
-    """Return the corners (v, 2) of a closed curve in pixels, its arcs and splines replaced by chords."""
+    """Return the corners (v, 2) of a closed curve in pixels, with chords in place of arcs and splines."""
     kinds = [type(segment).__name__ for segment in curve]
     if kinds.count("Move") != 1 or kinds[-1] != "Close":
         found = "is open" if kinds.count("Move") == 1 else f"has {kinds.count('Move')} outlines"
@@ -171,7 +169,7 @@ def _corners(curve: Any, name: str, tolerance: float) -> FloatArray:
 
 
 def _chords(segment: Any, tolerance: float) -> FloatArray:
-    """Return the ends (k, 2) of chords that stay near a segment, without its first point."""
+    """Return the ends (k, 2) of chords that approximate a segment, without its first point."""
     if type(segment).__name__ in ("Line", "Close"):
         return np.array([[segment.end.x, segment.end.y]], dtype=np.float64)
     curve = np.asarray(segment.npoint(np.linspace(0.0, 1.0, _DENSE)), dtype=np.float64)

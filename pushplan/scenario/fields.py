@@ -1,4 +1,4 @@
-"""The building blocks of the file formats: quantities with their ranges, points, poses, polygons, names."""
+"""Building blocks of the file formats: quantities with their ranges, points, poses, polygons and names."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ ArcPrice = Annotated[float, Quantity("a length", units.LENGTH, 0.0, 100.0, "30 m
 PositionTolerance = Annotated[float, Quantity("a length", units.LENGTH, 1e-9, 1.0, "2 mm")]
 SnapDistance = Annotated[float, Quantity("a length", units.LENGTH, 1e-6, 0.1, "5 mm")]
 Angle = Annotated[float, Quantity("an angle", units.ANGLE, -10.0, 10.0, "90 deg")]
-"""Degrees without their unit are mostly out of this range, and so are not taken for radians."""
+"""The range excludes most angles in degrees without a unit, so that they are not read as radians."""
 AngleTolerance = Annotated[float, Quantity("an angle", units.ANGLE, 1e-9, math.pi, "0.2 deg")]
 SnapAngle = Annotated[float, Quantity("an angle", units.ANGLE, 0.0, math.radians(20.0), "2 deg")]
 Mass = Annotated[float | Span, or_interval(Quantity("a mass", units.MASS, 1e-6, 1e6, "800 g"))]
@@ -75,7 +75,7 @@ AngularJerk = Annotated[float, Quantity("an angular jerk", units.ANGULAR_JERK, 1
 
 
 def _row(form: str, or_else: str = "") -> BeforeValidator:
-    """Return the validator of a list with one value for each word in `form`, e.g. `[x, y, theta]`."""
+    """Return a validator of lists with one value for each name in `form`, e.g. `[x, y, theta]`."""
 
     def read(value: Any) -> Any:
         if not isinstance(value, list) or len(value) != form.count(",") + 1:
@@ -113,16 +113,16 @@ Interval = Annotated[tuple[Coordinate, Coordinate], _row("[min, max]"), AfterVal
 
 @dataclass(frozen=True)
 class Several:
-    """Requires a list of `low` to `high` values; put beside a tuple type in an annotation.
+    """Requires a list of `low` to `high` values; it annotates a tuple type.
 
-    The length is that of the list in the file: pydantic's own limits count what is left after validation.
+    It checks the length of the list in the file, whereas pydantic's own limits count the validated values.
     """
 
     low: int
     high: int
 
     def read(self, value: Any) -> Any:
-        """Return `value` when it is such a list."""
+        """Return `value` if it is a list of the required length."""
         if not isinstance(value, list) or not self.low <= len(value) <= self.high:
             raise PydanticCustomError(units.DESCRIBED_FAULT, "{text}", {"text": show(value)})
         return value
@@ -143,10 +143,10 @@ def _simple(corners: tuple[tuple[float, float], ...]) -> tuple[tuple[float, floa
 
 Polygon = Annotated[tuple[Point, ...], Several(3, MOST_CORNERS), AfterValidator(_simple)]
 
-# The length is stated beside the pattern: with it, as `{0,63}`, 35 ms of every command go to compiling the pattern.
+# The length is checked separately: with `{0,63}` in the pattern, its compilation takes 35 ms of every command.
 NAME_PATTERN, MOST_LETTERS = r"^[^\W_][\w .-]*$", 64
 
-# Editors read `\w` as ASCII, so that their pattern excludes what ASCII has beside letters and digits.
+# Editors read `\w` as ASCII, so their pattern excludes the ASCII characters that are not letters or digits.
 _NAME_IN_EDITORS = r"^[^\x00-/:-@\[-`{-\x7f\ud800-\udfff][^\x00-\x1f!-,/:-@\[-^`{-\x7f\ud800-\udfff]{0,63}$"
 
 Name = Annotated[
@@ -158,22 +158,22 @@ FileName = Annotated[str, StringConstraints(strict=True, min_length=1)]
 
 
 class Strict(BaseModel):
-    """A mapping that takes no other keys than its own."""
+    """A mapping without unknown keys."""
 
-    # What validates a part is built within what validates the file; building it by itself as well takes as long.
+    # The validator of a part is built within that of the file. Building it alone as well would double the time.
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 def with_defaults(part: type[Strict], description: str) -> Any:
-    """Return the field of a part that may be left out: then it has its defaults, which nothing need validate."""
+    """Return the field of an optional part; its defaults need no validation."""
     return Field(default_factory=part.model_construct, description=description)
 
 
 def still_here(name: Any) -> Any:
-    """Return the name of a planner, but of one that is gone.
+    """Return the name of a planner.
 
     Raises:
-        PydanticCustomError: With what to write instead.
+        PydanticCustomError: If the planner was removed; the message names the replacement.
     """
     if isinstance(name, str) and name in names.GONE_PLANNERS:
         what, instead = names.GONE_PLANNERS[name]
@@ -182,14 +182,14 @@ def still_here(name: Any) -> Any:
 
 
 def one_or_list(value: object) -> str:
-    """Tell a list from a single value, for a union of `<one>` and `<list>`."""
+    """Return the tag of a value in a union of `<one>` and `<list>`."""
     return "<list>" if isinstance(value, list | tuple) else "<one>"
 
 
 def by_key(*keys: str) -> Discriminator:
-    """Return what tells forms of a mapping apart: each has one key that the others lack, and the tag `<key>`.
+    """Return the discriminator of several forms of a mapping: each has one key of its own, and the tag `<key>`.
 
-    A value that is no mapping has the tag `<word>`.
+    A value that is not a mapping has the tag `<word>`.
     """
 
     def form(value: object) -> str | None:

@@ -1,4 +1,4 @@
-"""Read scenario files of every form, all that is wrong told at once: syntax, values, geometry, start and goals."""
+"""Reads scenario files of every form and reports all errors at once: syntax, values, geometry, start and goals."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pushplan.scenario.source import MOST_BYTES, DocumentError, Source
 from pushplan.util.naming import nearest
 
 _FOLDER, _SUFFIX = Path(__file__).parents[1] / "scenarios", ".yaml"
-"""Of the packaged scenarios. (`importlib.resources` takes 10 ms to load, and the package is never a zip file.)"""
+"""Location of the packaged scenarios. `importlib.resources` takes 10 ms to load, and the package is never zipped."""
 
 
 def example_names() -> tuple[str, ...]:
@@ -26,16 +26,16 @@ def example_names() -> tuple[str, ...]:
 
 
 def names_in(folder: Path) -> tuple[str, ...]:
-    """Return the names of what a folder of the package holds, in alphabetical order."""
+    """Return the names of the YAML files in a folder of the package, in alphabetical order."""
     found = (entry.name for entry in folder.iterdir())
     return tuple(sorted(name.removesuffix(_SUFFIX) for name in found if name.endswith(_SUFFIX)))
 
 
 def example_text(name: str) -> str:
-    """Return the file of a packaged scenario.
+    """Return the text of a packaged scenario.
 
     Raises:
-        PushplanError: If there is none of that name.
+        PushplanError: If no packaged scenario has this name.
     """
     known = example_names()
     if name not in known:
@@ -48,14 +48,14 @@ def example_text(name: str) -> str:
 def load_scenario(source: str | Path, maps: Sequence[str | Path] = ()) -> Scenario:
     """Read a scenario from a file, or a packaged example by its name.
 
-    A file of that name comes first; a Path is never taken for an example's name.
+    If a file has the name of an example, the file is read. A `Path` is always a file.
 
     Args:
         source: File or name.
-        maps: YAML files of maps that are added to its obstacles.
+        maps: YAML files of maps to add to the obstacles.
 
     Raises:
-        ScenarioError: With everything found wrong: syntax, values, geometry, start and goals.
+        ScenarioError: If the scenario is invalid, with all errors: syntax, values, geometry, start and goals.
         ImportedFileError: If a map cannot be read.
     """
     data, path = read_named(source, _FOLDER, "scenario", ScenarioError)
@@ -64,20 +64,20 @@ def load_scenario(source: str | Path, maps: Sequence[str | Path] = ()) -> Scenar
 
 
 def scenario_of(source: Scenario | str | Path) -> Scenario:
-    """Read a file or a packaged example as `load_scenario` does; anything else is returned as it is."""
+    """Read a file or a packaged example as `load_scenario` does; return any other object unchanged."""
     return load_scenario(source) if isinstance(source, str | Path) else source
 
 
 def read_named(
     source: str | Path, folder: Path, what: str, refused: Callable[[str, list[Finding]], ScenarioError]
 ) -> tuple[bytes, Path]:
-    """Return what a file holds, and where it is: one of the user's, or one in a folder of the package by its name.
+    """Return the bytes and the path of a file, or of a packaged file by its name.
 
     Args:
-        source: File, or name.
-        folder: Of what is packaged.
-        what: A file there is, for messages.
-        refused: Makes the error of one that cannot be read.
+        source: File or name.
+        folder: Folder of the packaged files.
+        what: Noun for a packaged file, for messages.
+        refused: Creates the error for a file that cannot be read.
     """
     path = Path(source)
     if isinstance(source, str) and source in names_in(folder) and not path.is_file():
@@ -97,7 +97,7 @@ def read_named(
 
 
 def _with_maps(alone: Scenario, maps: Sequence[str | Path]) -> Scenario:
-    """Return a scenario with more maps, as JSON, in which the log holds it."""
+    """Return a scenario with more maps; its source becomes JSON, which the log stores."""
     assert alone.origin is not None
     document: Any = alone.origin.root.plain()
     attached, obstacles = dict(alone.attachments), list(document.get("obstacles", ()))
@@ -111,15 +111,15 @@ def _with_maps(alone: Scenario, maps: Sequence[str | Path]) -> Scenario:
 def scenario_from_text(
     text: str | bytes, path: str | Path = "scenario.yaml", attachments: Mapping[str, bytes] | None = None
 ) -> Scenario:
-    """Read a scenario from a text, e.g. from the one that is attached to a run's log.
+    """Read a scenario from a text, for example the text that is attached to a run log.
 
     Args:
-        text: What a scenario file holds.
-        path: What messages call it; nothing is read from there.
-        attachments: Contents of the files that the scenario refers to, by the name that it uses.
+        text: Content of a scenario file.
+        path: Name for messages; no file is read.
+        attachments: Contents of the files that the scenario refers to, by their names in the scenario.
 
     Raises:
-        ScenarioError: As for `load_scenario`.
+        ScenarioError: See `load_scenario`.
     """
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
     return _read(data, Path(path), Attachments(dict(attachments or {})))
@@ -128,21 +128,21 @@ def scenario_from_text(
 def scenario_from_document(
     document: Mapping[str, Any], path: str | Path = "scenario.json", attachments: Mapping[str, bytes] | None = None
 ) -> Scenario:
-    """Return the scenario that plain data state; see `pushplan.scenario.builders` for functions that make them.
+    """Create a scenario from plain data, which the functions of `pushplan.scenario.builders` can compose.
 
     Args:
-        document: What a scenario file holds, as mappings, sequences, texts, numbers and NumPy arrays.
-        path: What messages call it; nothing is read from there.
-        attachments: Contents of the files that the scenario refers to, by the name that it uses.
+        document: Content of a scenario file as mappings, sequences, texts, numbers and NumPy arrays.
+        path: Name for messages; no file is read.
+        attachments: Contents of the files that the scenario refers to, by their names in the scenario.
 
     Raises:
-        ScenarioError: As for `load_scenario`; the findings have no lines.
+        ScenarioError: See `load_scenario`; the findings have no lines.
     """
     try:
         text = json.dumps(document, default=_plain, indent=1)
     except (TypeError, ValueError, RecursionError) as error:
-        raise ScenarioError(str(path), [Finding("", f"is no plain data: {error}")]) from error
-    by_hand = "\\ud" in text  # LibYAML does not read JSON's pairs of escapes for signs such as emojis
+        raise ScenarioError(str(path), [Finding("", f"is not plain data: {error}")]) from error
+    by_hand = "\\ud" in text  # LibYAML does not read JSON's surrogate pairs, as for emojis
     try:
         return _read(text.encode(), Path(path), Attachments(dict(attachments or {})), by_hand)
     except ScenarioError as error:
@@ -151,7 +151,7 @@ def scenario_from_document(
 
 
 def _plain(value: object) -> object:
-    """Turn NumPy's numbers and arrays, and mappings of other kinds, into what JSON knows."""
+    """Convert NumPy numbers, NumPy arrays and other mappings to JSON types."""
     if isinstance(value, Mapping):
         return dict(value)
     if hasattr(value, "tolist"):
@@ -167,7 +167,7 @@ def _read(data: bytes, path: Path, attachments: Attachments, by_hand: bool = Tru
     scenario = build_scenario(source, attachments)
     if scenario is not None:
         return scenario
-    # Lengths that are millimetres by all appearance stand for what follows from them.
+    # If lengths seem to be in millimetres, only this error is reported: the others probably follow from it.
     question, more = length_question(source), len(source.findings)
     if question is None:
         raise ScenarioError(str(path), source.findings)

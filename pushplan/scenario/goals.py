@@ -1,7 +1,7 @@
-"""Goals: where loads shall be in the end. Siblings behind one interface, `TaskGoal`; data only.
+"""Goals of loads, all subclasses of `TaskGoal`; they hold data only.
 
-A new goal type is a subclass, its form in a file (`schema`, `build`), and an entry in the table of searches
-(`planners.searches`). docs/contributing.md has the recipe.
+A new goal type needs a subclass, a form in the scenario file (`schema`, `build`) and an entry in the table of
+searches (`planners.searches`). docs/contributing.md has the recipe.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from pushplan.scenario.parts import Workspace
 from pushplan.util.arrays import FloatArray, frozen
 
 DEFAULT_TOLERANCE = (0.002, math.radians(0.2))
-"""Distance (m) and angle (rad) from a goal that still count as reached, where a file states no others."""
+"""Default tolerance of a goal: distance (m) and angle (rad)."""
 
 TOLERANCE_OF_SEVERAL = (0.010, math.radians(2.0))
-"""The same for objects that stand apart: one that is pushed again for less drives metres for it."""
+"""Default tolerance (m, rad) of separate objects. With a smaller one the robot drives metres for each correction."""
 
 EXACT = 1e-7
-"""Largest error (m, rad) of a plan's end that counts as none."""
+"""Largest error (m, rad) at the end of a plan that counts as rounding."""
 
 AT_WALL = 2e-3
-"""A row whose front is nearer to a wall than this and the clearance, m, is at it."""
+"""Largest gap between a row's front and its wall, beyond the clearance, m."""
 
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """One pose that a load may be brought to.
+    """A goal pose of a load.
 
     Attributes:
-        pose: (3,) pose in the world of the object `of`, or of the chain frame, as stated.
-        of: Name of the object whose frame is meant; None stands for the chain frame.
-        pose_chain: (3,) pose of the chain frame in the world at the goal.
-        position_tolerance: Distance that still counts as reached, m.
-        angle_tolerance: Angle that still counts as reached, rad.
+        pose: Pose (3,) in the world of the object `of` or of the chain frame, as in the file.
+        of: Name of the object; None for the chain frame.
+        pose_chain: Pose (3,) of the chain frame in the world at the goal.
+        position_tolerance: Tolerance of the distance, m.
+        angle_tolerance: Tolerance of the angle, rad.
     """
 
     pose: FloatArray
@@ -59,26 +59,26 @@ class Goal:
 
     @classmethod
     def of_chain(cls, pose_chain: FloatArray, tolerance: tuple[float, float] = DEFAULT_TOLERANCE) -> Goal:
-        """Return a goal for the chain frame: a pose (3,) in the world, with a tolerance (m, rad)."""
+        """Return a goal of the chain frame: a pose (3,) in the world with a tolerance (m, rad)."""
         return cls(pose_chain, None, pose_chain, *tolerance)
 
     @property
     def tolerance(self) -> tuple[float, float]:
-        """Distance (m) and angle (rad) that still count as reached."""
+        """Tolerance: distance (m) and angle (rad)."""
         return self.position_tolerance, self.angle_tolerance
 
     def errors(self, pose_chain: FloatArray) -> tuple[float, float]:
-        """Return how far (m, rad) what the goal is stated for is from it, the chain frame being at a pose (3,)."""
+        """Return the errors (m, rad) of the goal's frame with the chain frame at a pose (3,)."""
         position, angle = se2.pose_error(se2.compose(pose_chain, se2.relative(self.pose_chain, self.pose)), self.pose)
         return float(position), float(angle)
 
     def is_reached(self, pose_chain: FloatArray) -> bool:
-        """Return whether the chain frame at a pose (3,) is at the goal, within the tolerance."""
+        """Return whether the goal is reached within its tolerance with the chain frame at a pose (3,)."""
         position, angle = self.errors(pose_chain)
         return position <= self.position_tolerance and angle <= self.angle_tolerance
 
     def document(self) -> dict[str, Any]:
-        """Return the goal in the form that it has in a file of one load."""
+        """Return the goal in the form of a file of one load."""
         of = {} if self.of is None else {"of": self.of}
         tolerance = {"position": self.position_tolerance, "angle": self.angle_tolerance}
         return {"pose": self.pose.tolist(), **of, "tolerance": tolerance}
@@ -86,15 +86,15 @@ class Goal:
 
 @dataclass(frozen=True, eq=False)
 class End:
-    """Where a plan leaves everything, as goals see it.
+    """State at the end of a plan, for the check of goals.
 
     Attributes:
         loads: All loads of the task, by name.
-        poses: (3,) poses of all objects' own frames in the world, by name.
+        poses: Poses (3,) of all objects' own frames in the world, by name.
         heading: Heading of the plate after the last push, rad.
-        workspace: Of the room; None where it has no walls.
+        workspace: Workspace of the room; None if it has no walls.
         clearance: Distance that objects keep from walls, m.
-        exact: Names of the loads that have to be at a goal up to rounding: a tolerance is for the execution.
+        exact: Names of the loads that must be at a goal up to rounding, because tolerances are for the execution.
     """
 
     loads: Mapping[str, PlacedLoad]
@@ -110,69 +110,69 @@ class End:
 
 
 class TaskGoal(ABC):
-    """What a task asks for: where some of its loads shall be."""
+    """Goal of some loads of a task."""
 
     flush: ClassVar[bool] = False
-    """Whether its loads end flush with one another."""
+    """Whether the loads end flush with one another."""
 
     @property
     @abstractmethod
     def names(self) -> tuple[str, ...]:
-        """Names of the loads that the goal is for."""
+        """Names of the loads with this goal."""
 
     @abstractmethod
     def candidates(self, load: str) -> tuple[Goal, ...]:
-        """Return the poses that may be tried for a load; none where only a plan says where it ends."""
+        """Return the goal poses to try for a load; none if only a plan determines them."""
 
     @abstractmethod
     def shortfall(self, end: End) -> str:
-        """Return in words what is missing at the end of a plan; empty where the goal is fulfilled."""
+        """Return a sentence on why the goal is missed at the end of a plan; empty if it is reached."""
 
     @abstractmethod
     def document(self) -> dict[str, Any]:
-        """Return the goal in the form that it has in a file: parts of the document, by key."""
+        """Return the goal in the form of a scenario file: parts of the document, by key."""
 
     @abstractmethod
     def aim(self, load: str) -> str:
-        """Return in words what the goal asks of a load."""
+        """Return a verb phrase for a load's goal, e.g. `goes to its goal`."""
 
     def fulfilled(self, end: End) -> bool:
-        """Return whether the goal is fulfilled."""
+        """Return whether the goal is reached."""
         return not self.shortfall(end)
 
     def slack(self, tolerance: tuple[float, float]) -> tuple[float, float]:
-        """Return how far (m, rad) a load may be off, where one that stands by itself may be off by a tolerance."""
+        """Return the allowed error (m, rad) of a load; `tolerance` is that of a load alone."""
         return tolerance
 
     def settled(self, loads: Mapping[str, PlacedLoad], poses: Mapping[str, FloatArray]) -> TaskGoal:
-        """Return the goal once a plan has said where its loads end, at the objects' poses (3,) by name."""
+        """Return the goal that a plan has chosen, which ends with the objects at poses (3,) by name."""
         return self
 
     def resumed(self, end: End, tolerance: tuple[float, float]) -> TaskGoal:
-        """Return the goal for plans that go on from a plan: what that has chosen stays.
+        """Return the goal for replanning, which keeps the choices of the previous plan.
 
         Args:
-            end: Where the plan leaves everything.
-            tolerance: Distance (m) and angle (rad) that a load by itself may be off where it was brought.
+            end: State at the end of the previous plan.
+            tolerance: Tolerance (m, rad) of a load alone.
         """
         return self
 
     def remaining(self, loads: Mapping[str, PlacedLoad], delivered: Collection[str]) -> TaskGoal:
-        """Return the goal that is left with loads where they are now, once some, by name, were delivered."""
+        """Return the goal that remains after the named loads were delivered; `loads` are at their current poses."""
         return self
 
     def with_friction(self, factor: float) -> TaskGoal:
-        """Return the goal with the least friction between its loads times a factor."""
+        """Return the goal with the lowest friction between its loads multiplied by a factor."""
         return self
 
 
 @dataclass(frozen=True, eq=False)
 class Poses(TaskGoal):
-    """Poses of one load, any of which will do.
+    """Alternative goal poses of one load.
 
     Attributes:
         load: Name of the load.
-        any_of: At least one.
+        any_of: Alternatives, at least one.
     """
 
     load: str
@@ -188,7 +188,7 @@ class Poses(TaskGoal):
         return self.any_of if load == self.load else ()
 
     def remaining(self, loads: Mapping[str, PlacedLoad], delivered: Collection[str]) -> Poses:
-        """See `TaskGoal`: what was delivered stays where it is."""
+        """See `TaskGoal`: a delivered load stays at its pose."""
         if self.load not in delivered:
             return self
         return Poses(self.load, (Goal.of_chain(loads[self.load].start, self.any_of[0].tolerance),))
@@ -217,20 +217,20 @@ class Poses(TaskGoal):
 
 @dataclass(frozen=True, eq=False)
 class Row(TaskGoal):
-    """Objects that shall stand flush in a row, one in front of another as they are pushed.
+    """A row: objects that stand flush, one in front of another along the push.
 
     Attributes:
-        of: Their names, from the pusher outward.
-        pose: (3,) pose in the world of the middle of the row's rear face, +x along the push; None where `wall` or
-            nothing says where.
-        wall: Side of the workspace that the row's front is brought to, one of `names.WALLS`; None with `pose`, and
-            where the row may stand anywhere.
-        order: `given` stands for that of `of`, `any` for any.
+        of: Names of the objects, from the pusher outward.
+        pose: Pose (3,) of the middle of the row's rear face in the world, +x along the push; None with `wall`, and
+            if the row can stand anywhere.
+        wall: Side of the workspace at the row's front, one of `names.WALLS`; None with `pose`, and if the row can
+            stand anywhere.
+        order: `given` for the order of `of`, `any` for any order.
         gather: One of `names.GATHER`.
-        friction: Least and largest coefficient between two of them.
-        tolerance: Distance (m) and angle (rad) that still count as reached.
-        placed: Those that stand in it already, at its front: the others are pushed onto the rear of these.
-        places: Goals of its objects by name, once a plan has said which place each one has; see `settled`.
+        friction: Lowest and highest coefficient between two objects of the row.
+        tolerance: Tolerance of the row's pose: distance (m) and angle (rad).
+        placed: Names of the objects that already stand at the row's front; the others are pushed onto their rear.
+        places: Goals of the objects by name, as a plan has chosen them; see `settled`.
     """
 
     flush = True
@@ -256,7 +256,7 @@ class Row(TaskGoal):
 
     @property
     def left(self) -> tuple[str, ...]:
-        """Names of those that have to be brought to the row."""
+        """Names of the objects that are not placed yet."""
         return tuple(name for name in self.of if name not in self.placed)
 
     def candidates(self, load: str) -> tuple[Goal, ...]:
@@ -264,16 +264,16 @@ class Row(TaskGoal):
         return self.places.get(load, ())
 
     def settled(self, loads: Mapping[str, PlacedLoad], poses: Mapping[str, FloatArray]) -> Row:
-        """Return the row with a goal for each of its objects: where a plan leaves it.
+        """Return the row with the end poses of a plan as goals of its objects.
 
-        A plan for some of them, as replans are, says nothing of the row.
+        A plan without poses for all objects, such as a replan, leaves the row unchanged.
         """
         if not set(self.of) <= set(poses):
             return self
         places = {}
         for name in self.of:
             obj, found = loads[name].chain.objects[0], []
-            for turn in polygon.symmetries(obj.outline):  # a row that looks the same is the same
+            for turn in polygon.symmetries(obj.outline):  # a symmetric object can be turned
                 pose = se2.compose(poses[name], turn)
                 there = se2.compose(pose, se2.inverse(obj.pose_chain))
                 found.append(Goal(pose, name, there, *self.tolerance))
@@ -281,18 +281,18 @@ class Row(TaskGoal):
         return replace(self, places=places)
 
     def slack(self, tolerance: tuple[float, float]) -> tuple[float, float]:
-        """See `TaskGoal`: where the one in front is turned within its tolerance, the others are aside by it."""
+        """See `TaskGoal`: a turn of the front object within its tolerance moves the others aside."""
         there = np.array([goals[0].pose[:2] for goals in self.places.values()])
         position, angle = tolerance
         return position + angle * float(np.linalg.norm(np.ptp(there, axis=0))), angle
 
     def resumed(self, end: End, tolerance: tuple[float, float]) -> Row:
-        """See `TaskGoal`: the order stays, and the row goes on from what stands there."""
+        """See `TaskGoal`: the order of the objects is kept."""
         order = self.order_at(end.loads, end.poses, end.heading)
         return replace(self, of=order, order="given", tolerance=self.slack(tolerance))
 
     def remaining(self, loads: Mapping[str, PlacedLoad], delivered: Collection[str]) -> Row:
-        """See `TaskGoal`: what was delivered, from the front on, is placed."""
+        """See `TaskGoal`: delivered objects at the row's front are placed."""
         front = tuple(itertools.takewhile(lambda name: name in delivered, reversed(self.of)))
         return replace(self, placed=front[::-1], places={})
 
@@ -303,12 +303,12 @@ class Row(TaskGoal):
     def order_at(
         self, loads: Mapping[str, PlacedLoad], poses: Mapping[str, FloatArray], heading: float
     ) -> tuple[str, ...]:
-        """Return the objects of the row, from its rear to its front, where they stand at poses (3,).
+        """Return the objects of the row from its rear to its front.
 
         Args:
             loads: All loads by name.
-            poses: By name.
-            heading: Direction in the world that the row is pushed along, rad.
+            poses: Poses (3,) of the objects' own frames in the world, by name.
+            heading: Direction of the push in the world, rad.
         """
         ahead = [math.cos(heading), math.sin(heading)]
 
@@ -334,20 +334,20 @@ class Row(TaskGoal):
                 return f"'{behind}' is not flush with '{before}' in the row"
         ways = {name: list(ways_through(obj.outline)) for name, obj in bodies.items()}
         rears = [se2.compose(end.poses[order[0]], way.entry) for way in ways[order[0]]]
-        # What stood there already is where it was measured, and the rest is flush with it.
+        # Placed objects are at their measured poses, and the others stand flush with them.
         allowed = self.tolerance if self.placed else (EXACT, EXACT)
         errors = [] if self.pose is None else [se2.pose_error(rear, self.pose) for rear in rears]
         position, angle = min(errors, key=lambda error: error[0] + error[1], default=(0.0, 0.0))
         if position > allowed[0] or angle > allowed[1]:
-            off = f"{1e3 * position:.3g} mm and {np.degrees(angle):.2g} deg off where it shall be"
-            return f"the row's rear, of '{order[0]}', is {off}"
+            off = f"{1e3 * position:.3g} mm and {np.degrees(angle):.2g} deg"
+            return f"the row's rear, at '{order[0]}', misses its goal by {off}"
         fronts = [se2.compose(end.poses[order[-1]], way.exit) for way in ways[order[-1]] if way.exit is not None]
         if self.wall is not None and not self.placed and not any(self._is_at_wall(front, end) for front in fronts):
-            return f"the row's front, of '{order[-1]}', is not at the wall"
+            return f"the row's front, at '{order[-1]}', is not at the wall"
         return ""
 
     def _is_at_wall(self, front: FloatArray, end: End) -> bool:
-        """Return whether a face, with middle and outward normal at a pose (3,), is near the row's wall and faces it."""
+        """Return whether a face with middle and outward normal at a pose (3,) is near the row's wall and faces it."""
         if end.workspace is None:
             return False
         area, (x, y, theta) = end.workspace, (float(value) for value in front)

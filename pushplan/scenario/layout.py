@@ -1,7 +1,7 @@
-"""Where plate and objects are in the chain frame: stacked from the plate outward, at stated poses, or snapped.
+"""Poses of plate and objects in the chain frame: stacked from the plate outward, given, or snapped.
 
-Stacking puts an object flush, its rear edge (outward normal -x in its own frame) on the front edge (+x) of what is
-before; nothing is turned. Snapping moves measured poses onto the edges that they nearly lie on.
+Stacking puts an object's rear edge (outward normal -x in its own frame) flush on the front edge (+x) of the previous
+body, without turning it. Snapping moves measured poses onto the edges that they nearly touch.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from pushplan.scenario.source import Source
 from pushplan.util.arrays import FloatArray
 
 Named = tuple[str, FloatArray]
-"""What a message calls a body, and its outline (v, 2) in the chain frame."""
+"""Name of a body for messages, and its outline (v, 2) in the chain frame."""
 
 _ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """What is stated of one object.
+    """Shape and placement of one object in the file.
 
     Attributes:
-        name: For messages.
-        outline: (v, 2) in its own frame, m, counter-clockwise.
-        offset: Its frame's y against the frame of the one before (the first: against the plate's middle), m.
-        pose: (3,) in the chain frame, or None to stack it.
+        name: Name for messages.
+        outline: Outline (v, 2) in its own frame, m, counter-clockwise.
+        offset: y of its frame in the frame of the previous object, m; for the first object, from the plate's middle.
+        pose: Pose (3,) in the chain frame; None for stacking.
     """
 
     name: str
@@ -47,13 +47,13 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where everything is.
+    """Placement of plate and objects.
 
     Attributes:
-        plate: (4, 2) outline of the plate in the chain frame, m.
-        poses: (n, 3) poses of the objects in the chain frame.
+        plate: Outline (4, 2) of the plate in the chain frame, m.
+        poses: Poses (n, 3) of the objects in the chain frame.
         outlines: Outlines (v, 2) of the objects in the chain frame, m.
-        snapping: How measured poses were moved; None when they are taken as they are.
+        snapping: Motions of the measured poses; None if they are used unchanged.
     """
 
     plate: FloatArray
@@ -63,12 +63,12 @@ class Layout:
 
     @property
     def plate_pose(self) -> FloatArray:
-        """(3,) pose in the chain frame of the plate's frame: the middle of its front edge, +x along the push."""
+        """Pose (3,) of the plate's frame in the chain frame: the middle of its front edge, +x along the push."""
         return np.array([self.plate[:, 0].max(), self.plate[:, 1].mean(), 0.0])
 
 
 def millimetres(length: float) -> str:
-    """Return a length (m) as people read it, in mm."""
+    """Return a length (m) as text in mm."""
     value = 1e3 * length
     return f"{value:.3g} mm" if abs(value) < 1000.0 else f"{value:.0f} mm"
 
@@ -87,12 +87,12 @@ def outline_of(stated: BoxShape | PolygonShape) -> FloatArray:
 def lay_out(
     parts: Sequence[Part], width: float, thickness: float, source: Source, within: Snap | None = None
 ) -> Layout | None:
-    """Place the plate and all parts, or report why not and return None.
+    """Place the plate and all parts, or report errors and return None.
 
-    The chain frame's origin is the midpoint of the plate's contact with the first part. When that part states its
-    pose, the plate's middle is at the origin, or at the pose's y less the offset if there is one. With `within`,
-    stated poses are moved onto the contacts that are nearer than that, from the plate outward; where the plate's
-    contact then has its midpoint aside of the origin, the frame is moved there.
+    The chain frame's origin is the midpoint of the plate's contact with the first part. If that part has a pose, the
+    plate's middle is at the origin, or at the pose's y minus the offset if there is one. With `within`, given poses
+    are moved onto contacts within this distance, from the plate outward. If the midpoint of the plate's contact is
+    then beside the origin, the frame is moved there.
     """
     first, middle = parts[0], 0.0
     if first.pose is not None and first.offset is not None:
@@ -103,7 +103,7 @@ def lay_out(
     sideways = 0.0
     for i, part in enumerate(parts):
         if i > 0 and part.pose is not None and part.offset is not None:
-            source.error(("objects", i, "offset"), "has no meaning beside pose; keep one of them", at_key=True)
+            source.error(("objects", i, "offset"), "is not allowed together with pose; keep one of them", at_key=True)
         if part.pose is None:
             before = parts[i - 1].outline if i else bodies[0][1]
             try:
@@ -133,13 +133,13 @@ def lay_out(
 
 
 def _origin(plate: Named, part: Part, pose: FloatArray, source: Source, within: Snap | None) -> FloatArray | None:
-    """Return where the chain frame's origin has to be moved (2,), or report why the first part cannot be pushed."""
+    """Return the new position (2,) of the chain frame's origin, or report why the first part cannot be pushed."""
     body = part.name, se2.transform_points(pose, part.outline)
     trouble, touch = describe_overlap(plate, body), find_touch(plate[1], body[1])
     if trouble is not None or touch is None or len(touch) == 0:
         source.error(("objects", 0), trouble or describe_gap(plate, body))
         return None
-    origin = touch[0].mean(axis=0).round(15)  # so that what is symmetric stays so
+    origin = touch[0].mean(axis=0).round(15)  # to keep symmetry exact
     away = float(np.linalg.norm(origin))
     if part.pose is None or (within is not None and TOUCH < away <= within.position):
         return np.asarray(origin)
@@ -148,30 +148,30 @@ def _origin(plate: Named, part: Part, pose: FloatArray, source: Source, within: 
     offset = round(float(pose[1] - plate[1][:, 1].mean()), 12) + 0.0
     source.error(
         ("objects", 0, "pose"),
-        f"the plate touches '{part.name}' with the contact's midpoint at ({origin[0]:.6g}, {origin[1]:.6g}), "
-        f"but that is the chain frame's origin; move the pose, and state an offset of {offset:.6g}",
+        f"the midpoint of the plate's contact with '{part.name}' is at ({origin[0]:.6g}, {origin[1]:.6g}), but must "
+        f"be the chain frame's origin; move the pose, and add an offset of {offset:.6g}",
     )
     return None
 
 
 def flush_pose(base: FloatArray, outline: FloatArray, offset: float, names: tuple[str, str]) -> FloatArray:
-    """Return the pose (3,), in the frame of `base`, of an object stacked on it.
+    """Return the pose (3,) of an object stacked on a base, in the frame of the base.
 
     Args:
-        base: (v, 2) outline of what the object stands on, in its own frame.
-        outline: (w, 2) outline of the object, in its own frame.
-        offset: y of the object's frame, m.
-        names: What messages call the two.
+        base: Outline (v, 2) of the base in its own frame.
+        outline: Outline (w, 2) of the object in its own frame.
+        offset: y of the object's frame in the frame of the base, m.
+        names: Names of base and object for messages.
 
     Raises:
-        ChainError: If one has no such edge, or the edges do not meet along a line.
+        ChainError: If the base has no front edge, the object has no rear edge, or the edges do not meet along a line.
     """
     front, rear = _edge_span(base, +1), _edge_span(outline, -1)
     if front is None or rear is None:
         name, edge, side = (names[0], "front", "+x") if front is None else (names[1], "rear", "-x")
         raise ChainError(
-            f"{names[1]} cannot be stacked: {name} has no {edge} edge, only a corner is outermost towards {side}; "
-            "state a pose"
+            f"{names[1]} cannot be stacked: {name} has no {edge} edge, its outermost point in {side} is a corner; "
+            "give the object a pose"
         )
     low, high = front[1] - rear[2], front[2] - rear[1]
     if not low + SHORTEST_CONTACT < offset < high - SHORTEST_CONTACT:
@@ -184,7 +184,7 @@ def flush_pose(base: FloatArray, outline: FloatArray, offset: float, names: tupl
 
 
 def _edge_span(outline: FloatArray, side: int) -> tuple[float, float, float] | None:
-    """Return x, lowest and highest y of the edges farthest towards `side` (+1: +x, -1: -x), or None."""
+    """Return x, lowest and highest y of the outermost edges on a side (+1: +x, -1: -x); None without edges."""
     x = side * outline[:, 0]
     on = x >= x.max() - TOUCH
     begins = on & np.roll(on, -1)
@@ -195,10 +195,11 @@ def _edge_span(outline: FloatArray, side: int) -> tuple[float, float, float] | N
 
 
 def snap(bodies: Sequence[Named], part: Part, pose: FloatArray, within: Snap) -> tuple[FloatArray, Snapped]:
-    """Return the pose (3,) that lays an edge of an object on the nearest edge of another body, and how it was moved.
+    """Return the pose (3,) with an edge of the object on the nearest edge of another body, and its motion.
 
-    The object turns about the centroid of its outline, which then moves along the other edge's normal: sideways its
-    place is kept. Nearest is what needs the least of the tolerances, which serve for nothing else here.
+    The object turns about the centroid of its outline, which then moves along the other edge's normal; its position
+    along that edge is kept. The nearest edge needs the smallest share of the tolerances `within`, which have no other
+    use here.
     """
     found = [
         (effort, name, gap, turn, normal)
@@ -215,23 +216,23 @@ def snap(bodies: Sequence[Named], part: Part, pose: FloatArray, within: Snap) ->
 
 
 def _is_too_far(i: int, moved: Snapped, within: Snap, source: Source) -> bool:
-    """Return whether an object is farther from its contact than `snap` allows, and report it."""
+    """Report an object that is farther from its contact than `snap` allows, and return whether it is."""
     if abs(moved.gap) <= within.position and abs(moved.turn) <= within.angle:
         return False
     allowed = f"snap allows {millimetres(within.position)} and {math.degrees(within.angle):.3g} deg"
     if math.isfinite(moved.gap):
         gap, turn = millimetres(round(abs(moved.gap), 9)), math.degrees(round(abs(moved.turn), 9))
-        what = f"is {gap} and {turn:.3g} deg from lying on {moved.onto}"
+        what = f"is {gap} and {turn:.3g} deg from a flush contact with {moved.onto}"
     else:
-        what = "faces no edge of a body before it"
-    source.error(("objects", i, "pose"), f"'{moved.name}' {what}; {allowed}: move it, or state a larger snap")
+        what = "faces no edge of an earlier body"
+    source.error(("objects", i, "pose"), f"'{moved.name}' {what}; {allowed}: move it, or give a larger snap")
     return True
 
 
 def _candidates(
     fixed: FloatArray, outline: FloatArray, pose: FloatArray, within: Snap
 ) -> list[tuple[float, float, float, FloatArray]]:
-    """Return effort, gap (m), turn (rad) and normal (2,) of every edge of `fixed` that an edge could lie on."""
+    """Return effort, gap (m), turn (rad) and normal (2,) for every edge of `fixed` that can be a contact."""
     own = np.roll(outline, -1, axis=0) - outline
     steps = np.roll(fixed, -1, axis=0) - fixed
     facing = np.arctan2(-steps[:, 1], -steps[:, 0])
@@ -261,16 +262,16 @@ def _turned(outline: FloatArray, pose: FloatArray, turn: float) -> FloatArray:
 
 
 def describe_overlap(fixed: Named, moving: Named) -> str | None:
-    """Return how far `moving` overlaps `fixed`; None when it does not."""
+    """Return a sentence on the overlap of two bodies; None without overlap."""
     depth = overlap_depth(fixed[1], moving[1])
     return f"'{moving[0]}' overlaps {fixed[0]} by {millimetres(depth)}; move them apart" if depth else None
 
 
 def describe_gap(fixed: Named, moving: Named) -> str:
-    """Return how far `moving` is from touching `fixed` along a line."""
+    """Return a sentence on the gap between two bodies that do not touch along a line."""
     gap = float(shapely.distance(shapely.Polygon(moving[1]), shapely.Polygon(fixed[1])))
     state = f"the gap is {millimetres(gap)}" if gap > TOUCH else "they meet at a point"
     return (
         f"'{moving[0]}' and {fixed[0]} do not touch along a line: {state}; move an edge onto an edge, "
-        "or let snap move measured poses"
+        "or use snap for measured poses"
     )

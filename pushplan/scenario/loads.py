@@ -1,4 +1,4 @@
-"""Loads: what moves as one piece, with everything that is uncertain about it, and where it stands."""
+"""Loads: objects that move as one piece, with their uncertainty and start pose."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from pushplan.util.arrays import FloatArray, frozen
 
 @dataclass(frozen=True)
 class Snapped:
-    """How an object was moved.
+    """Motion that snapped an object onto its contact.
 
     Attributes:
         name: Name of the object.
-        onto: What messages call the body whose edge the object lies on now.
-        gap: Distance along the edge's normal that the object was moved towards that body, m; < 0 away from it.
+        onto: Name, for messages, of the body that the object now touches.
+        gap: Distance along the edge's normal by which the object moved towards that body, m; < 0 away from it.
         turn: Angle by which it was turned about its outline's centroid, rad.
     """
 
@@ -35,11 +35,12 @@ class Snapped:
 
 @dataclass(frozen=True)
 class Snapping:
-    """How measured poses were moved onto their contacts.
+    """Motions that snapped measured poses onto their contacts.
 
     Attributes:
-        objects: How each object with a stated pose was moved.
-        sideways: y of the first contact's midpoint in the stated poses, which is the chain frame's origin now, m.
+        objects: Motion of each object with a given pose.
+        sideways: y of the first contact's midpoint in the frame of the given poses, m; it is now the chain frame's
+            origin.
     """
 
     objects: tuple[Snapped, ...]
@@ -48,15 +49,15 @@ class Snapping:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Bodies:
-    """What moves as one load.
+    """Bodies that move as one load.
 
     Attributes:
-        chain: Objects, contacts and pusher; of intervals, the middle of loads and the lowest contact friction.
-        interval: The chain with the intervals of its loads and floor frictions, None when these are numbers.
-        contact_friction: (n, 2) least and largest coefficient of every contact; None stands for the chain's.
-        stated: The same as plain data in the form of the file, with every pose and default filled in; `pose` is that
-            of an object which a file places by itself, in the world.
-        snapping: How measured poses were moved; None when they are taken as they are.
+        chain: Objects, contacts and pusher, with the middles of load intervals and the lowest contact friction.
+        interval: Chain with the intervals of loads and floor frictions; None if these are plain numbers.
+        contact_friction: Lowest and highest coefficients (n, 2) of the contacts; None for those of the chain.
+        stated: The bodies as plain data in the form of the file, with every pose and default filled in; `pose` is
+            the world pose of a separate object.
+        snapping: Motions of the measured poses; None if they are used unchanged.
     """
 
     chain: Chain
@@ -68,10 +69,10 @@ class Bodies:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlacedLoad(Bodies):
-    """A load and where it stands.
+    """A load with its start pose.
 
     Attributes:
-        start: (3,) pose of its chain frame in the world.
+        start: Start pose (3,) of the chain frame in the world.
     """
 
     start: FloatArray
@@ -81,7 +82,7 @@ class PlacedLoad(Bodies):
 
     @property
     def name(self) -> str:
-        """Name of the load, which is that of its first object."""
+        """Name of the load: the name of its first object."""
         return self.chain.objects[0].name
 
     @property
@@ -91,7 +92,7 @@ class PlacedLoad(Bodies):
 
     @property
     def pose(self) -> FloatArray:
-        """(3,) pose of its first object's own frame in the world; to the last bit where a file states it."""
+        """Start pose (3,) of the first object's own frame in the world; exactly that of the file if it has one."""
         stated = self.stated.get("pose")
         if stated is not None and (self.start_for(stated) == self.start).all():
             return np.array(stated)
@@ -102,16 +103,16 @@ class PlacedLoad(Bodies):
         return se2.compose(np.asarray(pose), se2.inverse(self.chain.objects[0].pose_chain))
 
     def poses(self, start: FloatArray | None = None) -> dict[str, FloatArray]:
-        """Return where the objects' own frames (3,) are with the chain frame at a pose (3,); None: at its start."""
+        """Return poses (3,) of the objects' own frames with the chain frame at a pose (3,); None for its start."""
         there = se2.compose(self.start if start is None else start, self.chain.places)
         return dict(zip(self.names, there, strict=True))
 
     @property
     def kind(self) -> str:
-        """What is the same for loads that differ in names and places only."""
+        """Key that is equal for loads that differ only in names and poses."""
         objects = [{key: value for key, value in one.items() if key != "name"} for one in self.stated["objects"]]
         return repr({**self.document(), "objects": objects})
 
     def document(self) -> dict[str, Any]:
-        """Return what is stated, without where it is, in the form of a file of one load."""
+        """Return the load, without its pose, in the form of a file of one load."""
         return {key: deepcopy(value) for key, value in self.stated.items() if key != "pose"}

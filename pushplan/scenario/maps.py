@@ -1,7 +1,7 @@
-"""Obstacles from an occupancy map as ROS keeps it: a YAML file that names a picture (map_server).
+"""Reads obstacles from an occupancy map of ROS (map_server): a YAML file that names a picture.
 
-What a picture may cost is bounded: its cells before it is decoded, the runs of cells before they become polygons, and
-the corners of these.
+The cost of a picture is bounded: the number of cells is checked before it is decoded, and the number of runs before
+they become polygons. The corners of the polygons are limited, too.
 """
 
 from __future__ import annotations
@@ -30,41 +30,42 @@ from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 from pushplan.util.files import read_regular
 
 MOST_PICTURE = 1 << 28
-"""Bytes up to which a picture is read."""
+"""Largest size of a picture, bytes."""
 
 FORMATS = ("PPM", "PNG", "BMP")
-"""Decoders of Pillow that may be used, PGM among PPM. Others, like EPS, start programs or are little used."""
+"""Allowed decoders of Pillow; PPM includes PGM. Others, such as EPS, start programs or are rarely used."""
 
 MOST_CELLS = 1 << 26
-"""Cells up to which a map is read."""
+"""Largest number of cells of a map."""
 
 MOST_RUNS = 100_000
-"""Runs of blocked cells in a row up to which a map is read."""
+"""Largest number of runs of adjacent blocked cells in the rows of a map."""
 
 MOST_REGIONS = 10_000
-"""Separate regions up to which a map is read: as many as a scenario may have obstacles."""
+"""Largest number of separate regions of a map: the allowed number of obstacles in a scenario."""
 
 UNKNOWN_GREY = 205
-"""map_saver writes this for what is unknown, with thresholds by which it would be free: 50/255 < 0.25."""
+"""Grey value of unknown cells in pictures from map_saver. By its thresholds such a cell would be free:
+50/255 < 0.25."""
 
 HUNDRED = 100.0
-"""In the mode raw the grey value is the occupancy in per cent; larger values say that nothing is known."""
+"""Largest grey value of a known cell in the mode raw, in which the grey value is the occupancy in per cent."""
 
 _BLOCK = 1 << 20
-"""Cells that are looked at together, so that a large picture needs little memory."""
+"""Number of cells that are processed together, so that a large picture needs little memory."""
 
 _GRID = 10.0 * SAME_POINT
-"""Spacing of the points on which outlines are put where theirs are too near to one another, m."""
+"""Spacing of the grid for outlines whose points are too near to one another, m."""
 
 MOST_HOLES = 5_000
-"""Free places within regions up to which a map is read: each is cut open, and 10,000 took 15 s."""
+"""Largest number of free places within regions of a map: each is cut open, and 10,000 took 15 s."""
 
 _Share = Annotated[float, Quantity("a probability", {}, 0.0, 1.0)]
 _Resolution = Annotated[float, Quantity("a length", units.LENGTH, 1e-4, 100.0, "5 cm")]
 
 
 class _MapFile(BaseModel):
-    """What map_server reads; other keys are left to others."""
+    """The YAML file of a map; keys that map_server does not read are ignored."""
 
     model_config = ConfigDict(extra="ignore", defer_build=True)
 
@@ -77,17 +78,17 @@ class _MapFile(BaseModel):
     mode: Literal["trinary", "scale", "raw"] = Field(default="trinary", description="trinary, scale or raw")
 
     def to_world(self, corners: FloatArray) -> FloatArray:
-        """Return corners (v, 2), in cells from the lower left one, in the world."""
+        """Return the world positions of corners (v, 2), which are in cells from the map's lower left corner."""
         return transform_points(np.array(self.origin), corners * self.resolution)
 
 
 @dataclass(frozen=True)
 class RosMap:
-    """What a map says of the world.
+    """Obstacles and extent of a map in the world.
 
     Attributes:
-        obstacles: Polygons that cover every occupied cell and, where asked for, every unknown one.
-        workspace: The rectangle around the map; obstacles fill what it has beyond a map that is turned.
+        obstacles: Polygons that cover every occupied cell and, unless they count as free, every unknown one.
+        workspace: Rectangle around the map. Around a rotated map, obstacles fill the rest of the rectangle.
         resolution: Side of a cell, m.
     """
 
@@ -100,10 +101,10 @@ def read_ros_map(path: str | Path, *, unknown_is_free: bool = False, tolerance: 
     """Read a map file and its picture (PGM, PNG or BMP).
 
     Args:
-        path: The YAML file.
-        unknown_is_free: Whether the chain may go where the map knows nothing.
-        tolerance: How far corners may be moved to have fewer of them, m; three quarters of a cell if left out. The
-            obstacles always cover the cells; they reach at most three times as far beyond them.
+        path: YAML file.
+        unknown_is_free: Whether unknown cells are free.
+        tolerance: Largest displacement of corners when outlines are simplified, m; None for three quarters of a
+            cell. The obstacles always cover the cells, and extend beyond them by at most three times the tolerance.
 
     Raises:
         ImportedFileError: If the file or its picture cannot be read.
@@ -114,7 +115,7 @@ def read_ros_map(path: str | Path, *, unknown_is_free: bool = False, tolerance: 
 
 
 def map_files(path: Path, name: str) -> dict[str, bytes]:
-    """Return what a map's YAML file and its picture hold, by `name` and the picture's name beside it.
+    """Return the contents of a map's YAML file, under `name`, and of its picture, under a name beside it.
 
     Raises:
         ImportedFileError: If one of them cannot be read.
@@ -125,10 +126,10 @@ def map_files(path: Path, name: str) -> dict[str, bytes]:
 
 
 def bytes_of(path: Path, most: int) -> bytes:
-    """Return what a file that is imported holds.
+    """Return the content of an imported file.
 
     Raises:
-        ImportedFileError: If it cannot be read, or holds more than so many bytes.
+        ImportedFileError: If it cannot be read, or is larger than `most` bytes.
     """
     try:
         data = read_regular(path, most + 1)
@@ -147,13 +148,13 @@ def _beside(name: str, image: str) -> str:
 def ros_map_of(
     name: str, read: Callable[[str], bytes], *, unknown_is_free: bool = False, tolerance: float | None = None
 ) -> RosMap:
-    """Return the map whose files another one reads; see `read_ros_map`.
+    """Return the map whose files `read` returns; see `read_ros_map`.
 
     Args:
-        name: Of the YAML file.
-        read: Returns what a file holds, by its name; the picture's is relative to the folder of `name`.
-        unknown_is_free: Whether the chain may go where the map knows nothing.
-        tolerance: How far corners may be moved, m.
+        name: Name of the YAML file.
+        read: Function that returns the content of a file by its name; the picture's is relative to that of `name`.
+        unknown_is_free: Whether unknown cells are free.
+        tolerance: Largest displacement of corners, m.
     """
     file = _map_file(read(name), name)
     picture = _beside(name, file.image)
@@ -167,7 +168,7 @@ def ros_map_of(
     frame = file.to_world(np.array([[0, 0], [width, 0], [width, height], [0, height]], dtype=np.float64))
     (xmin, ymin), (xmax, ymax) = frame.min(axis=0), frame.max(axis=0)
     unknown = shapely.Polygon() if unknown_is_free else _region(cells.unknown, file, picture)
-    if file.origin[2] != 0.0:  # beyond a turned map nothing is known, whatever is unknown within it
+    if file.origin[2] != 0.0:  # the space around a rotated map is always unknown
         unknown |= shapely.box(xmin, ymin, xmax, ymax) - shapely.Polygon(frame)
     fewer = 0.75 * file.resolution if tolerance is None else tolerance
     obstacles = [
@@ -190,30 +191,30 @@ def _map_file(data: bytes, shown: str) -> _MapFile:
     return file
 
 
-# --- which cells are occupied, as Nav2's map_server reads them ---
+# --- occupied cells, as Nav2's map_server reads them ---
 
 
 class Cells(NamedTuple):
-    """Which cells (rows from the bottom, columns) are occupied, and of which nothing is known for certain."""
+    """Masks of the occupied and the unknown cells (rows from the bottom, columns)."""
 
     occupied: BoolArray
     unknown: BoolArray
 
 
 def cells_of(picture: bytes, name: str, mode: str, negate: bool, occupied: float, free: float) -> Cells:
-    """Return what the cells of a picture are.
+    """Return the occupied and the unknown cells of a picture.
 
-    In the modes trinary and scale the occupancy is the darkness, or the brightness if `negate`; what lies between
-    the thresholds is neither known to be free nor to be occupied. A transparent cell is unknown in every mode, one of
-    the grey value 205 in trinary, whatever the thresholds say.
+    In the modes trinary and scale, the occupancy is the darkness, or the brightness if `negate`. Cells between the
+    thresholds are unknown. Regardless of the thresholds, transparent cells are unknown in every mode, and cells with
+    the grey value 205 in trinary.
 
     Args:
-        picture: A PGM, PPM, PNG or BMP file.
-        name: What messages call it.
+        picture: Content of a PGM, PPM, PNG or BMP file.
+        name: Name for messages.
         mode: trinary, scale or raw.
         negate: Whether bright cells are occupied.
         occupied: Occupancy from 0 to 1 above which a cell is occupied.
-        free: Occupancy below which it is free.
+        free: Occupancy from 0 to 1 below which a cell is free.
 
     Raises:
         ImportedFileError: If the picture cannot be read.
@@ -231,7 +232,7 @@ def cells_of(picture: bytes, name: str, mode: str, negate: bool, occupied: float
 
 
 def _blocks_of(picture: bytes, name: str) -> Iterator[tuple[npt.NDArray[np.uint16], BoolArray | np.bool_]]:
-    """Yield the sums of red, green and blue (rows from the top, columns), and what is not opaque, by some rows."""
+    """Yield blocks of rows from the top: sums of red, green and blue, and the mask of cells that are not opaque."""
     from PIL import Image, UnidentifiedImageError
 
     try:
@@ -244,7 +245,7 @@ def _blocks_of(picture: bytes, name: str) -> Iterator[tuple[npt.NDArray[np.uint1
             for top in range(0, image.height, rows):
                 part = image.crop((0, top, image.width, min(top + rows, image.height)))
                 values: Any
-                if image.mode == "L" and "transparency" not in image.info:  # as most maps are, and 5 times as fast
+                if image.mode == "L" and "transparency" not in image.info:  # true for most maps, and 5 times as fast
                     values = np.asarray(part, dtype=np.uint16)
                     yield 3 * values, np.False_
                 else:
@@ -253,16 +254,16 @@ def _blocks_of(picture: bytes, name: str) -> Iterator[tuple[npt.NDArray[np.uint1
     except ImportedFileError:
         raise
     except UnidentifiedImageError as error:
-        raise ImportedFileError(f"{name}: is no PGM, PPM, PNG or BMP picture; others are not read") from error
-    except Exception as error:  # Pillow's plugins raise whatever they stumble over
+        raise ImportedFileError(f"{name}: is not a picture; allowed: PGM, PPM, PNG and BMP") from error
+    except Exception as error:  # Pillow's plugins raise errors of many types
         raise ImportedFileError(f"{name}: cannot read the picture: {error}") from error
 
 
-# --- from cells to polygons without holes, of a bounded number of corners: what obstacles can be ---
+# --- obstacles: polygons without holes and with a limited number of corners ---
 
 
 def _region(blocked: BoolArray, file: _MapFile, name: str) -> shapely.Geometry:
-    """Return the union of cells in the world; runs of cells in a row are one rectangle."""
+    """Return the union of the blocked cells in the world; each run of adjacent cells in a row is one rectangle."""
     rows, begins, ends, count = [], [], [], 0
     step = max(1, _BLOCK // blocked.shape[1])
     for top in range(0, len(blocked), step):
@@ -277,17 +278,18 @@ def _region(blocked: BoolArray, file: _MapFile, name: str) -> shapely.Geometry:
     row, begin, end = (np.concatenate(parts) for parts in (rows, begins, ends))
     regions, holes = _regions_and_holes(row, begin, end)
     _require(regions, MOST_REGIONS, "separate regions of blocked cells", name)
-    _require(holes, MOST_HOLES, "places that blocked cells close off", name)
+    _require(holes, MOST_HOLES, "free places enclosed by blocked cells", name)
     return shapely.transform(shapely.union_all(shapely.box(begin, row, end, row + 1)), file.to_world)
 
 
 def _regions_and_holes(row: IntArray, begin: IntArray, end: IntArray) -> tuple[int, int]:
-    """Return how many regions runs of cells (n,), sorted by row and begin, form, and how many holes these have.
+    """Return the number of regions that runs of cells (n,) form, and the number of their holes.
 
-    Runs meet along edges of cells. Where k pairs of n runs meet, regions less holes are n - k: Euler's number.
+    The runs are sorted by row and begin, and meet along edges of cells. If k pairs of n runs meet, the number of
+    regions minus the number of holes is n - k (Euler's number).
     """
     width = int(end.max(initial=0)) + 1
-    # They take a fifth of a second to load, which most scenarios have no use for.
+    # These modules take 0.2 s to load, and most scenarios do not need them.
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -303,18 +305,19 @@ def _regions_and_holes(row: IntArray, begin: IntArray, end: IntArray) -> tuple[i
 
 
 def _require(count: int, most: int, what: str, name: str) -> None:
-    """Refuse a picture with more than can be made obstacles of."""
+    """Raise an error if a picture has too many items."""
     if count > most:
         raise ImportedFileError(
-            f"{name}: has {count} {what}; allowed: {most}; smooth the picture (single cells are mostly noise), or "
+            f"{name}: has {count} {what}; allowed: {most}; smooth the picture (single cells are usually noise), or "
             "save it with larger cells"
         )
 
 
 def hole_free(region: shapely.Geometry) -> Iterator[FloatArray]:
-    """Yield counter-clockwise outlines (v, 2) that cover a region; pieces below 1 mm^2 are left out.
+    """Yield counter-clockwise outlines (v, 2) that cover a region, without pieces below 1 mm^2.
 
-    A polygon with a hole is cut in two along a line through the hole, one with too many corners in its middle.
+    A polygon with a hole is cut in two along a line through the hole, and a polygon with too many corners in its
+    middle.
     """
     pending = list(shapely.get_parts(region))
     while pending:
@@ -329,18 +332,18 @@ def hole_free(region: shapely.Geometry) -> Iterator[FloatArray]:
         if len(outline) > 2 and find_flaw(outline) is None:
             yield outline
         elif part.area >= LEAST_AREA:
-            # Corners nearer than SAME_POINT were taken together, and edges cross now. On a grid they do not.
+            # Merging corners nearer than SAME_POINT made edges cross. On a grid they do not cross.
             pending += shapely.get_parts(
                 shapely.set_precision(part.buffer(_GRID, join_style="mitre"), _GRID)
             ).tolist()
 
 
 def covering(region: shapely.Geometry, tolerance: float) -> shapely.Geometry:
-    """Return a region with fewer corners that covers `region`; it reaches at most three times `tolerance` farther.
+    """Return a region with fewer corners that covers `region` and extends beyond it by at most 3 times `tolerance`.
 
-    What is left out lies within about the tolerance of the new edges; growing by as much covers it again. A
-    polygon of the region for which it does not stays as it is. Each is looked at on its own: from thousands of
-    corners to a whole map is a long way.
+    The simplified polygon misses points within about the tolerance; growing it by this distance covers them again. A
+    polygon for which this fails is kept unchanged. Each polygon is processed separately, because distances from
+    thousands of corners to a whole map take long.
     """
     parts = shapely.get_parts(region)
     simple = shapely.simplify(parts, tolerance)
@@ -358,7 +361,7 @@ def covering(region: shapely.Geometry, tolerance: float) -> shapely.Geometry:
 
 
 def _halves(polygon: shapely.Polygon) -> list[shapely.Geometry]:
-    """Cut through the first hole's middle, or else through the polygon's, across its longer side."""
+    """Cut a polygon in two through the middle of its first hole, or else of itself, across the longer side."""
     xmin, ymin, xmax, ymax = (polygon.interiors[0] if polygon.interiors else polygon).bounds
     whole = polygon.bounds
     if xmax - xmin >= ymax - ymin:

@@ -1,4 +1,4 @@
-"""A scenario: what stands in the room, the task, and the settings."""
+"""The scenario: the room, the task and the settings."""
 
 from __future__ import annotations
 
@@ -36,30 +36,30 @@ MOVED = {
     "with_row_at": "scenario.settled",
     "row_order": "scenario.transport.row.order_at",
 }
-"""Attributes of earlier versions, and where their content is now."""
+"""Attributes of earlier versions, and their replacements."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """A planning problem, checked and resolved; equal to another when it states the same problem.
+    """A checked planning problem. Two scenarios are equal if they specify the same problem.
 
-    Properties such as `chain`, `start` and `goal` are those of the load, where the task has one.
+    If the task has a single load, properties such as `chain`, `start` and `goal` belong to it.
 
     Attributes:
-        name: For people.
-        path: The file that it was read from.
-        source: The bytes of that file.
-        task: The loads with their goals, and where the robot is: a `Push` or a `Transport`.
-        floor_friction: Coefficient, or interval, between the floor and objects that do not state their own.
-        workspace: Where robot and objects may be; None leaves them free to go anywhere.
-        obstacles: What is in the way.
+        name: Name of the scenario.
+        path: File of the scenario.
+        source: Bytes of this file.
+        task: Loads, goals and start of the robot: a `Push` or a `Transport`.
+        floor_friction: Coefficient, or interval, of floor friction for objects without their own.
+        workspace: Rectangle that robot and objects stay in; None for no limits.
+        obstacles: Obstacles of the room.
         clearance: Distance that robot and objects keep from obstacles and walls, m.
-        stability: The stable set and the margin to keep.
-        planner: How to search.
-        trajectory: How to time the path, one of `names.TRAJECTORIES`.
-        attachments: Bytes of the files that the scenario refers to, by the name that it uses.
-        uncertainty: The shares that made intervals of stated numbers; the loads hold these.
-        origin: The file as it was read, for messages about places in it; None where there is none.
+        stability: Stable set and required margin.
+        planner: Settings of the search.
+        trajectory: Kind of timing, one of `names.TRAJECTORIES`.
+        attachments: Bytes of the files that the scenario refers to, by their names in the scenario.
+        uncertainty: Shares that turned nominal numbers into intervals; the loads hold the intervals.
+        origin: Parsed file, for messages with line and column; None if there is none.
     """
 
     name: str
@@ -80,20 +80,20 @@ class Scenario:
     if not TYPE_CHECKING:  # type checkers report the names themselves
 
         def __getattr__(self, name: str) -> Any:
-            """Say where an attribute of earlier versions is now."""
+            """Raise an error that names the replacement of an attribute of earlier versions."""
             if name in MOVED:
                 raise AttributeError(f"Scenario.{name} is {MOVED[name]} now")
             raise AttributeError(f"'Scenario' has no attribute {name!r}")
 
     def __repr__(self) -> str:
-        """Say what it is in a line."""
+        """Return one line with name, kind and objects."""
         return f"<Scenario {self.name!r}: {self.kind} of {', '.join(self.poses)}>"
 
     # --- the task ---
 
     @property
     def kind(self) -> str:
-        """What messages call the task: `push`, `multi-push` (one load) or `rearrangement` (several)."""
+        """Kind of the task: `push`, `multi-push` (one load) or `rearrangement` (several loads)."""
         return self.task.kind
 
     @property
@@ -103,12 +103,12 @@ class Scenario:
 
     @property
     def goals(self) -> dict[str, tuple[Goal, ...]]:
-        """The poses that each load may be brought to, any of which will do, by name; only loads that have any."""
+        """Alternative goals of each load by name, for the loads that have goals."""
         return self.task.candidates
 
     @property
     def load(self) -> PlacedLoad:
-        """The load, where there is one.
+        """The single load.
 
         Raises:
             NotOneLoadError: If there are several.
@@ -122,7 +122,7 @@ class Scenario:
 
     @property
     def start(self) -> FloatArray:
-        """(3,) pose of the load's chain frame in the world. See `load`."""
+        """Start pose (3,) of the load's chain frame in the world. See `load`."""
         return self.load.start
 
     @property
@@ -132,24 +132,24 @@ class Scenario:
 
     @property
     def interval(self) -> IntervalChain | None:
-        """The load's chain with its intervals; None when all are numbers. See `load`."""
+        """The load's chain with its intervals; None if it has none. See `load`."""
         return self.load.interval
 
     @property
     def contact_friction(self) -> FloatArray | None:
-        """(n, 2) least and largest coefficient of every contact; None stands for the chain's. See `load`."""
+        """Lowest and highest coefficients (n, 2) of the contacts; None for those of the chain. See `load`."""
         return self.load.contact_friction
 
     @property
     def transport(self) -> Transport:
-        """The task, where the robot stands anywhere.
+        """The task of a robot that need not be in contact at the start.
 
         Raises:
             PushplanError: If the plate is in contact at the start.
         """
         if isinstance(self.task, Transport):
             return self.task
-        raise PushplanError("the scenario asks for one push with the plate in contact: it has no robot.start")
+        raise PushplanError("the scenario is a single push: it has no robot.start, the plate's pose in the world")
 
     def with_task(self, **changes: Any) -> Scenario:
         """Return the scenario with other fields in its task."""
@@ -168,20 +168,20 @@ class Scenario:
         return dataclasses.replace(self, task=Push.of(load, goal))
 
     def settled(self, poses: Mapping[str, FloatArray]) -> Scenario:
-        """Return the scenario once a plan has said where objects end: at poses (3,) by name."""
+        """Return the scenario with the goals that a plan has chosen, which ends at objects' poses (3,) by name."""
         goals = tuple(goal.settled(self.task.by_name, poses) for goal in self.task.goals)
         same = all(one is other for one, other in zip(goals, self.task.goals, strict=True))
         return self if same else self.with_task(goals=goals)
 
     def without_goals(self, names: Collection[str]) -> Scenario:
-        """Return the scenario without the goals of some loads, by name; they stay where they are, or are moved."""
+        """Return the scenario without the goals of the named loads, which can still be moved out of the way."""
         goals = tuple(goal for goal in self.task.goals if not set(goal.names) & set(names))
         return self if len(goals) == len(self.task.goals) else self.with_task(goals=goals)
 
     def alone(self, name: str) -> Scenario:
         """Return the problem of one load, alone in the same room.
 
-        A load without goals has its own place for a goal.
+        If the load has no goal, its start is its goal.
 
         Raises:
             ChainError: If no load has that name.
@@ -194,7 +194,7 @@ class Scenario:
         return self._alone[name]
 
     def each_alone(self) -> list[Scenario]:
-        """Return the problem of each load by itself: the scenario where it is of one load."""
+        """Return the problem of each load alone in the room; for a single load, the scenario itself."""
         return [self] if self.task.one_load else [self.alone(load.name) for load in self.loads]
 
     @cached_property
@@ -202,10 +202,10 @@ class Scenario:
         return {}
 
     def stable_set(self, name: str | None = None) -> StableSet:
-        """Return the stable set of the chain; where the file states intervals, the one that holds for all of them.
+        """Return the stable set of the chain; with intervals, the set that is stable for all their values.
 
         Args:
-            name: One of `names.STABLE_SETS`; None stands for that of `stability`.
+            name: One of `names.STABLE_SETS`; None for that of `stability`.
 
         Raises:
             PushplanError: See `sets.named.stable_set` and `stable_set_over`.
@@ -222,9 +222,9 @@ class Scenario:
 
     @property
     def footprint(self) -> FloatArray:
-        """(v, 2) outline of all that moves with the robot, in the frame of its base, m, counter-clockwise.
+        """Outline (v, 2) of robot, plate and the objects that it holds at the start, in the base frame, m.
 
-        That is robot and plate, and the objects that the plate touches at the start: it never leaves them.
+        The outline is counter-clockwise.
         """
         parts = [body for load in self.task.held for body in load.chain.bodies] or list(self.loads[0].chain.carried)
         return se2.transform_points(se2.inverse(self.pusher.base_pose), outline_of_all(tuple(parts)))
@@ -247,31 +247,31 @@ class Scenario:
 
     @property
     def poses(self) -> dict[str, FloatArray]:
-        """(3,) poses of all objects' own frames in the world before anything moves, by name."""
+        """Start poses (3,) of all objects' own frames in the world, by name."""
         return {name: pose for load in self.loads for name, pose in load.poses().items()}
 
     @property
     def plate_start(self) -> FloatArray:
-        """(3,) pose of the plate frame in the world before anything moves."""
+        """Start pose (3,) of the plate frame in the world."""
         return self.task.plate_start
 
     @property
     def required_margin(self) -> float:
-        """The margin that planned twists have to exceed.
+        """The margin that planned twists must exceed.
 
         Raises:
-            PushplanError: If it is `auto`, which is no number yet; planning makes it one (`with_margin`).
+            PushplanError: If it is still `auto`; planning replaces it by a number (`with_margin`).
         """
         if self.stability.margin == "auto":
-            raise PushplanError("stability.margin is 'auto', and no number was chosen for it yet")
+            raise PushplanError("stability.margin is 'auto'; planning has not replaced it by a number yet")
         return self.stability.margin
 
     @property
     def robot_start(self) -> FloatArray:
-        """(3,) pose of the robot's frame (see `plans.segment`) before the first of several pushes.
+        """Start pose (3,) of the robot's frame (see `plans.segment`) in a multi-push plan.
 
         Raises:
-            PushplanError: Where one push is asked for, with the plate in contact.
+            PushplanError: If the plate is in contact at the start.
         """
         return se2.compose(self.transport.robot_start, se2.inverse(self.pusher.plate_pose))
 
@@ -288,11 +288,11 @@ class Scenario:
         return dataclasses.replace(self, planner=self.planner.model_copy(update=changes))
 
     def resolved(self) -> dict[str, Any]:
-        """Return the scenario as plain data in the form of a scenario file, nothing left open.
+        """Return the scenario as plain data in the form of a scenario file, with all defaults filled in.
 
-        All numbers are SI and finite; every object has its pose. Read again, it gives an equal scenario.
+        All numbers are SI and finite, and every object has its pose. Reading the result gives an equal scenario.
         """
-        # Shares stay shares: what they stand for is made of them again.
+        # The shares of the uncertainty are kept: reading computes the intervals from them again.
         shares, planner, area = self.uncertainty.model_dump(), self.planner.model_dump(), self.workspace
         kept = self.task.planner_keys
         room = {} if area is None else {"workspace": {"x": [area.xmin, area.xmax], "y": [area.ymin, area.ymax]}}
@@ -315,7 +315,7 @@ class Scenario:
         return json.dumps(self.resolved(), allow_nan=False, indent=1)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what another process gets: all but the file as it was read, whose tree is large."""
+        """Return the state for other processes, without the parsed file, which is large."""
         return {**self.__dict__, "origin": None, "_alone": {}}
 
     def __eq__(self, other: object) -> bool:

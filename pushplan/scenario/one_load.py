@@ -1,6 +1,6 @@
-"""From a document to the scenario of one load that it states, for one push or several, or to findings.
+"""Builds the scenario of a document with one load, for one push or several, or reports its errors.
 
-What files of several objects state as well is built and checked here, too.
+The parts that files of several objects share are built and checked here, too.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from pushplan.util.arrays import FloatArray
 from pushplan.util.names import DEFAULT_PLANNER, RANKED_BY, TRANSIT_CLEARANCE
 
 _NEAREST = 1e-3
-"""What an approach begins, and a retreat ends, farther from the objects than the clearance, m."""
+"""Smallest distance beyond the clearance at the start of an approach and at the end of a retreat, m."""
 
 _OF_SEVERAL = {"name", "cost", "time_limit", "seed", "gap"}
-"""Keys of `planner` that bear on several pushes."""
+"""Keys of `planner` that apply to multi-push plans."""
 
 
 def shared(file: RoomFile, source: Source, attachments: Attachments) -> dict[str, Any]:
-    """Return what all kinds of scenarios have in common, and report what is wrong with the room."""
+    """Return the arguments that all kinds of scenarios share, and report errors of the room."""
     workspace, obstacles = build_surroundings(file, attachments, source)
     planner = file.planner if file.robot.start is None else file.planner.model_copy(update={"cost": RANKED_BY})
     return {
@@ -56,17 +56,17 @@ def shared(file: RoomFile, source: Source, attachments: Attachments) -> dict[str
 
 
 def check_room_for_inertia(file: RoomFile, source: Source) -> None:
-    """Report dynamic contact limits where contacts may be pushed at their limit."""
+    """Report dynamic contact limits without a margin."""
     if file.pusher.limits.contact == "dynamic" and file.stability.margin == 0.0:
         source.error(
             ("pusher", "limits", "contact"),
-            "'dynamic', the default, needs a stability.margin above 0, for a contact at its limit has nothing to "
-            "spare for inertia; allowed: a stability.margin such as auto or 0.05, or quasi-static",
+            "'dynamic', the default, needs a stability.margin above 0, because a contact at its limit has no reserve "
+            "for inertia; allowed: a stability.margin such as auto or 0.05, or quasi-static",
         )
 
 
 def one_load(source: Source, attachments: Attachments) -> Scenario | None:
-    """Return the scenario that a document of one load states; None where findings leave none."""
+    """Return the scenario of a document with one load; None if its errors do not allow one."""
     file, doubtful = validate(ScenarioFile, source), set[str]()
     if file is None:
         mended = salvage(source)
@@ -75,7 +75,7 @@ def one_load(source: Source, attachments: Attachments) -> Scenario | None:
         file, doubtful = mended
     part = source.moved(lambda place: place)
     bodies = build_bodies(file, attachments.read, part)
-    source.take(part, *doubtful)  # without what follows from stand-ins alone
+    source.take(part, *doubtful)  # without errors that follow from stand-ins
     stated = _stated_goals(file)
     if not _goals_exist(file, stated, source):
         doubtful.add("goal")
@@ -105,7 +105,7 @@ def one_load(source: Source, attachments: Attachments) -> Scenario | None:
 
 
 def _stated_goals(file: ScenarioFile) -> dict[Place, GoalPose]:
-    """Return the goals of a file by where each stands; a bare pose is that of the chain frame."""
+    """Return the goals of a file by their places; a bare pose is a goal of the chain frame."""
     stated: Any = file.goal
     several = isinstance(stated, tuple) and not isinstance(stated[0], float)
     each = {("goal", i): goal for i, goal in enumerate(stated)} if several else {("goal",): stated}
@@ -116,7 +116,7 @@ def _stated_goals(file: ScenarioFile) -> dict[Place, GoalPose]:
 
 
 def _goals_exist(file: ScenarioFile, stated: Mapping[Place, GoalPose], source: Source) -> bool:
-    """Return whether the object that each goal names exists, and report the first that does not."""
+    """Return whether the object of each goal exists, and report the first one that does not."""
     known = [obj.name for obj in file.objects]
     for place, goal in stated.items():
         if goal.of is not None and goal.of not in known:
@@ -138,7 +138,7 @@ def turned_goals(stated: GoalPose, chain: Chain) -> Iterator[Goal]:
 
 
 def _check_for_several_only(file: ScenarioFile, source: Source) -> None:
-    """Report what says nothing of one push with the plate in contact."""
+    """Report keys that have no meaning for a single push."""
     if file.robot.start is not None:
         return
     meaningless: dict[Place, bool] = {
@@ -149,24 +149,24 @@ def _check_for_several_only(file: ScenarioFile, source: Source) -> None:
         ("pushes",): file.pushes is not None,
     }
     for place in (place for place, stated in meaningless.items() if stated):
-        what = "is for multi-push plans: it needs a robot.start, the plate's pose in the world"
+        what = "is for multi-push plans only: it needs a robot.start, the plate's pose in the world"
         source.error(place, what, at_key=True)
 
 
 def transport_of(
     file: RoomFile, loads: tuple[PlacedLoad, ...], goals: tuple[TaskGoal, ...], source: Source
 ) -> Transport:
-    """Return the transport of loads: from where the robot starts, and which contacts it may choose."""
+    """Return the transport of loads, with the start of the robot and the allowed contacts."""
     assert file.robot.start is not None  # a file of several objects has one
     for name in sorted(file.planner.model_fields_set - _OF_SEVERAL):
-        what = "is for a single push; multi-push plans (robot.start) are weighed by what 'pushes' says"
+        what = "is only for a single push; for multi-push plans (robot.start), 'pushes' holds the costs"
         source.error(("planner", name), what, at_key=True)
     for name, only in (("name", DEFAULT_PLANNER), ("cost", RANKED_BY)):
         if name in file.planner.model_fields_set and getattr(file.planner, name) != only:
-            source.error(("planner", name), f"is for a single push; multi-push plans have {only} only")
+            source.error(("planner", name), f"is only for a single push; allowed for multi-push plans: {only}")
     plate, choice = file.pusher, file.pushes or schema.PushChoice()
     if isinstance(file, RearrangementFile) and "transit_weight" not in choice.model_fields_set:
-        choice = choice.model_copy(update={"transit_weight": 1.0})  # half of the way is from one object to the next
+        choice = choice.model_copy(update={"transit_weight": 1.0})  # transits are half of the path
     least = max(file.clearance, TRANSIT_CLEARANCE) + _NEAREST
     longer = {name: max(getattr(choice, name), least) for name in ("approach", "retreat")}
     choice = choice.model_copy(update={k: v for k, v in longer.items() if k not in choice.model_fields_set})
@@ -177,14 +177,14 @@ def transport_of(
 
 
 def check_pushes(scenario: Scenario, goal: Place, source: Source) -> None:
-    """Report what cannot be several pushes: short paths, what is not free at first, or at any goal, for the first."""
+    """Report errors of a multi-push problem: short approaches, and collisions at the start or at all goals."""
     task = scenario.transport
     for name in ("approach", "retreat"):
         kept = max(scenario.clearance, TRANSIT_CLEARANCE)
-        least = kept + _NEAREST  # defaults are no shorter
+        least = kept + _NEAREST  # defaults are never shorter
         if getattr(task, name) < least:
-            why = f"the robot keeps {kept:.6g} m from the objects when it drives on"
-            what = f"is {getattr(task, name):.6g} m, and {why}; allowed: at least {least:.6g}"
+            why = f"the robot keeps {kept:.6g} m from the objects in transit"
+            what = f"is {getattr(task, name):.6g} m, but {why}; allowed: at least {least:.6g}"
             source.error(("pushes", name), what)
     for place, what in troubles_at_first(scenario):
         source.error(place, what)
@@ -195,7 +195,7 @@ def check_pushes(scenario: Scenario, goal: Place, source: Source) -> None:
 
 
 def troubles_at_first(scenario: Scenario) -> Iterator[tuple[Place, str]]:
-    """Yield the place in a file and a sentence for objects, and parts of the robot, that are not free at first."""
+    """Yield a place in the file and a sentence for every object and robot part in collision at the start."""
     chain = scenario.chain
     for what in troubles_at(scenario, scenario.start, "start"):
         yield ("start",), what
@@ -211,7 +211,7 @@ def troubles_at_first(scenario: Scenario) -> Iterator[tuple[Place, str]]:
 
 
 def troubles_at(scenario: Scenario, load: FloatArray, what: str) -> Iterator[str]:
-    """Yield a sentence for each object that is not free with the load at a pose (3,), its `start` or a `goal`."""
+    """Yield a sentence for each object in collision with the load at a pose (3,): its `start` or a `goal`."""
     return placement_troubles(what, placed(_objects(scenario.chain), load), scenario)
 
 

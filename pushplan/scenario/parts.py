@@ -14,7 +14,7 @@ from pushplan.util.arrays import FloatArray, frozen
 
 @dataclass(frozen=True)
 class Workspace:
-    """The rectangle, in the world, that pusher and objects do not leave, m."""
+    """Rectangle in the world that robot and objects stay in, m."""
 
     xmin: float
     xmax: float
@@ -23,18 +23,18 @@ class Workspace:
 
     @property
     def outline(self) -> FloatArray:
-        """(4, 2) its corners, counter-clockwise."""
+        """Corners (4, 2), counter-clockwise."""
         x, y = [self.xmin, self.xmax, self.xmax, self.xmin], [self.ymin, self.ymin, self.ymax, self.ymax]
         return np.stack([x, y], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
 class PolygonObstacle:
-    """A simple polygon that stands still.
+    """A fixed simple polygon.
 
     Attributes:
-        outline: (v, 2) corners in the world, m, counter-clockwise.
-        unknown: It stands for a part of a map of which nothing is known; it is drawn as such.
+        outline: Corners (v, 2) in the world, m, counter-clockwise.
+        unknown: Whether it is an unknown part of a map, which is drawn differently.
     """
 
     outline: FloatArray
@@ -46,30 +46,30 @@ class PolygonObstacle:
 
     @cached_property
     def core(self) -> shapely.Polygon:
-        """What all of its points are no farther from than `radius`, in the world: itself."""
+        """Geometry in the world that `radius` inflates to the obstacle: the polygon itself."""
         return shapely.Polygon(self.outline)
 
     @cached_property
     def box(self) -> FloatArray:
-        """(2, 2) lower left and upper right corner of the box around it, in the world, m."""
+        """Lower left and upper right corner (2, 2) of the bounding box in the world, m."""
         return frozen([self.outline.min(axis=0), self.outline.max(axis=0)], (2, 2), "box")
 
     def document(self) -> dict[str, Any]:
-        """Return it in the form that it has in a file."""
+        """Return the obstacle in the form of a scenario file."""
         return {"polygon": self.outline.tolist(), **({"unknown": "obstacle"} if self.unknown else {})}
 
     def __str__(self) -> str:
-        """Say where it is."""
+        """Return a noun phrase with the obstacle's position."""
         return _obstacle_at(self.box.mean(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
 class CircleObstacle:
-    """A disc that stands still.
+    """A fixed disc.
 
     Attributes:
-        center: (2,) in the world, m.
-        radius: m.
+        center: Centre (2,) in the world, m.
+        radius: Radius, m.
     """
 
     center: FloatArray
@@ -80,20 +80,20 @@ class CircleObstacle:
 
     @cached_property
     def core(self) -> shapely.Point:
-        """What all of its points are no farther from than `radius`, in the world: its centre."""
+        """Geometry in the world that `radius` inflates to the obstacle: the centre."""
         return shapely.Point(self.center)
 
     @cached_property
     def box(self) -> FloatArray:
-        """(2, 2) lower left and upper right corner of the box around it, in the world, m."""
+        """Lower left and upper right corner (2, 2) of the bounding box in the world, m."""
         return frozen([self.center - self.radius, self.center + self.radius], (2, 2), "box")
 
     def document(self) -> dict[str, Any]:
-        """Return it in the form that it has in a file."""
+        """Return the obstacle in the form of a scenario file."""
         return {"circle": self.radius, "center": self.center.tolist()}
 
     def __str__(self) -> str:
-        """Say where it is."""
+        """Return a noun phrase with the obstacle's position."""
         return _obstacle_at(self.center)
 
 

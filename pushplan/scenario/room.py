@@ -1,4 +1,4 @@
-"""What stands around the load: workspace, obstacles and maps of a file, and what is not free at start and goal."""
+"""Workspace, obstacles and maps of a file, and checks for collisions at start and goal."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ if TYPE_CHECKING:
     from pushplan.scenario.model import Scenario
 
 MOST_ATTACHED = 16 << 20
-"""Bytes up to which a file that a scenario names is read."""
+"""Largest size of a file that a scenario names, bytes."""
 
 ROUNDING = 1e-9
-"""Distances that fall short of the clearance by less (m) are rounding."""
+"""Rounding error of distances that is allowed below the clearance, m."""
 
 MOST_TOLD = 20
-"""Obstacles near one body that are told one by one."""
+"""Largest number of obstacles that are listed for one body."""
 
 _OUTSIDE = "a file in the scenario's folder"
 
 
 class Attachments:
-    """Contents of the files that a scenario names, from its folder or given beforehand.
+    """Contents of the files that a scenario names, from its folder or given in advance.
 
     Attributes:
-        contents: Bytes by name, of all files asked for.
+        contents: Bytes of all files that were read, by name.
     """
 
     def __init__(self, given: dict[str, bytes], folder: Path | None = None) -> None:
@@ -50,7 +50,7 @@ class Attachments:
         self._folder = folder
 
     def read(self, name: str) -> bytes:
-        """Return what the file `name` holds.
+        """Return the content of the file `name`.
 
         Raises:
             SupportError: If the name leads out of the folder or the file cannot be read.
@@ -66,7 +66,7 @@ class Attachments:
         path = self._folder / pure
         outside = pure.is_absolute() or ".." in pure.parts or not name.isprintable()
         if outside or not path.resolve().is_relative_to(self._folder.resolve()):
-            raise SupportError(f"is the name '{shorten(name)}'; allowed: {_OUTSIDE}")
+            raise SupportError(f"has the name '{shorten(name)}'; allowed: {_OUTSIDE}")
         try:
             data = read_regular(path, MOST_ATTACHED + 1)
         except OSError as error:
@@ -79,9 +79,9 @@ class Attachments:
 def build_surroundings(
     file: schema.RoomFile, attachments: Attachments, source: Source
 ) -> tuple[Workspace | None, tuple[Obstacle, ...]]:
-    """Return the room that a file states, without the maps that cannot be read; why is reported.
+    """Return the workspace and obstacles of a file, and report maps that cannot be read.
 
-    The workspace is the rectangle around all maps where none is stated: beyond a map nothing is known.
+    The default workspace is the rectangle around all maps, because the space beyond a map is unknown.
     """
     obstacles: list[Obstacle] = []
     areas: list[Workspace] = []
@@ -93,7 +93,7 @@ def build_surroundings(
                 try:
                     found = ros_map_of(stated.map, attachments.read, unknown_is_free=stated.unknown == "free")
                 except PushplanError as error:
-                    hint = "; copy the map and its picture there, or give it with --map"
+                    hint = "; copy the map and its picture there, or pass it with --map"
                     source.error(("obstacles", i, "map"), f"{error}{hint if _OUTSIDE in str(error) else ''}")
                     continue
                 obstacles += found.obstacles
@@ -117,12 +117,12 @@ def placed(bodies: Iterable[Body], pose: FloatArray) -> list[tuple[str, FloatArr
 
 
 def placement_troubles(what: str, bodies: Sequence[tuple[str, FloatArray]], room: Scenario) -> Iterator[str]:
-    """Yield a sentence on every body that leaves the workspace or comes too near an obstacle.
+    """Yield a sentence for every body that leaves the workspace or is too near to an obstacle.
 
     Args:
         what: `start` or `goal`, for the sentences.
         bodies: Names and outlines (v, 2) in the world.
-        room: The scenario, with what to keep away from, and how far.
+        room: Scenario with the obstacles, the workspace and the clearance.
     """
     obstacles, clearance = room.obstacles, room.clearance
     boxes = np.array([obstacle.box for obstacle in obstacles]).reshape(-1, 2, 2)
@@ -134,14 +134,14 @@ def placement_troubles(what: str, bodies: Sequence[tuple[str, FloatArray]], room
         all_near = filter(None, (_too_near(outline, obstacles[i], clearance) for i in near.tolist()))
         troubles += islice(all_near, MOST_TOLD)
         if any(all_near):
-            troubles.append(f"is as near to more obstacles than these {MOST_TOLD}, which are not listed")
+            troubles.append(f"is too near to more obstacles; only the first {MOST_TOLD} are listed")
         yield from (f"at the {what}, '{name}' {trouble}" for trouble in troubles)
 
 
 def _beyond_walls(
     low: list[float], high: list[float], workspace: Workspace | None, clearance: float
 ) -> Iterator[str]:
-    """Yield how far a body in a box (x, y) is beyond each wall, or that it is too near to it."""
+    """Yield a sentence for every wall that a body with a bounding box is beyond or too near to."""
     if workspace is None:
         return
     (xmin, ymin), (xmax, ymax) = low, high
@@ -159,7 +159,7 @@ def _beyond_walls(
 
 
 def _too_near(outline: FloatArray, obstacle: Obstacle, clearance: float) -> str:
-    """Return what is wrong between a body and an obstacle, or nothing."""
+    """Return a phrase on a body that is too near to an obstacle; empty if it is not."""
     body = shapely.Polygon(outline)
     if isinstance(obstacle, CircleObstacle):
         inside = bool(body.contains(obstacle.core))

@@ -1,4 +1,4 @@
-"""The scenario file as a typed model, with the defaults of what may be left out; descriptions say what is allowed."""
+"""Typed model of the scenario file with its defaults; the descriptions of the fields state the allowed values."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pushplan.scenario.goals import DEFAULT_TOLERANCE, TOLERANCE_OF_SEVERAL
 from pushplan.scenario.units import fault
 from pushplan.util import names
 
-GOAL = "[x, y, theta], {pose: [x, y, theta], ...}, or a list of 1 to 100 of these, any of which will do"
+GOAL = "[x, y, theta], {pose: [x, y, theta], ...}, or a list of 1 to 100 alternatives of these"
 GOALS = "a mapping from names of objects to poses [x, y, theta], {pose: ..., symmetry: ...} or lists of these"
 ROW = "{of: [name, name, ...], pose: [x, y, theta]}, or wall: ... or anywhere: true in place of the pose"
 SNAP = "a length in m, e.g. 5 mm, or {position: 5 mm, angle: 2 deg}"
@@ -28,18 +28,18 @@ OBSTACLES = (
 
 
 class Uncertainty(t.Strict):
-    """By what share of the stated value coefficients and loads may be off; explicit intervals come before it."""
+    """Uncertainty of friction and loads, as a share of the nominal value; explicit intervals take precedence."""
 
     contact_friction: t.Share = Field(default=0.0, description=SHARE)
-    """Of all coefficients between plate and objects."""
+    """Uncertainty of all contact friction, between objects and between plate and objects."""
     floor_friction: t.Share = Field(default=0.0, description=SHARE)
-    """Of all coefficients between objects and floor."""
+    """Uncertainty of all friction between objects and floor."""
     load: t.Share = Field(default=0.0, description=SHARE)
-    """Of the load on each foot, or of the pressure at every place, of each object; its weight stays."""
+    """Uncertainty of the load on each foot, or of the pressure at every point; the weights are known."""
 
 
 class Snap(t.Strict):
-    """How far objects with a stated pose may be from the contact that they are moved onto."""
+    """Largest distance by which objects with a given pose are moved onto their contact."""
 
     position: t.SnapDistance = Field(description=b.LENGTH)
     angle: t.SnapAngle = Field(default=math.radians(2.0), description="an angle in rad")
@@ -52,51 +52,51 @@ SnapChoice = Annotated[
 
 
 class Floor(t.Strict):
-    """The floor under every object that does not state its own friction."""
+    """The floor under every object without its own floor friction."""
 
     friction: t.FloorFriction = Field(description=b.FRICTION)
 
 
 class Tolerance(t.Strict):
-    """How far from the goal is still at the goal."""
+    """Tolerance of the goal."""
 
     position: t.PositionTolerance = Field(default=DEFAULT_TOLERANCE[0], description=b.LENGTH)
     angle: t.AngleTolerance = Field(default=DEFAULT_TOLERANCE[1], description="an angle in rad")
 
 
 class ToleranceOfSeveral(Tolerance):
-    """How far from its goal one of several objects is still there."""
+    """Tolerance of the goal of one of several objects."""
 
     position: t.PositionTolerance = Field(default=TOLERANCE_OF_SEVERAL[0], description=b.LENGTH)
     angle: t.AngleTolerance = Field(default=TOLERANCE_OF_SEVERAL[1], description="an angle in rad")
 
 
 class _Aim(t.Strict):
-    """A pose, and after how many equal turns it is the same."""
+    """A pose and its rotational symmetry."""
 
     pose: t.Pose = Field(description="[x, y, theta] in the world")
     symmetry: t.Symmetry = Field(
-        default=1, description="a whole number: after so many equal turns the frame meant is as it was"
+        default=1, description="a whole number n: the object looks the same after a turn by 360/n deg"
     )
 
 
 class ObjectGoal(_Aim):
-    """Where to bring one of several objects."""
+    """Goal of one of several objects."""
 
     tolerance: ToleranceOfSeveral = t.with_defaults(ToleranceOfSeveral, "{position: ..., angle: ...}")
 
 
 class GoalPose(_Aim):
-    """Where to bring the chain."""
+    """Goal of the chain."""
 
     tolerance: Tolerance = t.with_defaults(Tolerance, "{position: ..., angle: ...}")
     of: str | None = Field(
-        default=None, description="the name of the object meant; left out, the chain frame is meant"
+        default=None, description="the name of the object that the pose is of; default: the chain frame"
     )
 
 
 class PushChoice(t.Strict):
-    """What several pushes may come to, and what counts when they are ranked."""
+    """Limits and costs of multi-push plans."""
 
     most: t.Most = Field(default=6, description="a whole number")
     switch_cost: t.ArcPrice = Field(default=0.1, description=b.LENGTH)
@@ -114,7 +114,7 @@ class Area(t.Strict):
 
 
 _WORLD = "[x, y, theta] in the world"
-_UNKNOWN = "obstacle, the default, or free: what a map does not know"
+_UNKNOWN = "obstacle, the default, or free: treatment of unknown cells"
 
 
 class BoxInRoom(b.BoxShape):
@@ -124,7 +124,7 @@ class BoxInRoom(b.BoxShape):
 
 
 class PolygonInRoom(b.PolygonShape):
-    """A polygonal obstacle; it may stand for a part of a map of which nothing is known."""
+    """A polygonal obstacle; it can represent an unknown part of a map."""
 
     pose: t.Pose | None = Field(default=None, description=_WORLD)
     unknown: Literal["obstacle"] | None = Field(default=None, description="obstacle")
@@ -138,7 +138,7 @@ class CircleInRoom(t.Strict):
 
 
 class MapInRoom(t.Strict):
-    """All that a map has."""
+    """The obstacles of a map."""
 
     map: t.FileName = Field(description="a ROS map (YAML) in the scenario's folder")
     unknown: Literal["obstacle", "free"] | None = Field(default=None, description=_UNKNOWN)
@@ -154,18 +154,18 @@ Obstacle = Annotated[
 
 
 class StabilitySettings(t.Strict):
-    """Which stable set limits the pusher's twists, and how far inside it they stay."""
+    """Stable set that limits the pusher's twists, and their required margin."""
 
     set: Literal[names.STABLE_SETS] = Field(  # type: ignore[valid-type]
         default=names.DEFAULT_STABLE_SET, description=b.one_of(names.STABLE_SETS)
     )
     margin: t.Margin = Field(default=names.AUTO, description="auto, or a margin from 0 to 0.99")
-    """The twists' margins exceed this number; `auto` stands for min(0.05, half of the largest margin there is),
-    lowered where no path is found with it."""
+    """Margin that all twists exceed; `auto` is min(0.05, half of the set's largest margin), lowered if there is no
+    path with it."""
 
 
 class PlannerSettings(t.Strict):
-    """Which planner runs, for how long, with which random numbers."""
+    """Planner, its limits and its objective."""
 
     name: Annotated[Literal[names.PLANNERS], BeforeValidator(t.still_here)] = Field(  # type: ignore[valid-type]
         default=names.DEFAULT_PLANNER, description=b.one_of(names.PLANNERS)
@@ -176,18 +176,18 @@ class PlannerSettings(t.Strict):
     cost: Literal[names.COSTS] = Field(  # type: ignore[valid-type]
         default=names.DEFAULT_COST, description=b.one_of(names.COSTS)
     )
-    """What ranks paths."""
+    """Objective that ranks paths."""
     weight: t.Weight = Field(default=1.0, description="a weight from 0 to 1000")
-    """Of the margin in `cost: margin`: what a metre at the set's boundary costs more than one at the safest twist, as
-    a share."""
+    """Weight of the margin in `cost: margin`: extra cost of a metre at the set's boundary, as a share of the cost of
+    a metre at the safest twist."""
     gap: t.Gap = Field(default=0.0, description="a share from 0 to 100")
-    """Share above the lower bound at which a path is good enough to stop."""
+    """Optimality gap at which the search ends, as a share of the lower bound."""
     arc_price: t.ArcPrice = Field(default=0.03, description=b.LENGTH)
-    """What an arc counts beside its length when paths are ranked, m."""
+    """Cost of each arc in addition to its length, m."""
 
 
 class RoomFile(t.Strict):
-    """What every scenario file states: objects, robot, room and settings, but for where objects are and shall go."""
+    """The part that all scenario files share: objects, robot, room and settings, without starts and goals."""
 
     format: Literal["pushplan/1"] = Field(description=names.SCENARIO_FORMAT)
     name: t.Name | None = Field(default=None, description=b.NAME)
@@ -214,7 +214,7 @@ class RoomFile(t.Strict):
 
 
 def _goal_form(value: object) -> str:
-    """Tell a goal from a list of goals: a pose is a list of numbers."""
+    """Return the tag of a goal: a list of numbers is a pose, any other list is a list of goals."""
     if not isinstance(value, list | tuple):
         return "<one>"
     several = any(isinstance(one, dict | list | tuple | t.Strict) for one in value)
@@ -245,7 +245,7 @@ class ScenarioFile(RoomFile):
 
 
 class RearrangementFile(RoomFile):
-    """Several objects that stand apart, each with goals of its own or without any."""
+    """Several separate objects, each with its own goals or without a goal."""
 
     objects: Annotated[tuple[b.PlacedObject, ...], t.Several(1, 200)] = Field(
         description="a list of 1 to 200 objects, each with its pose in the world"
@@ -255,7 +255,7 @@ class RearrangementFile(RoomFile):
 
 
 class RowGoal(t.Strict):
-    """Several objects that shall stand flush in a row, one in front of another as they are pushed."""
+    """A row of objects that stand flush, one in front of another along the push."""
 
     of: Annotated[tuple[t.Name, ...], t.Several(1, MOST_IN_ROW)] = Field(
         description=f"a list of 1 to {MOST_IN_ROW} names of objects, from the pusher outward"
@@ -264,31 +264,31 @@ class RowGoal(t.Strict):
         default=None, description="[x, y, theta] in the world of the middle of the row's rear face, +x along the push"
     )
     wall: Literal[names.WALLS] | None = Field(  # type: ignore[valid-type]
-        default=None, description=f"the wall that the row's front shall be at: {b.one_of(names.WALLS)}"
+        default=None, description=f"the wall at the row's front: {b.one_of(names.WALLS)}"
     )
-    anywhere: bool | None = Field(default=None, description="true: wherever the row comes about")
-    order: Literal["any", "given"] = Field(default="any", description="any, or given: that of the list")
+    anywhere: bool | None = Field(default=None, description="true: the planner chooses the place of the row")
+    order: Literal["any", "given"] = Field(default="any", description="any, or given: the order of the list")
     tolerance: Tolerance = t.with_defaults(Tolerance, "{position: ..., angle: ...}")
     placed: Annotated[tuple[t.Name, ...], t.Several(0, MOST_IN_ROW)] = Field(
-        default=(), description="a list of those that stand in it already, at its front"
+        default=(), description="a list of the objects that already stand at the front of the row"
     )
 
     @model_validator(mode="after")
     def _one_place(self) -> RowGoal:
         given = [self.pose is not None, self.wall is not None, bool(self.anywhere)]
         if sum(given) != 1:
-            raise fault("a row with " + ("no place" if not any(given) else "several places"), ROW)
+            raise fault("the row has " + ("no place" if not any(given) else "several places"), ROW)
         return self
 
 
 class RowGoals(t.Strict):
-    """The goals of a file whose objects shall stand in a row."""
+    """The goals of a gathering: one row."""
 
     row: RowGoal = Field(description=ROW)
 
 
 class GatheringFile(RearrangementFile):
-    """Several objects that stand apart and shall stand in a row; others stay where they are."""
+    """Several separate objects, some of which are gathered into a row."""
 
     goals: RowGoals = Field(description=f"{{row: {ROW}}}")  # type: ignore[assignment]
     gather: Literal[names.GATHER] = Field(  # type: ignore[valid-type]
@@ -299,8 +299,8 @@ class GatheringFile(RearrangementFile):
 def scenario_schema() -> dict[str, Any]:
     """Return the JSON Schema of scenario files.
 
-    It accepts every file that the loader accepts. The loader also checks what no schema can say: the range of numbers
-    with a unit, polygons that cross themselves, contacts, collisions.
+    The schema accepts every file that the loader accepts. The loader checks more than a schema can express: the range
+    of numbers with a unit, polygons that cross themselves, contacts and collisions.
     """
     models = (ScenarioFile, RearrangementFile, GatheringFile)
     named, schema = models_json_schema([(model, "validation") for model in models])
@@ -312,28 +312,28 @@ def scenario_schema() -> dict[str, Any]:
 
 
 def schema_text(schema: dict[str, Any]) -> str:
-    """Return a schema as it is printed and packaged."""
+    """Return a schema as JSON text, as printed and packaged."""
     return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
 
 
 def schema_file(name: str = "scenario") -> Path:
-    """Return the file in which the package holds the schema of scenario files, or of suites."""
+    """Return the path of a packaged schema: `scenario` or `suite`."""
     return (Path(__file__).parents[1] / f"{name}.schema.json").resolve()
 
 
 def finished(schema: dict[str, Any], title: str) -> dict[str, Any]:
-    """Return a schema of pydantic's with a title, and without those that it makes from keys."""
+    """Return a pydantic schema with a title of its own and without pydantic's titles."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_without_titles(schema), "title": title}
 
 
 def _without_titles(node: Any) -> Any:
-    """Return a schema without the titles that pydantic makes from the keys: editors show them beside the keys."""
+    """Return a schema without the titles that pydantic derives from keys, which editors show beside the keys."""
     if isinstance(node, list):
         return [_without_titles(child) for child in node]
     if not isinstance(node, dict):
         return node
     kept = {key: child for key, child in node.items() if key != "title"}
     for key, child in kept.items():
-        named = key in ("properties", "$defs")  # whose keys are names, `title` too
+        named = key in ("properties", "$defs")  # their keys are names, and one can be `title`
         kept[key] = {name: _without_titles(one) for name, one in child.items()} if named else _without_titles(child)
     return kept

@@ -1,8 +1,8 @@
-"""A file's YAML text as a tree whose nodes know their line and column, and the findings told at those places.
+"""A YAML file as a tree of nodes with line and column, and the errors found in it.
 
-Only what plain data need is accepted. Anchors, aliases, tags, merge keys, repeated keys and several documents are
-refused: they hide what a file says, and aliases let a small file grow without bounds. The parser's events are read
-one at a time, so that size and depth are limited before anything is built.
+Only plain data are accepted. Anchors, aliases, tags, merge keys, repeated keys and several documents are refused:
+they obscure the content, and aliases let a small file grow without bounds. The parser's events are read one at a
+time, so that size and depth are limited before the tree is built.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pushplan.errors import Finding, PushplanError
 from pushplan.util.names import LOG_MAGIC
 
 MOST_BYTES = 1 << 20
-"""Size up to which a file is read."""
+"""Largest size of a file, bytes."""
 
 MOST_NODES = 100_000
 MOST_DEPTH = 32
@@ -28,22 +28,22 @@ MOST_DEPTH = 32
 Scalar = str | int | float | bool | None
 
 Place = tuple[str | int, ...]
-"""The way from the root to a node: keys and 0-based indices."""
+"""Path from the root to a node: keys and 0-based indices."""
 
 _FAST_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""LibYAML where PyYAML was built with it: 15 times as fast (1 MB of obstacles: 0.3 s, not 5)."""
+"""LibYAML, if PyYAML was built with it: it reads 1 MB of obstacles in 0.3 s instead of 5 s."""
 
 _LONG = 100_000
-"""Characters from which it reads a text. In one of a hundred mutated texts it is laxer (tabs, `a?b` in a list) or
-puts an error elsewhere, so what people write by hand is read by the parser in Python, whose words `_HINTS` knows."""
+"""Length from which LibYAML reads a text, characters. For one in a hundred mutated texts it accepts more (tabs, `a?b`
+in a list) or reports another place. The Python parser therefore reads files written by hand; `_HINTS` matches it."""
 
-# The line separators of YAML 1.1 are refused too: editors and YAML 1.2 do not count them as lines.
+# The line separators of YAML 1.1 are refused too, because editors and YAML 1.2 do not count them as lines.
 _UNPRINTABLE = re.compile("[\0-\x08\v\f\x0e-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufffe\uffff]")
 _LINE_BREAK = re.compile("\r\n?|\n")
 
 
 class DocumentError(PushplanError, ValueError):
-    """A text is no document that pushplan reads; `findings` says why and where."""
+    """A text is not a document that pushplan can read; `findings` holds the errors and their places."""
 
     def __init__(self, findings: tuple[Finding, ...]) -> None:
         self.findings = findings
@@ -51,14 +51,14 @@ class DocumentError(PushplanError, ValueError):
 
 
 class Position(NamedTuple):
-    """A place in a text, both counted from 1."""
+    """Line and column in a text, from 1."""
 
     line: int
     column: int
 
 
 class Entry(NamedTuple):
-    """A value of a mapping and where its key stands."""
+    """A value of a mapping and the position of its key."""
 
     key: Position
     node: Node
@@ -66,7 +66,7 @@ class Entry(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """A scalar, a list of nodes or a mapping to entries, and where it begins."""
+    """A scalar, list or mapping, and the position where it begins."""
 
     position: Position
     content: Scalar | list[Node] | dict[str, Entry]
@@ -80,7 +80,7 @@ class Node:
         return self.content
 
     def path(self, place: Place) -> list[Entry]:
-        """Return the entries on the way to `place`, as far as they exist."""
+        """Return the entries along the path to `place`, as far as they exist."""
         path: list[Entry] = []
         content = self.content
         for step in place:
@@ -95,18 +95,18 @@ class Node:
 
 
 class Source:
-    """The document of one file, and everything that is found wrong in it.
+    """The document of one file and the errors found in it.
 
     Args:
-        data: What the file holds.
-        path: What messages call it.
-        by_hand: A person wrote it; what a program wrote is read faster.
+        data: Content of the file.
+        path: Name for messages.
+        by_hand: Whether a person wrote the file; files from programs are read faster.
 
     Attributes:
-        root: The outermost node.
+        root: Root node.
 
     Raises:
-        DocumentError: On anything that keeps the tree from being built.
+        DocumentError: If the tree cannot be built.
     """
 
     def __init__(self, data: bytes, path: str | Path = "", by_hand: bool = True) -> None:
@@ -116,26 +116,26 @@ class Source:
         self.root = _Parser(_decoded(data), by_hand, self._found).document()
 
     def moved(self, moved: Callable[[Place], Place]) -> Source:
-        """Return the document for a part of the problem, whose findings this one has to take over (`take`).
+        """Return the document of a part of the problem; `take` takes its findings over.
 
         Args:
-            moved: Returns where the file states what stands at a place of that part.
+            moved: Function that maps a place in the part to its place in the file.
         """
         part = copy(self)
         part._found, part._moved = [], moved
         return part
 
     def take(self, part: Source, *but: str) -> None:
-        """Take over the findings of a part, but for those in some sections."""
+        """Take over the findings of a part, except those in the sections `but`."""
         self._found += [found for found in part._found if not (found[0] and found[0][0] in but)]
 
     def error(self, place: Place, what: str, at_key: bool = False) -> None:
-        """Note what is wrong at a place; one that the text leaves out counts as where it would stand."""
+        """Record an error at a place; if the text leaves it out, at the last node of its path that exists."""
         place = self._moved(place)
         self._found.append((place, self.finding(place, what, at_key)))
 
     def finding(self, place: Place, what: str, at_key: bool = False) -> Finding:
-        """Return the finding that says `what` about a place."""
+        """Return a finding about a place."""
         path = self.root.path(place)
         position = path[-1].node.position if path else self.root.position
         if at_key and path and len(path) == len(place):
@@ -143,39 +143,39 @@ class Source:
         return Finding(place_text(place), what, *position)
 
     def holds(self, place: Place) -> bool:
-        """Return whether the document states something at a place."""
+        """Return whether the document has a value at a place."""
         return len(self.root.path(place)) == len(place)
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Everything found, each once, in the order of the text."""
+        """All findings without repetitions, in the order of the text."""
         found = dict.fromkeys(finding for _, finding in self._found)
         return tuple(sorted(found, key=lambda finding: (finding.line or 0, finding.column or 0)))
 
     @property
     def wrong(self) -> tuple[Place, ...]:
-        """The places that something was found wrong at."""
+        """Places of all errors."""
         return tuple(place for place, _ in self._found)
 
 
 def place_text(place: Place) -> str:
-    """Return a place as people write it, e.g. `objects[1].shape.box`."""
+    """Return a place as text, e.g. `objects[1].shape.box`."""
     text = "".join(f"[{step}]" if isinstance(step, int) else f".{shorten(step)}" for step in place)
     return text.removeprefix(".")
 
 
 def shorten(text: str, most: int = 40) -> str:
-    """Return `text` in a form and length that fit a message."""
+    """Return `text` in printable form, shortened for a message."""
     text = text if text.isprintable() else ascii(text)[1:-1]
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
 def _decoded(data: bytes) -> str:
-    """Return the text of a UTF-8 file; a byte order mark at its beginning is dropped."""
+    """Return the text of a UTF-8 file without its byte order mark."""
     if len(data) > MOST_BYTES:
         raise _failure(f"the file is larger than the {MOST_BYTES} bytes allowed", Position(1, 1))
     if data.startswith(LOG_MAGIC):
-        raise _failure("this is a run log; `pushplan replay` reads it, and holds its scenario", Position(1, 1))
+        raise _failure("this is a run log, not a scenario; read it with `pushplan replay`", Position(1, 1))
     data = data.removeprefix(b"\xef\xbb\xbf")
     try:
         text = data.decode("utf-8")
@@ -199,7 +199,7 @@ def _failure(what: str, position: Position, where: str = "") -> DocumentError:
 
 
 class _Parser:
-    """Turns the parser's events into nodes, and notes what is refused without keeping the tree from being built."""
+    """Builds nodes from the parser's events, and records refused constructs that still let it build the tree."""
 
     def __init__(self, text: str, by_hand: bool, found: list[tuple[Place, Finding]]) -> None:
         self._loader: Any = (yaml.SafeLoader if by_hand and len(text) <= _LONG else _FAST_LOADER)(text)
@@ -213,10 +213,10 @@ class _Parser:
             yield event
 
     def document(self) -> Node:
-        """Return the tree of the one document.
+        """Return the tree of the document.
 
         Raises:
-            DocumentError: With what was found before, too.
+            DocumentError: If the tree cannot be built; it also holds the findings so far.
         """
         try:
             return self._document()
@@ -271,7 +271,7 @@ class _Parser:
                 entries[key] = Entry(position, node)
                 continue
             first = entries[key].key.line
-            self._fault((*place, key), position, f"the key stands twice, first in line {first}; keep one")
+            self._fault((*place, key), position, f"the key is repeated, first in line {first}; keep one")
         return entries
 
     def _key(self, place: Place, event: Any) -> str:
@@ -293,12 +293,12 @@ def _position(event: yaml.Event) -> Position:
     return Position(1, 1) if mark is None else Position(mark.line + 1, mark.column + 1)
 
 
-# What the parser stumbles over, in words for people who do not know YAML's grammar.
+# Parser errors, explained for people who do not know YAML's grammar.
 _HINTS = (
-    ("found character '\\t'", "a tab cannot stand here; indent with spaces"),
+    ("found character '\\t'", "a tab is not allowed here; indent with spaces"),
     (
         "mapping values are not allowed",
-        "a ':' cannot stand here; indent the line like its neighbours, or quote the text",
+        "a ':' is not allowed here; indent the line like its neighbours, or quote the text",
     ),
     ("could not find expected ':'", "a key without ':' and value"),
     ("expected <block end>, but found", "the line is not indented like its neighbours, or a bracket is left over"),
@@ -314,9 +314,9 @@ _HINTS = (
 
 
 def _explained(error: Exception, reached: yaml.Mark) -> DocumentError:
-    """Return the located error for what the parser raised after it had read as far as `reached`.
+    """Return the error of the parser with its place; the parser has read the text up to `reached`.
 
-    Besides its own errors it lets those of Python's conversions out, as on an escape beyond Unicode's end.
+    The parser also raises errors of Python's conversions, for example on an escape beyond the range of Unicode.
     """
     mark, problem = reached, "a number or an escape is out of range"
     if isinstance(error, yaml.MarkedYAMLError):
@@ -326,8 +326,8 @@ def _explained(error: Exception, reached: yaml.Mark) -> DocumentError:
     return _failure(f"not valid YAML: {hint}", Position(mark.line + 1, mark.column + 1))
 
 
-# Plain scalars mean what the core schema of YAML 1.2.2, section 10.3.2, says. PyYAML follows YAML 1.1, where `1e-3`
-# is text and `no` is false.
+# Plain scalars follow the core schema of YAML 1.2.2, section 10.3.2. PyYAML follows YAML 1.1, in which `1e-3` is text
+# and `no` is false.
 _MOST_DIGITS = 200  # 16^200 still fits a double
 _INTEGERS = ((r"[-+]?[0-9]+", 10), (r"0o[0-7]+", 8), (r"0x[0-9a-fA-F]+", 16))
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
@@ -341,9 +341,9 @@ _WORDS: dict[str, Scalar] = {
 
 
 def resolve(text: str) -> Scalar:
-    """Return the null, boolean, number or text that an unquoted scalar stands for.
+    """Return the value of an unquoted scalar: null, a boolean, a number or text.
 
-    A number too large for a double becomes infinite, so that whoever asks for a finite number refuses it.
+    A number too large for a double becomes infinite, which fields of finite numbers refuse.
     """
     if text in _WORDS:
         return _WORDS[text]

@@ -1,4 +1,4 @@
-"""What a scenario asks for: a push with the plate in contact, or the transport of loads that stand anywhere."""
+"""Tasks of a scenario: a push with the plate in contact, or the transport of loads from anywhere."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pushplan.util.arrays import FloatArray, frozen
 
 
 class NotOneLoadError(PushplanError):
-    """A property of one load was read in a scenario that has several."""
+    """A property of a single load was read in a scenario with several loads."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,47 +25,47 @@ class Task(ABC):
     """Loads and their goals.
 
     Attributes:
-        loads: What has to be brought somewhere, and what may have to be moved out of the way.
-        goals: Where the loads shall be. A load without a goal is moved only if it is in the way.
+        loads: All loads, including those without a goal.
+        goals: Goals of the loads. A load without a goal is moved only if it is in the way.
     """
 
     loads: tuple[PlacedLoad, ...]
     goals: tuple[TaskGoal, ...]
 
     planner_keys: ClassVar[Collection[str] | None] = None
-    """Keys of `planner` in a file that matter for the task; None stands for all."""
+    """Keys of `planner` in a file that apply to the task; None for all."""
 
     @property
     @abstractmethod
     def kind(self) -> str:
-        """What messages call the task: one of `names.TASK_KINDS`."""
+        """Kind of the task: one of `names.TASK_KINDS`."""
 
     @property
     @abstractmethod
     def plate_start(self) -> FloatArray:
-        """(3,) pose of the plate frame in the world before anything moves."""
+        """Start pose (3,) of the plate frame in the world."""
 
     @property
     @abstractmethod
     def held(self) -> tuple[PlacedLoad, ...]:
-        """The loads that the plate touches before anything moves."""
+        """Loads in contact with the plate at the start."""
 
     @abstractmethod
     def asked(self, start: FloatArray | None, goals: FloatArray | None, robot: FloatArray | None) -> Task:
-        """Return the task with another start (3,), goals (g, 3) and place of the plate (3,); None keeps each.
+        """Return the task with another start (3,), goals (g, 3) and plate pose (3,); None keeps a value.
 
         Raises:
-            PlanningError: If the task has no such thing.
+            PlanningError: If the task does not allow one of them.
         """
 
     @abstractmethod
     def document(self) -> dict[str, Any]:
-        """Return the task in the form of a scenario file, nothing left open."""
+        """Return the task in the form of a scenario file, with all defaults filled in."""
 
     @property
     @abstractmethod
     def one_load(self) -> bool:
-        """Whether a file states the task as that of one load, which has a chain, a start and a goal."""
+        """Whether the task has a single load with a chain, a start and a goal."""
 
     @cached_property
     def by_name(self) -> dict[str, PlacedLoad]:
@@ -74,7 +74,7 @@ class Task(ABC):
 
     @property
     def load(self) -> PlacedLoad:
-        """The load, where there is one.
+        """The single load.
 
         Raises:
             NotOneLoadError: If there are several.
@@ -82,8 +82,8 @@ class Task(ABC):
         if len(self.loads) != 1:
             known = ", ".join(f"'{load.name}'" for load in self.loads)
             raise NotOneLoadError(
-                f"the scenario has {len(self.loads)} loads, and no chain, start or goal that they share; "
-                f"allowed: scenario.alone(name), the name one of {known}"
+                f"the scenario has {len(self.loads)} loads, so it has no single chain, start or goal; "
+                f"allowed: scenario.alone(name) with one of the names {known}"
             )
         return self.loads[0]
 
@@ -99,19 +99,19 @@ class Task(ABC):
 
     @property
     def flush(self) -> bool:
-        """Whether some loads end flush with one another."""
+        """Whether some loads end flush with each other."""
         return any(goal.flush for goal in self.goals)
 
     @cached_property
     def candidates(self) -> dict[str, tuple[Goal, ...]]:
-        """The poses that may be tried for each load, by its name; only loads that have any."""
+        """Goal poses to try for each load, by name, without loads that have none."""
         found = {load.name: [goal.candidates(load.name) for goal in self.goals] for load in self.loads}
         return {name: tuple(sum(each, ())) for name, each in found.items() if any(each)}
 
 
 @dataclass(frozen=True, eq=False)
 class Push(Task):
-    """The plate is in contact with the load, and one push brings it to its goal."""
+    """A single push that brings a load to its goal; the plate is in contact at the start."""
 
     @property
     def kind(self) -> str:
@@ -120,7 +120,7 @@ class Push(Task):
 
     @classmethod
     def of(cls, load: PlacedLoad, goal: Goal | None = None) -> Push:
-        """Return the push of a load to a goal; None stands for where it is."""
+        """Return the push of a load to a goal; None for its start pose."""
         return cls((load,), (Poses(load.name, (goal or Goal.of_chain(load.start),)),))
 
     @property
@@ -143,7 +143,7 @@ class Push(Task):
         if goals is not None and len(goals) > 1:
             raise PlanningError(f"a single push has one goal, not {len(goals)}")
         if robot is not None:
-            raise PlanningError("robot: allowed where the scenario has a robot.start; here the plate is in contact")
+            raise PlanningError("robot: allowed only if the scenario has a robot.start; here the plate is in contact")
         return self._with_ends(start, goals)
 
     def document(self) -> dict[str, Any]:
@@ -154,20 +154,20 @@ class Push(Task):
 
 @dataclass(frozen=True, eq=False)
 class Transport(Task):
-    """The robot stands anywhere, and brings loads that stand anywhere to their goals by several pushes.
+    """The transport of loads to their goals by several pushes; robot and loads start anywhere.
 
     Attributes:
-        robot_start: (3,) pose of the plate's frame in the world.
-        contacts: What the file states of contacts, in its form: of all loads.
-        faces: Names of `names.FACES` and angles of outward normals in the chain frame, rad, that the plate may push;
-            None stands for all.
+        robot_start: Start pose (3,) of the plate's frame in the world.
+        contacts: Contacts of all loads in the form of the file.
+        faces: Faces that the plate may push: names of `names.FACES` and angles of outward normals in the chain
+            frame, rad; None for all.
         offsets: Offsets of the plate's middle from the middle of the face, to the left of the push, m.
-        most: Number of pushes, at most.
-        switch_cost: What a change of the contact counts when plans are ranked, m.
-        transit_weight: What a metre of a transit counts, as a share of a metre of pushing.
+        most: Largest number of pushes.
+        switch_cost: Cost of a change of the contact, m.
+        transit_weight: Cost of a metre of transit, as a share of a metre of pushing.
         approach: Length of the straight path to a contact, m.
-        retreat: Length of the straight path back from it, m.
-        settle: Length of the straight push with which every push begins, m.
+        retreat: Length of the straight path back from a contact, m.
+        settle: Length of the straight motion at the beginning of every push, m.
     """
 
     robot_start: FloatArray
@@ -198,7 +198,7 @@ class Transport(Task):
 
     @property
     def row(self) -> Row:
-        """The row that objects shall stand in.
+        """The goal that is a row.
 
         Raises:
             PushplanError: If no goal is a row.
@@ -206,7 +206,7 @@ class Transport(Task):
         for goal in self.goals:
             if isinstance(goal, Row):
                 return goal
-        raise PushplanError("the scenario asks for no row; allowed: goals.row in its file")
+        raise PushplanError("the scenario has no row; add goals.row to its file")
 
     @property
     def plate_start(self) -> FloatArray:
@@ -223,13 +223,13 @@ class Transport(Task):
         given = {"start": start, "goal": goals, "robot": robot}
         wrong = [name for name, value in given.items() if value is not None]
         if not self.one_load and wrong:
-            what = "allowed where there is one load; here each object has a place of its own"
+            what = "allowed only for a single load; here each object has its own start and goal"
             raise PlanningError(f"{', '.join(wrong)}: {what}")
         task = self._with_ends(start, goals)
         return task if robot is None else replace(task, robot_start=robot)
 
     def alone(self, name: str) -> Transport:
-        """Return the task of one load; one without goals has its own place for a goal."""
+        """Return the task of one load; if it has no goal, its start is its goal."""
         load = self.by_name[name]
         goals = self.candidates.get(name) or (Goal(load.pose, name, load.start, *DEFAULT_TOLERANCE),)
         return replace(self, loads=(load,), goals=(Poses(name, goals),), contacts=load.stated["contacts"])
@@ -252,7 +252,7 @@ class Transport(Task):
 
 
 PUSHES = ("most", "switch_cost", "transit_weight", "approach", "retreat", "settle")
-"""Fields of a `Transport` that a file has under `pushes`."""
+"""Fields of a `Transport` under the key `pushes` of a file."""
 
 
 def _load_document(load: PlacedLoad) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A commented scenario to begin with."""
+"""Writes a new commented scenario."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SUFFIX = ".yaml"
 
 
 class TemplateError(PushplanError, ValueError):
-    """A new scenario cannot be called so."""
+    """A new scenario cannot be created."""
 
 
 DRIVES = {
@@ -30,31 +30,31 @@ DRIVES = {
     "differential": "{differential: {axle: [-0.3, 0, 0]}}",
     "car": "{car: {axle: [-0.3, 0, 0], min_radius: 0.8}}",
 }
-"""What the template says of each drive; an axle's pose is in the frame of the plate's front edge."""
+"""Text of the template for each drive; an axle's pose is in the frame of the plate's front edge."""
 
 _AHEAD = "[3.4, 0.5, 20 deg]"
-"""Goal of a robot on wheels: the template's own takes turns that its axle and the load do not allow."""
+"""Goal for a robot with an axle. The template's own goal needs turns that the axle and the load do not allow."""
 
 _ROOM = 0.75
-"""Radius around the chain frame in which the template's robot and objects are, m."""
+"""Radius around the chain frame that contains the template's robot and objects, m."""
 
 _APART = 3.0
 """Distance between start and goal in a map, m."""
 
 _ACROSS = 60
-"""Places that are looked at along the longer side of a map."""
+"""Number of positions that are checked along the longer side of a map."""
 
 
 def write_new_scenario(name: str, *, drive: str = "omnidirectional", map_file: Path | None = None) -> Path:
     """Write a commented scenario that loads and plans, and return its file.
 
     Args:
-        name: Of the scenario, or a path that ends with it; `.yaml` is added where it is missing.
+        name: Name of the scenario, or a path that ends with it; `.yaml` is added if it is missing.
         drive: One of `DRIVES`.
-        map_file: YAML file of a map, in the scenario's folder or below; start and goal are where it has room.
+        map_file: YAML file of a map, in the scenario's folder or below; start and goal are placed in free space.
 
     Raises:
-        TemplateError: If no scenario may be called so, or the map is elsewhere or has no room.
+        TemplateError: If the name is not allowed, or the map is in another folder or has no free space.
         ImportedFileError: If the map cannot be read.
         OutputError: If the file exists already or cannot be written.
     """
@@ -69,7 +69,7 @@ def write_new_scenario(name: str, *, drive: str = "omnidirectional", map_file: P
 
 
 def new_scenario_text(name: str, drive: str = "omnidirectional") -> str:
-    """Return a commented scenario called `name`, with the line that lets editors complete and check it."""
+    """Return a commented scenario called `name`, with a line that lets editors complete and check it."""
     from pushplan.scenario.schema import schema_file
 
     text = (files("pushplan") / "new_scenario.yaml").read_text(encoding="utf-8")
@@ -77,23 +77,23 @@ def new_scenario_text(name: str, drive: str = "omnidirectional") -> str:
     others = " or ".join(stated for kind, stated in DRIVES.items() if kind != drive)
     text = _with_line(text, "  drive: ", f"{DRIVES[drive]}   # or {others}")
     if drive != "omnidirectional":
-        text = _with_line(text, "  pose: ", f"{_AHEAD}      # within wide turns: the tightest has a radius of 2.5 m")
+        text = _with_line(text, "  pose: ", f"{_AHEAD}      # reachable by turns with a radius of 2.5 m or more")
     return f"# yaml-language-server: $schema={schema_file().as_uri()}\n{text}"
 
 
 def _in_map(text: str, map_file: Path, folder: Path) -> str:
-    """Return a scenario's text with a map for its surroundings."""
+    """Return a scenario's text with a map in place of workspace and obstacles."""
     ends = start_and_goal(read_ros_map(map_file), _ROOM, _APART)
     if ends is None:
         raise TemplateError(
-            f"{map_file}: has no two places in sight of each other with {_ROOM:g} m of room around; "
-            f"begin without --map, and add `obstacles: [{{map: {map_file.name}}}]`"
+            f"{map_file}: has no straight free path for a start and a goal with {_ROOM:g} m of free space around; "
+            f"create the scenario without --map, and add `obstacles: [{{map: {map_file.name}}}]`"
         )
     try:
         inside = map_file.resolve().relative_to(folder.resolve()).as_posix()
     except ValueError:
         raise TemplateError(
-            f"{map_file}: lies outside the folder of the scenario, '{folder}'; copy it and its picture there"
+            f"{map_file}: is outside the folder of the scenario, '{folder}'; copy it and its picture there"
         ) from None
     (x, y, heading), goal = ends
     stated = f"[{x:g}, {y:g}, {degrees(heading):g} deg]"
@@ -104,31 +104,30 @@ def _in_map(text: str, map_file: Path, folder: Path) -> str:
     head, _, rest = text.partition("workspace: ")
     end = rest.index("\nstability: ")
     return (
-        f"{head}# The rectangle around the map is the workspace. {{map: ..., unknown: free}} lets the chain go\n"
-        f"# where the map knows nothing.\nobstacles: [{{map: {json.dumps(inside)}}}]\n{rest[end:]}"
+        f"{head}# The rectangle around the map is the workspace. With {{map: ..., unknown: free}}, unknown cells\n"
+        f"# are free.\nobstacles: [{{map: {json.dumps(inside)}}}]\n{rest[end:]}"
     )
 
 
 def _with_line(text: str, beginning: str, rest: str) -> str:
-    """Return a text with the rest of the one line that begins so replaced."""
+    """Return a text with the rest of the line after its beginning replaced."""
     changed, count = re.subn(rf"(?m)^{re.escape(beginning)}.*$", lambda _: beginning + rest, text)
     assert count == 1, beginning
     return changed
 
 
 def start_and_goal(found: RosMap, radius: float, apart: float) -> tuple[FloatArray, FloatArray] | None:
-    """Return two poses (3,) that face the same way, the second straight ahead of the first.
+    """Return a start and a goal pose (3,) with the same heading, the goal straight ahead of the start.
 
-    The first is where there is most room; the second is about `apart` away from it, with `radius` free all along the
-    line between them.
+    The start is the position with the most free space. The line to the goal has `radius` of free space around it.
 
     Args:
-        found: The map.
-        radius: Room around both, m.
-        apart: Distance that is wanted, m; less where there is no more.
+        found: Map.
+        radius: Free space around both poses, m.
+        apart: Desired distance, m; the result is shorter if the map has no longer line.
 
     Returns:
-        None where the map has no such places.
+        Start and goal, or None if the map has no free line.
     """
     area = found.workspace
     blocked = shapely.union_all([shapely.Polygon(obstacle.outline) for obstacle in found.obstacles])

@@ -1,4 +1,4 @@
-"""Numbers in files: plain in SI or with a unit, within a range, and a sentence for whoever writes something else."""
+"""Numbers in files: plain in SI or with a unit, limited to a range, with messages for all other values."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _rates(units: Mapping[str, float], order: int) -> dict[str, float]:
     return {f"{unit}/s{power}": factor for unit, factor in units.items() for power in _POWERS[order]}
 
 
-# Units that a number may carry, as factors to SI; the first is the one of plain numbers.
+# Units of numbers with their factors to SI; the first is the unit of plain numbers.
 LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "km": 1e3, "in": 0.0254, "ft": 0.3048}
 ANGLE = {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180.0, "°": math.pi / 180.0}
 MASS = {"kg": 1.0, "g": 1e-3, "t": 1e3, "lb": 0.45359237}
@@ -58,19 +58,19 @@ _NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _WITH_UNIT = re.compile(rf"\s*({_NUMBER})\s*([^\s0-9.+-]\S*)\s*")
 
 FAULT = "pushplan"
-"""Type of the validation errors whose message is already a sentence for people."""
+"""Type of validation errors with a complete message."""
 
 DESCRIBED_FAULT = "pushplan-described"
-"""Type of those whose message says what was found; the field's description says what is allowed."""
+"""Type of validation errors whose message names only the value; the field's description names the allowed values."""
 
 
 def fault(found: str, allowed: str) -> PydanticCustomError:
-    """Return the error that says what was found and what is allowed."""
+    """Return an error with the value and the allowed values."""
     return PydanticCustomError(FAULT, "{text}", {"text": f"{found}; allowed: {allowed}"})
 
 
 def show(value: object) -> str:
-    """Return a value from a file as a message names it."""
+    """Return the description of a value for a message."""
     match value:
         case None:
             return "is empty"
@@ -86,14 +86,14 @@ def show(value: object) -> str:
 
 
 class Stated(ABC):
-    """How a value may be written; put beside its type in an annotation."""
+    """Notation of a value in a file; it annotates the value's type."""
 
     @abstractmethod
     def read(self, value: Any) -> Any:
         """Return the value in SI.
 
         Raises:
-            PydanticCustomError: If `value` is written otherwise.
+            PydanticCustomError: If `value` does not follow the notation.
         """
 
     @abstractmethod
@@ -101,7 +101,7 @@ class Stated(ABC):
         """Return its JSON Schema."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        # What `read` returns needs no second look: pydantic would build and ask a validator of its type for that.
+        # The result of `read` is valid; otherwise pydantic would build and run a validator of its type.
         return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -113,13 +113,13 @@ class Quantity(Stated):
     """A number within a range, plain in SI or as text with a unit.
 
     Attributes:
-        noun: What it is, e.g. `a length`.
-        units: Units that a text may carry.
+        noun: Noun for the quantity, e.g. `a length`.
+        units: Allowed units of a text.
         low: Smallest value.
         high: Largest value.
-        example: Text shown to those who write something else.
-        whole: Only whole numbers are allowed.
-        tangent: The units are those of an angle whose tangent is meant (a friction angle).
+        example: Example of a text, for messages.
+        whole: Whether only whole numbers are allowed.
+        tangent: Whether the units are of a friction angle, whose tangent is the value.
     """
 
     noun: str
@@ -132,7 +132,7 @@ class Quantity(Stated):
 
     @property
     def allowed(self) -> str:
-        """What may be written, in words."""
+        """Description of the allowed values."""
         first = next(iter(self.units), "")
         unit = f" in {first}" if self.units.get(first) == 1.0 and not self.tangent else ""
         form = "a friction angle" if self.tangent else "with a unit"
@@ -166,11 +166,11 @@ class Quantity(Stated):
         if not self.tangent:
             return value
         if not 0.0 <= value < math.pi / 2.0:
-            raise fault(f"'{shorten(text)}' is no friction angle", "an angle from 0 to less than 90 deg")
+            raise fault(f"'{shorten(text)}' is not a friction angle", "an angle from 0 to less than 90 deg")
         return math.tan(value)
 
     def schema(self) -> dict[str, Any]:
-        """Return its JSON Schema, which does not know the range of a number with a unit."""
+        """Return its JSON Schema, which does not limit the range of a number with a unit."""
         kind = "integer" if self.whole else "number"
         number: dict[str, Any] = {"type": kind, "minimum": self.low, "maximum": self.high}
         if not self.units:
@@ -181,7 +181,7 @@ class Quantity(Stated):
 
 @dataclass(frozen=True)
 class OrWord(Stated):
-    """A quantity, whose noun tells of the words, too, or one of some words."""
+    """A quantity or one of several words; the noun of the quantity names the words."""
 
     number: Quantity
     words: tuple[str, ...] = (AUTO,)
@@ -197,14 +197,14 @@ class OrWord(Stated):
 
 @dataclass(frozen=True)
 class OrPair(Stated):
-    """A quantity, or a list of two.
+    """A quantity, or a list of two quantities.
 
     Attributes:
-        number: The quantity.
-        low: What may be written for the first of the two.
-        high: What may be written for the second.
-        form: What the list means, in words.
-        ordered: The first is at most the second.
+        number: The single quantity.
+        low: First quantity of the list.
+        high: Second quantity of the list.
+        form: Description of the list.
+        ordered: Whether the first must not exceed the second.
     """
 
     number: Quantity
@@ -214,7 +214,7 @@ class OrPair(Stated):
     ordered: bool = False
 
     def read(self, value: Any) -> float | Span:
-        """Return the number, or the two, in SI."""
+        """Return the number or the two numbers in SI."""
         if not isinstance(value, list | tuple):
             return self.number.read(value)
         if len(value) != 2:
@@ -234,19 +234,19 @@ class OrPair(Stated):
 
 
 def or_interval(number: Quantity, end: Quantity | None = None) -> OrPair:
-    """Return a quantity, or the lowest and highest value that it may have; `end` is what these may be."""
+    """Return the notation of a number or an interval [lowest, highest]; `end` is the quantity of the ends."""
     end = end or number
     return OrPair(number, end, end, "an interval [lowest, highest] of it", ordered=True)
 
 
 def either_way(number: Quantity) -> OrPair:
-    """Return a quantity above 0 for both directions, or [least, most] for one direction each, the least below 0."""
+    """Return the notation of one limit above 0 for both directions, or [least, most] with the least below 0."""
     least = replace(number, low=-number.high, high=-number.low)
     return OrPair(number, least, number, "[least, most], the least below 0")
 
 
 def friction(low: float) -> Quantity:
-    """Return the quantity of a friction coefficient, which may be written as a friction angle."""
+    """Return the quantity of a friction coefficient, which can also be given as a friction angle."""
     return Quantity("a friction coefficient", ANGLE, low, MOST_FRICTION, "14 deg", tangent=True)
 
 

@@ -1,4 +1,4 @@
-"""What pydantic finds wrong in a document, as located sentences that say what is allowed."""
+"""Converts pydantic's errors to messages with a place in the document and the allowed values."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 def validate(model: type[Model], source: Source) -> Model | None:
-    """Return the model of a document, or report everything wrong with it and return None.
+    """Return the model of a document, or report all its errors and return None.
 
-    What lies at, or in, a place that is reported already is not reported again.
+    Errors at or within a place that already has an error are not reported.
     """
     known = source.wrong
     try:
@@ -38,17 +38,17 @@ def validate(model: type[Model], source: Source) -> Model | None:
 
 
 def unknown_object(name: str, known: Sequence[str]) -> str:
-    """Return that no object has a name, and the names that there are."""
+    """Return the message that no object has a name, with the existing names."""
     return f"no object is called '{shorten(name)}'{nearest(name, known)} allowed: {', '.join(known)}"
 
 
 def _is_tag(step: object) -> bool:
-    """Return whether a step of pydantic's location names the form that it chose, as `<box>` does."""
+    """Return whether a step of pydantic's location is the tag of a form, such as `<box>`."""
     return isinstance(step, str) and step.startswith("<") and step.endswith(">")
 
 
 def _place(source: Source, location: Place) -> Place:
-    """Return a location without the forms on the way; a key of the file that looks like one is an unknown key."""
+    """Return a location without tags. A last step that the file contains is a key, even if it looks like a tag."""
     place: Place = ()
     for i, step in enumerate(location):
         unknown_key = i == len(location) - 1 and source.holds((*place, step))
@@ -86,7 +86,7 @@ def _sentence(model: type[BaseModel], detail: ErrorDetails) -> str:
 
 
 def _walk(model: type[BaseModel], location: Place) -> tuple[list[type[BaseModel]], str]:
-    """Return the models that may stand at a location, and the description of the field it lies in."""
+    """Return the models that are allowed at a location, and the description of its field."""
     models, description = _models_in(model), ""
     for step in location:
         if _is_tag(step):
@@ -115,14 +115,14 @@ _STAND_INS: dict[Place, Any] = {
     ("pusher", "friction"): 1.0,
 }
 _GEOMETRY = ("name", "shape", "offset", "pose", "width", "thickness")
-"""Keys of objects and pusher that layout and contacts depend on."""
+"""Keys of objects and pusher that determine layout and contacts."""
 
 
 def salvage(source: Source) -> tuple[ScenarioFile, set[str]] | None:
-    """Return a file with stand-ins for its wrong values, and the sections that are not to be trusted.
+    """Return a file with stand-ins for its invalid values, and the sections that hold such values.
 
-    So that geometry, start and goal are checked all the same, as far as what is right allows; None where the
-    geometry of objects or pusher itself is in doubt.
+    The stand-ins allow checks of geometry, start and goal in spite of other errors. If the geometry of objects or
+    pusher itself is invalid, the result is None.
     """
     import difflib
 

@@ -173,7 +173,7 @@ def test_heights_are_those_of_contacts_whoever_pushes() -> None:
     np.testing.assert_allclose(turned.contact_heights, [[0.03, 0.05], [0.01, 0.04]])
     assert scenario.stable_set().contains([[1.0, 0.0, 0.0]])
     assert not check_scenario(scenario)
-    with pytest.raises(ScenarioError, match=r"height: reaches 70 mm, and 'far' is 60 mm high; allowed: up to 60 mm"):
+    with pytest.raises(ScenarioError, match=r"height: reaches 70 mm, but 'far' is 60 mm high; allowed: up to 60 mm"):
         scenario_from_text(HIGH.replace("40 mm]}]", "70 mm]}]"))
     (finding,) = check_scenario(scenario_from_text(HIGH.replace("[30 mm, 50 mm]", "0.09")))
     assert finding.where == "pusher"

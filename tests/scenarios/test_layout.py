@@ -148,8 +148,8 @@ def test_beyond_the_tolerance_it_is_a_finding(
     objects = [box("near", 0.1, 0.5, (0.05, 0.0, 0.0)), box("far", length, width, measured)]
     (finding,) = findings(text(objects))
     assert finding == (
-        f"objects[1].pose: 'far' is {1e3 * gap:.3g} mm and {turn:.3g} deg from lying on 'near'; snap allows 5 mm and "
-        "2 deg: move it, or state a larger snap"
+        f"objects[1].pose: 'far' is {1e3 * gap:.3g} mm and {turn:.3g} deg from a flush contact with 'near'; snap "
+        "allows 5 mm and 2 deg: move it, or give a larger snap"
     )
 
 
@@ -163,8 +163,8 @@ def test_what_nearly_touches_in_front_of_another_is_a_finding() -> None:
     aside = around(0.1004)
     for snap in ("", "snap: 5 mm"):
         assert findings(text([near, aside], snap)) == [
-            "objects[1]: 'aside' and 'near' do not touch, but are only 0.4 mm apart: the least error makes a contact "
-            "of it; allowed: at least 1 mm, or a contact"
+            "objects[1]: 'aside' and 'near' do not touch, but are only 0.4 mm apart: a small error would make "
+            "them touch; allowed: at least 1 mm, or a contact"
         ]
     scenario_from_text(text([near, around(0.101)], ""))
 

@@ -124,7 +124,7 @@ def test_a_log_holds_the_map_and_is_verified_without_its_files(tmp_path: Path) -
     ("obstacle", "what"),
     [
         ("{map: gone.yaml}", "push.yaml:9:11: obstacles[1].map: cannot read 'gone.yaml': No such file or directory"),
-        ("{map: ../map.yaml}", "obstacles[1].map: is the name '../map.yaml'; allowed: a file in the"),
+        ("{map: ../map.yaml}", "obstacles[1].map: has the name '../map.yaml'; allowed: a file in the"),
         ("{map: maps/map.pgm}", "obstacles[1].map: maps/map.pgm"),
         ("{map: maps/map.yaml, unknown: maybe}", "obstacles[1].unknown: is the text 'maybe'; allowed: obstacle"),
         ("{map: maps/map.yaml, pose: [0, 0, 0]}", "obstacles[1].pose: unknown key; allowed: map, unknown"),
@@ -152,7 +152,7 @@ def test_a_pipe_is_no_map(tmp_path: Path, pipe: str) -> None:
 
 @pytest.mark.parametrize(("blocked", "told"), [
     (np.indices((1000, 1000)).sum(axis=0) % 2 == 0, "has 500000 separate runs of blocked cells in its rows"),
-    ((np.indices((400, 400)) % 4 == 0).any(axis=0), "has 9801 places that blocked cells close off"),
+    ((np.indices((400, 400)) % 4 == 0).any(axis=0), "has 9801 free places enclosed by blocked cells"),
     (np.indices((400, 400)).sum(axis=0) % 2 == 0, "has 80000 separate regions of blocked cells"),
     ((np.indices((500, 500)) % 4 == 0).all(axis=0), "has 15625 separate regions of blocked cells"),
 ])  # fmt: skip
@@ -201,7 +201,7 @@ def test_curves_become_chords_within_the_tolerance(tolerance: float, tmp_path: P
 
 
 @pytest.mark.parametrize(("shapes", "what"), [
-    ("", "no shape is in the drawing; needed: a path"),
+    ("", "the drawing has no shape; needed: a path"),
     ('<path id="p" d="M 0 0 L 10 0 L 10 10"/>', "p: is open; allowed: one closed outline"),
     ('<path id="p" d="M0 0 L9 0 L9 9 Z M2 2 L3 2 L3 3 Z"/>', "p: has 2 outlines; allowed: one closed outline"),
     ('<path id="p" d="M0 0 L9 9 L9 0 L0 9 Z"/>', "must be a simple polygon"),
@@ -285,7 +285,7 @@ def test_obstacles_cover_what_is_in_the_way_and_little_more(
     ("origin: [-1.0, -2.0, 0.0]", "origin: [0, 0]", "origin: is a list of 2; allowed: [x, y, theta]"),
     ("image: map.pgm\n", "", "image: is missing; needed: the name of a picture"),
     ("image: map.pgm", "image: none.pgm", "none.pgm: cannot read the file: No such file"),
-    ("image: map.pgm", "image: map.yaml", "map.yaml: is no PGM, PPM, PNG or BMP picture"),
+    ("image: map.pgm", "image: map.yaml", "map.yaml: is not a picture; allowed: PGM, PPM, PNG and BMP"),
     ("negate: 0", "negate: 0\nmode: grey", "mode: is the text 'grey'; allowed: trinary, scale or raw"),
     ("negate: 0", "negate: [", "map.yaml:"),
 ])  # fmt: skip

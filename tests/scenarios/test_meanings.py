@@ -127,7 +127,7 @@ def test_numbers_with_units_become_si(quantity: Quantity, text: object, value: f
     (LENGTH, math.nan, "is nan, which is not finite"),
     (LENGTH, "1e999 m", "is the text '1e999 m', which is not finite"),
     (friction(0.0), "5 mm", "'5 mm' is a length"),
-    (friction(0.0), "120 deg", "'120 deg' is no friction angle"),
+    (friction(0.0), "120 deg", "'120 deg' is not a friction angle"),
     (Quantity("a number", {}, 0, 9, whole=True), 1.5, "is 1.5"),
     (or_interval(LENGTH), [2, 1], "is the interval [2, 1]"), (either_way(LENGTH), [1, 2], "is 1"),
 ])  # fmt: skip
@@ -171,7 +171,7 @@ VARIED = ("two-crates", "feet", "carts", "hook")
 BEYOND_A_SCHEMA = re.compile(
     r"^(the edges after corners|corners \[\d+\] and \[\d+\] are the same point|an edge runs back|has an area of"
     r"|is \[.*\]; allowed: \[min, max\] with min < max"
-    r"|is '[^']*'; allowed: .* with a unit|is '[^']*'; allowed: .*a friction angle|'.*' is no friction angle"
+    r"|is '[^']*'; allowed: .* with a unit|is '[^']*'; allowed: .*a friction angle|'.*' is not a friction angle"
     r"|is the text '.*', which is not finite|is '.*', which is not finite)"
 )
 """What the loader refuses and a schema cannot."""

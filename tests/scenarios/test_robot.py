@@ -73,16 +73,16 @@ def test_a_default_approach_is_longer_than_the_clearance() -> None:
 
 
 WRONG = """\
-of: box} | of: box, symmetry: 4} | 7:40: goal.symmetry: is for multi-push plans: it needs a robot.start,
-friction: 0.5} | friction: 0.5, faces: all} | 5:37: pusher.faces: is for multi-push plans: it needs a robot.start,
+of: box} | of: box, symmetry: 4} | 7:40: goal.symmetry: is for multi-push plans only: it needs a robot.start,
+friction: 0.5} | friction: 0.5, faces: all} | 5:37: pusher.faces: is for multi-push plans only: it needs a robot.start
 friction: 0.5} | friction: 0.5, faces: [behind]} | faces[0]: is the text 'behind'; allowed: rear, front, left, right,
 [-0.5, 0.0, 0.0]} | [-3.0, 0.0, 0.0]} | 6:16: robot.start: at the robot's start, 'pusher' leaves the workspace (x
 [-0.5, 0.0, 0.0]} | [0.05, 0.0, 0.0]} | 6:16: robot.start: at the robot's start, 'pusher' overlaps 'box' by 50 mm
 [0.6, 0.4, 0.0] | [6.0, 0.4, 0.0] | 8:14: goal.pose: at the goal, 'box' leaves the workspace (x <= 6) by 100 mm
 of: box | of: bix | 8:35: goal.of: no object is called 'bix'; did you mean 'box'? allowed: box
-name: box | planner: {name: rrt} | planner.name: is for a single push; multi-push plans have auto only
+name: box | planner: {name: rrt} | planner.name: is only for a single push; allowed for multi-push plans: auto
 name: box | pushes: {most: 0} | pushes.most: is 0; allowed: a whole number from 1 to 100
-name: box | clearance: 0.1\\npushes: {approach: 0.05} | pushes.approach: is 0.05 m, and the robot keeps 0.1 m from the
+name: box | clearance: 0.1\\npushes: {approach: 0.05} | pushes.approach: is 0.05 m, but the robot keeps 0.1 m from the
 """
 """What is replaced in the file, by what, and what is told; what needs a robot's start is told where there is none."""
 

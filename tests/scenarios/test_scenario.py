@@ -149,9 +149,7 @@ def test_a_body_amid_thousands_has_a_few_sentences(form: str) -> None:
     near = [what for what in findings if "'box'" in what]
     assert 2 <= len(near) <= MOST_TOLD + 1  # those in the same place have the same sentence
     assert near[0].startswith("at the start, 'box' overlaps the obstacle at (")
-    assert near[-1] == (
-        f"at the start, 'box' is as near to more obstacles than these {MOST_TOLD}, which are not listed"
-    )
+    assert near[-1] == (f"at the start, 'box' is too near to more obstacles; only the first {MOST_TOLD} are listed")
 
 
 @pytest.mark.parametrize(("form", "make"), [("circle", _free), ("polygon", _met)])

@@ -57,7 +57,7 @@ def test_a_pressure_map_stays_in_the_folder_of_the_scenario(valid: Changed, tmp_
         with pytest.raises(ScenarioError) as caught:
             load_scenario(file)
         assert [f.text("f.yaml") for f in caught.value.findings] == [
-            f"f.yaml:8:14: objects[0].support: is the name '{name if len(name) < 41 else name[:37] + '...'}'; "
+            f"f.yaml:8:14: objects[0].support: has the name '{name if len(name) < 41 else name[:37] + '...'}'; "
             "allowed: a file in the scenario's folder"
         ]
 
@@ -89,14 +89,14 @@ def test_what_follows_from_millimetres_is_one_finding(tmp_path: Path) -> None:
         load_scenario(file)
     (finding,) = caught.value.findings
     assert (finding.where, finding.line, finding.column) == ("objects[0].shape.box", 5, 31)
-    assert 'is 120 m long: mm? plain numbers are m; write "120 mm"' in finding.what
+    assert 'is 120 m long: plain numbers are in m; for mm, write "120 mm"' in finding.what
     assert "more error" in finding.what
 
 
 @pytest.mark.parametrize(("pusher", "question"), [
-    ("limits: {speed: 30}", "pusher.limits.speed: is 30 m/s: mm/s?"),
-    ("limits: {speed: 1.0e-4}", "pusher.limits.speed: is 0.1 mm/s: m/s?"),
-    ("drive: {differential: {axle: [-350, 0, 0]}}", "axle[0]: is -350 m from the plate: mm?"),
+    ("limits: {speed: 30}", "pusher.limits.speed: is 30 m/s; for mm/s, write"),
+    ("limits: {speed: 1.0e-4}", "pusher.limits.speed: is 0.1 mm/s: a push takes hours"),
+    ("drive: {differential: {axle: [-350, 0, 0]}}", "axle[0]: is -350 m from the plate: plain numbers are in m"),
     ("drive: {differential: {axle: [-0.35, 0, 0]}}, limits: {speed: 30 m/s}", ""),
 ])  # fmt: skip
 def test_speeds_and_axles_are_asked_about(pusher: str, question: str) -> None:
@@ -145,17 +145,17 @@ def test_every_float_that_python_prints_is_read_back(value: float) -> None:
     ("a: !!float 1", "f:1:4: a: tags (tag:yaml.org,2002:float) are not supported; leave it out"),
     ("a: !mine 1", "f:1:4: a: tags (!mine) are not supported; leave it out"),
     ("b:\n  <<: {a: 1}", "f:2:3: b.<<: merge keys (<<) are not supported; write the keys out"),
-    ("a: 1\nb: 2\na: 3", "f:3:1: a: the key stands twice, first in line 1; keep one"),
-    ("x:\n  - {a: 1, a: 2}", "f:2:12: x[0].a: the key stands twice, first in line 2; keep one"),
+    ("a: 1\nb: 2\na: 3", "f:3:1: a: the key is repeated, first in line 1; keep one"),
+    ("x:\n  - {a: 1, a: 2}", "f:2:12: x[0].a: the key is repeated, first in line 2; keep one"),
     ("? [1, 2]\n: 3", "f:1:3: ?: a key must be text, not a list or a mapping"),
     ("a: 1\n---\nb: 2", "f:2:1: a second document begins here; a file must hold one"),
-    ("a: 1\n\tb: 2", "f:2:1: not valid YAML: a tab cannot stand here; indent with spaces"),
+    ("a: 1\n\tb: 2", "f:2:1: not valid YAML: a tab is not allowed here; indent with spaces"),
     ("a: [1, 2", "f:1:9: not valid YAML: a list in [...] lacks a ',' or its ']'"),
     ("a: {b: 1", "f:1:9: not valid YAML: a mapping in {...} lacks a ',' or its '}'"),
     ("a: 'x", "f:1:6: not valid YAML: a quoted text lacks its closing quote"),
     (
         "a: b: c",
-        "f:1:5: not valid YAML: a ':' cannot stand here; indent the line like its neighbours, or quote the text",
+        "f:1:5: not valid YAML: a ':' is not allowed here; indent the line like its neighbours, or quote the text",
     ),
     ('a: "\\U00110000"', "f:1:7: not valid YAML: a number or an escape is out of range"),
     ("a: x\x00y", "f:1:5: the control character U+0000 is not allowed"),

@@ -144,7 +144,9 @@ def test_an_object_with_a_corner_at_its_rear_is_pushed_at_its_other_faces(shape:
 
 def test_an_object_without_a_face_for_a_plate_is_refused() -> None:
     objects = [{"name": "a", "shape": corners(*[0.1, 0.04] * 5), "mass": 1.0, "pose": [1.0, 1.0, 0.0]}]
-    with pytest.raises(ScenarioError, match=r"objects\[0\]\.shape: 'a' has no edge that a plate could lie flat on"):
+    with pytest.raises(
+        ScenarioError, match=r"objects\[0\]\.shape: 'a' has no edge that a plate can lie flat against"
+    ):
         boxes({"a": (HERE, THERE)}, objects=objects)
 
 

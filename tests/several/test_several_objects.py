@@ -21,9 +21,9 @@ from pushplan.scenario.file import scenario_from_document, scenario_from_text
     ("[2.2, 1.0, 90 deg]", "[9.0, 1.0, 0]", "goals.other: at the goal, 'other' leaves the workspace"),
     ("pose: [3.0, 3.0, 0.0]", "pose: [1.2, 1.1, 0.0]", "objects[2].pose: 'bin' overlaps 'red-box' by 75 mm;"),
     (", pose: [3.0, 3.0, 0.0]", "", "objects[2].pose: is missing; needed: [x, y, theta] in the world"),
-    ("name: bin", "name: red-box", "7:12: objects[2].name: objects[0] is called 'red-box' too; names differ"),
+    ("name: bin", "name: red-box", "7:12: objects[2].name: objects[0] is called 'red-box' too; allowed: each name"),
     (", start: [2.4, 1.6, 0.0]", "", "robot.start: is missing"),
-    ("workspace:", "goal: {pose: [0, 0, 0]}\nworkspace:", "goal: does not go together with goals"),
+    ("workspace:", "goal: {pose: [0, 0, 0]}\nworkspace:", "goal: is not allowed together with goals"),
 ])  # fmt: skip
 def test_what_is_wrong_is_told_where_the_file_has_it(wrong: str, right: str, told: str) -> None:
     assert told in "\n".join(Changed(SWAP).findings((wrong, right)))
@@ -36,7 +36,7 @@ def test_one_scenario_holds_all_objects_and_what_takes_one_load_says_so() -> Non
     assert list(scenario.goals) == ["red-box", "other"]
     with pytest.raises(PushplanError, match=r"has 3 loads.*allowed: scenario\.alone"):
         scenario.stable_set()
-    with pytest.raises(PushplanError, match="no chain, start or goal that they share"):
+    with pytest.raises(PushplanError, match="it has no single chain, start or goal"):
         scenario.start.any()
     with pytest.raises(AttributeError, match=r"Scenario\.pushes is scenario\.transport now"):
         scenario.pushes  # type: ignore[attr-defined]  # noqa: B018
