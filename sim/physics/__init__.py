@@ -1,1 +1,1 @@
-"""Pushes with real contacts in MuJoCo: the judge of what the stable sets promise."""
+"""Simulation of pushes with real contacts in MuJoCo, as an independent check of the stable sets."""

@@ -1,4 +1,4 @@
-"""MuJoCo, the optional physics engine, imported when it is first needed; and how pushes are simulated with it."""
+"""Import of MuJoCo, the optional physics engine, on first use, and the settings of the simulation."""
 
 from __future__ import annotations
 
@@ -13,34 +13,34 @@ from pushplan.util.naming import optional
 
 
 class PhysicsError(PushplanError):
-    """A physics simulation is impossible or did not stay finite."""
+    """Error of a physics simulation that is impossible or diverges."""
 
 
 def engine() -> Any:
     """Return the module `mujoco`.
 
     Raises:
-        MissingExtraError: When it is not installed.
+        MissingExtraError: If it is not installed.
     """
     return optional("mujoco", "a physics simulation", "MuJoCo", "physics")
 
 
 @dataclass(frozen=True)
 class PhysicsSettings:
-    """Settings that all simulations share; lengths are over a chain's characteristic length L, so that they suit all.
+    """Settings of all simulations; lengths are divided by the chain's characteristic length L.
 
     Attributes:
-        time_step: s.
-        degree: Degree up to which the feet have the moments of a pressure (see `feet_of`).
-        softness: How much softer a foot rests on the floor than the convex contact model of the engine lifts a
-            sliding one: above 1 no foot ever loses the floor, so that each carries exactly its load.
-        friction_stiffness: The engine's `impratio`: friction creeps below the share
-            softness mu^2 / friction_stiffness of the pusher's speed; above it, it is Coulomb's.
-        indentation: How deep a corner sinks into a face under the friction of one object, over L.
-        slip_time: Time in which friction takes hold of what slides at a contact, over that in which its normal force
-            takes hold of what sinks in. At 1 the convex contact model lifts sliding faces off, and they slide
-            millimetres too far; at 20, with smaller steps, they slide as Coulomb's law says.
-        run_in: Time steps in which everything rests while the feet settle.
+        time_step: Time step, s.
+        degree: Degree up to which the feet match the moments of a pressure (see `feet_of`).
+        softness: Compliance of a foot over that at which the engine's convex contact model lifts a sliding foot.
+            Above 1, no foot ever leaves the floor, so each carries exactly its load.
+        friction_stiffness: The engine's `impratio`. Friction creeps at sliding speeds below
+            softness mu^2 / friction_stiffness times the pusher's speed; above them it is Coulomb friction.
+        indentation: Depth to which a corner sinks into a face under the friction of one object, over L.
+        slip_time: Time constant of friction over that of the normal force at a contact. At 1, the convex contact
+            model lifts sliding faces, and they slide millimetres too far. At 20, with smaller steps, they follow
+            Coulomb's law.
+        run_in: Number of time steps at rest in which the feet settle.
     """
 
     time_step: float = 5e-4
@@ -59,27 +59,27 @@ class PhysicsSettings:
 
 
 class ForceMeter:
-    """Tells when the plate has pushed with more than a force for a while: it stops there, as a robot does.
+    """Detects a push above a force limit, at which a robot stops.
 
-    The median over `SPAN` counts, so that the few steps in which objects are met do not.
+    The median over `SPAN` counts, so that the impact on an object does not trigger it.
 
     Args:
-        limit: N.
+        limit: Force limit, N.
         dt: Time step, s.
     """
 
     SPAN = 0.05
-    """s."""
+    """Time span of the median, s."""
 
     def __init__(self, limit: float, dt: float) -> None:
         self._limit, self._forces = limit, deque[float](maxlen=max(3, round(self.SPAN / dt)))
 
     def reset(self) -> None:
-        """Forget what was counted."""
+        """Drop all recorded forces."""
         self._forces.clear()
 
     def exceeded(self, fx: float, fy: float) -> bool:
-        """Take the force of a time step, N; tell whether it has been too much for a while."""
+        """Record the force of a time step, N; return whether the median exceeds the limit."""
         if math.isinf(self._limit):
             return False
         self._forces.append(math.hypot(fx, fy))

@@ -1,15 +1,15 @@
-"""Bodies on the floor as a model of the physics engine: n objects, then the plate, in a frame that the caller chose.
+"""Model of bodies on the floor in the physics engine: n objects, then the plate, in a frame of the caller's choice.
 
-A body slides along x and y and turns about z, nothing else, so that its feet and its contacts cannot disturb one
-another. A foot is a piston: it slides up and down in its body and a constant force presses it on the floor, so that
-it carries exactly its load whatever its neighbours do. Bodies are cut into the same convex pieces as in the simulator
-with slip. In every convex corner of an outline is a tiny sphere that touches the whole of the other bodies, so that
-objects may be touched on any side, part and meet again, and the normals of faces are exact.
+A body only slides along x and y and turns about z, so its feet and its contacts do not affect one another. A foot is
+a piston: it slides vertically in its body, and a constant force presses it on the floor, so it always carries exactly
+its load. Bodies consist of the same convex pieces as in the slip simulator. Every convex corner of an outline has a
+tiny sphere that touches all pieces of the other bodies. Objects can therefore touch on any side, separate and meet
+again, and the normals of faces are exact.
 
-Contact forces at a height shift the load of an object from foot to foot: friction F on it asks the floor for the
-moment -h F when the forces that overcome it act at height h. The loads on the feet change by -k_i x_i . S^-1 h F,
-with their stiffnesses k_i and S = sum_i k_i x_i x_i^T about the centre of these, as under a stiff object on springs.
-Inertial forces are taken to act at that height as well.
+Contact forces at a height h shift the load of an object from foot to foot: friction F on the object needs a moment
+-h F from the floor. The loads on the feet change by -k_i x_i . S^-1 h F, with their stiffnesses k_i and
+S = sum_i k_i x_i x_i^T about the stiffness centre, as for a rigid object on springs. Inertial forces are assumed to
+act at this height, too.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ _FOOT_MASS = 1e-6
 """Mass of a foot over that of its object."""
 _FOOT_RADIUS = 1e-3
 _PISTON = 0.1
-"""Inertia of a foot's vertical motion times the compliance of its contact with the floor: well damped."""
+"""Inertia of a foot's vertical motion times the compliance of its contact with the floor; this is well damped."""
 
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """How an object stands on the floor.
+    """Feet of an object on the floor.
 
     Attributes:
-        names: Of its feet: of their bodies, joints, geoms and contacts alike.
-        feet: Where they are, in the object's own frame.
-        heading: Of the object's frame at the start, rad.
-        loads: (k,) on the feet while nothing is pushed, N.
-        compliances: (k,) of their contacts with the floor, 1/kg.
+        names: Names of the feet, which their bodies, joints, geoms and contacts share.
+        feet: Feet in the object's own frame.
+        heading: Initial heading of the object's frame, rad.
+        loads: Loads on the feet at rest, N, (k,).
+        compliances: Compliances of their contacts with the floor, 1/kg, (k,).
     """
 
     names: tuple[str, ...]
@@ -62,17 +62,17 @@ class Standing:
             data.qfrc_applied[model.joint(name).dofadr] = -force
 
     def soften(self, model: Any) -> None:
-        """Give the feet's contacts with the floor their compliances.
+        """Set the compliances of the feet's contacts with the floor.
 
-        The engine takes a contact's compliance as (1 - d) / d times an estimate of the bodies' inverse inertia, d
-        being its impedance.
+        In the engine, the compliance of a contact with impedance d is (1 - d) / d times an estimate of the bodies'
+        inverse inertia.
         """
         for name, compliance in zip(self.names, self.compliances, strict=True):
             mobility = float(model.body_invweight0[model.body(name).id, 0])
             model.pair_solimp[model.pair(name).id, :2] = 1.0 / (1.0 + compliance / mobility)
 
     def shift(self, turned: float, moment: FloatArray) -> FloatArray:
-        """Return what a moment (2,) adds to the loads when the object has turned so far (rad), N."""
+        """Return the change of the loads, N, by a moment (2,) on an object that has turned by `turned`, rad."""
         positions, stiffness = self.feet.positions, self.feet.stiffness
         offsets = rotate(self.heading + turned, positions - stiffness @ positions)
         second = (offsets * stiffness[:, None]).T @ offsets
@@ -95,12 +95,12 @@ def _stand(spec: Any, body: Any, obj: PushedObject, feet: Feet, lift: float, dt:
     """Put feet under an object.
 
     Args:
-        spec: The model.
-        body: The object's body in it.
-        obj: The object.
-        feet: Its feet.
-        lift: Acceleration that the contact model may add to a sliding foot, m/s^2; the softer a foot, the more of
-            it goes into compressing its contact, where it does no harm.
+        spec: Specification of the model.
+        body: Body of the object in the model.
+        obj: Object.
+        feet: Feet of the object.
+        lift: Acceleration that the contact model can add to a sliding foot, m/s^2. A softer foot takes more of it up
+            by compression, where it does no harm.
         dt: Time step, s.
     """
     loads = obj.mass * GRAVITY * feet.fractions
@@ -135,13 +135,13 @@ def _add_foot(body: Any, name: str, offset: FloatArray, mass: float, armature: f
 _CORNER = 2e-3
 """Radius of a corner over the length of the body's shortest edge."""
 _OVERLAP = 1e-8
-"""How deep corners reach into faces, over the same length, so that they touch from the start."""
+"""Initial depth of corners in faces, over the same length, so that they touch from the start."""
 _SHARP = 1e-3
-"""Sine of the turn at a corner below which it is none."""
+"""Smallest sine of the turn at a corner."""
 _TALL = 0.1
-"""Half the height of all pieces, m; what touches does so in the middle of it."""
+"""Half the height of all pieces, m; contacts are at half height."""
 _SOFTEST = 0.3
-"""Compliance of the contacts times an object's mass, at most: softer ones would swing."""
+"""Largest compliance of the contacts times an object's mass; softer contacts would oscillate."""
 
 
 def _add_contacts(
@@ -153,17 +153,17 @@ def _add_contacts(
     indentation: float,
     slip_time: float,
 ) -> None:
-    """Add what touches.
+    """Add the geometry and the contact pairs of all bodies.
 
     Args:
-        spec: The model.
-        bodies: The objects, the plate, and what stands still.
-        poses: (3,) of their frames, in the model's.
-        parts: Their outlines and pieces, and which of these may touch.
+        spec: Specification of the model.
+        bodies: Bodies of the objects, of the plate, and of the fixed world.
+        poses: Poses of their frames in the frame of the model, each (3,).
+        parts: Outlines and pieces of the bodies, and the pairs of pieces that can touch.
         dt: Time step, s.
-        indentation: How deep a corner may sink into a face under the friction of one object, m. A sliding corner is
-            lifted off by the convex contact model of the engine, again and again, if it has not sunk in.
-        slip_time: See `PhysicsSettings`.
+        indentation: Depth to which a corner sinks into a face under the friction of one object, m. The engine's
+            convex contact model would lift a sliding corner again and again if it did not sink in.
+        slip_time: Ratio of time constants in `PhysicsSettings`.
     """
     balls: list[list[str]] = [[] for _ in bodies]
 
@@ -194,7 +194,7 @@ def _add_contacts(
 
 
 def _corners(at: FloatArray) -> Iterator[tuple[FloatArray, float]]:
-    """Yield middles (2,) and radii of balls in the convex corners of an outline (k, 2)."""
+    """Yield centres (2,) and radii of balls in the convex corners of an outline (k, 2)."""
     edges = np.roll(at, -1, axis=0) - at
     lengths = np.linalg.norm(edges, axis=1)
     along, least = edges / lengths[:, None], float(lengths.min())
@@ -210,7 +210,7 @@ def _add_ball(body: Any, name: str, middle: FloatArray, radius: float) -> None:
 
 
 def _add_solid(spec: Any, body: Any, name: str, at: FloatArray, rounding: float) -> None:
-    """Add the whole of a piece with corners (k, 2): a disc, a wall, a box or a prism."""
+    """Add a piece with corners (k, 2): a disc, a wall, a box or a prism."""
     kinds = engine().mjtGeom
     if len(at) == 1:
         _add_ball(body, name, at[0], rounding)
@@ -240,29 +240,30 @@ def _add_solid(spec: Any, body: Any, name: str, at: FloatArray, rounding: float)
         return
     corners = np.vstack([np.column_stack([at, np.full(len(at), z)]) for z in (-_TALL, _TALL)])
     spec.add_mesh(name=name, uservert=corners.ravel())
-    body.add_geom(type=kinds.mjGEOM_MESH, meshname=name, **common | {"contype": 1})  # else it gets no hull
+    body.add_geom(type=kinds.mjGEOM_MESH, meshname=name, **common | {"contype": 1})  # a contype of 0 gives no hull
 
 
 _PLATE_MASS = 1e8
-"""Mass of the plate over that of all objects: no contact slows it down."""
+"""Mass of the plate over that of all objects, so large that no contact slows the plate down."""
 _FOLLOWING = 0.3
-"""Share of a change of force that the loads on the feet follow within one time step."""
+"""Share of a force change that the loads on the feet follow in one time step."""
 _ITERATIONS, _LINE_SEARCHES, _PRECISION = 50, 500, 1e-12
-"""Of the solver. With less it stops early now and then, and a contact that holds slips for one step."""
+"""Limits and tolerance of the solver. With less, it sometimes stops early, and a held contact slips for one step."""
 
 
 @dataclass(frozen=True, eq=False)
 class PhysicsModel:
-    """The engine's model and state, and where to find things in it.
+    """Model and state of the engine, with the indices of its bodies.
 
     Attributes:
-        model: The engine's model.
-        data: Its state.
-        anchors: (n + 1, 2) points about which the bodies turn, in the frame of the model, m.
-        dofs: (n + 1,) first of the three degrees of freedom (x, y, theta) of each body.
-        standing: How each object stands on the floor; None where there is no friction.
-        heights: (n,) at which the objects are pushed, m.
-        friction: (n, 2) of the floor on each object as the loads on the feet follow it, N; changes with every step.
+        model: Model of the engine.
+        data: State of the engine.
+        anchors: Points about which the bodies turn, in the frame of the model, m, (n + 1, 2).
+        dofs: Index of the first of the three degrees of freedom (x, y, theta) of each body, (n + 1,).
+        standing: Feet of each object; None without floor friction.
+        heights: Heights at which the objects are pushed, m, (n,).
+        friction: Filtered floor friction on each object, N, (n, 2), which sets the loads on the feet; changes in
+            every step.
     """
 
     model: Any
@@ -274,7 +275,7 @@ class PhysicsModel:
     friction: FloatArray
 
     def step(self) -> None:
-        """Advance the engine by one time step, and shift the loads on the feet to where friction wants them."""
+        """Advance the engine by one time step, and shift the loads on the feet by the floor friction."""
         engine().mj_step(self.model, self.data)
         if self.heights.any():
             self.friction[:] += _FOLLOWING * (self.floor_forces() - self.friction)
@@ -285,15 +286,15 @@ class PhysicsModel:
                     standing.load(self.model, self.data, standing.loads + shift)
 
     def march(self, motions: FloatArray, meter: ForceMeter | None = None) -> tuple[FloatArray, bool]:
-        """Drive the plate through motions (m + 1, 3), one time step between two.
+        """Move the plate through motions (m + 1, 3), one time step between two.
 
         Args:
-            motions: See `motions`.
-            meter: Asked after each step whether to end.
+            motions: Motions of the plate, as in `motions`.
+            meter: Force meter that ends the motion at its limit; None for no limit.
 
         Returns:
-            Force and moment of the bodies on the plate in each step that was done, (k, 3), about its anchor in the
-            axes of the model; whether the meter has ended it.
+            Force and moment of the bodies on the plate in each executed step, (k, 3), about its anchor in the axes of
+            the model; and whether the meter has ended the motion.
         """
         plate = int(self.dofs[-1])
         ways = joint_coordinates(self.anchors[-1], motions)
@@ -312,22 +313,22 @@ class PhysicsModel:
         return forces[:done], stalled
 
     def require_sound(self) -> None:
-        """Raise PhysicsError if the engine had to complain or anything is not finite."""
+        """Raise PhysicsError if the engine has issued warnings or a coordinate is not finite."""
         complaints = int(self.data.warning.number.sum())
         if complaints or not np.isfinite(self.data.qpos).all():
             raise PhysicsError(
-                f"the simulation went astray after {self.data.time:.3g} s: {complaints} complaints of the engine; "
+                f"the simulation diverged after {self.data.time:.3g} s: {complaints} warnings of the engine; "
                 f"try a smaller `step` or `time_step`"
             )
 
     def motions(self) -> FloatArray:
-        """Return how each body has moved (n + 1, 3), as the pose of a frame that began as the chain frame."""
+        """Return the motions of the bodies (n + 1, 3): poses of body-fixed frames that start as the chain frame."""
         moved = self.data.qpos[self.dofs[:, None] + np.arange(3)]
         places = self.anchors + moved[:, :2] - rotate(moved[:, 2], self.anchors)
         return np.column_stack([places, moved[:, 2]])
 
     def floor_forces(self) -> FloatArray:
-        """Return the friction of the floor (n, 2) on each object in the last time step, N."""
+        """Return the floor friction (n, 2) on each object in the last time step, N."""
         data, model = self.data, self.model
         geoms = np.asarray(data.contact.geom)
         floor = geoms[:, 0] == model.geom(FLOOR).id
@@ -341,24 +342,24 @@ class PhysicsModel:
 
 
 def joint_coordinates(anchors: FloatArray, motions: FloatArray) -> FloatArray:
-    """Return joint coordinates (..., 3) of bodies with `anchors` (..., 2) that have moved by `motions` (..., 3)."""
+    """Return the joint coordinates (..., 3) of bodies with `anchors` (..., 2) after `motions` (..., 3)."""
     shift = motions[..., :2] + rotate(motions[..., 2], anchors) - anchors
     turn = np.broadcast_to(motions[..., 2], shift.shape[:-1])
     return np.concatenate([shift, turn[..., None]], axis=-1)
 
 
 def build_model(world: World, begin: FloatArray, sliding: float, settings: PhysicsSettings) -> PhysicsModel:
-    """Return the model of a world, in a frame of which the caller has the poses.
+    """Return the model of a world, in the frame of the poses `begin`.
 
     Args:
-        world: Objects with known loads, and all that they meet.
-        begin: (n + 1, 3) poses of the objects and of the plate frame.
-        sliding: Greatest speed at which a foot will slide, m/s.
-        settings: See there.
+        world: Objects with known loads, and obstacles.
+        begin: Initial poses of the objects and of the plate frame, (n + 1, 3).
+        sliding: Largest sliding speed of a foot, m/s.
+        settings: Settings of the simulation.
 
     Raises:
-        MissingExtraError: When the engine is not installed.
-        SupportError: When a load is not known, or the push at the contact height could lift a part of an object.
+        MissingExtraError: If the engine is not installed.
+        SupportError: If a load is not known, or the push at the contact height could lift a part of an object.
     """
     spec, dt = engine().MjSpec(), settings.time_step
     _set_options(spec, settings)
@@ -367,7 +368,7 @@ def build_model(world: World, begin: FloatArray, sliding: float, settings: Physi
     parts = bodies_of(world)
     objects, heights = parts.objects, push_heights(world.chain, parts.objects)
     for obj, height in zip(objects, heights, strict=True):
-        pack_object(obj, float(height))  # refuses what would lift
+        pack_object(obj, float(height))  # raises SupportError if the push would lift the object
     there = [replace(obj, pose_chain=pose) for obj, pose in zip(objects, begin[:-1], strict=True)]
     bodies = [_add_planar(spec, f"object{i}", *inertia_of(obj)) for i, obj in enumerate(there)]
     mass = _PLATE_MASS * sum(obj.mass for obj in objects)
@@ -403,4 +404,4 @@ def _set_options(spec: Any, settings: PhysicsSettings) -> None:
     option.impratio = settings.friction_stiffness
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     option.iterations, option.ls_iterations = _ITERATIONS, _LINE_SEARCHES
-    option.tolerance = _PRECISION / _PLATE_MASS  # the engine measures with the mean inertia, so the plate's
+    option.tolerance = _PRECISION / _PLATE_MASS  # the engine scales by the mean inertia, which is the plate's

@@ -1,9 +1,8 @@
-"""Execute plans with real contacts in a physics engine (MuJoCo); see `chains` for twists and trajectories of a chain.
+"""Execution of plans with real contacts in a physics engine (MuJoCo).
 
-It is the judge of what the stable sets promise: the engine knows nothing of the mechanics of this package. It gets
-bodies, feet with loads, edges, and coefficients of friction, and moves the plate. What it cannot know either is a
-load on the floor that is not known. A push is executed together with its approach and its retreat; objects that are
-not among its load, and robots that drive alone, are looked at by distances.
+It is an independent check of the stable sets: the engine does not use the mechanics of this package. It gets bodies,
+feet with known loads, edges, and coefficients of friction, and moves the plate. A push is executed together with its
+approach and its retreat. Objects outside the load, and transits, are checked by distances only.
 """
 
 from __future__ import annotations
@@ -38,18 +37,18 @@ from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 from pushplan.util.names import APPROACH, CLOSE, PUSH
 
 STEPS = (1.0, 0.25, 0.125)
-"""Shares of the time step that a push is executed with, one after the other while a contact moves.
+"""Successive time steps of a push while a contact moves, as shares of the usual one.
 
-The engine's friction creeps: what it holds still slides a little, in proportion to the way and to the time step. On
-20 m of way that reaches the thousandth of a segment at which a contact counts as moved: 1.0e-3 with a step of 1 ms,
-0.8e-3 with 0.25 ms (random 4 of benchmarks/plans_in_physics.py); on 35 m it is 2.6e-3 and 1.0e-3 (random 26).
+The engine's friction creeps: a held contact slides a little, in proportion to the path length and the time step.
+After 20 m, this reaches the thousandth of a segment at which a contact counts as moved: 1.0e-3 with a step of 1 ms,
+0.8e-3 with 0.25 ms (random 4 of benchmarks/plans_in_physics.py). After 35 m it is 2.6e-3 and 1.0e-3 (random 26).
 """
 LATER = 1.2
-"""What creeps counts as moved this much later, at least, in the next smaller step; what slips, at the same time."""
+"""Smallest ratio of the times of a moved contact with the smaller and the larger step if it creeps; a slip has 1."""
 LOOKS, FEWEST = 50.0, 200
-"""Looks per second at a motion, which may open a contact and close it again, and in all, at least."""
+"""Checks of the contacts per second, because a contact can open and close again, and smallest number in all."""
 NEAR = 5e-3
-"""Places of the robot alone that are looked at are no farther apart, m."""
+"""Largest distance between checked poses of a transit, m."""
 
 
 def simulate_in_physics(
@@ -59,18 +58,18 @@ def simulate_in_physics(
     until_moved: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> ContactReport:
-    """Execute a plan at full speed with all inertia; pushes in smaller steps as long as a contact creeps.
+    """Execute a plan at full speed with inertia; repeat pushes with smaller steps while a contact creeps.
 
     Args:
-        plan: Of any kind of scenario, timed; objects with known loads.
-        world: What it meets; None for what the plan believes. Obstacles and walls are not in it.
-        until_moved: End as soon as a contact counts as moved.
-        progress: Called now and then with the share of the trajectory that is done.
+        plan: Timed plan of any kind of scenario, with known loads.
+        world: World of the execution; None for the plan's scenario. Obstacles and walls are not simulated.
+        until_moved: Whether to end as soon as a contact counts as moved.
+        progress: Callback with the finished share of the trajectory.
 
     Raises:
-        MissingExtraError: When the engine is not installed.
-        PhysicsError: When there is nothing to simulate, or the simulation does not stay finite.
-        SupportError: When a load is not known.
+        MissingExtraError: If the engine is not installed.
+        PhysicsError: If there is nothing to simulate, or the simulation diverges.
+        SupportError: If a load is not known.
     """
     if plan.trajectory is None:
         raise PhysicsError(f"there is no plan to execute: {plan.reason or 'it is not timed'}")
@@ -100,9 +99,9 @@ def simulate_in_physics(
 
 
 def _groups(plan: Plan) -> list[list[int]]:
-    """Return indices of segments that are executed together: each push with its approach and its retreat.
+    """Return the indices of segments that are executed together: each push with its approach and its retreat.
 
-    A close after which more is pushed belongs to that next push: what it closes onto may be touched early.
+    A close before another push belongs to that push, because the load can touch the next object early.
     """
     found: list[list[int]] = []
     for k, segment in enumerate(plan.segments):
@@ -115,7 +114,7 @@ def _groups(plan: Plan) -> list[list[int]]:
 
 
 class _Push:
-    """A push with approach and retreat, from where the objects (n, 3) are."""
+    """A push with approach and retreat, from object poses (n, 3)."""
 
     def __init__(
         self,
@@ -138,7 +137,7 @@ class _Push:
         self._trajectory, self._frame = plan.trajectory, load.frame_plate
 
     def executed(self) -> list[Part]:
-        """Execute it, in smaller steps as long as a contact creeps; the last time counts."""
+        """Execute the push, with smaller steps while a contact creeps; the last execution counts."""
         moved_at = 0.0
         for share in STEPS:
             driven = self._driven(share, until_moved=True)
@@ -152,7 +151,7 @@ class _Push:
         return self._parts(driven)
 
     def _settled(self) -> float:
-        """Return when slides and gaps begin to count: after an approach, a part of the push closes contacts."""
+        """Return the time from which slides and gaps count, s; after an approach, contacts close first."""
         push, begin = self._plan.segments[self._push], float(self._plan.times[self._push])
         if self._push == self._group[0]:
             return begin
@@ -162,7 +161,7 @@ class _Push:
         return begin + float(own.t[settled[0]])
 
     def _driven(self, share: float, until_moved: bool) -> _Driven:
-        """Drive the plate with a share of the usual time step."""
+        """Execute the push with a share of the usual time step."""
         duration = self._t1 - self._t0
         count = math.ceil(duration / (share * HARD.time_step))
         dt = duration / count
@@ -192,7 +191,7 @@ class _Push:
         return driven.look(t, simulator)
 
     def _parts(self, driven: _Driven) -> list[Part]:
-        """Return what each of the segments came to."""
+        """Return the executed part of each segment."""
         t, frames = np.array(driven.t), np.array(driven.frames)
         objects = np.repeat(self._objects[None], len(t), axis=0)
         objects[:, columns_of(self.chain, self._world.names)] = driven.objects
@@ -215,19 +214,19 @@ class _Push:
 
 @dataclass(eq=False)
 class _Driven:
-    """What driving a push comes to, look by look.
+    """Recorded execution of a push, one entry for each check.
 
     Attributes:
-        chain: What is pushed.
-        own: Number of the segment that pushes, of those that are driven.
-        marks: Times at which segments begin, and the last one ends, s.
+        chain: Pushed chain.
+        own: Index of the push among the executed segments.
+        marks: Times at which segments begin, and end of the last one, s.
         settled: Time from which slides and gaps count, to the end of the push, s.
-        t: Times of the looks, s.
-        frames: (3,) poses of the chain frame then.
-        objects: (n, 3) poses of the chain's objects.
-        base: Number of the look from which slides and gaps count. Objects off their places touch with a corner only
-            and have to close first, until no gap is wider than a tenth of the tolerance. None before that.
-        stalled: The plate had not the force to go on after the last look.
+        t: Times of the checks, s.
+        frames: Poses of the chain frame, each (3,).
+        objects: Poses of the chain's objects, each (n, 3).
+        base: Index of the check from which slides and gaps count: the first one with all gaps below a tenth of the
+            tolerance, because displaced objects touch with a corner at first. None before that.
+        stalled: Whether the plate lacked the force to continue after the last check.
     """
 
     chain: Chain
@@ -241,7 +240,7 @@ class _Driven:
     stalled: bool = False
 
     def look(self, t: float, simulator: PhysicsSimulator) -> bool:
-        """Look where everything is; tell whether a contact has moved while that counts."""
+        """Record all poses; return whether a contact has moved while slides and gaps count."""
         self.t.append(t)
         self.frames.append(simulator.plate_pose)
         self.objects.append(simulator.object_poses)
@@ -254,19 +253,19 @@ class _Driven:
         return self.base is not None and bool(self._over([self.base, last], 0)[1])
 
     def rows(self, j: int) -> IntArray:
-        """Return the looks at segment j of the push, from its beginning to its end."""
+        """Return the indices of the checks in segment j."""
         t = np.array(self.t)
         return np.flatnonzero((t >= self.marks[j]) & (t <= self.marks[j + 1]))
 
     @property
     def moved_at(self) -> float:
-        """When the first contact was seen to have moved during the push, s; infinite where none has."""
+        """Time of the first check with a moved contact during the push, s; infinite if none has moved."""
         rows = self.rows(self.own)
         over = self._over(range(len(self.t)), self.base)[rows]
         return self.t[rows[over.argmax()]] if over.any() else math.inf
 
     def _over(self, looks: Sequence[int], base: int | None) -> BoolArray:
-        """Tell at which looks (k,) a contact has moved; see `contact_motion`."""
+        """Return at which checks (k,) a contact has moved; see `contact_motion`."""
         slide, opening, _ = contact_motion(self.chain, self._motions(looks), base)
         lengths = np.array([contact.length for contact in self.chain.contacts])
         return np.asarray((np.maximum(np.abs(slide), opening) / lengths > TOLERANCE).any(axis=1))
@@ -277,7 +276,7 @@ class _Driven:
 
 
 def _alone(plan: Plan, world: World, k: int, objects: FloatArray) -> Part:
-    """Return what a segment comes to in which the robot drives alone."""
+    """Return the executed part of a segment in which the robot drives alone."""
     trajectory = plan.segments[k].contact_trajectory
     t = step_times(trajectory, world.chain.reach, NEAR)
     poses = trajectory.poses_at(t)
@@ -285,7 +284,7 @@ def _alone(plan: Plan, world: World, k: int, objects: FloatArray) -> Part:
 
 
 def _standing(plan: Plan, world: World, group: Sequence[int], objects: FloatArray) -> shapely.Geometry | None:
-    """Return the objects that are not pushed in a group of segments, in one; None where all are."""
+    """Return the union of the objects that a group of segments does not push; None if it pushes all."""
     loads = [plan.segments[k].load for k in group]
     pushed = {name for load in loads if load is not None for name in load.names}
     pushed |= {plan.segments[k].onto for k in group}
@@ -298,7 +297,7 @@ def _standing(plan: Plan, world: World, group: Sequence[int], objects: FloatArra
 
 
 def _clearance(plan: Plan, world: World, part: Part, standing: shapely.Geometry | None) -> float:
-    """Return the least distance (m) of robot and load from objects that stand, along a part."""
+    """Return the smallest distance (m) of robot and load from resting objects along a part."""
     if standing is None:
         return math.inf
     load = plan.segments[part.segment].load

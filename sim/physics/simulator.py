@@ -1,6 +1,6 @@
-"""Objects on the floor and a plate that moves among them in a physics engine (MuJoCo), step by step.
+"""Stepwise simulation of a plate and objects on the floor in a physics engine (MuJoCo).
 
-The same world, moved by the same calls, as in `slip.simulator.SlipSimulator`, at full speed and with all inertia.
+It has the same world and methods as `slip.simulator.SlipSimulator`, but runs at full speed and with inertia.
 """
 
 from __future__ import annotations
@@ -21,43 +21,43 @@ from pushplan.util.arrays import FloatArray, IntArray, frozen, numbers
 from pushplan.util.names import FARTHEST
 
 HARD = PhysicsSettings(time_step=1e-3, indentation=5e-6)
-"""Hard contacts creep least, and a longer time step is enough. Where contacts slip, they slip too far with these."""
+"""Settings with hard contacts, which creep least and allow a longer time step; slipping contacts slip too far."""
 STEPPED = replace(HARD, degree=5)
-"""What is moved by a controller, with fewer feet."""
+"""Settings for closed loops, with fewer feet."""
 _BARELY = 1e-9
-"""Least sliding speed that the feet are made for, m/s."""
+"""Smallest sliding speed for the design of the feet, m/s."""
 FAR, RESTING = 0.02, 1e-6
-"""Distance (m) of the plate from all objects, and their speed, at which they need not be simulated: they rest."""
+"""Distance (m) of the plate from all objects above which, and their speed below which, no simulation is needed."""
 
 
 @dataclass(frozen=True, eq=False)
 class Moved:
-    """What a move left behind: `wrenches` (m, 3) of the plate in its own frame as in a `core.slip.Trace`."""
+    """Result of a move: `wrenches` (m, 3) of the plate in its own frame, as in `core.slip.Trace`."""
 
     wrenches: FloatArray
 
 
 class PhysicsSimulator:
-    """A `SlipSimulator` of MuJoCo.
+    """Counterpart of `SlipSimulator` in MuJoCo.
 
     Attributes:
-        world: What it began as.
-        chain: What is held: the plate is moved in its frame; in the plate frame where that is None.
-        jammed: The engine could not go on; nothing moves any more.
-        stalled: The plate had to push with more than `robot.limits.force`: it stands until it is moved another way.
+        world: Initial world.
+        chain: Held chain, whose frame is moved; None to move the plate frame.
+        jammed: Whether the engine has failed; nothing moves any more.
+        stalled: Whether the push exceeded `robot.limits.force`; the plate then stands until it moves elsewhere.
     """
 
     def __init__(self, world: World, settings: PhysicsSettings = STEPPED, sliding: float | None = None) -> None:
         """Place plate and objects.
 
         Args:
-            world: Where the objects are, and all that they meet.
-            settings: See there.
-            sliding: Greatest speed of the objects, see `sliding_speed`; None for what the pusher's limits allow, m/s.
+            world: Initial world.
+            settings: Settings of the simulation.
+            sliding: Largest speed of the objects, m/s, see `sliding_speed`; None for the pusher's limits.
 
         Raises:
-            MissingExtraError: When the engine is not installed.
-            SupportError: When the load under an object is not known, or a push could lift a part of it.
+            MissingExtraError: If the engine is not installed.
+            SupportError: If the load under an object is not known, or a push could lift a part of it.
         """
         self.world, self.jammed, self.stalled = world, False, False
         self._against: FloatArray = np.zeros(3)
@@ -75,38 +75,38 @@ class PhysicsSimulator:
         self._outlines = [obj.outline for obj in world.objects]
         into = se2.inverse(pusher.plate_pose)
         self._carried = [se2.transform_points(into, part) for part in (pusher.outline, *pusher.footprint)]
-        self._pushed(np.zeros(3), 0.0, settings.run_in)  # so that the feet settle
+        self._pushed(np.zeros(3), 0.0, settings.run_in)  # let the feet settle
 
     def hold(self, chain: Chain | None) -> None:
-        """Hold a chain, or nothing; plate and objects stay where they are."""
+        """Hold a chain, or nothing for None; plate and objects do not move."""
         self.chain = chain
 
     @property
     def plate_in_frame(self) -> FloatArray:
-        """(3,) pose of the plate frame in the frame that the plate is moved in."""
+        """Pose of the plate frame in the moved frame, (3,)."""
         return np.zeros(3) if self.chain is None else self.chain.pusher.plate_pose
 
     @property
     def plate_pose(self) -> FloatArray:
-        """(3,) pose in the world of the frame that the plate is moved in."""
+        """Pose of the moved frame in the world, (3,)."""
         return np.asarray(se2.compose(self._plate, se2.inverse(self.plate_in_frame)))
 
     @property
     def object_poses(self) -> FloatArray:
-        """(n, 3) poses of the objects' own frames in the world."""
+        """Poses of the objects' own frames in the world, (n, 3)."""
         return np.asarray(se2.compose(self._model.motions()[:-1], self._begin[:-1]))
 
     def place(self, object_poses: ArrayLike, plate_pose: ArrayLike) -> None:
-        """Put objects (n, 3) and plate (3,), the latter by its frame, somewhere else in the world, at rest."""
+        """Place objects (n, 3) and the moved frame of the plate (3,) in the world, at rest."""
         objects = frozen(object_poses, (len(self._outlines), 3), "poses of the objects")
         self._plate = se2.compose(frozen(plate_pose, (3,), "pose of the plate"), self.plate_in_frame)
         self._put(np.arange(len(self._begin)), np.vstack([objects, self._plate]))
 
     def move(self, twist: ArrayLike, duration: float) -> Moved:
-        """Move the plate with a constant body twist (3,) of its frame, in as many steps as it takes."""
+        """Move the plate with a constant body twist (3,) of its moved frame for a duration, s."""
         own = frozen(se2.twist_of(self.plate_in_frame, numbers(twist, "twist")), (3,), "twist")
         if not (np.abs(own).max() * duration <= FARTHEST and duration >= 0.0):
-            raise PushplanError(f"a move of {own} for {duration} s; allowed: {FARTHEST:g} m, and time that goes on")
+            raise PushplanError(f"a move of {own} for {duration} s; allowed: up to {FARTHEST:g} m, and a time >= 0")
         if self.jammed:
             return Moved(np.zeros((1, 3)))
         if self._rests() and (not own.any() or self._far()):
@@ -123,13 +123,13 @@ class PhysicsSimulator:
         return Moved(np.zeros((1, 3)))
 
     def move_along(self, frames: FloatArray) -> FloatArray:
-        """Move the plate through poses (m + 1, 3) of its frame, one time step between two; a stall is the last step.
+        """Move the plate through poses (m + 1, 3) of its moved frame, one time step between two, up to a stall.
 
         Returns:
-            (k, 3) wrenches that the plate pushes with in the steps that were made, in its frame: N, N, N m.
+            Wrenches of the plate in the executed steps, in its frame: N, N, N m, (k, 3).
 
         Raises:
-            PhysicsError: When the simulation does not stay finite.
+            PhysicsError: If the simulation diverges.
         """
         return self._followed(se2.compose(frames, self.plate_in_frame), self._meter)
 
@@ -144,9 +144,9 @@ class PhysicsSimulator:
         return np.column_stack([force, moment])
 
     def _pushed(self, twist: FloatArray, duration: float, count: int) -> FloatArray:
-        """Move on with the plate frame at a twist (3,); return the wrenches (count, 3) that the plate pushes with.
+        """Move the plate frame at a twist (3,) and return the wrenches of the plate (count, 3).
 
-        Time steps are the engine's; where they do not fill the time, the plate moves that much faster.
+        The engine's time steps are fixed; if they do not add up to the duration, the speed is scaled.
         """
         poses = se2.compose(self._plate, se2.exp(twist * (duration / count * np.arange(count + 1))[:, None]))
         stood = self.stalled
@@ -160,7 +160,7 @@ class PhysicsSimulator:
         return wrenches
 
     def _put(self, bodies: IntArray, poses: FloatArray) -> None:
-        """Put bodies at poses (k, 3) in the world, at rest."""
+        """Place bodies at poses (k, 3) in the world, at rest."""
         model = self._model
         places = model.dofs[bodies, None] + np.arange(3)
         model.data.qpos[places] = joint_coordinates(model.anchors[bodies], _motions(poses, self._begin[bodies]))
@@ -171,7 +171,7 @@ class PhysicsSimulator:
         return bool(np.abs(self._model.data.qvel[places]).max() < RESTING)
 
     def _far(self) -> bool:
-        """Tell whether plate and robot are away from all objects."""
+        """Return whether plate and robot are farther than `FAR` from all objects."""
         moving = [shapely.Polygon(se2.transform_points(self._plate, part)) for part in self._carried]
         standing = [
             shapely.Polygon(se2.transform_points(pose, outline))
@@ -181,12 +181,12 @@ class PhysicsSimulator:
 
 
 def sliding_speed(chain: Chain, frames: FloatArray, dt: float) -> float:
-    """Return the greatest speed of any point of the objects while nothing slips, m/s.
+    """Return the largest speed of any point of the objects without slip, m/s.
 
     Args:
-        chain: What is pushed.
-        frames: (k + 1, 3) poses of its frame.
-        dt: Time from each to the next, s.
+        chain: Pushed chain.
+        frames: Poses of its frame, (k + 1, 3).
+        dt: Time from each pose to the next, s.
     """
     twists = se2.relative(frames[:-1], frames[1:]) / dt
     corners = np.concatenate([obj.outline_chain for obj in chain.objects])
@@ -196,5 +196,5 @@ def sliding_speed(chain: Chain, frames: FloatArray, dt: float) -> float:
 
 
 def _motions(poses: FloatArray, begin: FloatArray) -> FloatArray:
-    """Return how bodies that began at `begin` have moved, as `PhysicsModel.motions`."""
+    """Return the motions of bodies from poses `begin` to `poses`, as in `PhysicsModel.motions`."""
     return np.asarray(se2.compose(poses, se2.inverse(begin)))
