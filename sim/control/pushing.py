@@ -21,15 +21,7 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.run import Replan
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.parts import Obstacle
-from pushplan.sim.control.closing import (
-    LONGEST,
-    ClosingPush,
-    Closings,
-    Contacts,
-    Touch,
-    contacts_at,
-    shift_at_contact,
-)
+from pushplan.sim.control.closing import ClosingPush, Closings, Contacts, Touch, contacts_at, shift_at_contact
 from pushplan.sim.control.departures import Slide, find_slide, off_place
 from pushplan.sim.control.estimator import HOLD, Estimator, Sample
 from pushplan.sim.control.following import Following
@@ -368,7 +360,7 @@ class PushLoop:
         most, cause = [SIGMAS * value for value in self.settings.bias], "a camera error explains them"
         if self._job.settle > 0.0:
             # A load that seems as open after the push is in contact; the pose of the plate is wrong.
-            most, cause = [LONGEST, math.inf], "the plate is elsewhere"
+            most, cause = [self._closings.longest, math.inf], "the plate is elsewhere"
         if not (self._closings.change_nothing(contacts, *self._closed()) and contacts.flush(*most)):
             return False
         self._tell("sensor", f"contacts still seem open by {open_by} after a closing push: {cause}")

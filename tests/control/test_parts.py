@@ -287,6 +287,17 @@ def test_a_kick_leaves_no_overlap_and_moves_what_is_carried_ahead(crates: pushpl
         assert max(shapes[a].intersection(shapes[b]).area for a, b in ((0, 1), (0, 2), (1, 2))) < 1e-9
 
 
+def test_a_long_load_that_turned_is_closed_by_a_longer_push() -> None:
+    scenario = pushplan.load_scenario("carts")
+    world = pushplan.World.from_scenario(scenario)
+    poses = disturbed(pushplan.SlipSimulator(world), world.start, Disturbance(0.0, 0, 5e-3, 0.0, 0.052))
+    assert contacts_at(scenario.chain, relative(world.start, poses)).opening.max() > 0.02
+    noise = np.array([1e-3, 4e-3])
+    push = Closings(world, ControlSettings()).next(world.start, poses, Planner(scenario).twists, noise)
+    assert isinstance(push, ClosingPush)
+    assert 0.05 < push.length < 0.1
+
+
 def test_a_push_that_closes_contacts_does_so_in_other_worlds_too(crates: pushplan.Scenario, queries: Planner) -> None:
     world = pushplan.World.from_scenario(crates)
     disturbance = Disturbance(0.0, 0, 4e-3, 2e-3, 0.03)
