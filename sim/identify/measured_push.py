@@ -18,7 +18,7 @@ from pushplan.mechanics.chain import PLATE
 from pushplan.sim.identify.unknowns import Unknown, Unknowns
 from pushplan.sim.report import at_poses
 from pushplan.sim.slip import steps_of
-from pushplan.util.arrays import FloatArray, frozen
+from pushplan.util.arrays import FloatArray, IntArray, frozen
 from pushplan.util.names import PUSHER
 
 
@@ -28,13 +28,15 @@ class MeasuredPush:
 
     Attributes:
         plate_poses: Poses of the plate, that is of the chain frame, (m, 3).
-        object_poses: Poses of the objects' own frames, (m, n, 3).
+        object_poses: Poses of the objects' own frames, (m, n, 3); NaN at times without a measurement. The prediction
+            is compared with the times at which all objects were measured; two of them are enough.
         name: Name in messages.
         wrenches: Wrenches of the plate on all objects that it touches, in the chain frame about its origin, (m, 3):
             N, N, N m. None without a force sensor.
 
     Raises:
-        PushplanError: If there are fewer than three poses, or they are not finite.
+        PushplanError: If there are fewer than three poses, they are not finite, or all objects are measured
+            fewer than twice.
     """
 
     plate_poses: FloatArray
@@ -52,11 +54,23 @@ class MeasuredPush:
         if len(plate) < 3:
             raise PushplanError(f"{self.name}: there are {len(plate)} measured poses; at least 3 are needed")
         object.__setattr__(self, "plate_poses", frozen(plate, (None, 3), f"{self.name}: poses of the plate"))
-        shape = (len(plate), objects.shape[1], 3)
-        object.__setattr__(self, "object_poses", frozen(objects, shape, f"{self.name}: poses of the objects"))
+        seen = ~np.isnan(objects).any(axis=(1, 2))
+        if np.count_nonzero(seen) < 2:
+            raise PushplanError(
+                f"{self.name}: all objects are measured at {np.count_nonzero(seen)} times; at least 2 are needed"
+            )
+        poses = np.full(objects.shape, np.nan)
+        poses[seen] = frozen(objects[seen], (None, objects.shape[1], 3), f"{self.name}: poses of the objects")
+        poses.setflags(write=False)
+        object.__setattr__(self, "object_poses", poses)
         if self.wrenches is not None:
             wrenches = frozen(self.wrenches, (len(plate), 3), f"{self.name}: wrenches of the plate")
             object.__setattr__(self, "wrenches", wrenches)
+
+    @property
+    def seen(self) -> IntArray:
+        """Indices of the times at which all objects were measured."""
+        return np.flatnonzero(~np.isnan(self.object_poses[:, 0, 0]))
 
     def pieces(self, reach: float, step: float, way: float) -> list[MeasuredPush]:
         """Split the push into short pieces and drop poses without motion.
@@ -72,10 +86,12 @@ class MeasuredPush:
         moved = se2.log(se2.relative(self.plate_poses[:-1], self.plate_poses[1:]))
         gone = np.concatenate([[0.0], np.cumsum(np.hypot(moved[:, 0], moved[:, 1]) + reach * np.abs(moved[:, 2]))])
         # Keep a pose at every multiple of the step, also if rounding puts one just before it.
-        marks = np.floor(gone / step * (1.0 + 1e-9))
-        kept = np.flatnonzero(np.diff(marks, prepend=-1.0) > 0)
-        count = max(1, int(np.ceil(gone[-1] / way)))
-        cuts = np.unique(np.searchsorted(gone[kept], gone[-1] * np.arange(count + 1) / count).clip(max=len(kept) - 1))
+        marks, seen = np.floor(gone / step * (1.0 + 1e-9)), self.seen
+        every, compared = (rows[np.diff(marks[rows], prepend=-1.0) > 0] for rows in (np.arange(len(gone)), seen))
+        # Measurements can be rare, for example only before and after the push: keep them all the same.
+        ends = np.unique([*compared, seen[-1]])
+        kept, count = np.union1d(every, ends), max(1, int(np.ceil(gone[-1] / way)))
+        cuts = np.unique(np.searchsorted(gone[ends], gone[-1] * np.arange(count + 1) / count).clip(max=len(ends) - 1))
         return [
             MeasuredPush(
                 self.plate_poses[these],
@@ -83,8 +99,8 @@ class MeasuredPush:
                 self.name,
                 None if self.wrenches is None else self.wrenches[these],
             )
-            for a, b in pairwise(cuts)
-            if len(these := kept[a : b + 1]) > 2
+            for a, b in pairwise(ends[cuts])
+            if len(these := kept[(kept >= a) & (kept <= b)]) > 2
         ]
 
 
@@ -129,7 +145,8 @@ class Comparison:
         counts = np.maximum(1, np.ceil(way / (1.5 * STEP))).astype(np.int64)
         fine = np.repeat(motions / counts[:, None], counts, axis=0)
         ends = np.concatenate([[0], np.cumsum(counts)])
-        samples = np.unique(np.linspace(0, len(ends) - 1, min(MOST_COMPARED, len(ends))).astype(np.int64))
+        seen = push.seen
+        samples = seen[np.unique(np.linspace(0, len(seen) - 1, min(MOST_COMPARED, len(seen))).astype(np.int64))]
         gone = np.concatenate([[0.0], np.cumsum(way)])
         return cls(push, fine, ends[samples], samples, gone[samples] >= CLOSING)
 

@@ -136,6 +136,24 @@ def test_a_plan_with_what_was_learned_holds_where_one_with_the_stated_numbers_sl
         assert np.mean(kept) >= 0.9 if holds else not any(kept)
 
 
+def test_poses_before_and_after_pushes_are_enough() -> None:
+    """A camera that looks only while everything rests; contact friction is 0.25 instead of 0.55."""
+    stated = World.from_chain(ChainMaker().boxes(1, pusher_friction=0.55))
+    world = stated.with_contact_friction(0.25 / 0.55)
+    pushes = []
+    for k, twist in enumerate([[0.06, 0.05, 0.7], [0.06, -0.05, -0.6], [0.05, 0.06, 0.0], [0.05, -0.06, 0.2]]):
+        whole = pushed(world, np.array(twist), 2e-4, k)
+        rare = np.full_like(whole.object_poses, np.nan)
+        rare[[0, -1]] = whole.object_poses[[0, -1]]
+        pushes.append(MeasuredPush(whole.plate_poses, rare))
+    one = identify_pushes(stated, pushes).estimates[0]
+    assert one.determined
+    assert one.low <= 0.25 <= one.high
+    assert one.high - one.low < 0.1
+    with pytest.raises(PushplanError, match="measured at 1 times; at least 2 are needed"):
+        MeasuredPush(pushes[0].plate_poses, np.concatenate([rare[:1], np.full_like(rare[1:], np.nan)]))
+
+
 def test_measured_forces_tell_the_size_of_floor_friction() -> None:
     """Stated floor friction is 0.3, in truth it is 0.48."""
     chain = ChainMaker().boxes(1, pusher_friction=0.5, support=lambda o: FeetSupport(0.9 * o, np.full(4, 0.25)))
