@@ -13,6 +13,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
+import shapely
 
 from pushplan.drawing import palette
 from pushplan.geometry import se2
@@ -222,7 +223,8 @@ class Scene:
             None if area is None else area.outline,
             tuple(_obstacle(one, k in blocking) for k, one in enumerate(scenario.obstacles)),
             bodies,
-            tuple(_goals(scenario, colours)),
+            # only a plan knows the place of a row
+            tuple(_goals(plan.scenario if plan is not None and scenario.task.flush else scenario, colours)),
             t,
             poses,
             margins,
@@ -330,9 +332,27 @@ def _bodies(scenario: Scenario) -> Iterator[Body]:
 
 
 def _goals(scenario: Scenario, colours: dict[str, str]) -> Iterator[Fixed]:
-    """Yield each goal once; goals that symmetry makes identical would draw their dashes over one another."""
+    """Yield each goal once, a row as one outline: dashes over dashes would look like a line."""
+    rows = [goal for goal in scenario.task.goals if goal.flush]
+    in_rows = {name for row in rows for name in row.names}
+    for row in rows:
+        slots = [
+            se2.transform_points(goals[0].pose_chain, obj.outline_chain)
+            for load in scenario.loads
+            for goals in [row.candidates(load.name)]
+            for obj in load.chain.objects
+            if goals
+        ]
+        if slots:
+            around = shapely.minimum_rotated_rectangle(shapely.MultiPoint(np.concatenate(slots)))
+            yield Fixed("row", shapely.get_coordinates(around)[:-1], palette.SWEPT)
     seen: set[tuple[str, frozenset[tuple[float, ...]]]] = set()
-    each = ((load, goal) for load in scenario.loads for goal in scenario.goals.get(load.name, ()))
+    each = (
+        (load, goal)
+        for load in scenario.loads
+        if load.name not in in_rows
+        for goal in scenario.goals.get(load.name, ())
+    )
     for load, goal in each:
         for obj in load.chain.objects:
             outline = se2.transform_points(goal.pose_chain, obj.outline_chain)
