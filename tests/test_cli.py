@@ -59,21 +59,21 @@ def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captur
 
 @pytest.mark.parametrize(("words", "message"), [
     ([], "Usage: pushplan COMMAND"), (["plan"], "Missing argument 'SCENARIO'"),
-    (["plan", "two-crates", "--set", "none"], "'none' is not known"),
-    (["plan", "two-crates", "--time-limit", "nan"], "'nan' is no time limit"),
+    (["plan", "two-crates", "--set", "none"], "'none' is unknown"),
+    (["plan", "two-crates", "--time-limit", "nan"], "'nan' is not a time limit"),
     (["plan", "two-crates", "--time-limit", "0"], "'0' is out of range; allowed: a number above 0"),
     (["plan", "two-crates", "--time-limit", "soon"], "also with a unit (s, ms, min, h)"),
     (["plan", "two-crates", "--seed", "-1"], "'-1' is out of range; allowed: a whole number from 0"),
     *((["new", "--", name], "allowed: a name of up to 64") for name in (" ", "_x", "a\tb", "-", "x" * 65)),
-    (["bench", "smoke", "-o", ""], "there is an empty word, which names nothing"),
+    (["bench", "smoke", "-o", ""], "an argument is empty"),
     (["identify", "none.mcap", "--into", "none", "-o", "l.yaml"], "none: cannot read the file: No such file"),
-    (["replay", "@first"], "@first is neither a file nor a recorded run; the last run is @1"),
+    (["replay", "@first"], "@first is neither a file nor a recorded run; allowed: @1"),
     (["simulate", "two-crates", "--disturb", "time=3"], "'time=3' does not state the object"),
-    (["simulate", "two-crates", "--disturb", "time=3,object=far,y=10"], "y is 10 m: mm? a plain number is m"),
+    (["simulate", "two-crates", "--disturb", "time=3,object=far,y=10"], "y is 10 m; allowed: up to 1 m, and mm need"),
     (["simulate", "two-crates", "--disturb", "object=far,time=soon"], "time is 'soon'; allowed: a number"),
-    (["simulate", "two-crates", "--sensor", "noise=1"], "'noise=1' is not NAME=VALUE with a NAME of rate"),
+    (["simulate", "two-crates", "--sensor", "noise=1"], "'noise=1' is not NAME=VALUE; allowed names: rate"),
     (["simulate", "two-crates", "--sensor", "rate=0"], "rate of the sensor is 0.0; it must be finite and > 0"),
-    (["trial", "two-crates", "--samples", "2.5"], "'2.5' is no whole number; allowed: a whole number from 1"),
+    (["trial", "two-crates", "--samples", "2.5"], "'2.5' is not a whole number; allowed: a whole number from 1"),
     (["trial", "two-crates", "--uncertainty", "load=20"], "below 1; it is a share: 20 % is 0.2"),
     (["plan", "two-crates", "--see", "1"], "'--seed'"),
     (["pln", "two-crates"], "Did you mean 'plan'?"),
@@ -81,12 +81,12 @@ def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captur
     (["plan", "two-crates", "more"], "unexpected extra argument (more)"),
     (["plan", "two-crates", "--plot", "p.bmp"], "the suffix .bmp is not a picture format; allowed: .png, .svg, .pdf"),
     (["plan", "two-crates", "-o", "/no/such/folder/r.mcap"], "there is no folder /no/such/folder"),
-    (["plan", "two-crates", "--html", "x", "-o", "./x"], "this file is read or written already"),
-    (["simulate", "one-box", "--no-log", "-o", "x"], "--no-log does not go together with -o and --runs"),
+    (["plan", "two-crates", "--html", "x", "-o", "./x"], "the command also reads or writes this file"),
+    (["simulate", "one-box", "--no-log", "-o", "x"], "--no-log cannot be combined with -o or --runs"),
     (["plan", "no-such.yaml"], "no-such.yaml: cannot read the file: No such file"),
     (["replay", "no-such.mcap"], "no-such.mcap"),
-    (["plan", "two-crates", "--panels", "set"], "--panels has no meaning without --plot"),
-    (["replay", "no-such.mcap", "--rate", "2"], "--rate has no meaning without --mp4"),
+    (["plan", "two-crates", "--panels", "set"], "--panels has no effect without --plot"),
+    (["replay", "no-such.mcap", "--rate", "2"], "--rate has no effect without --mp4"),
 ])  # fmt: skip
 def test_wrong_words_end_with_a_message_and_exit_code_2(words: list[str], message: str, capsys: Captured) -> None:
     assert main(words) == 2
@@ -116,7 +116,7 @@ def test_wrong_words_are_data_in_json_mode(capsys: Captured) -> None:
     assert main(["plan", "two-crates", "--seed", "x", "--json"]) == 2
     error = json.loads(capsys.readouterr().out)["error"]
     assert error["kind"] == "UsageError"
-    assert "'x' is no seed" in error["message"]
+    assert "'x' is not a seed" in error["message"]
 
 
 def test_code_that_a_file_names_is_told_before_its_import_or_refused(
@@ -211,7 +211,7 @@ def test_no_file_of_the_user_is_replaced_unless_that_is_asked_for(capsys: Captur
     for option, name in OUTPUTS.items():
         words = ["replay", "run.mcap", f"--{option}", name]
         assert main(words) == 2
-        assert f"{name}: this file exists and is no result of pushplan" in capsys.readouterr().err
+        assert f"{name}: this file exists and is not a result of pushplan" in capsys.readouterr().err
         assert Path(name).read_text() == "format: pushplan/1"
         assert main([*words, "--overwrite"]) == 0
         assert main(words) == 0  # it is one now
@@ -302,7 +302,7 @@ def _wait_for(condition: Callable[[], bool]) -> None:
     (OSError(28, "No space left on device"), 1, "error: No space left on device"),
     (MemoryError(), 1, "error: out of memory"),
     (BrokenPipeError(), 141, ""),
-    (KeyError("k"), 1, "error: KeyError: 'k'\nThis is a defect of pushplan"),
+    (KeyError("k"), 1, "error: KeyError: 'k'\nThis is a bug in pushplan"),
 ])  # fmt: skip
 def test_every_failure_has_its_exit_code_and_message_and_a_defect_its_traceback_where_asked_for(
     error: BaseException, code: int, message: str, verbose: bool, capsys: Captured, monkeypatch: Patch

@@ -88,7 +88,7 @@ def test_replay_reports_a_mismatch_with_exit_code_4(
     monkeypatch.setattr("pushplan.verification.execute_again", shifted)
     assert main(["replay", str(planned["log"]), "--verify"]) == 4
     out = capsys.readouterr().out
-    assert "the log differs from what its scenario and its plan lead to:" in out
+    assert "the log differs from the re-executed plan:" in out
     assert "pose: differs by 0.001" in out
 
 
@@ -143,7 +143,7 @@ def test_a_log_is_no_scenario_and_replaces_none(planned: Mapping[str, Any], tmp_
     mine = tmp_path / "mine.yaml"
     mine.write_text(example_text("one-box"))
     assert main(["plan", "two-crates", "-o", str(mine)]) == 2
-    assert "mine.yaml: this file exists and is no run log" in capsys.readouterr().err
+    assert "mine.yaml: this file exists and is not a run log" in capsys.readouterr().err
     assert mine.read_text() == example_text("one-box")
 
 

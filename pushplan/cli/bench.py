@@ -1,4 +1,4 @@
-"""Run a suite of problems, planners and seeds, and report what came out."""
+"""Run a suite of problems, planners and seeds, and write a report."""
 
 from __future__ import annotations
 
@@ -28,37 +28,37 @@ def _shard(ctx: click.Context, param: click.Parameter, value: str | None) -> tup
     """Return I and N of I/N."""
     found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", value or "1/1")
     if found is None or not 1 <= int(found[1]) <= int(found[2]):
-        raise p.UsageError(f"--shard: '{value}' is no part of a suite; allowed: I/N with I from 1 to N, such as 3/32")
+        raise p.UsageError(f"--shard is '{value}'; allowed: I/N with I from 1 to N, such as 3/32")
     return int(found[1]), int(found[2])
 
 
 @p.command
 @click.argument("suite", type=p.PATH, metavar="[SUITE | merge DIR...]", required=False)
 @click.argument("shards", type=p.PATH, metavar="", nargs=-1)
-@click.option("-o", "--output", type=p.PATH, metavar="DIR", help="Folder of the results, may be new.")
+@click.option("-o", "--output", type=p.PATH, metavar="DIR", help="Folder of the results; created if missing.")
 @click.option(
     "--jobs",
     type=p.number("number of jobs", 1, 1024, whole=True),
     metavar="N",
-    help="Runs at a time (default 1: parallel runs slow one another down).",
+    help="Number of parallel runs (default 1: parallel runs slow one another down).",
 )
-@click.option("--scheduler", metavar="ADDRESS", help="Do the runs on a Dask cluster, e.g. tcp://HOST:8786.")
-@click.option("--resume", is_flag=True, help="Do what is missing in DIR.")
+@click.option("--scheduler", metavar="ADDRESS", help="Execute on a Dask cluster, e.g. tcp://HOST:8786.")
+@click.option("--resume", is_flag=True, help="Execute the runs that are missing in DIR.")
 @click.option(
     "--shard",
     callback=_shard,
     metavar="I/N",
-    help="Only part I of N equal parts, each with a DIR of its own; `bench merge` makes one of them.",
+    help="Execute only part I of N equal parts, each into its own DIR; `bench merge` combines them.",
 )
 @click.option(
     "--filter",
     "filters",
     metavar="FIELD=PATTERN",
     multiple=True,
-    help="Only runs whose problem, planner, set or seed fits, e.g. problem=gap-*; may be repeated.",
+    help="Execute only runs whose problem, planner, set or seed matches, e.g. problem=gap-*; can be repeated.",
 )
-@click.option("--rerun", metavar="KEY", default="", help="Do the run with this key again, and only that.")
-@click.option("--accept-broken", is_flag=True, help="Exit code 0 also when runs crashed or exceeded a limit.")
+@click.option("--rerun", metavar="KEY", default="", help="Repeat only the run with this key.")
+@click.option("--accept-broken", is_flag=True, help="Exit code 0 even if runs crashed or exceeded a limit.")
 @click.option("--compare", type=p.PATH, nargs=2, metavar="OLD NEW", help="Compare the results of two folders.")
 @click.option(
     "--threshold",
@@ -66,7 +66,7 @@ def _shard(ctx: click.Context, param: click.Parameter, value: str | None) -> tup
     metavar="PERCENT",
     default=5.0,
     show_default=True,
-    help="With --compare: change for the worse that counts as a regression, exit code 4.",
+    help="With --compare: smallest deterioration that counts as a regression (exit code 4).",
 )
 @p.no_code_option
 def bench(
@@ -85,9 +85,10 @@ def bench(
     threshold: float,
     no_code: bool,
 ) -> int:
-    """Run a suite of problems, planners and seeds, and report what came out.
+    """Run a suite of problems, planners and seeds, and write a report.
 
-    SUITE is a file or a packaged suite; without it those are listed. `merge` makes one folder of those of shards.
+    SUITE is a file or a packaged suite. Without SUITE, the packaged suites are listed. `merge` combines the folders
+    of all shards into one.
     """
     given: dict[str, object] = {
         "SUITE": suite,
@@ -109,7 +110,7 @@ def bench(
     if merging and not shards:
         raise p.UsageError("name the folders of the shards: pushplan bench merge DIR... -o DIR")
     if shards and not merging:
-        raise p.UsageError(f"'{shards[0]}' is one word too many; only `bench merge` takes several folders")
+        raise p.UsageError(f"'{shards[0]}' is one argument too many; only `bench merge` takes several folders")
     if output is None:
         raise p.UsageError(f"name a folder for the results: pushplan bench {suite} -o DIR")
     if merging:
@@ -118,7 +119,7 @@ def bench(
     if rerun:
         _refuse("--rerun", given, ["--filter", "--resume", "--shard"])
     if scheduler is not None:
-        _refuse("--scheduler, which does as many runs at a time as its workers can,", given, ["--jobs"])
+        _refuse("--scheduler (its workers set the number of parallel runs)", given, ["--jobs"])
     from pushplan.bench.batch import Selection
 
     selection = Selection(resume, filters, rerun, shard)
@@ -128,7 +129,7 @@ def bench(
             from pushplan.bench.suite import load_suite
 
             read = load_suite(str(suite))
-            selection.of(read, package_version())  # the runs that are wanted are there, before a folder is made
+            selection.of(read, package_version())  # refuses unknown runs before the folder is created
         for name in read.code:
             observer(name)
     words = ["pushplan", "bench", str(suite), "-o", str(output), "--resume"]
@@ -140,10 +141,10 @@ def bench(
 
 
 def _refuse(word: str, given: dict[str, object], others: list[str]) -> None:
-    """Raise when words were given that `word` would leave without effect."""
+    """Refuse arguments that have no effect together with `word`."""
     some = [name for name in others if given[name]]
     if some:
-        raise p.UsageError(f"{word} does not go together with {' and '.join(some)}; leave one of them out")
+        raise p.UsageError(f"{word} cannot be combined with {' and '.join(some)}; leave one of them out")
 
 
 def _list(console: Console) -> int:
@@ -183,7 +184,7 @@ def _bench(
                 tally = run_suite(suite, folder, engine, selection, lambda now: progress.tell(progress_text(now)))
         except KeyboardInterrupt:
             if folder.database.exists():
-                console.note(f"stopped; go on with: {resumption}")
+                console.note(f"stopped; continue with: {resumption}")
             raise
         before = f", {tally.before} done before" if tally.before else ""
         heading = f": {counted(tally.done, 'run')} in {span_text(tally.seconds)}{before}"
@@ -206,7 +207,7 @@ def _merge(output: Path, shards: tuple[Path, ...], accept_broken: bool, console:
     heading = f": {counted(counts.total(), 'run')} of {counted(len(shards), 'folder')}"
     heading += f", {left} without a result" if left else ""
     if double:
-        console.note(f"{counted(double, 'result')} left out: an earlier folder has the run, too")
+        console.note(f"{counted(double, 'result')} skipped: an earlier folder already has the run")
     return _tell(results, folder, Tally(len(results.runs), 0, counts), heading, accept_broken, console)
 
 
@@ -227,23 +228,23 @@ def _reported(folder: ResultsFolder, console: Console, with_report: bool = True)
 def _tell(
     results: Results, folder: ResultsFolder, tally: Tally, heading: str, accept_broken: bool, console: Console
 ) -> int:
-    """Say how the runs ended, and return the exit code."""
+    """Print the outcomes of the runs and return the exit code."""
     from pushplan.bench.outcome import BROKEN, INVALID
 
-    broken = results.runs[results.runs.outcome.isin(BROKEN)]  # now or before
+    broken = results.runs[results.runs.outcome.isin(BROKEN)]  # in this session or before
     console.say((str(results.about["name"]), "bold"), heading)
     console.table([(outcome, str(count)) for outcome, count in tally.counts.items()], style="")
     if results.processors:
-        text = f"different processors did the runs, so their times are not comparable: {results.processors}"
+        text = f"the runs used different processors, so their times are not comparable: {results.processors}"
         console.note(f"warning: {text}")
     for first in broken.head(1).itertuples():
-        console.say(f"{counted(len(broken), 'run')} broke off, which --accept-broken would take for done; the first:")
+        console.say(
+            f"{counted(len(broken), 'run')} crashed or exceeded a limit (--accept-broken accepts this); first:"
+        )
         why = (first.message or first.outcome).rstrip().rpartition("\n")[2]
         console.say(f"  {first.problem}, {first.planner}, seed {first.seed}: {why}")
     report = folder.report if folder.report.exists() else None
-    console.say(
-        f"report: {report}" if report else f"results: {folder.path}; when all shards are done: pushplan bench merge"
-    )
+    console.say(f"report: {report}" if report else f"results: {folder.path}; after all shards: pushplan bench merge")
     console.emit(
         {
             "suite": results.about["name"],
@@ -276,17 +277,17 @@ def _compare(old: Path, new: Path, threshold: float, console: Console) -> int:
             console.say((word, style), f": {what}")
     for run in found.newly_invalid.itertuples():
         text = f"{run.problem}, {run.planner}, seed {run.seed}: {run.message.partition(chr(10))[0]}"
-        console.say(("invalid now", "red"), f": {text}")
+        console.say(("newly invalid", "red"), f": {text}")
     if not (found.better or found.worse or len(found.newly_invalid)):
-        console.say("nothing has changed beyond chance")
+        console.say("no significant change")
     elif found.is_regression:
-        console.say(f"a regression: worse by more than {100.0 * threshold:g} %, or invalid now")
+        console.say(f"regression: worse by more than {100.0 * threshold:g} %, or newly invalid")
     else:
         console.say(f"no regression: nothing is worse by more than {100.0 * threshold:g} %")
     rows = [
         {
             **asdict(one),
-            "effect": one.effect if math.isfinite(one.effect) else None,  # most runs are not solved any more
+            "effect": one.effect if math.isfinite(one.effect) else None,  # infinite if most runs are no longer solved
             "significant": one.significant,
             "better": one.second_is_better,
         }
@@ -304,7 +305,7 @@ def _compare(old: Path, new: Path, threshold: float, console: Console) -> int:
 
 
 def progress_text(tally: Tally) -> str:
-    """Return how far a benchmark has come."""
+    """Return the progress of a benchmark as text."""
     parts = [f"{tally.before + tally.done} of {tally.total} done", f"{tally.solved} solved"]
     if tally.failed:
         parts.append(f"{tally.failed} failed")

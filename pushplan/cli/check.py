@@ -1,4 +1,4 @@
-"""Check a scenario and show what was understood: bodies, weights, contacts, and the room at start and goal."""
+"""Check a scenario and show its bodies, weights and contacts, and the free space at start and goal."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Rows = list[tuple[str, str]]
 @p.plot_option
 @p.no_code_option
 def check(console: Console, scenario: str, maps: tuple[Path, ...], plot: Path | None, no_code: bool) -> int:
-    """Check a scenario and show what was understood."""
+    """Check a scenario and show how pushplan reads it: bodies, weights, contacts, and free space."""
     from pushplan.scenario.file import load_scenario
 
     p.check_outputs([scenario, *maps], plot)
@@ -68,7 +68,7 @@ def check(console: Console, scenario: str, maps: tuple[Path, ...], plot: Path | 
 
 
 def ask(scenario: Scenario, console: Console) -> int:
-    """Ask about numbers that the file may state but hardly means; return how many."""
+    """Print questions about valid but unlikely numbers in the file; return their count."""
     from pushplan.scenario.check import questions
 
     found = () if scenario.origin is None else questions(scenario.origin)
@@ -78,10 +78,10 @@ def ask(scenario: Scenario, console: Console) -> int:
 
 
 def require_pushable(scenario: Scenario) -> None:
-    """Check what loading leaves out: whether any push keeps the chain together, and the robot has the force for one.
+    """Check what loading does not: that the chain has a stable push, and the robot enough force for it.
 
     Raises:
-        ScenarioError: With the findings.
+        ScenarioError: If not, with the findings.
     """
     from pushplan.plans.judge import planning_set
     from pushplan.scenario.check import check_scenario
@@ -97,7 +97,7 @@ def require_pushable(scenario: Scenario) -> None:
 
 
 def turn_warnings(scenario: Scenario, stable: StableSet) -> list[str]:
-    """Return why the turns of a single push may be too wide for the room, or to one side only."""
+    """Return warnings if the turns of a single push can be too wide for the free space, or go to one side only."""
     from pushplan.planners.controls import control_segments, margins_to_try
     from pushplan.planners.infeasible.turning import a_word_fits, turning_faults
 
@@ -110,13 +110,13 @@ def turn_warnings(scenario: Scenario, stable: StableSet) -> list[str]:
     return [fault.text for fault in turning_faults(scenario.with_margin(margin), stable, segments)]
 
 
-# --- what was understood ----------------------------------------------------------------------------------------
+# --- contents of a scenario -------------------------------------------------------------------------------------
 
 
 def document(scenario: Scenario) -> dict[str, Any]:
-    """Return everything that a user should recognise as an object for JSON."""
+    """Return the contents of a scenario as a JSON object."""
     chain, interval = scenario.chain, scenario.interval
-    room = tipping_room(chain, interval, off=scenario.stability.set in KNOWN_LOAD_SETS)  # as the stable set has it
+    room = tipping_room(chain, interval, off=scenario.stability.set in KNOWN_LOAD_SETS)  # as in the stable set
     frictions = scenario.contact_friction
     if frictions is None:
         frictions = np.array([[contact.friction] * 2 for contact in chain.contacts])
@@ -154,7 +154,7 @@ def document(scenario: Scenario) -> dict[str, Any]:
 
 
 def rows(scenario: Scenario, found: Mapping[str, Any]) -> Rows:
-    """Return the same, label and value, of a scenario's document."""
+    """Return the contents of a scenario's document as labels and values."""
     chain, chosen = scenario.chain, scenario.stability.set
     rows = [("file", str(scenario.path)), *pusher_rows(chain.pusher)]
     for i in range(len(chain.objects)):
@@ -167,25 +167,25 @@ def rows(scenario: Scenario, found: Mapping[str, Any]) -> Rows:
         text += f", {_range_text(height, '.3f')} m above the floor" if height else ""
         rows.append((f"contact {chain.contact_name(k)}", text))
     if scenario.uncertainty.load > 0.0 and chosen not in KNOWN_LOAD_SETS:
-        what = f"load is not counted: the set {chosen!r} holds for every pressure with the stated centre, "
-        rows.append(("uncertainty", f"{what}and takes that centre as it is"))
+        what = f"the uncertainty of the load has no effect: the set {chosen!r} holds for every pressure with the "
+        rows.append(("uncertainty", f"{what}given centre"))
     if (snapping := scenario.load.snapping) is not None:
         for moved in snapping.objects:
             by = f"{1e3 * moved.gap:.3g} mm and {degrees(moved.turn):.3g} deg"
             rows.append((f"snapped {moved.name}", f"by {by} onto {moved.onto}"))
         if snapping.sideways:
-            what = f"moved by {1e3 * snapping.sideways:.3g} mm sideways, to the middle of the plate's contact"
+            what = f"moved sideways by {1e3 * snapping.sideways:.3g} mm to the middle of the plate's contact"
             rows.append(("chain frame", what))
     return [*rows, ("workspace", workspace_text(scenario)), *((e, _place_text(found[e])) for e in ("start", "goal"))]
 
 
 def _one_or_two(low: float, high: float) -> float | list[float]:
-    """Return a number, or the ends of an interval."""
+    """Return a number if both are equal, else the interval."""
     return low if low == high else [low, high]
 
 
 def _stated(scenario: Scenario, i: int, name: str, factor: float = 1.0) -> float | list[float]:
-    """Return a number of object i times a factor, or its lowest and highest value."""
+    """Return a number of object i times a factor, or its interval."""
     if scenario.interval is not None:
         low, high = factor * getattr(scenario.interval, name)[i]
         if low < high:
@@ -198,10 +198,10 @@ def _range_text(value: float | list[float], form: str) -> str:
 
 
 def pusher_rows(pusher: Pusher) -> Rows:
-    """Return the rows of the plate and of the robot, or that its body is not known."""
+    """Return the rows of the plate and of the robot."""
     thickness, width = np.ptp(pusher.outline, axis=0)
     plate = f"{width:.3f} m wide, {thickness:.3f} m thick, drive {pusher.drive.kind}"
-    robot = "no footprint stated: the robot behind the plate is not looked at"
+    robot = "no footprint: collisions of the robot behind the plate are not checked"
     if pusher.footprint:
         points = np.concatenate(pusher.footprint)
         length, width = np.ptp(points, axis=0)
@@ -212,14 +212,14 @@ def pusher_rows(pusher: Pusher) -> Rows:
 
 
 def workspace_text(scenario: Scenario) -> str:
-    """Return the room in words."""
+    """Return the workspace and the number of obstacles as text."""
     area = scenario.workspace
     space = "unlimited" if area is None else f"x {area.xmin:g} to {area.xmax:g} m, y {area.ymin:g} to {area.ymax:g} m"
     return f"{space}, {counted(len(scenario.obstacles), 'obstacle')}"
 
 
 def object_rows(scenario: Scenario, i: int, found: Mapping[str, Any]) -> Rows:
-    """Return the rows of an object: shape, mass and friction, and how its load rests on the floor."""
+    """Return the rows of an object: shape, mass and friction, and its load on the floor."""
     outline, stated = scenario.chain.objects[i].outline, found["objects"][i]
     length, width = np.ptp(outline, axis=0)
     shape = f"{length:.3f} x {width:.3f} m, {len(outline)} corners"
@@ -235,7 +235,7 @@ def object_rows(scenario: Scenario, i: int, found: Mapping[str, Any]) -> Rows:
 
 
 def support_text(obj: PushedObject) -> str:
-    """Return in words how an object's load rests on the floor."""
+    """Return an object's load on the floor as text."""
     support = obj.support
     x, y = np.round(support.center, 4) + 0.0  # no "-0"
     center = f"centre at ({x:g}, {y:g}) m of its frame"
@@ -256,7 +256,7 @@ def support_text(obj: PushedObject) -> str:
 
 
 def room(scenario: Scenario, pose: FloatArray) -> float:
-    """Return the distance of the chain at `pose` to the nearest obstacle or wall, m; infinite without any."""
+    """Return the distance from the chain at `pose` to the nearest obstacle or wall, m; infinite without one."""
     corners = [transform_points(pose, body.outline) for body in scenario.chain.bodies]
     bodies = shapely.MultiPolygon([shapely.Polygon(outline) for outline in corners])
     distances = [float(shapely.distance(bodies, one.core)) - one.radius for one in scenario.obstacles]
@@ -280,7 +280,7 @@ def _pose_text(pose: FloatArray) -> str:
 
 def _place_text(place: Mapping[str, Any]) -> str:
     free = place["room"]
-    room = "nothing in the way" if free is None else f"{free:.3f} m from the nearest thing"
+    room = "no obstacles" if free is None else f"{free:.3f} m from the nearest obstacle or wall"
     return f"chain frame at {_pose_text(place['pose'])}; {room}"
 
 
@@ -289,22 +289,22 @@ def _row_text(row: Row) -> str:
     if row.pose is not None:
         where = f"its rear at {_pose_text(row.pose)}"
     order = "in any order" if row.order == "any" else "in this order from the pusher outward"
-    together = {"auto": "together where that costs less", "never": "one by one", "always": "all together"}
+    together = {"auto": "together if that costs less", "never": "one by one", "always": "all together"}
     return f"{', '.join(row.of)}, {order}, {where}; pushed {together[row.gather]}"
 
 
 def _check_rearrangement(scenario: Scenario, plot: Path | None, console: Console) -> int:
-    """Show what was understood of a scenario of several objects; return the exit code."""
+    """Show the contents of a scenario with several objects; return the exit code."""
     from pushplan.planners.multi.contact_modes import find_modes
     from pushplan.plans.settings import PlanSettings
 
     first = scenario.alone(scenario.loads[0].name)
     rows, found = [("file", str(first.path))], []
     aims = {name: goal.aim(name) for goal in scenario.task.goals for name in goal.names}
-    idle = "stays where it is" if scenario.task.flush else "is moved where it is in the way"
+    idle = "stays in place" if scenario.task.flush else "is moved only if it is in the way"
     for one in scenario.each_alone():
         name = one.load.name
-        with console.working(f"looking at the contacts of {name}"):
+        with console.working(f"finding the contacts of {name}"):
             require_pushable(one)
             modes = find_modes(one, PlanSettings().completed(one))
             faces = list(dict.fromkeys(mode.place.face for mode in modes))

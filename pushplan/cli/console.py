@@ -1,7 +1,7 @@
-"""Where a command's words go: results to stdout, remarks and progress to stderr, colours to terminals.
+"""Output of a command: results on stdout, notes and progress on stderr, colours on terminals.
 
-Everything that people read passes here, and whatever a terminal would obey in it (names, reasons and lines come from
-files of other hands) is escaped; JSON stays exact.
+All printed text is escaped, because names and reasons from other people's files could contain terminal commands. JSON
+stays exact.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ import click
 from pushplan.util.printable import printable
 
 DELAY = 1.0
-"""Seconds before it is said that work goes on."""
+"""Time before the first progress line, s."""
 
 PERIOD = 10.0
-"""Seconds between two lines about it in a file."""
+"""Time between progress lines in a file, s."""
 
 NARROWEST = 20
-"""The last column of a table is at least so wide on any terminal."""
+"""Smallest width of the last column of a table, letters."""
 
 ERASE = "\r\x1b[2K"
-"""Lets a terminal forget its line."""
+"""Escape code that erases the current line of a terminal."""
 
 
 class Progress:
-    """What is said of work that takes more than a second: one line on a terminal, else one now and then."""
+    """Progress of work that takes more than a second: one updated line on a terminal, else a line every `PERIOD`."""
 
     def __init__(self, what: str) -> None:
         self._what, self._news, self._began = what, "", time.monotonic()
@@ -49,15 +49,15 @@ class Progress:
         self._thread = threading.Thread(target=self._watch, name="progress", daemon=True)
 
     def tell(self, news: str) -> None:
-        """Set the text that the next line ends with."""
+        """Set the text at the end of the next line."""
         self._news = news
 
     def tell_share(self, done: int, of: int) -> None:
-        """Let the next line end with a bar of what is done."""
+        """Set a progress bar at the end of the next line."""
         self.tell(f"[{'#' * round(20 * done / of):20}] {done} of {of}")
 
     def announce(self, sentence: str) -> None:
-        """Write a sentence of its own, at once."""
+        """Print a sentence on its own line now."""
         with self._lock:
             self._erase()
             _write(sys.stderr, printable(sentence))
@@ -84,7 +84,7 @@ class Progress:
                         self._shown = True
                     else:
                         _write(sys.stderr, line)
-                except (OSError, ValueError):  # nobody reads any more; the work itself goes on
+                except (OSError, ValueError):  # stderr is closed; the work itself continues
                     return
             wait = 0.2 if self._live else PERIOD
 
@@ -97,18 +97,18 @@ class Progress:
 
 @dataclass
 class Console:
-    """The streams of one command.
+    """Streams of one command.
 
     Attributes:
-        json: stdout is left to one JSON object; what people read goes to stderr.
-        verbose: Failures that are not the user's show their traceback.
+        json: Whether stdout gets one JSON object only; text then goes to stderr.
+        verbose: Whether unexpected failures show their traceback.
     """
 
     json: bool = False
     verbose: bool = False
 
     def say(self, *parts: str | tuple[str, str]) -> None:
-        """Write a line of the result, for people: texts, or texts with a style, `bold`, `dim` or a colour."""
+        """Print a line of the result; each part is a text, or a text with a style: `bold`, `dim` or a colour."""
         texts = (
             printable(part, "\n\t") if isinstance(part, str) else self._styled(printable(part[0]), part[1])
             for part in parts
@@ -116,11 +116,11 @@ class Console:
         _write(self._stream, "".join(texts))
 
     def note(self, text: str) -> None:
-        """Write a line beside the result: a remark, a warning, an error."""
+        """Print a note, a warning or an error on stderr."""
         _write(sys.stderr, printable(text, "\n\t"))
 
     def table(self, rows: Iterable[Sequence[str]], style: str = "dim") -> None:
-        """Write columns, the first in a style, the last wrapped where a terminal is too narrow."""
+        """Print a table, with its first column in a style and its last one wrapped to the terminal's width."""
         listed = [[printable(cell) for cell in row] for row in rows]
         if not listed:
             return
@@ -137,12 +137,12 @@ class Console:
                 begin = " " * indent
 
     def emit(self, document: Mapping[str, object]) -> None:
-        """Write the JSON object, in JSON mode only."""
+        """Print the JSON object in JSON mode."""
         if self.json:
             sys.stdout.write(json.dumps(document, allow_nan=False, default=_plain) + "\n")
 
     def working(self, what: str) -> Progress:
-        """Show on stderr that `what` goes on, once it has taken more than a second, while this is entered."""
+        """Return a context that shows the progress of `what` on stderr after the first second."""
         return Progress(what)
 
     @property
@@ -150,20 +150,20 @@ class Console:
         return sys.stderr if self.json else sys.stdout
 
     def _styled(self, text: str, style: str) -> str:
-        """Return a text as a terminal shows it in a style; for a file, as it is."""
+        """Return a text in a style for a terminal, or unchanged for a file."""
         if not text or not style or not _is_terminal(self._stream):
             return text
         return click.style(text, **{style: True}) if style in ("bold", "dim") else click.style(text, fg=style)
 
 
 def _width(text: str) -> int:
-    """Return how many columns of a terminal a text takes: some letters take two, accents none."""
+    """Return the width of a text on a terminal: some letters take two columns, accents none."""
     wide = sum(unicodedata.east_asian_width(letter) in "WF" for letter in text)
     return len(text) + wide - sum(unicodedata.combining(letter) > 0 for letter in text)
 
 
 def _is_terminal(stream: TextIO) -> bool:
-    """Tell whether a stream is a terminal that takes escape codes, and the user (NO_COLOR) has not said no."""
+    """Return whether a stream is a terminal with escape codes, and NO_COLOR is not set."""
     return stream.isatty() and os.environ.get("TERM") != "dumb" and not os.environ.get("NO_COLOR")
 
 
@@ -172,7 +172,7 @@ def _write(stream: TextIO, line: str) -> None:
 
 
 def _plain(value: object) -> object:
-    """Turn NumPy's arrays and numbers, and paths, into what JSON knows."""
+    """Convert NumPy arrays, NumPy numbers and paths to JSON values."""
     if isinstance(value, Path):
         return str(value)
     if hasattr(value, "tolist"):
@@ -180,16 +180,16 @@ def _plain(value: object) -> object:
     raise TypeError(f"{type(value).__name__} has no JSON form")
 
 
-# --- numbers as people read them --------------------------------------------------------------------------------
+# --- numbers as text --------------------------------------------------------------------------------------------
 
 
 def time_text(seconds: float) -> str:
-    """Return a time of any size in a few digits."""
+    """Return a time in ms or s."""
     return f"{1e3 * seconds:.3g} ms" if seconds < 1.0 else f"{seconds:.2f} s"
 
 
 def span_text(seconds: float) -> str:
-    """Return how long something takes, or is ago, in the unit that people would choose."""
+    """Return a duration, rounded, in days, hours, minutes or seconds."""
     for unit, size in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
         if seconds >= 2.0 * size:
             return f"{seconds / size:.0f} {unit}"
@@ -197,23 +197,23 @@ def span_text(seconds: float) -> str:
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:
-    """Return a number with its noun, e.g. `1 arc`, `2 arcs`, or `2 feet` with the plural given."""
+    """Return a number with its noun, e.g. `1 arc`, `2 arcs`, or `2 feet` with its own plural."""
     return f"{number} {noun}" if number == 1 else f"{number} {plural or noun + 's'}"
 
 
 def length_text(metres: float) -> str:
-    """Return a length, a small one in mm; nobody cares how far below a nanometre it is."""
+    """Return a length in m, or in mm below 1 m."""
     if abs(metres) >= 1.0:
         return f"{metres:.3g} m"
     return "below 1e-6 mm" if abs(metres) < 1e-9 else f"{1e3 * metres:.3g} mm"
 
 
 def angle_text(radians: float) -> str:
-    """Return a small angle in degrees, likewise."""
+    """Return an angle in degrees."""
     angle = degrees(radians)
     return "below 1e-6 deg" if abs(angle) < 1e-6 else f"{angle:.3g} deg"
 
 
 def plain(number: float) -> float:
-    """Return a number without rounding errors around 0 and without the sign of a zero."""
+    """Return a number rounded to 9 decimals, without negative zero."""
     return round(number, 9) + 0.0

@@ -1,4 +1,4 @@
-"""Learn friction and loads from logs of pushes in which the objects' poses are."""
+"""Estimate friction and loads from logs of pushes with measured object poses."""
 
 from __future__ import annotations
 
@@ -18,36 +18,36 @@ if TYPE_CHECKING:
 
 @p.command
 @click.argument("logs", type=p.PATH, metavar="RUN.mcap...", nargs=-1, required=True)
-@p.file_option("-o", "--output", help="Write what was learned as a piece of scenario (YAML).")
+@p.file_option("-o", "--output", help="Write the estimates as a part of a scenario (YAML).")
 @click.option(
     "--into",
     type=p.SCENARIO,
     metavar="SCENARIO",
-    help="Write to --output this scenario with what was learned in place of its numbers, ready to plan with.",
+    help="Write this scenario with the estimates in place of its numbers to --output, ready for planning.",
 )
 @click.option("--seed", type=p.SEED, metavar="N", default=1, show_default=True, help="Seed of the search.")
-@click.option("--jobs", type=p.COUNT, metavar="N", help="Threads (default: one a processor).")
+@click.option("--jobs", type=p.COUNT, metavar="N", help="Number of threads (default: one per processor).")
 def identify(
     console: Console, logs: tuple[Path, ...], output: Path | None, into: str | None, seed: int, jobs: int | None
 ) -> int:
-    """Learn friction and loads from logs of pushes of the same objects in which the objects' poses are."""
+    """Estimate friction and loads from logs of pushes of the same objects, with measured object poses."""
     if into is not None and output is None:
-        raise p.UsageError("--into needs --output: where the scenario with what was learned goes")
+        raise p.UsageError("--into needs --output, the file for the scenario with the estimates")
     names, target = [str(log) for log in logs], None
     if into is not None:
         from pushplan.scenario.file import load_scenario
 
-        target = load_scenario(into)  # before the work, which is lost if it cannot be read
+        target = load_scenario(into)  # early: an unreadable file would waste the estimation
     p.check_outputs([*names, *([into] if into else [])], None, output)
-    with console.working(f"learning from {counted(len(logs), 'log')}") as progress:
+    with console.working(f"estimating from {counted(len(logs), 'log')}") as progress:
         from pushplan.identify import identify as learn
 
         found = learn(names, seed=seed, jobs=jobs, progress=progress.tell_share)
-    console.say((f"learned from {counted(len(logs), 'log')}, 90 % intervals", "bold"))
+    console.say((f"estimates from {counted(len(logs), 'log')}, 90 % intervals", "bold"))
     console.table(_rows(found))
     if output is not None:
         _write(found, names, target, output)
-        console.say(f"{output}: {'the scenario' if into else 'a piece of scenario'} with what was learned")
+        console.say(f"{output}: {'the scenario' if into else 'a part of a scenario'} with the estimates")
     console.emit(_document(found, output))
     return 0
 
@@ -66,12 +66,10 @@ def _rows(found: Identification) -> list[tuple[str, str]]:
     ]
     position, angle = found.noise
     noise = f"{1e3 * position:.2g} mm / {degrees(angle):.2g} deg"
-    ratios = "only ratios: all floor frictions could be larger alike, the objects would go the same ways"
+    ratios = "only ratios: a common factor on all floor frictions does not change the motion"
     floor = [] if found.unknowns.absolute else [("floor friction", ratios)]
-    rough = (
-        [("intervals", "rough: contacts change what they do too often for the search")] if found.worth < ROUGH else []
-    )
-    return [*told, ("measured poses off by", noise), *floor, *rough]
+    rough = [("intervals", "rough: the contact modes change too often for the search")] if found.worth < ROUGH else []
+    return [*told, ("measurement noise", noise), *floor, *rough]
 
 
 def _document(found: Identification, output: Path | None) -> dict[str, object]:
@@ -106,14 +104,16 @@ def _write(found: Identification, logs: list[str], into: Scenario | None, path: 
     document = piece_of(found)
     if into is not None:
         document = with_learned(into.resolved(), document)
-        scenario_from_document(document, path, into.attachments)  # what is written can be read
+        scenario_from_document(document, path, into.attachments)  # checks that the file can be read
     text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=120)
     missing = [one.unknown.name for one in found.estimates if not one.determined]
-    ratios = "" if found.unknowns.absolute else "; floor frictions are ratios to the stated one of the first object"
+    ratios = (
+        "" if found.unknowns.absolute else "; floor frictions are relative to the nominal one of the first object"
+    )
     lines = [
         f"learned by pushplan identify from {', '.join(logs)}",
         f"90 % intervals{ratios}",
-        *([f"not determined, so left out: {', '.join(missing)}"] if missing else []),
+        *([f"left out because these pushes do not determine them: {', '.join(missing)}"] if missing else []),
     ]
     heading = "".join(f"# {line}\n" for line in lines)
     write_whole(path, (heading + (text if document else "")).encode())

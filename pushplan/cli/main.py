@@ -1,4 +1,4 @@
-"""The command line: words in, an exit code out, and never a traceback for wrong input."""
+"""The command line: parses arguments and returns an exit code, without a traceback for wrong input."""
 
 from __future__ import annotations
 
@@ -17,35 +17,35 @@ from pushplan.util.interruption import INTERRUPTED, Interruption, leaving_at_onc
 
 DONE, DEFECT, WRONG_INPUT, NO_PLAN, MISMATCH = range(5)
 PIPE_CLOSED = 141
-"""What a shell reports for a program that writes to a closed pipe."""
+"""Exit code that a shell reports for a program that writes to a closed pipe."""
 
 COMMANDS = {
     "plan": "Plan, time, execute and log a push.",
-    "check": "Check a scenario and show what was understood.",
+    "check": "Check a scenario and show how pushplan reads it.",
     "stable-set": "Show which pusher twists keep every contact.",
     "view": "Open a scenario in a browser and drag its poses.",
-    "replay": "Read a run's log back: show it, verify it, export it.",
-    "simulate": "Push in a simulated world, along the plan or in closed loop.",
-    "trial": "Execute a plan in Monte Carlo samples: how often does it arrive?",
-    "identify": "Learn friction and loads from logs of pushes.",
-    "bench": "Run a suite of problems, planners and seeds, and report.",
+    "replay": "Show, verify or export the log of a run.",
+    "simulate": "Simulate a push with disturbances, in open or closed loop.",
+    "trial": "Execute a plan in Monte Carlo samples and count how often it arrives.",
+    "identify": "Estimate friction and loads from logs of pushes.",
+    "bench": "Run a suite of problems, planners and seeds, and write a report.",
 }
 MORE = {
-    "new": "Write a commented scenario to begin with.",
+    "new": "Write a commented scenario to start from.",
     "examples": "List the packaged scenarios, or print one.",
-    "runs": "List the recorded runs, the last one first.",
+    "runs": "List the recorded runs, newest first.",
     "schema": "Print the JSON Schema of scenario files or of benchmark suites.",
-    "completion": "Print a script for a shell's completion.",
+    "completion": "Print a completion script for a shell.",
 }
 
 _WRONG_PATH = (FileNotFoundError, FileExistsError, IsADirectoryError, NotADirectoryError, PermissionError)
 
 
 class Commands(click.Group):
-    """The commands, each imported when it is asked for; `commands` has their names."""
+    """Group of the commands, each imported at first use; `commands` has their names."""
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        """Return a command by its name, None where there is none."""
+        """Return a command by its name; None if there is no such command."""
         if name not in COMMANDS | MORE:
             return _added_command(name)
         attribute = name.replace("-", "_")
@@ -54,20 +54,20 @@ class Commands(click.Group):
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the names of the commands, and what most people ask for about them."""
+        """Write the list of the commands, and notes on scenarios and exit codes."""
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
         formatter.write_paragraph()
         formatter.write_text(f"More: {', '.join(MORE)}")
         formatter.write_text("SCENARIO is a file or a packaged example (`pushplan examples` lists them).")
         formatter.write_text(
-            "Exit codes: 0 done, 1 a defect of pushplan, 2 wrong input, 3 no plan, 4 a mismatch (of a replay, an "
-            "execution, a benchmark), 130 interrupted"
+            "Exit codes: 0 success, 1 bug in pushplan, 2 wrong input, 3 no plan, 4 mismatch (replay, execution or "
+            "benchmark), 130 interrupted."
         )
 
 
 def _added_command(name: str) -> click.Command | None:
-    """Return the command that an installed package adds under a name (entry points `pushplan.commands`)."""
+    """Return the command that an installed package adds by this name (entry point group `pushplan.commands`)."""
     from pushplan.util.naming import attribute_named
 
     found = attribute_named(name, "pushplan.commands") if ":" not in name else None
@@ -84,14 +84,14 @@ def _added_command(name: str) -> click.Command | None:
 )
 @click.version_option(package_name="pushplan", message="pushplan %(version)s", help="Show the version.")
 def pushplan() -> None:
-    """Do nothing: each command does its own."""
+    """Do nothing: each command does its own work."""
 
 
 def entry() -> NoReturn:
     """Run the command line and end the process with its exit code.
 
-    The process ends without the interpreter's clean-up: there the bindings of OMPL write a list of the objects
-    that they call leaked onto the user's screen.
+    The process ends without the interpreter's clean-up, because OMPL's bindings print warnings about leaked objects
+    there.
     """
     with leaving_at_once():
         sys.stdout, sys.stderr = _writable(sys.stdout), _writable(sys.stderr)
@@ -102,19 +102,19 @@ def entry() -> NoReturn:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run the command line with the words `argv` (without the program's name) and return the exit code."""
+    """Run the command line with arguments (without the program's name) and return the exit code."""
     interruption = Interruption()
     json, verbose = "--json" in argv, "--verbose" in argv
     try:
-        if "" in argv:  # of a variable of the shell that is not set: as a path it would be the present folder
-            raise click.UsageError("there is an empty word, which names nothing; is a variable of the shell not set?")
+        if "" in argv:  # from an unset shell variable: as a path it would be the current folder
+            raise click.UsageError("an argument is empty; is a shell variable not set?")
         if "_PUSHPLAN_COMPLETE" in os.environ:
             pushplan.main(list(argv), prog_name="pushplan")
         with interruption.raising(), pushplan.make_context("pushplan", list(argv)) as context:
             code: Any = pushplan.invoke(context)
             sys.stdout.flush()
         return int(code or 0)
-    except click.exceptions.Exit as done:  # of --help and --version
+    except click.exceptions.Exit as done:  # from --help and --version
         return done.exit_code
     except click.ClickException as error:
         error.show()
@@ -124,7 +124,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _failed(error: BaseException, json: bool, verbose: bool) -> int:
-    """Tell people, and in JSON mode the caller, what went wrong; return the exit code."""
+    """Print an error, in JSON mode also as JSON, and return the exit code."""
     if isinstance(error, BrokenPipeError):
         return PIPE_CLOSED
     from pushplan.util.printable import printable
@@ -165,13 +165,13 @@ def _explain(error: BaseException) -> tuple[int, str]:
             return DEFECT, "error: out of memory"
     return DEFECT, (
         f"error: {type(error).__name__}: {error}\n"
-        "This is a defect of pushplan, not of your input. Please report it with the command and its scenario; "
+        "This is a bug in pushplan, not in your input. Please report it with the command and its scenario; "
         "--verbose shows where it happened."
     )
 
 
 def error_document(error: BaseException) -> dict[str, object]:
-    """Return what went wrong as a JSON object."""
+    """Return an error as a JSON object."""
     found = {"kind": type(error).__name__, "message": str(error)}
     if not isinstance(error, ScenarioError):
         return {**found}
@@ -179,7 +179,7 @@ def error_document(error: BaseException) -> dict[str, object]:
 
 
 def _writable(stream: TextIO | None) -> TextIO:
-    """Return a stream that takes every character; one that the caller has closed is replaced by none."""
+    """Return a stream that accepts every character, or a null stream if the caller has closed it."""
     if not isinstance(stream, TextIOWrapper):
         return open(os.devnull, "w")
     stream.reconfigure(errors="backslashreplace")

@@ -1,4 +1,4 @@
-"""The commands that make a scenario, list examples and recorded runs, and help editors and shells."""
+"""Commands that write a new scenario, list examples and recorded runs, and support editors and shells."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ _HEAD = ("", "outcome", "scenario", "planner", "set", "seed", "path cost", "age"
 
 @p.command
 @p.runs_option
-@click.option("--last", type=p.COUNT, metavar="N", help="Only the last N of them.")
+@click.option("--last", type=p.COUNT, metavar="N", help="List only the last N runs.")
 @click.option(
     "--filter",
     "filters",
     metavar="FIELD=PATTERN",
     multiple=True,
-    help="Only runs whose outcome, scenario, planner, set or seed fits, e.g. scenario=two-*; may be repeated.",
+    help="List only runs whose outcome, scenario, planner, set or seed matches (scenario=two-*); can be repeated.",
 )
 def runs(console: Console, runs: Path | None, last: int | None, filters: tuple[str, ...]) -> int:
-    """List the recorded runs, the last one first."""
+    """List the recorded runs, newest first."""
     from pushplan.logging.runs import chosen, runs_folder, runs_of
 
     folder = runs_folder(runs)
@@ -75,17 +75,17 @@ def _document(one: RunEntry, now: datetime) -> dict[str, object]:
     type=click.Choice(("omnidirectional", "differential", "car")),
     default="omnidirectional",
     show_default=True,
-    help="Of the robot.",
+    help="Drive of the robot.",
 )
 @click.option(
     "--map",
     "map_file",
     type=p.PATH,
     metavar="MAP.yaml",
-    help="A map as Nav2 and ROS keep it, in the scenario's folder or below; start and goal are where it has room.",
+    help="ROS map (Nav2) in the scenario's folder or below; start and goal are placed in its free space.",
 )
 def new(console: Console, name: str, drive: str, map_file: Path | None) -> int:
-    """Write a commented scenario to begin with, NAME.yaml; a file is never overwritten."""
+    """Write a commented scenario NAME.yaml to start from; existing files are never overwritten."""
     from pushplan.scenario.template import write_new_scenario
 
     path = write_new_scenario(name, drive=drive, map_file=map_file)
@@ -114,7 +114,7 @@ def examples(console: Console, name: str | None) -> int:
 
 
 def first_comment(text: str) -> str:
-    """Return the words of the first line that is a comment, or nothing."""
+    """Return the text of the first comment line, or an empty text."""
     comments = (line.lstrip("# ").rstrip() for line in text.splitlines() if line.startswith("#"))
     return next(comments, "")
 
@@ -135,12 +135,12 @@ def schema(console: Console, kind: str) -> int:
 @p.command
 @click.argument("shell", type=click.Choice(("bash", "zsh", "fish")), metavar="SHELL")
 def completion(console: Console, shell: str) -> int:
-    r"""Print a script that lets bash, zsh or fish complete pushplan's words, files and examples.
+    r"""Print a completion script for bash, zsh or fish.
 
     \b
-    Install it, for new shells:
+    Install it for new shells:
       pushplan completion bash > ~/.local/share/bash-completion/completions/pushplan
-      pushplan completion zsh > a file _pushplan in a folder of $fpath
+      pushplan completion zsh > FOLDER/_pushplan   (a FOLDER of $fpath)
       pushplan completion fish > ~/.config/fish/completions/pushplan.fish
     """
     from pushplan.cli.main import pushplan

@@ -1,4 +1,4 @@
-"""The words that commands take: kinds of values, options that several commands share, and their checks."""
+"""Arguments of the commands: types of values, shared options, and checks."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from pushplan.util.names import AUTO, GONE_PLANNERS, LOG_MAGIC
 
 
 class UsageError(PushplanError, ValueError):
-    """Words of the command do not go together."""
+    """Arguments of the command are wrong or do not go together."""
 
 
-# --- kinds of values --------------------------------------------------------------------------------------------
+# --- types of values --------------------------------------------------------------------------------------------
 
 
-class Word(click.ParamType[Any]):
-    """A word, and what is made of it.
+class ValueType(click.ParamType[Any]):
+    """Type of an argument: converts its text to a value.
 
     Args:
-        name: What help calls it.
-        read: Returns what the command takes, or raises a ValueError or PushplanError that says what is wrong.
-        known: Returns words that shells complete.
-        files: Whether shells complete files, too.
+        name: Name in the help text.
+        read: Function from text to value; it raises a ValueError or PushplanError with the reason.
+        known: Function that returns the completions for shells.
+        files: Whether shells also complete files.
     """
 
     def __init__(
@@ -42,14 +42,14 @@ class Word(click.ParamType[Any]):
         self.name, self._read, self._known, self._files = name, read, known, files
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return what is made of a word; a default is taken as it is."""
+        """Return the value of a text; other values (defaults) are returned unchanged."""
         try:
             return self._read(value) if isinstance(value, str) else value
         except (PushplanError, ValueError) as error:
             self.fail(str(error), param, ctx)
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Return the known words that begin so, and have the shell look for files."""
+        """Return the completions that start with `incomplete`, and files if allowed."""
         names = [CompletionItem(name) for name in self._known() if name.startswith(incomplete)]
         return [*names, *([CompletionItem(incomplete, type="file")] if self._files else [])]
 
@@ -63,17 +63,17 @@ def number(
     whole: bool = False,
     above: bool = False,
     words: tuple[str, ...] = (),
-) -> Word:
-    """Return a number within a range, plain or with one of some units.
+) -> ValueType:
+    """Return the type of a number within a range, with an optional unit.
 
     Args:
-        name: What it is, e.g. `time limit`.
+        name: Name in messages, e.g. `time limit`.
         low: Smallest value.
         high: Largest value.
-        units: What a unit stands for.
-        whole: Whether it has to be a whole number.
-        above: Whether the smallest value itself is refused.
-        words: Words that may stand in its place.
+        units: Sizes of the units.
+        whole: Whether the number must be whole.
+        above: Whether `low` itself is excluded.
+        words: Words that are allowed instead of a number.
     """
     known = units or {}
     allowed = "".join(f"{word}, or " for word in words) + ("a whole number" if whole else "a number")
@@ -84,24 +84,24 @@ def number(
     def read(text: str) -> Any:
         if text in words:
             return text
-        wrong = f"is no {name}"
+        wrong = f"is not a {name}"
         with contextlib.suppress(ValueError):
             value = number_from(text, known)
             within = (low < value if above else low <= value) and value <= high
             if isfinite(value) and within and (value.is_integer() or not whole):
                 return int(value) if whole else value
             if isfinite(value):
-                wrong = "is no whole number" if whole and not value.is_integer() else "is out of range"
+                wrong = "is not a whole number" if whole and not value.is_integer() else "is out of range"
         raise ValueError(f"{text!r} {wrong}; allowed: {allowed}")
 
-    return Word(name, read)
+    return ValueType(name, read)
 
 
 def number_from(text: str, units: Mapping[str, float]) -> float:
-    """Return a number, plain or with one of the `units`, which state their size.
+    """Return the number in a text, with an optional unit.
 
     Raises:
-        ValueError: When it is neither.
+        ValueError: If the text is not a number.
     """
     text = text.strip()
     for unit in sorted(units, key=len, reverse=True):
@@ -115,13 +115,13 @@ def named(
     units: Mapping[str, Mapping[str, float] | None],
     make: Callable[[dict[str, Any]], Any] = dict,
     needed: tuple[str, ...] = (),
-) -> Word:
-    """Return several named values, such as `rate=20,delay=50 ms`.
+) -> ValueType:
+    """Return the type of several named values, such as `rate=20,delay=50 ms`.
 
     Args:
-        units: Names, and the units of their numbers; a name with None takes a text.
-        make: Makes of them what the command takes.
-        needed: Names that have to be there.
+        units: Names, and the units of their numbers; None for a text.
+        make: Function from the values by name to the argument of the command.
+        needed: Required names.
     """
 
     def read(value: str) -> Any:
@@ -130,7 +130,7 @@ def named(
             name, equals, text = (piece.strip() for piece in pair.partition("="))
             if name not in units or not equals:
                 hint = naming.nearest(name, units).rstrip(";")
-                raise ValueError(f"'{pair}' is not NAME=VALUE with a NAME of {', '.join(units)}{hint}")
+                raise ValueError(f"'{pair}' is not NAME=VALUE; allowed names: {', '.join(units)}{hint}")
             known = units[name]
             try:
                 found[name] = text if known is None else number_from(text, known)
@@ -142,37 +142,37 @@ def named(
                 raise ValueError(f"'{value}' does not state the {name}")
         return make(found)
 
-    return Word("WHAT=HOW", read)
+    return ValueType("WHAT=HOW", read)
 
 
-def open_name(known: naming.OpenNames) -> Word:
-    """Return a name of what is built in or of an installed package, or `module:attribute`."""
+def open_name(known: naming.OpenNames) -> ValueType:
+    """Return the type of an extensible name: built in, from an installed package, or `module:attribute`."""
 
     def read(name: str) -> str:
         if known is naming.PLANNER_NAMES and name in GONE_PLANNERS:
             raise ValueError(naming.gone_planner(name))
         if name not in known:
-            raise ValueError(f"{name!r} is not known{naming.nearest(name, known)} allowed: {known.words}")
+            raise ValueError(f"{name!r} is unknown{naming.nearest(name, known)} allowed: {known.words}")
         return name
 
-    return Word("NAME", read, lambda: known)
+    return ValueType("NAME", read, lambda: known)
 
 
-def some_of(known: tuple[str, ...]) -> Word:
-    """Return some of a few words, separated by commas."""
+def some_of(known: tuple[str, ...]) -> ValueType:
+    """Return the type of a list of known words, separated by commas."""
 
     def read(value: str) -> tuple[str, ...]:
         for word in value.split(","):
             if word not in known:
                 hint = naming.nearest(word, known)
-                raise ValueError(f"{word!r} is none of them{hint} allowed: {', '.join(known)}")
+                raise ValueError(f"{word!r} is unknown{hint} allowed: {', '.join(known)}")
         return tuple(value.split(","))
 
-    return Word("words", read)
+    return ValueType("words", read)
 
 
 def _export(value: str) -> tuple[str, Path]:
-    """Return what an exporter of others is called, and the file that it writes."""
+    """Return the name of an exporter and the file that it writes."""
     name, _, path = value.rpartition("=")
     if not name or not path:
         raise ValueError(f"{value!r} is not NAME=FILE")
@@ -189,8 +189,8 @@ _TIME = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 PLANNER, STABLE_SET = open_name(naming.PLANNER_NAMES), open_name(naming.STABLE_SET_NAMES)
 SIMULATOR, EXPORTER = open_name(naming.SIMULATOR_NAMES), open_name(naming.EXPORTER_NAMES)
 SCENARIO, EXPORT, PATH = (
-    Word("SCENARIO", str, _examples, True),
-    Word("NAME=FILE", _export),
+    ValueType("SCENARIO", str, _examples, True),
+    ValueType("NAME=FILE", _export),
     click.Path(path_type=Path),
 )
 SECONDS = number("time limit", 0.0, units=_TIME, above=True)
@@ -206,19 +206,19 @@ PORT = number("port", 1, 2**16 - 1, whole=True)
 
 
 def command(function: Callable[..., int]) -> click.Command:
-    """Return the command that calls a function with the console and its words; its docstring is the help.
+    """Return the command that calls a function with the console and its arguments; its docstring is the help.
 
-    What `log_options` take is one word, `log`.
+    The values of `log_options` are one argument, `log`.
     """
 
     def called(json: bool, verbose: bool, **words: Any) -> int:
         from pushplan.cli.console import Console
 
-        words.pop("overwrite", None)  # which `overwriting` tells
+        words.pop("overwrite", None)  # `overwriting` returns it
         if "no_log" in words:
             words["log"] = log = LogChoice(*(words.pop(name) for name in LogChoice._fields))
             if log.no_log and (log.output or log.runs):
-                raise UsageError("--no-log does not go together with -o and --runs; leave one of them out")
+                raise UsageError("--no-log cannot be combined with -o or --runs; leave one of them out")
         return function(Console(json, verbose), **words)
 
     update_wrapper(called, function)
@@ -229,23 +229,24 @@ def command(function: Callable[..., int]) -> click.Command:
         click.Option(["--json"], is_flag=True, help="Print one JSON object on stdout."),
         click.Option(["--verbose"], is_flag=True, help="Show the traceback of an unexpected failure."),
     ]
-    return click.Command(function.__name__.replace("_", "-"), callback=called, params=params, help=function.__doc__)
+    about = (function.__doc__ or "").replace(r"\b", "\b")  # click keeps the lines of a paragraph after this character
+    return click.Command(function.__name__.replace("_", "-"), callback=called, params=params, help=about)
 
 
 def overwriting() -> bool:
-    """Tell whether the command that is running may replace files that pushplan did not write."""
+    """Return whether the running command can replace files that pushplan did not write."""
     context = click.get_current_context(silent=True)
     return context is not None and bool(context.params.get("overwrite"))
 
 
 def file_option(*names: str, help: str) -> Callable[[Any], Any]:
-    """Return an option that names a file to write."""
+    """Return an option for an output file."""
     return click.option(*names, type=PATH, metavar="FILE", help=help)
 
 
-plot_option = file_option("--plot", help="Draw a picture (PNG, SVG or PDF by the suffix).")
+plot_option = file_option("--plot", help="Draw a picture: .png, .svg or .pdf.")
 panels_option = click.option(
-    "--panels", type=some_of(PANELS), metavar="P,...", help=f"With --plot: of {', '.join(PANELS)}."
+    "--panels", type=some_of(PANELS), metavar="P,...", help=f"With --plot: panels, of {', '.join(PANELS)}."
 )
 scenario_argument = click.argument("scenario", type=SCENARIO, metavar="SCENARIO")
 map_option = click.option(
@@ -254,27 +255,27 @@ map_option = click.option(
     type=PATH,
     metavar="FILE",
     multiple=True,
-    help="Add the obstacles of a ROS map (YAML); may be given again.",
+    help="Add the obstacles of a ROS map (YAML); can be repeated.",
 )
 runs_option = click.option("--runs", type=PATH, metavar="DIR", help="Folder of the recorded runs.")
 no_code_option = click.option(
-    "--no-code", is_flag=True, help="Refuse planners and stable sets that a file names as module:attribute."
+    "--no-code", is_flag=True, help="Refuse files that name planners or stable sets as module:attribute."
 )
 physics_option = click.option(
     "--physics",
     is_flag=True,
-    help="Execute the plan in MuJoCo, too, at its own speed with all inertia; exit code 4 when a contact moved.",
+    help="Also execute the plan in MuJoCo, at full speed with inertia; exit code 4 if a contact moves.",
 )
 
 
 class LogChoice(NamedTuple):
-    """Where a command writes its log and the log's page.
+    """Destination of a command's log and of its page.
 
     Attributes:
-        output: The file that the user has named.
+        output: Log file that the user named; without one the log goes into `runs`.
         runs: Folder of the recorded runs.
-        no_log: Write none; else one is recorded in that folder where no file is named.
-        no_page: Write no page beside the file that is named.
+        no_log: Whether no log is written.
+        no_page: Whether no page is written beside `output`.
     """
 
     output: Path | None
@@ -284,26 +285,26 @@ class LogChoice(NamedTuple):
 
     @property
     def where(self) -> Path | Literal[False] | None:
-        """The file; None for one among the recorded runs, False for none."""
+        """Log file; None for a new one in the folder of runs, False for no log."""
         return False if self.no_log else self.output
 
     @property
     def paged(self) -> Path | None:
-        """The log that gets a page beside it."""
+        """Log with a page beside it; None without a page."""
         return None if self.no_page else self.output
 
 
 def log_options(help: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
-    """Return the options of a command that writes a log, which takes them as a `LogChoice` called `log`.
+    """Return the options of a command that writes a log; the command gets them as a `LogChoice` named `log`.
 
     Args:
-        help: What `-o` writes.
+        help: Help text of `-o`.
     """
 
     def decorated(function: Callable[..., int]) -> Callable[..., int]:
         for option in (
             runs_option,
-            click.option("--no-log", is_flag=True, help="Write no log; else one is recorded without -o, too."),
+            click.option("--no-log", is_flag=True, help="Write no log; by default a log is written even without -o."),
             click.option("--no-page", is_flag=True, help="Write no page beside the log."),
             file_option("-o", "--output", help=help),
         ):
@@ -313,21 +314,21 @@ def log_options(help: str) -> Callable[[Callable[..., int]], Callable[..., int]]
     return decorated
 
 
-# --- checks before the work -------------------------------------------------------------------------------------
+# --- checks before a command starts -----------------------------------------------------------------------------
 
 
 @contextlib.contextmanager
 def code_of(source: object, note: Callable[[str], None], forbidden: bool) -> Iterator[Callable[[str], None]]:
-    """Say of each module that a file has imported (`module:attribute`) before it is, or refuse it.
+    """Announce each module that a file imports (`module:attribute`) before the import, or refuse it.
 
     Yields:
-        What is called with each such name.
+        Function that is called with each such name.
     """
     told: set[str] = set()
 
     def observer(name: str) -> None:
         module = name.partition(":")[0]
-        if module.partition(".")[0] in ("pushplan", "ompl"):  # planners that are built in
+        if module.partition(".")[0] in ("pushplan", "ompl"):  # built-in planners
             return
         if forbidden:
             raise UsageError(f"{source}: {name} is code, and --no-code refuses to import the module {module}")
@@ -340,10 +341,10 @@ def code_of(source: object, note: Callable[[str], None], forbidden: bool) -> Ite
 
 
 def only_with(partner: str, wanted: bool, **options: object) -> None:
-    """Refuse options that have no meaning without another one."""
+    """Refuse options that have no effect without option `partner`."""
     for name, value in options.items():
         if value is not None and not wanted:
-            raise UsageError(f"--{name} has no meaning without --{partner}")
+            raise UsageError(f"--{name} has no effect without --{partner}; add --{partner} or leave --{name} out")
 
 
 _OURS = re.compile(
@@ -351,39 +352,39 @@ _OURS = re.compile(
     rb"\{\s*\"(format\": \"pushplan-trajectory|configById)|<!doctype html>.*\bid=\"run\"",
     re.DOTALL,
 )
-"""What files begin with that commands write, but for logs."""
+"""First bytes of all files that commands write, except logs."""
 
 
 def _require_ours(path: Path, what: str) -> None:
-    """Refuse to replace a file that is none of pushplan's results.
+    """Refuse to replace a file that pushplan did not write.
 
     Raises:
-        OutputError: When it is none.
+        OutputError: If it is such a file.
     """
     with contextlib.suppress(OSError):
         data = path.read_bytes() if path.is_file() else b""
         ours = data.startswith(LOG_MAGIC) or (what != "run log" and _OURS.match(data))
         if data and not ours:
             raise OutputError(
-                str(path), f"this file exists and is no {what}; name another one, or replace it with --overwrite"
+                str(path), f"this file exists and is not a {what}; name another one, or replace it with --overwrite"
             )
 
 
 def check_outputs(
     sources: Sequence[str | Path], picture: Path | None, *others: Path | None, log: Path | None = None
 ) -> None:
-    """Find out before the work whether its results can be written.
+    """Check before a command starts that its results can be written.
 
     Args:
-        sources: The files that are read; a packaged example's name does no harm.
-        picture: Picture to write; None, here as below, when not asked for.
-        others: Other files to write.
-        log: Run log to write.
+        sources: Files to read; names of packaged examples have no effect.
+        picture: Picture to write, or None.
+        others: Other files to write, or None.
+        log: Run log to write, or None.
 
     Raises:
-        PlotError: When the picture has a suffix that is not known.
-        OutputError: When one cannot be written (see `files.check_output`), is named twice, or is a source, or would
-            replace a file that is no result of pushplan.
+        PlotError: If the suffix of the picture is unknown.
+        OutputError: If a file cannot be written (see `files.check_output`), is named twice, is a source, or would
+            replace a file that pushplan did not write.
     """
     from pushplan.util.files import check_output
 
@@ -397,7 +398,7 @@ def check_outputs(
             continue
         target = check_output(path)
         if path.resolve() in taken and not (target.streamed and path.is_char_device()):
-            raise OutputError(str(path), "this file is read or written already; name another one")
+            raise OutputError(str(path), "the command also reads or writes this file elsewhere; name another one")
         taken.add(path.resolve())
         if not target.streamed and not overwriting():
             _require_ours(path, "run log" if path == log else "result of pushplan")

@@ -23,25 +23,25 @@ if TYPE_CHECKING:
     from pushplan.scenario.model import Scenario
 
 
-HELP = f"{', '.join(PLANNERS)}, or module:attribute. auto grows two RRTs of OMPL's from start and goal."
+HELP = f"{', '.join(PLANNERS)}, or module:attribute. auto grows two RRTs of OMPL from start and goal."
 
 
 @p.command
 @p.scenario_argument
 @p.map_option
-@p.log_options("Write the run's log (MCAP), solved or not, here, and its page beside it.")
+@p.log_options("Write the log (MCAP) of the run, solved or not, and its page beside it.")
 @click.option("--planner", type=p.PLANNER, help=HELP)
 @click.option("--set", "stable_set", type=p.STABLE_SET, help="Name of the stable set, or module:attribute.")
-@click.option("--time-limit", type=p.SECONDS, metavar="S", help="Seconds of planning, at most.")
-@click.option("--iterations", type=p.COUNT, metavar="N", help="Iterations of planning, at most.")
-@click.option("--first", is_flag=True, help="Stop at the first path instead of shortening it.")
-@click.option("--gap", type=p.SHARE, metavar="G", help="Stop at a path that costs at most this share above a bound.")
-@click.option("--cost", type=click.Choice(COSTS), metavar="NAME", help=f"Rank paths by {', '.join(COSTS)}.")
-@click.option("--margin", type=p.MARGIN, metavar="X", help="Margin that contacts keep: a number, or auto.")
+@click.option("--time-limit", type=p.SECONDS, metavar="S", help="Largest planning time, s.")
+@click.option("--iterations", type=p.COUNT, metavar="N", help="Largest number of planning iterations.")
+@click.option("--first", is_flag=True, help="Stop at the first plan instead of improving it.")
+@click.option("--gap", type=p.SHARE, metavar="G", help="Stop at this optimality gap, e.g. 0.05 or 5%.")
+@click.option("--cost", type=click.Choice(COSTS), metavar="NAME", help=f"Objective: {', '.join(COSTS)}.")
+@click.option("--margin", type=p.MARGIN, metavar="X", help="Margin that all contacts keep: a number, or auto.")
 @click.option("--seed", type=p.SEED, metavar="N", help="Seed of the random numbers.")
 @p.plot_option
 @p.panels_option
-@p.file_option("--html", help="Write the page that plays the run here.")
+@p.file_option("--html", help="Write a page that plays the run.")
 @p.physics_option
 @p.no_code_option
 def plan(
@@ -58,15 +58,14 @@ def plan(
 ) -> int:
     """Plan, time, execute and log a push.
 
-    What the options leave open is taken from the scenario. A log is recorded without -o, too, in the folder of the
-    recorded runs.
+    Options override the settings of the scenario. Without -o, the log goes into the folder of the recorded runs.
     """
     from pushplan.cli.render import exit_code, headline, plan_document, plan_rows, remarks_on, write_page
 
     p.check_outputs([scenario, *maps], plot, html, log=log.output)
     p.only_with("plot", plot is not None, panels=panels)
     with p.code_of(scenario, console.note, no_code):
-        with leaving_at_once():  # nothing is lost yet
+        with leaving_at_once():  # an interruption loses nothing yet
             stated = _load(scenario, maps, console)
             _prepare(stated, search, physics, console)
         interruption = Interruption()
@@ -77,7 +76,7 @@ def plan(
     headline(document, console)
     rows = plan_rows(document, remarks_on(done.plan, done.execution))
     if interruption.requested and done.plan.solved:
-        rows.append(("interrupted", "the search was ended early; this is the best path until then"))
+        rows.append(("interrupted", "the search was stopped early; this is the best plan so far"))
     console.table(rows)
     code = INTERRUPTED if interruption.requested else exit_code(document)
     if incomplete is not None:
@@ -104,7 +103,7 @@ def _load(source: str, maps: tuple[Path, ...], console: Console) -> Scenario:
 
 
 def _prepare(scenario: Scenario, search: dict[str, Any], physics: bool, console: Console) -> None:
-    """Load what planning needs, and check that the chain can be pushed at all."""
+    """Load the planner and check that the chain can be pushed."""
     if physics:
         from pushplan.cli.render import require_executable
 
@@ -125,7 +124,7 @@ def _prepare(scenario: Scenario, search: dict[str, Any], physics: bool, console:
 def _run(
     scenario: Scenario, search: dict[str, Any], log: p.LogChoice, interruption: Interruption, console: Console
 ) -> tuple[Run, IncompleteLogError | None]:
-    """Plan, execute and record; return the run, and what kept its log from being written to the end."""
+    """Plan, execute and record; return the run, and the error if its log is incomplete."""
     from pushplan.logging.recording import IncompleteLogError
     from pushplan.plans.settings import Observer
     from pushplan.run import run
@@ -150,7 +149,7 @@ def _run(
 
 
 def draw(done: Run | RecordedRun, plan: Plan, path: Path, panels: tuple[str, ...] | None, console: Console) -> None:
-    """Draw a run with its plan, or some panels of the picture, into a file."""
+    """Write a picture of a run, or some panels of it."""
     with console.working(f"drawing {path}"):
         from pushplan.drawing.plans import plot_plan
 

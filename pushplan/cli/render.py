@@ -1,4 +1,4 @@
-"""What commands make of a plan and its execution: a document, lines for people, a page, an execution in MuJoCo."""
+"""Output of a plan and its execution: a JSON document, printed lines, a page, and an execution in MuJoCo."""
 
 from __future__ import annotations
 
@@ -28,31 +28,31 @@ if TYPE_CHECKING:
     from pushplan.util.arrays import FloatArray
 
 _TELLING_GAP = 1.0
-"""A gap is printed below this share: a bound that is half as low says nothing about the plan."""
+"""Largest printed gap, as a share: a bound below half of the cost says little about the plan."""
 
 MOST_NAMES = 4
-"""Names of objects that are pushed together which a line has, at most."""
+"""Largest number of object names in a line."""
 
 Document = dict[str, Any]
 Rows = list[tuple[str, str]]
 
 
 def exit_code(document: Mapping[str, Any]) -> int:
-    """Return the exit code of a plan: solved and executed as planned, no plan, or a contact lost on the way."""
+    """Return the exit code of a plan: done, no plan, or a contact lost during execution."""
     if not document["solved"]:
         return NO_PLAN
     return MISMATCH if document["contact_lost"] else DONE
 
 
 def headline(document: Mapping[str, Any], console: Console) -> None:
-    """Write what was planned and whether it is solved."""
+    """Print the scenario, the settings and whether the plan is solved."""
     state = ("solved", "green") if document["solved"] else ("not solved", "red")
     how = f"  planner {document['planner']}, stable set {document['set']}, seed {document['seed']}"
     console.say((document["scenario"], "bold"), ": ", state, (how, "dim"))
 
 
 def plan_rows(document: Mapping[str, Any], remarks: Mapping[str, str]) -> Rows:
-    """Return label and value of the numbers of a plan's document, with what `remarks_on` says of it."""
+    """Return labels and values of a plan's document, with the texts of `remarks_on`."""
     found = [] if document["solved"] else [("reason", document["reason"])]
     if remarks.get("in the way"):
         found.append(("in the way", remarks["in the way"]))
@@ -135,7 +135,7 @@ def plan_document(plan: Plan, log: Path | None) -> Document:
 
 
 def remarks_on(plan: Plan, execution: Execution | None, feedback: Feedback | None = None) -> dict[str, str]:
-    """Return what people are told beside the numbers of a plan: where margins are smallest, what it tolerates."""
+    """Return texts beside the numbers of a plan: places of the smallest margins, robustness, force, warnings."""
     remarks = {"force": plan.force_words, "in the way": plan.in_the_way}
     if plan.robustness:
         remarks["robustness"] = plan.robustness_words
@@ -149,7 +149,7 @@ def remarks_on(plan: Plan, execution: Execution | None, feedback: Feedback | Non
 
 
 def _where(segments: tuple[Segment, ...], execution: Execution, margins: FloatArray) -> str:
-    """Return when and at which contact the smallest of margins (m, n) is; empty where nothing was pushed."""
+    """Return time and contact of the smallest of margins (m, n) as text; empty if nothing was pushed."""
     if np.isnan(margins).all():
         return ""
     sample, column = np.unravel_index(int(np.nanargmin(margins)), margins.shape)
@@ -160,17 +160,17 @@ def _where(segments: tuple[Segment, ...], execution: Execution, margins: FloatAr
 
 
 def write_page(done: Run | RecordedRun, html: Path | None, log: Path | None, console: Console) -> Path | None:
-    """Write the page of a run and return where it is.
+    """Write the page of a run and return its path.
 
     Args:
-        done: What the page plays.
-        html: Where the user wants it; what hinders that is an error.
-        log: Of the run, asked for by name: the page goes beside it where `html` is None, and what hinders that is
-            only a remark. None where there is none, or no page is wanted.
-        console: Takes remarks.
+        done: Run that the page plays.
+        html: File that the user named for the page; a failure to write it is an error.
+        log: Log that the user named. Without `html` the page goes beside it, and a failure is only a note. None
+            without a log, or if no page is wanted.
+        console: Console for notes.
 
     Raises:
-        OutputError: When the page that the user asked for cannot be written.
+        OutputError: If the page `html` cannot be written.
     """
     from pushplan.util.files import check_output
 
@@ -178,7 +178,7 @@ def write_page(done: Run | RecordedRun, html: Path | None, log: Path | None, con
     if html is None and log is not None and not check_output(log).streamed and log.suffix != ".html":
         page = log.with_suffix(".html")
         if page.is_file() and b'id="run"' not in page.read_bytes():
-            console.note(f"{page} exists and is no page of a run; --html names another one")
+            console.note(f"{page} exists and is not the page of a run, so it was kept; name another file with --html")
             page = None
     if page is None:
         return None
@@ -196,11 +196,11 @@ def write_page(done: Run | RecordedRun, html: Path | None, log: Path | None, con
 
 
 def require_executable(scenario: Scenario) -> None:
-    """Find out before the work whether the engine can execute plans of this scenario.
+    """Check before the planning that the physics engine can execute plans of this scenario.
 
     Raises:
-        MissingExtraError: When it is not installed.
-        PhysicsError: When a load is not known, or nothing rubs on the floor.
+        MissingExtraError: If the engine is not installed.
+        PhysicsError: If the load of an object on the floor is unknown.
     """
     from pushplan.sim.physics.engine import PhysicsError, engine
 
@@ -208,16 +208,19 @@ def require_executable(scenario: Scenario) -> None:
     unknown = [repr(obj.name) for obj in scenario.objects if not obj.support.known]
     if unknown:
         raise PhysicsError(
-            f"the physics engine cannot execute a push of {', '.join(unknown)}: it needs the load on every point of "
-            "the floor, and the scenario leaves open how the load rests there; allowed: support uniform, feet with "
-            "loads, or a pressure map"
+            f"the physics engine cannot push {', '.join(unknown)}: the scenario does not state the distribution of "
+            "the load on the floor; allowed: support uniform, feet with loads, or a pressure map"
         )
 
 
 def execute_in_physics(scenario: Scenario, plan: Plan | None, console: Console) -> tuple[Document | None, bool]:
-    """Execute a plan in the engine, tell what every contact did; return that, and whether all held or nothing was."""
+    """Execute a plan in the physics engine and print the motion of every contact.
+
+    Returns:
+        The document of the contacts, None without a plan; and whether every contact held.
+    """
     if plan is None or plan.trajectory is None:
-        console.say("nothing to execute in the physics engine: no plan was found")
+        console.say("the physics engine has nothing to execute: no plan was found")
         return None, True
     with console.working(f"executing {plan.trajectory.duration:.1f} s in the physics engine") as progress:
 
@@ -230,7 +233,7 @@ def execute_in_physics(scenario: Scenario, plan: Plan | None, console: Console) 
     verdict = ("every contact held", "green") if report.kept else ("a contact moved", "red")
     console.say("in the physics engine, at full speed: ", verdict)
     if scenario.has_intervals:
-        console.say("  executed with the middles of intervals, and the lowest friction of contacts")
+        console.say("  executed with the middle of every interval, but the lowest contact friction")
     console.table(_contact_rows(report))
     return _contacts_document(report), report.kept
 
@@ -239,7 +242,7 @@ def _contact_rows(report: ContactReport) -> list[tuple[str, str]]:
     rows = [(one.contact, str(one).split(" ", 1)[1]) for one in report.summaries]
     if isfinite(report.clear):
         moved = f"none moved by more than {1e3 * report.disturbed:.2g} mm"
-        rows.append(("objects at rest", f"{1e3 * report.clear:.3g} mm from what moves; {moved}"))
+        rows.append(("objects at rest", f"{1e3 * report.clear:.3g} mm from the moving bodies; {moved}"))
     ends = [
         f"{name} {1e3 * position:.2g} mm, {degrees(angle):.2g} deg"
         for name, (position, angle) in zip(report.names, report.object_errors, strict=True)

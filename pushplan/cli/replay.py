@@ -1,4 +1,4 @@
-"""Read a run's log back: show it, verify it, export it."""
+"""Show, verify or export the log of a run."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ Document = dict[str, Any]
 
 WRITERS = {
     "html": ("page", "write_html", "Write a page that plays the run."),
-    "csv": ("tables", "write_csv", "Write the executed samples as a table."),
-    "trajectory": ("tables", "write_trajectory", "Write the timed motion as JSON, of chain and robot."),
+    "csv": ("tables", "write_csv", "Write the executed samples as a CSV table."),
+    "trajectory": ("tables", "write_trajectory", "Write the timed motion of chain and robot as JSON."),
     "mp4": ("film", "write_mp4", "Write a film of the run."),
-    "ros2": ("bag", "write_ros2", "Write a bag for `ros2 bag play`, and beside it .rviz."),
+    "ros2": ("bag", "write_ros2", "Write a bag for `ros2 bag play`, and an RViz file beside it."),
     "layout": ("layout", "write_layout", "Write a layout for Foxglove and Lichtblick."),
 }
-"""Module in `pushplan.logging`, function and help of each option that names a file to write."""
+"""Module in `pushplan.logging`, function and help text of each export option."""
 
 
 def _writer_options(function: Any) -> Any:
@@ -43,27 +43,27 @@ def _writer_options(function: Any) -> Any:
 
 
 class ExportsError(PushplanError):
-    """Some of the files asked for cannot be had of this run."""
+    """This run cannot provide some of the requested files."""
 
 
 @p.command
 @click.argument("log", type=p.PATH, metavar="[RUN]", required=False)
 @click.argument("recovered", type=p.PATH, metavar="[OUT]", required=False)
 @p.runs_option
-@click.option("--recover", is_flag=True, help="Write what is whole of the damaged RUN to OUT.")
-@click.option("--verify", is_flag=True, help="Execute the plan again and compare.")
-@click.option("--physics", is_flag=True, help="Execute the plan in MuJoCo, too.")
+@click.option("--recover", is_flag=True, help="Write the intact part of the damaged RUN to OUT.")
+@click.option("--verify", is_flag=True, help="Re-execute the plan and compare it with the log.")
+@click.option("--physics", is_flag=True, help="Also execute the plan in MuJoCo.")
 @p.plot_option
 @p.panels_option
 @_writer_options
-@click.option("--export", "exports", type=p.EXPORT, multiple=True, help="Write a FILE by an exporter of yours.")
-@click.option("--rate", type=p.RATE, metavar="X", help="With --mp4: seconds of the run in each of the film.")
-@click.option("--frames", metavar="MAP,BASE", help="With --ros2: frames above the chain, or MAP,ODOM,BASE.")
+@click.option("--export", "exports", type=p.EXPORT, multiple=True, help="Write FILE with your own exporter NAME.")
+@click.option("--rate", type=p.RATE, metavar="X", help="With --mp4: seconds of the run per second of film.")
+@click.option("--frames", metavar="MAP,BASE", help="With --ros2: names of the frames, also as MAP,ODOM,BASE.")
 @click.option(
     "--epoch",
     type=p.number("time for ROS", 0.0, 2.0**31, above=True),
     metavar="S",
-    help="With --ros2: ROS time at which the run begins.",
+    help="With --ros2: ROS time of the start of the run.",
 )
 def replay(
     console: Console,
@@ -81,9 +81,14 @@ def replay(
     exports: tuple[tuple[str, Path], ...],
     **files: Path | None,
 ) -> int:
-    """Show a log (@3: the third last recorded run; the last one by default), verify it, export it."""
-    if recover != (recovered is not None):
-        raise p.UsageError("--recover needs two names, of the damaged log and of the new one; others take one")
+    """Show, verify or export the log of a run.
+
+    RUN is a log, or @N for the N-th last recorded run (default: @1, the last one).
+    """
+    if recover and recovered is None:
+        raise p.UsageError("--recover needs two files: the damaged log and the new one")
+    if recovered is not None and not recover:
+        raise p.UsageError(f"the second file {recovered} is allowed only with --recover")
     source = log_meant(log, runs)
     wanted = {name: path for name, path in files.items() if path is not None} | dict(exports)
     p.check_outputs([source], plot, *_outputs(wanted), log=recovered)
@@ -115,7 +120,7 @@ def replay(
 
 
 def log_meant(log: Path | None, runs: Path | None) -> str:
-    """Return the log that a user means by a file, `@3` for the third last run, or nothing for the last one."""
+    """Return the log for a file, for `@3` (the third last recorded run), or for None (the last one)."""
     word = None if log is None else str(log)
     if word is not None and not word.startswith("@"):
         return word
@@ -124,7 +129,7 @@ def log_meant(log: Path | None, runs: Path | None) -> str:
     if word is not None and not (word[1:].isascii() and word[1:].isdigit()):
         if os.path.lexists(word):
             return word
-        raise RunsError(f"{word} is neither a file nor a recorded run; the last run is @1, the one before @2")
+        raise RunsError(f"{word} is neither a file nor a recorded run; allowed: @1 for the last run, @2, @3, ...")
     return str(run_numbered(runs_folder(runs), 1 if word is None else int(word[1:])))
 
 
@@ -138,15 +143,15 @@ def _read(source: str, recovered: Path | None, messages: bool) -> RecordedRun:
     return load_run(source, messages=messages)
 
 
-# --- what is shown ----------------------------------------------------------------------------------------------
+# --- printed lines ----------------------------------------------------------------------------------------------
 
 
 def _tell(run: RecordedRun, recovered: Path | None, console: Console) -> Document:
-    """Show what a log holds; return the document."""
+    """Show the contents of a log; return them as a document."""
     about: Document = {"scenario": run.scenario.name, "log": run.path}
     if run.plan is None:
         console.say((run.scenario.name, "bold"), ": the log ends before a plan")
-        best = run.improvements[-1:]  # that a search had found when its log broke off
+        best = run.improvements[-1:]  # best plan so far when the log ended
         rows = [("best plan", f"{one.cost:.3f} m, not timed yet") for one in best]
     else:
         about = plan_document(run.plan, run.path)
@@ -159,13 +164,13 @@ def _tell(run: RecordedRun, recovered: Path | None, console: Console) -> Documen
         about["trials"] = {"samples": of, "arrived": arrived}
     console.table([*rows, ("outcome", run.outcome), *(("lost", loss) for loss in run.losses)])
     if recovered is not None:
-        console.say(f"{recovered}: a clean log of what is whole")
+        console.say(f"{recovered}: a clean log with the intact part")
     return {**about, "outcome": run.outcome, "lost": run.losses, "recovered": recovered, "verification": None}
 
 
 def _verified(run: RecordedRun, console: Console) -> VerifyReport:
-    """Execute the recorded plan again, compare, and tell what differs."""
-    with console.working("executing the recorded plan again"):
+    """Re-execute the recorded plan, compare it with the log and print the differences."""
+    with console.working("re-executing the recorded plan"):
         from pushplan.verification import verify_run
 
         report = verify_run(run)
@@ -173,11 +178,11 @@ def _verified(run: RecordedRun, console: Console) -> VerifyReport:
         far = " as far as the log goes" if run.losses else ""
         console.say((f"verified{far}: all {len(report.checks)} comparisons match", "green"))
     else:
-        console.say(("the log differs from what its scenario and its plan lead to:", "red"))
+        console.say(("the log differs from the re-executed plan:", "red"))
         for check in report.mismatches:
             console.say(f"  {check.text}")
     parts = "; ".join(report.not_compared)
-    console.say((f"not compared, as scenario and plan do not decide it: {parts}", "dim"))
+    console.say((f"not compared, because scenario and plan do not determine it: {parts}", "dim"))
     return report
 
 
@@ -196,11 +201,11 @@ def _verification(report: VerifyReport) -> Document:
     return {"matches": report.matches, "checks": checks, "not_compared": list(report.not_compared)}
 
 
-# --- what is written --------------------------------------------------------------------------------------------
+# --- exported files ---------------------------------------------------------------------------------------------
 
 
 def _outputs(wanted: Mapping[str, Path]) -> list[Path]:
-    """Return all files that are written for those asked for."""
+    """Return all files that the requested exports write."""
     from pushplan.util.files import check_output
 
     bag = wanted.get("ros2")
@@ -215,10 +220,10 @@ def _export(
     how: Mapping[str, Mapping[str, Any]],
     console: Console,
 ) -> None:
-    """Write the files asked for: all that can be, then say which cannot.
+    """Write all requested files that the run can provide, then report the others.
 
     Raises:
-        PushplanError: When a package is missing, or a file cannot be written or cannot be made of this run.
+        PushplanError: If a package is missing, a file cannot be written, or the run cannot provide it.
     """
     files = {**({} if plot is None else {"plot": plot}), **wanted}
     written, failures = list[str](), list[str]()
@@ -240,11 +245,11 @@ def _draw(_: str, run: RecordedRun, path: Path, how: Mapping[str, Any], console:
     panels = how["panels"]
     if run.plan is None:
         raise RunLogError(str(run.path), "the log ends before a plan, so there is nothing to draw")
-    if run.trials and run.execution is None:  # the log of one sample has its execution
+    if run.trials and run.execution is None:  # the log of a single sample has an execution
         from pushplan.cli.trial import draw_trials
 
         if panels is not None:
-            raise p.UsageError("--panels names parts of a plan's picture; this log has trials")
+            raise p.UsageError("--panels is only for pictures of plans, and this log holds trials; leave it out")
         draw_trials(run.plan, run.trials, path, console)
         return
     from pushplan.cli.plan import draw

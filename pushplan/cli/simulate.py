@@ -1,4 +1,4 @@
-"""Push in a simulated world with disturbances, along the plan or in closed loop."""
+"""Simulate a push with disturbances, in open or closed loop."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ DISTURBANCE = p.named(
 )
 
 MOST_DISPLACED = 1.0
-"""By how much an object can be displaced, m."""
+"""Largest displacement of an object by a disturbance, m."""
 
 
 @p.command
@@ -45,7 +45,7 @@ MOST_DISPLACED = 1.0
 @click.option(
     "--closed-loop",
     is_flag=True,
-    help="Watch the objects, close contacts, replan; else the plan is executed whatever happens.",
+    help="Measure the objects, close contacts and replan. Default: execute the plan without feedback.",
 )
 @click.option(
     "--disturb",
@@ -53,28 +53,28 @@ MOST_DISPLACED = 1.0
     type=DISTURBANCE,
     multiple=True,
     metavar="WHAT=HOW,...",
-    help="Displace an object: time, object, and x, y, turn in its own frame, e.g. "
-    "'time=8s,object=far,y=5mm,turn=3deg'; may be given again.",
+    help="Displace an object at a time by x, y, turn in its own frame, e.g. "
+    "'time=8s,object=far,y=5mm,turn=3deg'; can be repeated.",
 )
 @click.option(
     "--uncertainty",
     type=UNCERTAINTY,
     metavar="WHAT=HOW,...",
-    help="Draw a world whose friction, loads and places are off by up to that much, as `pushplan trial` does, e.g. "
-    "contact_friction=20%,floor_friction=20%; default: the world is as the scenario says.",
+    help="Simulate a random sample with model errors within these limits, as in `pushplan trial`, e.g. "
+    "contact_friction=20%,floor_friction=20%. Default: no model errors.",
 )
 @click.option(
     "--sensor",
     type=SENSOR,
     metavar="WHAT=HOW,...",
-    help="How objects are measured: rate, delay, position and angle (standard deviations); default: "
+    help="Sensor of the objects: rate, delay, and standard deviations of position and angle. Default: "
     "rate=30,delay=0.1s,position=1mm,angle=0.3deg.",
 )
 @click.option(
     "--seed", type=p.SEED, metavar="N", default=1, show_default=True, help="Seed of friction, loads and noise."
 )
-@click.option("--physics", is_flag=True, help="Let MuJoCo simulate the world: full speed, all inertia.")
-@p.log_options("Write the run's log (MCAP) here, and its page beside it.")
+@click.option("--physics", is_flag=True, help="Simulate in MuJoCo, at full speed with inertia.")
+@p.log_options("Write the log (MCAP) of the run, and its page beside it.")
 @p.file_option("--html", help="Write a page that plays the run.")
 @p.no_code_option
 def simulate(
@@ -90,7 +90,7 @@ def simulate(
     html: Path | None,
     no_code: bool,
 ) -> int:
-    """Push in a simulated world with disturbances, along the plan or in closed loop."""
+    """Simulate a push with disturbances, in open or closed loop."""
     from pushplan.cli.render import require_executable, write_page
     from pushplan.logging.recording import IncompleteLogError
     from pushplan.scenario.file import load_scenario
@@ -120,7 +120,7 @@ def simulate(
     _tell(done, page, incomplete, console)
     over = float(done.simulated.t[-1])
     for late in (one.time for one in displaced if one.time > over):
-        console.note(f"note: nothing was displaced at {late:g} s, as the run ended at {over:.2f} s")
+        console.note(f"note: the disturbance at {late:g} s had no effect, because the run ended at {over:.2f} s")
     if incomplete is not None:
         console.note(f"error: {incomplete}")
         return DEFECT
@@ -128,11 +128,11 @@ def simulate(
 
 
 def _disturbances(scenario: Scenario, words: tuple[dict[str, Any], ...]) -> list[Disturbance]:
-    """Return disturbances with the indices of their objects.
+    """Return the disturbances with the indices of their objects.
 
     Raises:
-        UsageError: When one is too far to be meant.
-        ChainError: When there is no such object.
+        UsageError: If a displacement is unreasonably large.
+        ChainError: If there is no such object.
     """
     from pushplan.errors import ChainError
     from pushplan.sim.control.simulated_push import Disturbance
@@ -142,10 +142,12 @@ def _disturbances(scenario: Scenario, words: tuple[dict[str, Any], ...]) -> list
         shift = {name: one.get(name, 0.0) for name in ("x", "y", "turn")}
         for name in ("x", "y"):
             if abs(shift[name]) > MOST_DISPLACED:
-                told = f"{name} is {one[name]:g} m: mm? a plain number is m; allowed: up to {MOST_DISPLACED:g} m"
+                told = (
+                    f"{name} is {one[name]:g} m; allowed: up to {MOST_DISPLACED:g} m, and mm need a unit, as in 5mm"
+                )
                 raise p.UsageError(f"--disturb: {told}")
         if one["object"] not in names:
-            raise ChainError(f"no object is called {one['object']!r}; there are {', '.join(names)}")
+            raise ChainError(f"there is no object {one['object']!r}; allowed: {', '.join(names)}")
         found.append(Disturbance(one["time"], names.index(one["object"]), *shift.values()))
     return found
 

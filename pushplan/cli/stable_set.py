@@ -1,4 +1,4 @@
-"""Show which pusher twists keep every contact: translations, turns, tightest radii."""
+"""Show the pusher twists that keep every contact: translations and turning radii."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     "sets",
     type=p.STABLE_SET,
     multiple=True,
-    help="Name of a stable set, or module:attribute; may be repeated (default: the scenario's).",
+    help="Name of a stable set, or module:attribute; can be repeated (default: the scenario's).",
 )
 @p.plot_option
 @p.no_code_option
 def stable_set(console: Console, scenario: str, sets: tuple[str, ...], plot: Path | None, no_code: bool) -> int:
-    """Show which pusher twists keep every contact: translations, turns, tightest radii."""
+    """Show which pusher twists keep every contact: translations and smallest turning radii."""
     from pushplan.scenario.file import load_scenario
 
     p.check_outputs([scenario], plot)
@@ -65,7 +65,7 @@ def stable_set(console: Console, scenario: str, sets: tuple[str, ...], plot: Pat
 
 
 def describe(scenario: Scenario, name: str) -> tuple[StableSet, dict[str, Any]]:
-    """Compute a stable set, and what is said about it as an object for JSON."""
+    """Return a stable set and its description as a JSON object."""
     from pushplan.planners.controls import drive_radii
 
     begin = perf_counter()
@@ -82,7 +82,7 @@ def describe(scenario: Scenario, name: str) -> tuple[StableSet, dict[str, Any]]:
 
 
 def set_rows(described: Mapping[str, Any], drive: str) -> list[tuple[str, str]]:
-    """Return label and value of what people want to know about a set, with the kind of the robot's drive."""
+    """Return labels and values of a stable set's description, for a kind of drive."""
     cone, rows = "none is stable", []
     if described["translation_cone"] is not None:
         low, high = (atan2(dy, dx) for dx, dy in described["translation_cone"])

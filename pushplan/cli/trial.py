@@ -36,7 +36,7 @@ def _uncertainty(found: dict[str, Any]) -> TrialUncertainty:
 
 
 UNCERTAINTY = p.named(_UNITS, _uncertainty)
-"""What may be uncertain; plain numbers are shares, m and rad."""
+"""Type of the model errors of trials; plain numbers are shares, m and rad."""
 
 
 @p.command
@@ -48,18 +48,18 @@ UNCERTAINTY = p.named(_UNITS, _uncertainty)
     "--uncertainty",
     type=UNCERTAINTY,
     metavar="WHAT=HOW,...",
-    help="By how much samples differ: contact_friction, floor_friction, mass, load, position, angle; e.g. "
-    "contact_friction=20%,load=10%,position=1mm,angle=0.3deg; what is not named stays nominal. Default: the "
+    help="Largest model errors: contact_friction, floor_friction, mass, load, position, angle; e.g. "
+    "contact_friction=20%,load=10%,position=1mm,angle=0.3deg. Others stay nominal. Default: the "
     "scenario's intervals, else 20 % of friction, 10 % of load, 1 mm and 0.3 deg.",
 )
 @click.option("--seed", type=p.SEED, metavar="N", default=1, show_default=True, help="Seed of the samples.")
-@click.option("--jobs", type=p.COUNT, metavar="N", help="Threads (default: one a processor).")
+@click.option("--jobs", type=p.COUNT, metavar="N", help="Number of threads (default: one per processor).")
 @click.option(
-    "--simulator", type=p.SIMULATOR, default=SIMULATORS[0], show_default=True, help="What executes the plan."
+    "--simulator", type=p.SIMULATOR, default=SIMULATORS[0], show_default=True, help="Simulator of the samples."
 )
-@p.log_options("Write the log (MCAP) here: plan and ends; beside it the plan's page.")
+@p.log_options("Write a log (MCAP) of the plan and the outcomes, and the plan's page beside it.")
 @p.plot_option
-@p.file_option("--worst", help="Write the log (MCAP) of the sample that ends farthest off.")
+@p.file_option("--worst", help="Write the log (MCAP) of the sample with the largest goal error.")
 @p.no_code_option
 def trial(
     console: Console,
@@ -74,10 +74,10 @@ def trial(
     worst: Path | None,
     no_code: bool,
 ) -> int:
-    """Execute a plan in Monte Carlo samples of friction, loads and places: how often does it arrive?
+    """Execute a plan in Monte Carlo samples of friction, loads and poses, and count how often it arrives.
 
-    The plan is that of a log, or is made first. A log is recorded without -o, too, in the folder of the recorded
-    runs; it grows as samples end.
+    The plan comes from a log, or is computed first. Without -o, the log goes into the folder of the recorded runs. It
+    grows with each sample.
     """
     p.check_outputs([source], None, log=worst)
     p.check_outputs([source], plot, worst, log=log.output)
@@ -134,8 +134,8 @@ def trial(
 
         write_trial(trials, trials.worst, worst)
         position, angle = trials.goal_errors[trials.worst]
-        off = f"sample {trials.worst}, {length_text(position)} and {angle_text(angle)} off"
-        console.say(f"{worst}: the worst, {off}")
+        off = f"goal error {length_text(position)}, {angle_text(angle)}"
+        console.say(f"{worst}: the worst sample, {trials.worst}, {off}")
     document = _document(trials, worst) | {"page": page}
     if incomplete is not None:
         console.note(f"error: {incomplete}")
@@ -145,7 +145,7 @@ def trial(
 
 
 def draw_trials(plan: Plan, ends: Sequence[TrialEnd], path: Path, console: Console) -> None:
-    """Draw trials into a file, over what the plan sweeps where nothing slips."""
+    """Write a picture of trials over the area that the plan sweeps without slip."""
     with console.working(f"drawing {path}"):
         from pushplan.drawing.trials import plot_trials
         from pushplan.sim.kinematic import execute
@@ -168,7 +168,7 @@ def _rows(trials: Trials) -> list[tuple[str, str]]:
         uncertainty = f"the scenario's intervals, {TrialUncertainty(0.0, 0.0, 0.0, 0.0).words}"
     if slipping := sum(end.mode == INERTIA for end in trials.ends):
         failed += f"; {slipping} of them only with inertia"
-    left_out = "" if trials.with_inertia else ", inertia left out (limits.contact: quasi-static)"
+    left_out = "" if trials.with_inertia else ", without inertia (limits.contact: quasi-static)"
     goal = next(goals[0] for goals in scenario.goals.values())
     words = {"position": length_text(goal.position_tolerance), "angle": angle_text(goal.angle_tolerance)}
     missed = ", ".join(f"{name} ({words[name]}) in {count} samples" for name, count in trials.missed.items())
@@ -182,17 +182,17 @@ def _rows(trials: Trials) -> list[tuple[str, str]]:
     ]
     if trials.jammed.any():
         count, slipped = int(trials.jammed.sum()), int((trials.jammed & trials.lost).sum())
-        why = f"{count}: the push stopped where something met an obstacle or a wall"
+        why = f"{count} samples: the push stopped at an obstacle or a wall"
         if slipped:
             why += f", in {slipped} of them after a contact had moved"
         if slipped < count:
-            why += f"; a larger clearance than {length_text(scenario.clearance)} helps"
+            why += f"; increase the clearance above {length_text(scenario.clearance)}"
         found.append(("jammed", why))
     return [*found, ("log", str(trials.log))] if trials.log is not None else found
 
 
 def _percentiles(trials: Trials) -> list[list[float]]:
-    """Return median, 90th percentile and maximum of the position's and the angle's error, m and rad."""
+    """Return median, 90th percentile and maximum of the position error (m) and the angle error (rad)."""
     import numpy as np
 
     found: list[list[float]] = np.percentile(trials.goal_errors, [50, 90, 100], axis=0).T.tolist()

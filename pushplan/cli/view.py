@@ -1,4 +1,4 @@
-"""Open a scenario in a browser: drag its poses, see the plan change at once."""
+"""Open a scenario in a browser, where dragging its poses updates the plan."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from pushplan.cli.console import Console
 @p.command
 @p.scenario_argument
 @p.map_option
-@click.option("--port", type=p.PORT, metavar="PORT", default=8080, show_default=True, help="Where to listen.")
-@click.option("--no-browser", is_flag=True, help="Say the address, open nothing.")
+@click.option("--port", type=p.PORT, metavar="PORT", default=8080, show_default=True, help="Port of the server.")
+@click.option("--no-browser", is_flag=True, help="Print the address without opening a browser.")
 @p.no_code_option
 def view(console: Console, scenario: str, maps: tuple[Path, ...], port: int, no_browser: bool, no_code: bool) -> int:
-    """Open a scenario in a browser: drag its poses, see the plan change at once."""
+    """Open a scenario in a browser: drag its poses and see how the plan changes."""
     from pushplan.scenario.file import load_scenario
 
     with p.code_of(scenario, console.note, no_code):
@@ -29,13 +29,13 @@ def view(console: Console, scenario: str, maps: tuple[Path, ...], port: int, no_
 
             window = Window(stated, port, console.note)
         try:
-            console.note(f"{stated.name} is at {window.url}; Ctrl-C ends it")
+            console.note(f"{stated.name} is at {window.url}; stop with Ctrl-C")
             console.emit({"scenario": stated.name, "url": window.url})
-            sys.stdout.flush()  # whoever reads it through a pipe wants to go there now
+            sys.stdout.flush()  # a program that reads a pipe needs the address now
             if not no_browser:
                 webbrowser.open(window.url)
             window.wait()
-        except KeyboardInterrupt:  # the way in which it ends
+        except KeyboardInterrupt:  # the normal way to stop
             pass
         finally:
             window.close()

@@ -226,7 +226,7 @@ def test_the_command_tells_regressions_with_exit_code_4(tmp_path: Path, capsys: 
     assert re.search(r"^better: auto, first path: × 0\.500 in 24 runs \(p = ", out, re.MULTILINE)
     assert re.search(r"^worse: slow, cost: × 1\.200 in 24 runs \(p = ", out, re.MULTILINE)
     assert compared("new", "--threshold", "30")[0] == 0
-    assert compared("old") == (0, "nothing has changed beyond chance\n")
+    assert compared("old") == (0, "no significant change\n")
     assert compared("nowhere")[0] == 2
     code, out = compared("failing", "--json")
     document = json.loads(out)

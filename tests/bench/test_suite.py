@@ -175,7 +175,7 @@ def test_a_suite_is_run_reported_and_resumed(suite: str, tmp_path: Path, capsys:
 def test_shards_are_merged_and_reported(suite: str, tmp_path: Path, capsys: Captured) -> None:
     one, two, whole = (tmp_path / name for name in ("1", "2", "whole"))
     assert main(["bench", suite, "-o", str(one), "--shard", "1/2"]) == 0
-    assert capsys.readouterr().out.endswith(f"results: {one}; when all shards are done: pushplan bench merge\n")
+    assert capsys.readouterr().out.endswith(f"results: {one}; after all shards: pushplan bench merge\n")
     assert main(["bench", "merge", str(one), "-o", str(tmp_path / "half")]) == 0
     assert capsys.readouterr().out.startswith("small: 1 run of 1 folder, 1 without a result\n")
     assert main(["bench", "merge", str(one), str(two), "-o", str(whole)]) == 2
@@ -202,7 +202,8 @@ def test_ctrl_c_stops_it_and_says_how_to_go_on(tmp_path: Path) -> None:
         _, rest = program.communicate(timeout=30.0)
     assert program.returncode == 130
     assert (
-        "stopped; go on with: pushplan bench long.yaml -o results --resume --filter 'seed=*'\ninterrupted\n" in rest
+        "stopped; continue with: pushplan bench long.yaml -o results --resume --filter 'seed=*'\ninterrupted\n"
+        in rest
     )
     assert "Traceback" not in rest
     assert not (tmp_path / "results" / ".scratch").exists()
@@ -214,7 +215,7 @@ def test_runs_that_broke_off_have_an_exit_code(suite: str, tmp_path: Path, capsy
     words = ["bench", suite, "-o", str(tmp_path / "results")]
     assert main(words) == 4
     assert "timeout  2" in (out := capsys.readouterr().out)
-    assert "2 runs broke off, which --accept-broken would take for done; the first:\n" in out
+    assert "2 runs crashed or exceeded a limit (--accept-broken accepts this); first:\n" in out
     assert main([*words, "--resume", "--json"]) == 4
     document = json.loads(capsys.readouterr().out)
     assert (document["done"], document["broken"]) == (0, 2)
@@ -224,15 +225,15 @@ def test_runs_that_broke_off_have_an_exit_code(suite: str, tmp_path: Path, capsy
 @pytest.mark.parametrize(("words", "message"), [
     (["smoke"], "name a folder for the results: pushplan bench smoke -o DIR"),
     (["nosuite", "-o", "x"], "no packaged suite is called so either"),
-    (["smoke", "-o", "x", "--jobs", "many"], "'many' is no number of jobs"),
-    (["smoke", "--compare", "a", "b", "--resume"], "--compare does not go together with SUITE and --resume"),
-    (["smoke", "-o", "x", "--rerun", "ab", "--filter", "seed=1"], "--rerun does not go together with --filter"),
-    (["smoke", "-o", "x", "--scheduler", "tcp://h:1", "--jobs", "2"], "does not go together with --jobs"),
-    (["smoke", "-o", "x", "--shard", "4/3"], "'4/3' is no part of a suite; allowed: I/N with I from 1 to N"),
-    (["smoke", "-o", "x", "--rerun", "ab", "--shard", "1/3"], "--rerun does not go together with --shard"),
+    (["smoke", "-o", "x", "--jobs", "many"], "'many' is not a number of jobs"),
+    (["smoke", "--compare", "a", "b", "--resume"], "--compare cannot be combined with SUITE and --resume"),
+    (["smoke", "-o", "x", "--rerun", "ab", "--filter", "seed=1"], "--rerun cannot be combined with --filter"),
+    (["smoke", "-o", "x", "--scheduler", "tcp://h:1", "--jobs", "2"], "cannot be combined with --jobs"),
+    (["smoke", "-o", "x", "--shard", "4/3"], "--shard is '4/3'; allowed: I/N with I from 1 to N"),
+    (["smoke", "-o", "x", "--rerun", "ab", "--shard", "1/3"], "--rerun cannot be combined with --shard"),
     (["merge", "-o", "x"], "name the folders of the shards: pushplan bench merge DIR... -o DIR"),
-    (["merge", "a", "-o", "x", "--resume"], "merge does not go together with --resume"),
-    (["smoke", "a", "-o", "x"], "'a' is one word too many"),
+    (["merge", "a", "-o", "x", "--resume"], "merge cannot be combined with --resume"),
+    (["smoke", "a", "-o", "x"], "'a' is one argument too many"),
     (["smoke", "-o", "x", "--rerun", "nokey"], "no run of this suite and version has a key that begins with"),
 ])  # fmt: skip
 def test_wrong_words_end_with_exit_code_2(
