@@ -114,7 +114,7 @@ def test_a_path_that_is_not_what_it_claims_is_refused(scenario: Scenario) -> Non
     with pytest.raises(PlanningError, match="posed from another scenario"):
         push_path(definition, pushplan.load_scenario("narrow-gap"))
     foreign = ob.ProblemDefinition(ob.SpaceInformation(information.getStateSpace()))
-    with pytest.raises(PlanningError, match="is none of a push"):
+    with pytest.raises(PlanningError, match="is not of a push"):
         push_path(foreign)
 
 
@@ -137,7 +137,7 @@ def test_stock_planners_are_planned_executed_and_logged_like_ours(planner: str, 
 def test_the_search_of_a_planner_that_is_none_is_refused(name: str, first: bool) -> None:
     """Also in free space, where a word of three arcs is a path before any planner is asked."""
     scenario = pushplan.load_scenario(name)
-    with pytest.raises(PlanningError, match=r"a list is no planner; allowed: an ompl\.base\.Planner"):
+    with pytest.raises(PlanningError, match=r"a list is not a planner; allowed: an ompl\.base\.Planner"):
         pushplan.plan(scenario, planner=lambda information: [information.getStateDimension()], first=first)
     failure = r"the planner \S+ fails in \S+test_ompl\.py, line \d+: ZeroDivisionError: division by zero"
     with pytest.raises(ExtensionError, match=failure):

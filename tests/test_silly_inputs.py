@@ -184,7 +184,7 @@ CALLS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "iterations": (lambda p: api.plan(p.scenario, iterations=10**400), "allowed: a whole number from 1"),
     "simulator": (lambda p: api.trial(p, 2, simulator=7), "7 is not a simulator"),
     "follower": (lambda p: api.Follower(7), "there is no plan in 7"),
-    "no planner": (lambda p: planner_named("nobody"), "no planner is called 'nobody'; there are auto, rrt, est"),
+    "no planner": (lambda p: planner_named("nobody"), "there is no planner 'nobody'; allowed: auto, rrt, est"),
     "no module": (lambda p: planner_named("no_such_module:Planner"), "cannot load 'no_such_module:Planner'"),
     "no attribute": (lambda p: planner_named("math:nothing"), "module 'math' has no attribute 'nothing'"),
     "a number": (lambda p: planner_named("math:pi"), "the planner 'math:pi' is a float"),

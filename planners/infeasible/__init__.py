@@ -1,1 +1,1 @@
-"""Why no path is found: bounds on every path, and proofs that there is none."""
+"""Lower bounds of every path, and proofs that none exists."""

@@ -1,4 +1,4 @@
-"""Costs and times that no plan can beat: the highest of what straight travel, turns and ways around prove."""
+"""Lower bounds of cost and time: the highest bound from straight travel, turns and detours."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from pushplan.util.arrays import FloatArray
 
 
 def lower_bound(scenario: Scenario, segments: FloatArray, most: float = math.inf) -> float:
-    """Return a cost (m) that no path which keeps the clearance can beat.
+    """Return a lower bound (m) of the cost of any path that keeps the clearance.
 
     Args:
         scenario: The problem.
         segments: (k, 6) stable twists that the pusher can make; see `controls`.
-        most: Cost (m) of a path that is known: only cheaper ones are considered.
+        most: Cost of a known path, m. Only cheaper paths are considered.
     """
     start, goal = scenario.start, scenario.goal.pose_chain
     turn = abs(float(se2.wrap_angle(goal[2] - start[2])))
@@ -33,21 +33,21 @@ def lower_bound(scenario: Scenario, segments: FloatArray, most: float = math.inf
 
 
 def time_bound(scenario: Scenario, segments: FloatArray, duration: float = math.inf) -> float:
-    """Return a time (s) in which no path from rest to rest can be driven; see `lower_bound`.
+    """Return a lower bound (s) of the time of any path from rest to rest; see `lower_bound`.
 
-    It knows the limits of speed and acceleration, neither the jerk nor what contacts allow with inertia.
+    It uses the limits of speed and acceleration, but ignores the jerk and the contacts' limits with inertia.
 
     Args:
         scenario: The problem.
         segments: (k, 6) stable twists that the pusher can make; see `controls`.
-        duration: That of a motion that is known, s.
+        duration: Duration of a known motion, s.
     """
     limits = scenario.chain.pusher.limits
     speed, turning = (max(limits.both(name)) for name in ("speed", "angular_speed"))
     gain, spin = (max(limits.both(name)) for name in ("acceleration", "angular_acceleration"))
     start, goal = scenario.start, scenario.goal.pose_chain
     around = way_around(scenario, disc_at(scenario.chain.bodies, np.zeros(2)), math.inf)
-    # The share of the top speed, max(|v| / speed, |omega| / turning), changes by `rate` at most.
+    # The share of the top speed, max(|v| / speed, |omega| / turning), changes at most at this rate.
     rate = max(gain / speed, spin / turning)
     price, most = Price(speed / turning, 0.0), speed * max(duration - 1.0 / rate, 1.0 / rate)
     bend = max(around, turn_bound(start, goal, segments, most, price))
@@ -64,7 +64,7 @@ def _from_rest_to_rest(length: float, speed: float, gain: float) -> float:
 
 
 def _discs(scenario: Scenario) -> list[Disc]:
-    """Discs around the chain frame's origin, and around the roomiest point that is near enough to it."""
+    """Return discs around the chain frame's origin and around the largest disc's centre, or a point towards it."""
     chain = scenario.chain
     center = largest_disc(chain.bodies).center
     near = center * min(1.0, TURN_WEIGHT / max(float(np.linalg.norm(center)), 1e-12))

@@ -1,7 +1,7 @@
-"""Why no path is found: what is proven, what may be the reason, and how far the search came.
+"""Diagnosis of a failed search: proven reasons, possible reasons and the progress of the search.
 
-It is looked into while a search goes on without a path, so that one that cannot end well ends soon, and after it.
-"Cannot" is said of what is proven, "perhaps" of everything else.
+The diagnosis runs during a search without a path, so that a hopeless search ends early, and after it. Texts say
+"cannot" for proven reasons and "perhaps" for all others.
 """
 
 from __future__ import annotations
@@ -30,32 +30,32 @@ from pushplan.util.arrays import FloatArray
 from pushplan.util.names import CLEARANCE_ROOM
 
 FIRST_STEP = 0.1
-"""Seconds of a search without a path before the first step is taken."""
+"""Time without a path before the first step of the diagnosis, s."""
 
 PATIENCE = 80.0
-"""The next step is taken when the search has gone on for so many times as long as the steps before took together.
+"""Ratio of search time to the time of all earlier steps at which the next step begins.
 
-A step takes up to about ten times as long as those before it, so they take up to about an eighth of a search.
+A step can take about ten times as long as all earlier ones. So the steps take at most about an eighth of a search.
 """
 
 GROWTH = {"passage": 1.0, "pockets": 10.0}
-"""So many times as long as the one before may a step of each stage take."""
+"""Expected ratio of a step's time to that of the step before, by stage."""
 
 A_CORNER = 1.2e-4
-"""What a corner of an obstacle adds to the first step, at most, s: it is grown, and joined with what it touches."""
+"""Maximum time that a corner of an obstacle adds to the first step, s."""
 
 
 class InfeasibilityMonitor:
-    """What may keep a search from a path, found out in steps, short ones first, until one proves that there is none.
+    """Stepwise diagnosis of a search without a path. The shortest steps come first, until one proves infeasibility.
 
     Args:
         scenario: The problem.
-        stable: The set that it was posed in.
-        pose: Returns what is searched. It is asked for with the first step: most searches need none.
-        limit: Seconds that a search may take: no step is taken that is likely to go on beyond.
+        stable: Stable set of the search.
+        pose: Returns the compiled problem. It is called at the first step, because most searches need none.
+        limit: Time limit of the search, s. No step begins that would probably exceed it.
 
     Attributes:
-        reasons: What was found, proven or not.
+        reasons: Reasons found so far, proven or not.
     """
 
     def __init__(
@@ -70,21 +70,21 @@ class InfeasibilityMonitor:
 
     @property
     def proven(self) -> tuple[Diagnosis, ...]:
-        """The reasons for which there is no path."""
+        """The proven reasons."""
         return tuple(item for item in self.reasons if item.proven)
 
     def settled(self, seconds: float) -> bool:
-        """Return whether there is no path, as far as is known; take the next step if the time has come.
+        """Take the next step if it is due. Return whether it is proven that no path exists.
 
         Args:
-            seconds: That the search has taken.
+            seconds: Time of the search so far, s.
         """
         if seconds >= self._due and not self.proven and self._expected <= self._limit - seconds:
             self._take_step()
         return bool(self.proven)
 
     def take_all_steps(self, seconds: float = math.inf) -> None:
-        """Find out all that can be in so many seconds, or that there is no path, and how narrow its passage is."""
+        """Take all steps that fit into a time (s), or until a proof and the passage's width are found."""
         until = time.perf_counter() + seconds
         while self._stages and self._expected <= until - time.perf_counter():
             if self.proven and "passage" not in self._stages:
@@ -125,53 +125,53 @@ def _turns_and_pockets(
 def diagnose(
     monitor: InfeasibilityMonitor, extensions: int, error: tuple[float, float], seconds: float = math.inf
 ) -> tuple[Diagnosis, ...]:
-    """Return what kept a search from finding a path: the proven reasons, or all that may be one.
+    """Return the proven reasons for a failed search, or all possible ones without a proof.
 
     Args:
-        monitor: What may have kept it.
-        extensions: Arcs that were propagated.
-        error: How far (m, rad) from the goal the nearest pose was that the search reached.
-        seconds: What finding out may still take.
+        monitor: Diagnosis of the search.
+        extensions: Number of arcs propagated.
+        error: Distance (m, rad) from the goal to the nearest pose of the search.
+        seconds: Time left for the diagnosis, s.
     """
     monitor.take_all_steps(seconds)
     return monitor.proven or (*monitor.reasons, _just_time(extensions, error, bool(monitor.reasons)))
 
 
 def _just_time(extensions: int, error: tuple[float, float], guessed: bool) -> Diagnosis:
-    first = "nothing proves that there is no way" if guessed else "nothing shows that there is no way"
+    first = "a path may still exist" if guessed else "no reason was found"
     if extensions:
         near = f"{error[0]:.3g} m and {math.degrees(error[1]):.3g} deg of the goal"
-        text = f"{first}: {extensions} extensions came within {near}, and more time or another seed may help"
+        text = f"{first}: {extensions} extensions came within {near}; more time or another seed may help"
     else:
-        text = f"{first}: all of the time went by in preparing the search, and more of it may help"
+        text = f"{first}: preparing the search took all of the time; more time may help"
     numbers = {"extensions": float(extensions), "position": error[0], "angle": error[1]}
     return Diagnosis("time", text, False, numbers)
 
 
 # --- the widest passage between start and goal ----------------------------------------------------------------------
 
-# A disc that fits into the chain goes wherever the chain goes. So where obstacles and walls, grown by its radius and
-# the clearance, part its centre at the start from its centre at the goal, no motion whatever joins the two.
+# A disc that fits into the chain moves with it. So no motion joins start and goal if obstacles and walls, grown by
+# the disc's radius and the clearance, separate the disc's centre at the start from that at the goal.
 
 RESOLUTION = 1e-5
-"""Widths are found to this accuracy, m."""
+"""Accuracy of passage widths, m."""
 
 
 def passage_faults(scenario: Scenario, headings: FloatArray) -> Iterator[list[Diagnosis]]:
-    """Yield, at last, that the passage between start and goal is too narrow, proven or perhaps, or nothing.
+    """Yield the diagnosis that the passage from start to goal is too narrow, proven or possible, if it is.
 
-    What is proven is yielded first without the passage's width, which takes longer. Between two looks at the free
-    space, each of which takes a tenth of a millisecond for each obstacle, nothing is yielded.
+    A proof is first yielded without the passage's width, which takes longer to compute. An empty list is yielded
+    after each check of the free space. A check takes 0.1 ms for each obstacle.
 
     Args:
         scenario: The problem.
-        headings: (k, 2) directions, in the chain frame, in which the chain can be pushed straight.
+        headings: (k, 2) directions of straight pushes, chain frame.
     """
     disc = largest_disc(scenario.chain.bodies)
     needed = disc.radius + scenario.clearance - CLEARANCE_ROOM
     ends = [disc.at(pose) for pose in (scenario.start, scenario.goal.pose_chain)]
 
-    def joined(radius: float, within: float = 1e-6) -> bool:  # m: ends may lie on the edge of a region
+    def joined(radius: float, within: float = 1e-6) -> bool:  # m, because ends can lie on an edge
         near = [shapely.distance(shapely.get_parts(room(scenario, radius)), end) <= within for end in ends]
         return bool((near[0] & near[1]).any())
 
@@ -193,16 +193,16 @@ def passage_faults(scenario: Scenario, headings: FloatArray) -> Iterator[list[Di
 
 
 def _between(scenario: Scenario, radius: float, ends: Sequence[shapely.Point], within: float) -> tuple[int, ...]:
-    """Return the obstacles that part two ends: they bound what a disc can reach from either."""
+    """Return the obstacles that separate two ends: those that bound a disc's reachable regions from both."""
     free = room(scenario, radius)
     one, other = (reached(free, end, within) for end in ends)
     return between(grown(scenario.obstacles, radius), one, other)
 
 
 def _widest(joined: Callable[[float], bool], low: float, high: float) -> Generator[list[Diagnosis], None, float]:
-    """Find the largest radius that is `joined`, between one that is (or 0) and one that is not.
+    """Return the largest radius that is `joined`, by bisection to half the resolution.
 
-    To half the resolution; nothing is yielded after each look.
+    The lower end is joined (or 0), the upper end is not. An empty list is yielded after each check.
     """
     while high - low > 0.5 * RESOLUTION:
         middle = 0.5 * (low + high)
@@ -212,20 +212,20 @@ def _widest(joined: Callable[[float], bool], low: float, high: float) -> Generat
 
 
 def _swept_width(scenario: Scenario, headings: FloatArray) -> float:
-    """Smallest width (m) of the chain across its straight pushes, or across +x where there is none."""
+    """Return the smallest width (m) of the chain across its straight pushes, or across +x if there are none."""
     corners = shapely.get_coordinates(as_one(scenario.chain.bodies))
     across = corners @ np.stack([-headings[:, 1], headings[:, 0]]) if len(headings) else corners[:, 1:]
     return float(np.ptp(across, axis=0).min())
 
 
 def _reach(scenario: Scenario) -> float:
-    """Size of the chain: the diameter of a circle around it, m."""
+    """Return the diameter (m) of a circle around the chain."""
     return 2.0 * float(shapely.minimum_bounding_radius(as_one(scenario.chain.bodies)))
 
 
 def _proven(width: float, needed: float, passage: float | None) -> Diagnosis:
-    """Return what is proven; without the passage's width where that is not known."""
-    chain = f"the chain, into which a disc of {_mm(width)} fits, needs at least {_mm(needed)} with its clearance"
+    """Return the proven diagnosis, without the passage's width if it is unknown."""
+    chain = f"the chain needs at least {_mm(needed)} (a disc of {_mm(width)} that fits into it, plus clearance)"
     if passage is None:
         text = f"the chain cannot pass: no passage from start to goal is wide enough, and {chain}"
         return Diagnosis("gap", text, True, {"disc": width, "needed": needed})
@@ -241,7 +241,7 @@ def _guess(swept: float, needed: float, passage: float) -> Diagnosis:
     numbers = {"passage": passage, "swept": swept, "needed": needed}
     text = (
         f"perhaps the passage is too narrow: the widest one from start to goal is about {_mm(passage)} wide, and the "
-        f"chain is {_mm(swept)} wide across its straight pushes, {_mm(needed)} with its clearance"
+        f"chain is {_mm(swept)} wide across its straight pushes, {_mm(needed)} including clearance"
     )
     return Diagnosis("gap", text, False, numbers)
 
@@ -250,14 +250,14 @@ def _mm(length: float) -> str:
     return f"{1e3 * length:.4g} mm"
 
 
-# --- what the robot cannot come up to -------------------------------------------------------------------------------
+# --- objects that the robot cannot reach ----------------------------------------------------------------------------
 
-# Nothing moves before the robot has come up to something. So where obstacles, walls and all objects as they stand,
-# grown by the radius of a disc that fits into the robot, part it from every face that it may push, it is boxed in.
-# And an object from all faces of which obstacles and walls alone part it stays where it is, whatever else is moved.
+# No object moves before the robot reaches one. So the robot is boxed in if obstacles, walls and all objects at their
+# current poses, grown by the radius of a disc inside the robot, separate it from every allowed face. An object can
+# never be moved if obstacles and walls alone separate the robot from all its faces.
 
 WITHIN = 1e-6
-"""Places may be so far (m) outside of a region: they lie on its edge."""
+"""Distance (m) from a region up to which points count as inside, because they can lie on its edge."""
 
 
 def beyond_reach(
@@ -266,13 +266,13 @@ def beyond_reach(
     faces: Mapping[str, FloatArray],
     needed: Sequence[str] = (),
 ) -> dict[str, Diagnosis]:
-    """Return proofs that the robot reaches no object, by "", or not one that has to be moved, by its name.
+    """Return proofs that the robot cannot reach a needed object, by name, or any object at all, by "".
 
     Args:
-        scenario: Of one of the objects alone, with the robot's start and all that is fixed.
-        outlines: (v, 2) of the parts of each object, in the world.
-        faces: (k, 3) poses of the plate before each face that it may come up to, by object; in the world.
-        needed: Names of the objects that have to be moved.
+        scenario: Scenario of one object alone, with the robot's start and the fixed obstacles.
+        outlines: (v, 2) outlines of each object's parts, world frame.
+        faces: (k, 3) poses of the plate before each allowed face, by object, world frame.
+        needed: Names of the objects that must be moved.
     """
     disc = largest_disc(scenario.chain.carried)
     into = se2.inverse(scenario.chain.pusher.plate_pose)
@@ -281,7 +281,7 @@ def beyond_reach(
     free = room(scenario, radius)
     alone = reached(free, start, WITHIN)
     standing = [PolygonObstacle(outline) for parts in outlines.values() for outline in parts]
-    # What the robot starts close to does not keep it there: it backs off.
+    # An object close to the robot's start does not trap the robot, because it can back off.
     covered = [shape for shape in grown(standing, disc.radius) if not shape.intersects(start)]
     open_floor = shapely.difference(free, shapely.union_all(covered))
     among = reached(open_floor, start, WITHIN)
@@ -292,14 +292,14 @@ def beyond_reach(
     centers = {name: [*np.asarray(shapely.points(xy))] for name, xy in places.items()}
     if not any(_any_in(among, points) for points in centers.values()):
         every = [point for points in centers.values() for point in points]
-        text = "the robot is boxed in: it has no way to any face of an object that it may push"
+        text = "the robot is boxed in: it cannot reach any allowed face of an object"
         if not _any_in(open_floor, every):
-            text = "the robot has no room before any face of an object that it may push"
+            text = "the robot has no room before any allowed face of an object"
         return {"": Diagnosis("boxed in", text, True, blocking=_parting(scenario, radius, free, among, every))}
     found = {}
     for name in needed:
         if not _any_in(alone, centers[name]):
-            text = f"'{name}' cannot be reached: walls and obstacles leave the robot no way to any of its faces"
+            text = f"'{name}' cannot be reached: walls and obstacles block the robot's way to all of its faces"
             parting = _parting(scenario, radius, free, alone, centers[name])
             found[name] = Diagnosis("boxed in", text, True, blocking=parting)
     return found
@@ -312,6 +312,6 @@ def _any_in(region: BaseGeometry, points: Sequence[shapely.Point]) -> bool:
 def _parting(
     scenario: Scenario, radius: float, free: BaseGeometry, region: BaseGeometry, points: Sequence[shapely.Point]
 ) -> tuple[int, ...]:
-    """Return the obstacles that, grown, bound a region and cover points beyond it, or bound where these are."""
+    """Return the obstacles that, once grown, separate a region from points outside it."""
     beyond = shapely.union_all([*points, *(reached(free, point, WITHIN) for point in points)])
     return between(grown(scenario.obstacles, radius), region, beyond)

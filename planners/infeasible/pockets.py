@@ -1,4 +1,4 @@
-"""Poses that no push leads out of, or into: proven on a grid, from the start forward and from the goal back."""
+"""Proofs, on a grid of poses, that no push leads away from the start or to the goal."""
 
 from __future__ import annotations
 
@@ -27,32 +27,32 @@ from pushplan.util.names import CLEARANCE_ROOM
 Level = tuple[int, int, int]
 
 LEVELS: tuple[Level, ...] = ((8, 8, 8), (16, 14, 16), (32, 24, 32), (4, 8, 40))
-"""Cells to the radius of the body, most cells to a step, and cells of heading to a radian.
+"""Grid levels: (cells per body radius, maximum cells per step, heading cells per radian).
 
-Many headings, on the last one, tell turns apart that are wide against the body.
+The many headings of the last level resolve turns that are wide compared with the body.
 """
 
 LOOKS = (8_000, 60_000, 200_000)
-"""Cells looked at before a level is left; the next of these only after all levels."""
+"""Maximum numbers of cells on a level. A larger number is used only after all levels were tried."""
 
 
 SHORTEST_TRY = 1e-3
-"""Of the pushes that are tried where nothing is proven, m."""
+"""Length of the shortest push that is tried without a proof, m."""
 
 
 class Pocket(NamedTuple):
-    """Where one is boxed in: the pose is the goal or the start, and (m) how far away the body's middle can be."""
+    """A pocket around the goal or the start, with the maximum distance (m) of the body's middle from it."""
 
     is_goal: bool
     radius: float
 
 
 def find_pocket(scenario: Scenario, stable: StableSet, problem: Problem) -> Iterator[Pocket | None]:
-    """Look for proof which end is boxed in, at more cells from step to step; yield it, or None, after each step.
+    """Yield, after each step, a proof that start or goal is boxed in, or None. Steps use more and more cells.
 
     Args:
         scenario: The problem.
-        stable: The set that limits the pushes.
+        stable: Stable set of the pushes.
         problem: The same problem compiled.
     """
     hull = push_hull(_extreme_twists(scenario, stable, problem), problem.scene.body_bound[:2])
@@ -69,7 +69,7 @@ def find_pocket(scenario: Scenario, stable: StableSet, problem: Problem) -> Iter
 
 
 def _pocket(scene: Scene, ends: FloatArray, left: dict[tuple[Level, int], Steps], looks: int) -> Pocket | None:
-    """Spread from both ends (2, 3) on every level left, dropping those on which one leads to the other."""
+    """Spread from both ends (2, 3) on every remaining level. Drop the levels on which the ends meet."""
     room = 1 << math.ceil(math.log2(2 * looks))
     for (level, end), steps in [*left.items()]:
         outcome, cells = reached(scene, ends[end], ends[1 - end], steps, room)
@@ -82,7 +82,7 @@ def _pocket(scene: Scene, ends: FloatArray, left: dict[tuple[Level, int], Steps]
 
 
 def _extreme_twists(scenario: Scenario, stable: StableSet, problem: Problem) -> FloatArray:
-    """Twists (k, 3) on the boundary of the stable set, of what the drive can do of it."""
+    """Return twists (k, 3) on the boundary of the stable set that the drive can make."""
     drive = scenario.chain.pusher.drive
     if drive.axle is not None:
         return segment_ends(problem.segments)
@@ -90,20 +90,20 @@ def _extreme_twists(scenario: Scenario, stable: StableSet, problem: Problem) -> 
 
 
 def push_hull(twists: FloatArray, middle: FloatArray) -> shapely.Polygon:
-    """Return the hull of (a, kappa), kappa in 1/m, of twists (k, 3); an empty one if one does not move ahead.
+    """Return the hull of (slope a, curvature kappa in 1/m) of twists (k, 3); empty if one does not move ahead.
 
     Args:
-        twists: In the chain frame.
-        middle: (2,) of the body, chain frame, m.
+        twists: (k, 3) twists in the chain frame.
+        middle: (2,) middle of the body, chain frame, m.
     """
     ahead, aside = twists[:, 0] - twists[:, 2] * middle[1], twists[:, 1] + twists[:, 2] * middle[0]
-    # Twists that hardly move the middle ahead, by a thousandth of their largest part, make a hull too wide to prove
-    # anything.
+    # Twists that hardly move the middle ahead (a thousandth of their largest component) make the hull too wide for a
+    # proof.
     if not (ahead > 1e-3 * np.abs(twists).max(axis=1)).all():
         return shapely.Polygon()
     points = np.stack([aside / ahead, twists[:, 2] / ahead], axis=1)
     size = np.maximum(np.ptp(points, axis=0), 1e-3)
-    # Larger by 0.5 % of its extent, so that twists between meridians lie in it, too.
+    # Grow it by 0.5 % of its extent, so that it includes the twists between meridians.
     hull = shapely.convex_hull(shapely.MultiPoint(points / size)).buffer(5e-3, join_style="mitre")
     return shapely.transform(hull, lambda corners: corners * size)
 
@@ -112,10 +112,10 @@ def make_steps(scene: Scene, hull: shapely.Polygon, level: Level, clearance: flo
     """Return the cells and steps of a level.
 
     Args:
-        scene: The body.
-        hull: Of (a, kappa); see `push_hull`.
+        scene: Scene with the body.
+        hull: Hull of (a, kappa); see `push_hull`.
         level: One of `LEVELS`.
-        clearance: That the body has to keep, m.
+        clearance: Clearance of the body, m.
         back: Whether steps lead back in time.
     """
     radius, sign = float(scene.body_bound[2]), -1.0 if back else 1.0
@@ -124,7 +124,7 @@ def make_steps(scene: Scene, hull: shapely.Polygon, level: Level, clearance: flo
     angle = 2.0 * math.pi / headings
     amin, kmin, amax, kmax = hull.bounds
     lean, bend = max(abs(amin), abs(amax)), max(abs(kmin), abs(kmax))
-    # So short that steps turn by 0.6 rad at most, but for 6 cells: shorter ones blur what can be reached.
+    # Steps turn by at most 0.6 rad but are at least 6 cells long: shorter ones blur the reachable set.
     travel = max(6, min(level[1], 0.6 / (bend * side))) * side
     turned = 0.5 * angle + travel * bend  # from the heading of the cell's middle
     most = min(turned, 0.5 * math.pi)
@@ -152,14 +152,14 @@ def reached(scene: Scene, begin: FloatArray, other: FloatArray, steps: Steps, ro
     """Spread from one pose (3,) towards another; see `core.infeasible.spread`.
 
     Args:
-        scene: The body and what it must not touch.
-        begin: (3,) chain frame where it begins, world.
-        other: (3,) chain frame near which it ends.
+        scene: Scene of the body and the obstacles.
+        begin: (3,) start pose of the chain frame in the world.
+        other: (3,) pose of the chain frame near which it ends.
         steps: See `make_steps`.
-        room: Slots of the table of cells, a power of two; half as many cells are looked at.
+        room: Slots of the table of cells, a power of two. At most half as many cells are visited.
 
     Returns:
-        (end, cells): how it ended; (n, 3) column, row and heading of the cells found.
+        (outcome, cells): outcome of the search; (n, 3) column, row and heading of the visited cells.
     """
     middle = scene.body_bound[:2]
     ends = [np.append(se2.transform_points(pose, middle), pose[2]) for pose in (begin, other)]
@@ -167,11 +167,11 @@ def reached(scene: Scene, begin: FloatArray, other: FloatArray, steps: Steps, ro
 
 
 def boxed_in_faults(scenario: Scenario, stable: StableSet, problem: Problem) -> Iterator[list[Diagnosis]]:
-    """Yield after each step, a longer one each time, what it has proven; at last what may be.
+    """Yield the proof of each step, if any, with longer and longer steps; finally yield the possible reasons.
 
     Args:
         scenario: The problem.
-        stable: The set that limits the pushes.
+        stable: Stable set of the pushes.
         problem: The same problem compiled.
     """
     for pocket in find_pocket(scenario, stable, problem):
@@ -181,9 +181,9 @@ def boxed_in_faults(scenario: Scenario, stable: StableSet, problem: Problem) -> 
 
 def _proven(scenario: Scenario, pocket: Pocket, turn: str) -> Diagnosis:
     if pocket.is_goal:
-        name, words = "goal", "it is boxed in: pushes into it, however combined, begin"
+        name, words = "goal", "it is boxed in, and all sequences of pushes into it begin"
     else:
-        name, words = "start", "the start is boxed in: pushes, however combined, end"
+        name, words = "start", "the start is boxed in, and all sequences of pushes end"
     text = f"the goal cannot be reached: {words} no farther than {pocket.radius:.3g} m from it "
     text += f"(middle of the chain){turn}"
     end = scenario.goal.pose_chain if pocket.is_goal else scenario.start
@@ -192,7 +192,7 @@ def _proven(scenario: Scenario, pocket: Pocket, turn: str) -> Diagnosis:
 
 
 def _around(scenario: Scenario, pose: FloatArray, reach: float) -> tuple[int, ...]:
-    """Return the obstacles that the chain at a pose (3,) of its frame is not farther away from than it gets, m."""
+    """Return the obstacles that the chain can reach from a pose (3,) within a distance (m)."""
     return near_to(scenario.obstacles, [area_at(scenario.chain.bodies, pose)], reach + scenario.clearance)
 
 
@@ -212,14 +212,14 @@ def _perhaps(scenario: Scenario, problem: Problem) -> list[Diagnosis]:
 
 
 def _some_pushes(segments: FloatArray) -> FloatArray:
-    """At most 300 twists (k, 3) spread over the segments, scaled to a cost rate of 1."""
+    """Return at most 300 twists (k, 3) spread over the segments, scaled to a cost rate of 1."""
     rows = segments[np.linspace(0, len(segments) - 1, min(len(segments), 100)).astype(int)]
     twists = np.concatenate([rows[:, :3], 0.5 * (rows[:, :3] + rows[:, 3:]), rows[:, 3:]])
     return np.asarray(twists / cost_rate(twists)[:, None])
 
 
 def _longest_push(scene: Scene, twists: FloatArray, pose: FloatArray, enough: float) -> tuple[float, int]:
-    """Longest free push (m) from a pose, up to `enough`, and how many were tried."""
+    """Return the longest free push (m) from a pose, up to `enough`, and the number of pushes tried."""
     best = 0.0
     for tried, twist in enumerate(twists, 1):
         length = max(SHORTEST_TRY, 2.0 * best)

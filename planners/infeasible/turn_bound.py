@@ -1,16 +1,17 @@
-"""A cost that no path can beat, by the turns that the pushes need, whatever is in the way.
+"""Lower bound of a path's cost from the turns that its pushes need, without obstacles.
 
-On any path the headings fill an interval I around those of start and goal. Take a
-vector p of the plane with p . R(theta) v <= |v| for all straight pushes v at all headings theta in I. The path costs
+The headings of a path fill an interval I that contains those of start and goal. Let p be a vector of the plane with p
+. R(theta) v <= |v| for all straight pushes v and all headings theta in I. The cost of the path is
 
     int c dt = p . d + int (c - p . R(theta) v) / |omega| |dtheta| >= p . d + int_sweep rho_p(theta) |dtheta|
 
-with the displacement d from start to goal, the cost c >= |v| of a twist (v, omega), and the least rho_p(theta) of
-that integrand over stable twists that turn to that side. The shortest sweep that fills I goes from the start to one
-end of I, to the other, and to the goal; any other turns to both sides at some headings once more, and p is held so
-short that both together cost something (at an I of all headings, where whole turns are possible, each of them). The
-most of that over p, and the least over I and the order of its ends, is the bound. I is looked for by branch and
-bound: over a range of intervals p is held to the widest of them, the sweep to the narrowest.
+Here d is the displacement from start to goal, c >= |v| is the cost of a twist (v, omega), and rho_p(theta) is the
+minimum of that integrand over stable twists that turn to the same side. The shortest sweep that fills I goes from the
+start to one end of I, then to the other end, then to the goal. Any other sweep turns once more to both sides at some
+headings. The length of p is limited so that such a pair of turns has a positive cost. If I covers all headings, whole
+turns are possible, and p is limited so that each of them has a positive cost too. The bound is the maximum over p,
+minimised over I and the order of its ends. Branch and bound finds I. For a range of intervals, p is limited by the
+widest one, and the sweep covers the narrowest one.
 """
 
 from __future__ import annotations
@@ -29,19 +30,20 @@ from pushplan.plans.path import TURN_WEIGHT
 from pushplan.util.arrays import FloatArray
 
 BINS, STRIDE = 360, 3
-"""Bins of the heading relative to p's direction: rho is a lower bound on each; p has a third of the directions."""
+"""Heading bins relative to p's direction, with a lower bound rho on each, and the stride of p's directions."""
 
 CIRCLE = 2.0 * math.pi
 BIN = CIRCLE / BINS
 
 LENGTHS = np.concatenate([[0.0, 0.25, 0.5, 0.75], 1.3 ** np.arange(15), 60.0 * 3.0 ** np.arange(6)])
-"""Lengths of p that are tried, besides the longest that I allows: the bound is concave in p."""
+"""Lengths of p to try, besides the longest that I allows. The bound is concave in p."""
 
 
 class Price(NamedTuple):
-    """What a twist (v, omega) costs: max(|v|, radius |omega|) + weight |omega|; both in m.
+    """Cost of a twist (v, omega): max(|v|, radius |omega|) + weight |omega|; radius and weight in m.
 
-    Travel has no radius; time at a speed and an angular speed that are limited has their ratio, and no weight.
+    For travel, the radius is 0. For time, the weight is 0 and the radius is the ratio of the limits of speed and
+    angular speed.
     """
 
     radius: float = 0.0
@@ -51,20 +53,20 @@ class Price(NamedTuple):
 TRAVEL = Price()
 
 NEVER = 1e6
-"""rho of turns to a side to which there are none, m: finite, so that no turn at all costs nothing."""
+"""rho (m) of a side without stable turns. It is finite, so that a turn of zero angle costs nothing."""
 
 WIDEST = 1e3
-"""Radii (m) above that count as that: sums of larger numbers would lose the small ones."""
+"""Upper limit of radii, m. In sums with larger numbers, small ones would be lost."""
 
 RANGES = 600
-"""Ranges of intervals that are looked at, at most."""
+"""Maximum number of ranges of intervals."""
 
 NARROW = math.radians(0.25)
-"""Ranges of intervals whose ends differ by less are not halved."""
+"""Width (rad) below which a range of intervals is not halved."""
 
 
 class _Range(NamedTuple):
-    """Intervals of headings, relative to the start's, that begin in `low` and end in `high`; the goal's is `goal`."""
+    """Intervals of headings that begin in `low` and end in `high`. Headings are relative to the start's."""
 
     low: tuple[float, float]
     high: tuple[float, float]
@@ -72,7 +74,7 @@ class _Range(NamedTuple):
     low_first: bool
 
     def halves(self) -> list[_Range]:
-        """Return both halves along the wider side; none of what is narrow."""
+        """Return both halves along the wider side; empty if the range is narrow."""
         wide = [self.low[1] - self.low[0], self.high[1] - self.high[0]]
         if max(wide) < NARROW:
             return []
@@ -84,12 +86,12 @@ class _Range(NamedTuple):
 
 
 class _Rates:
-    """What turns cost for vectors p of `LENGTHS`, in directions `STRIDE` bins apart from that of the displacement on.
+    """Costs of turns for vectors p with `LENGTHS`, in directions `STRIDE` bins apart (first: the displacement).
 
     Args:
-        turns: What is known of the twists.
-        away: (2,) from start to goal in the frame of the start, m.
-        price: What twists cost.
+        turns: Turns of the stable twists.
+        away: (2,) displacement from start to goal in the frame of the start, m.
+        price: Cost of twists.
     """
 
     def __init__(self, turns: Turns, away: FloatArray, price: Price) -> None:
@@ -101,20 +103,20 @@ class _Rates:
         self._along = math.hypot(*away) * np.cos(BIN * self._first)
         free = np.minimum(sides[0].longest, sides[1].longest)
         self._all_around = float(free.min())
-        # Over 1, 2, 4, ... bins from each on.
+        # Minima over 1, 2, 4, ... bins that begin at each bin.
         self._longest = [np.maximum(free, _to_and_fro(sides[0].rho + sides[1].rho))]
         for k in range(BINS.bit_length() - 1):
             self._longest.append(np.minimum(self._longest[-1], np.roll(self._longest[-1], -(1 << k))))
         self.swept = lru_cache(maxsize=None)(self._swept)
 
     def longest(self, low: float, high: float) -> FloatArray:
-        """Lengths (directions,) that p may have for headings from low to high: no more pushes cost less."""
+        """Return the maximum lengths (directions,) of p for headings from low to high that keep costs >= 0."""
         first = math.floor((low - self._toward) / BIN)
         bins = min(max(math.ceil((high - self._toward) / BIN) - first, 1), BINS)
         level = bins.bit_length() - 1
         starts, table = first - self._first, self._longest[level]
         longest = np.minimum(table[starts % BINS], table[(starts + bins - (1 << level)) % BINS])
-        if bins == BINS:  # a whole turn to one side is a way to go on, too
+        if bins == BINS:  # whole turns to one side are possible too
             longest = np.minimum(longest, self._all_around)
         if self._straight is None:
             return np.asarray(longest)
@@ -123,7 +125,7 @@ class _Rates:
         return np.asarray(np.minimum(longest, 1.0 / np.maximum(np.cos(np.maximum(off, 0.0)), 1e-9)))
 
     def _swept(self, side: int, heading: float) -> FloatArray:
-        """Integrals (lengths, directions) of rho of turns to the left (0) or right, from p to a heading."""
+        """Return integrals (lengths, directions) of rho from p to a heading, for turns to the left (0) or right."""
         at = (heading - self._toward) / BIN - self._first
         whole = np.floor(at).astype(int)
         sums, turn = self._sums[side], self._sums[side][:, -1:]
@@ -132,7 +134,7 @@ class _Rates:
         return np.asarray(rounds * turn + below + (at - whole) * (above - below))
 
     def least(self, one: _Range) -> float:
-        """Return a cost that no path beats whose headings fill an interval of a range."""
+        """Return a lower bound of the cost of paths whose headings fill an interval of a range."""
         low, high = one.low[1], one.high[0]
         stops = (0.0, low, high, one.goal) if one.low_first else (0.0, high, low, one.goal)
         cost = LENGTHS[:, None] * self._along
@@ -149,11 +151,11 @@ class _Rates:
 
 
 class _Side(NamedTuple):
-    """What turns to one side cost.
+    """Costs of turns to one side.
 
     Attributes:
-        rho: (lengths, BINS) lower bounds on bins of the heading relative to p.
-        longest: (BINS,) lengths of p up to which rho is not negative there.
+        rho: (lengths, BINS) lower bounds, by heading bin relative to p.
+        longest: (BINS,) lengths of p up to which rho >= 0.
     """
 
     rho: FloatArray
@@ -161,17 +163,17 @@ class _Side(NamedTuple):
 
     @classmethod
     def of(cls, sectors: FloatArray, price: Price) -> _Side:
-        """Return what turns in sectors (k, 4) cost."""
+        """Return the costs of turns in sectors (k, 4)."""
         if not len(sectors):
             return cls(np.full((len(LENGTHS), BINS), NEVER), np.full(BINS, math.inf))
         tightest, widest = np.minimum(sectors[:, :2], WIDEST).T
-        # Where v may go straight, straight pushes hold p: the tighter of two turns costs less above p . R v.
+        # If v can go straight, straight pushes limit p. Then c - p . R v is lower for the tighter of two turns.
         widest = np.where(np.isinf(sectors[:, 1]), np.maximum(tightest, price.radius), widest)
         middles = BIN * (0.5 + np.arange(BINS))
-        # Sectors come first: the least over them is taken of whole rows, in a third of the time.
+        # Sectors are the first axis, so that minima work on whole rows, in a third of the time.
         off = np.abs(se2.wrap_angle(middles + sectors[:, 2:3])) - sectors[:, 3:] - 0.5 * BIN
         cosines = np.cos(np.clip(off, 0.0, math.pi))
-        # What a turn costs above p . R v is linear in its radius but for a corner: least at one of these.
+        # c - p . R v is piecewise linear in the radius, with one corner, so its minimum is at one of these.
         rho, longest = np.full((len(LENGTHS), BINS), math.inf), np.full(BINS, math.inf)
         for radius in (tightest, widest, np.clip(price.radius, tightest, widest)):
             cost, ahead = price.weight + np.maximum(radius, price.radius)[:, None], radius[:, None] * cosines
@@ -181,7 +183,7 @@ class _Side(NamedTuple):
 
 
 def _to_and_fro(rho: FloatArray) -> FloatArray:
-    """Lengths (BINS,) of p up to which turns to and fro cost something: rho (lengths, BINS) of both, concave in p."""
+    """Return lengths (BINS,) of p up to which rho (lengths, BINS), the concave sum of both sides, is >= 0."""
     k, each = np.maximum(np.argmax(rho < 0.0, axis=0), 1), np.arange(BINS)
     shorter, longer = rho[k - 1, each], rho[k, each]
     root = LENGTHS[k - 1] + (LENGTHS[k] - LENGTHS[k - 1]) * shorter / np.maximum(shorter - longer, 1e-300)
@@ -195,14 +197,14 @@ def _sums(rho: FloatArray) -> FloatArray:
 def turn_bound(
     start: FloatArray, goal: FloatArray, segments: FloatArray, most: float = math.inf, price: Price = TRAVEL
 ) -> float:
-    """Return a cost (m) that no path of stable twists from start to goal can beat.
+    """Return a lower bound (m) of the cost of any path of stable twists from start to goal.
 
     Args:
-        start: (3,) pose of the chain frame in the world.
-        goal: Likewise.
-        segments: (k, 6) stable twists between two ends; see `controls`.
-        most: Cost of a path that is known: a bound as high as that is not made higher.
-        price: What twists cost.
+        start: (3,) start pose of the chain frame in the world.
+        goal: (3,) goal pose of the chain frame in the world.
+        segments: (k, 6) segments of stable twists; see `controls`.
+        most: Cost of a known path, m. The search stops at a bound of this height.
+        price: Cost of twists.
     """
     rates = _Rates(turns_of(segments), se2.rotate(-start[2], goal[:2] - start[:2]), price)
     turn = float(se2.wrap_angle(goal[2] - start[2]))
@@ -212,11 +214,11 @@ def turn_bound(
     def add(one: _Range) -> None:
         heapq.heappush(queue, (rates.least(one), next(number), one))
 
-    # Two circles are enough: what turns further does so at all headings, and costs no less.
+    # Two circles are enough: paths that turn further do so at all headings and cost no less.
     for end in turn + CIRCLE * np.arange(-2, 3):
         low, high = min(0.0, end), max(0.0, end)
         for low_first in (True, False):
-            # Likewise intervals that reach a circle further.
+            # For the same reason, one more circle is enough for the intervals.
             add(_Range((low - CIRCLE, low), (high, high + CIRCLE), float(end), low_first))
     for _ in range(RANGES):
         bound, _, one = queue[0]

@@ -1,4 +1,4 @@
-"""Reasons that lie in how the chain can turn: not at all, to one side only, or too widely for the room."""
+"""Diagnoses from the chain's turns: none, to one side only, or too wide for the room."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
 
 SECTORS = 64
-"""Sectors that the directions of v are put together to, at most."""
+"""Maximum number of sectors of the direction of v."""
 
 SAMPLES = 65
-"""Turning rates at which the family of a wheeled drive is looked at."""
+"""Number of turning rates at which a wheeled drive is sampled."""
 
 SAME_DIRECTION = 1e-9
-"""Ends of a segment whose directions (rad) differ by less lie on one meridian."""
+"""Difference in direction (rad) below which both ends of a segment lie on one meridian."""
 
 
 class Turns(NamedTuple):
-    """What is known of the stable twists.
+    """Turns of the stable twists.
 
     Attributes:
-        left: (k, 4) sectors of the direction of v in turns to the left: bounds on |v| at |omega| = 1 (m) from below
-            and from above, infinite where v goes straight, the middle of the sector and half its width (rad).
-        right: Likewise.
-        straight: Least and largest direction of v that goes straight, rad; None where none does.
+        left: (k, 4) sectors of the direction of v in turns to the left: lower and upper bound of |v| at |omega| = 1
+            (m, infinite if v can go straight), middle and half width of the sector (rad).
+        right: (k, 4) sectors of turns to the right.
+        straight: Least and largest direction of straight twists, rad; None if there are none.
     """
 
     left: FloatArray
@@ -45,7 +45,7 @@ class Turns(NamedTuple):
 
 
 def turns_of(segments: FloatArray) -> Turns:
-    """Return what is known of the twists on segments (k, 6), and between them; see `controls`."""
+    """Return the turns of the twists on segments (k, 6) and between them; see `controls`."""
     first, last = segments[:, :3], segments[:, 3:]
     if np.all(np.abs(se2.wrap_angle(_direction(last) - _direction(first))) < SAME_DIRECTION):
         return _turns_of_meridians(segments)
@@ -53,17 +53,17 @@ def turns_of(segments: FloatArray) -> Turns:
 
 
 def _direction(twists: FloatArray) -> FloatArray:
-    """Directions of v of twists."""
+    """Return the directions of v of twists."""
     return np.asarray(np.arctan2(twists[..., 1], twists[..., 0]))
 
 
 def _turns_of_meridians(segments: FloatArray) -> Turns:
-    """Turns of an omnidirectional pusher: each meridian's ends tell |v| at |omega| = 1 in its direction."""
+    """Return the turns of an omnidirectional pusher. The ends of a meridian give |v| at |omega| = 1."""
     direction = np.unwrap(_direction(segments[:, :3]))
     order = np.argsort(direction)
     direction, segments = direction[order], segments[order]
     steps = np.diff(direction)
-    # The set goes on beyond the outermost meridians, by less than to the next one; a drive may have one direction.
+    # The set extends beyond the outermost meridians by less than one step. A drive can have a single direction.
     step = float(steps[steps > SAME_DIRECTION].min()) if direction[-1] - direction[0] > SAME_DIRECTION else 0.0
     left, right = (_meridian_sectors(direction, segments, side, step) for side in (1.0, -1.0))
     able = direction[segments[:, 2] * segments[:, 5] <= 0.0]
@@ -71,7 +71,7 @@ def _turns_of_meridians(segments: FloatArray) -> Turns:
 
 
 def _straight(left: FloatArray, right: FloatArray, low: FloatArray, high: FloatArray) -> tuple[float, float] | None:
-    """Return the directions that go straight: between low and high ones, and of sectors without a widest turn."""
+    """Return the range of straight directions: between low and high, and in sectors without a widest turn."""
     turns = np.concatenate([left, right])
     turns = turns[np.isinf(turns[:, 1])]
     low, high = np.append(low, turns[:, 2] - turns[:, 3]), np.append(high, turns[:, 2] + turns[:, 3])
@@ -79,7 +79,7 @@ def _straight(left: FloatArray, right: FloatArray, low: FloatArray, high: FloatA
 
 
 def _meridian_sectors(direction: FloatArray, segments: FloatArray, side: float, step: float) -> FloatArray:
-    """Sectors between neighbouring meridians, and one beside the outermost ones, of turns to a side."""
+    """Return the sectors of turns to a side, between neighbouring meridians and beyond the outermost ones."""
     bends = side * segments[:, (2, 5)] / np.hypot(segments[:, (0, 3)], segments[:, (1, 4)])
     able = bends.max(axis=1) > 0.0
     if not able.any():
@@ -93,9 +93,9 @@ def _meridian_sectors(direction: FloatArray, segments: FloatArray, side: float, 
 
 
 def _between(bend: FloatArray) -> FloatArray:
-    """Return what (k + 1,) the bend does not exceed between meridians of bends (k,), and beside them.
+    """Return upper bounds (k + 1,) of the bend between meridians with bends (k,), and beyond them.
 
-    Between two meridians the boundary may have a corner: it lies below what either side goes on to when drawn out.
+    The boundary can have a corner between two meridians. It lies below the extrapolation from either side.
     """
     bend = np.concatenate([bend[:1], bend, bend[-1:]])
     change = np.diff(bend, prepend=bend[0], append=bend[-1])
@@ -103,7 +103,7 @@ def _between(bend: FloatArray) -> FloatArray:
 
 
 def _turns_of_family(segments: FloatArray) -> Turns:
-    """Turns of a wheeled drive: straight lines of twists, looked at bin by bin."""
+    """Return the turns of a wheeled drive, sampled on its straight lines of twists."""
     share = np.linspace(0.0, 1.0, SAMPLES)[:, None]
     rows = [(1.0 - share) * row[:3] + share * row[3:] for row in segments]
     left, right = (np.concatenate([_family_sectors(row, side) for row in rows]) for side in (1.0, -1.0))
@@ -112,11 +112,11 @@ def _turns_of_family(segments: FloatArray) -> Turns:
 
 
 def _family_sectors(twists: FloatArray, side: float) -> FloatArray:
-    """Sectors of turns to a side between neighbours of twists (m, 3) on a straight line."""
+    """Return the sectors of turns to a side between neighbouring twists (m, 3) on a straight line."""
     speed, direction = np.hypot(twists[:, 0], twists[:, 1]), np.unwrap(_direction(twists))
     rate = np.maximum(side * twists[:, 2], 0.0)
     most, least = np.maximum(rate[:-1], rate[1:]), np.minimum(rate[:-1], rate[1:])
-    # Between two of them |v| is not less than the lesser one minus their difference: they lie on a line.
+    # Between two twists on a line, |v| is at least the smaller one minus their difference.
     slowest = np.maximum(np.minimum(speed[:-1], speed[1:]) - np.abs(np.diff(speed)), 0.0)
     able = most > SAME_DIRECTION
     middle, half = 0.5 * (direction[:-1] + direction[1:]), 0.5 * np.abs(np.diff(direction))
@@ -126,7 +126,7 @@ def _family_sectors(twists: FloatArray, side: float) -> FloatArray:
 
 
 def _together(sectors: FloatArray) -> FloatArray:
-    """Neighbouring sectors (k, 4) as at most SECTORS wider ones, each with the bounds of all its own."""
+    """Return sectors (k, 4) merged into at most `SECTORS` wider ones, each with the bounds of all its members."""
     if len(sectors) <= SECTORS:
         return sectors
     low, high = sectors[:, 2] - sectors[:, 3], sectors[:, 2] + sectors[:, 3]
@@ -137,16 +137,16 @@ def _together(sectors: FloatArray) -> FloatArray:
 
 
 SAME_ANGLE = 1e-9
-"""Headings and directions (rad) that differ by less are the same."""
+"""Difference (rad) below which two headings or directions are equal."""
 
 
 def turning_faults(scenario: Scenario, stable: StableSet, segments: FloatArray) -> list[Diagnosis]:
-    """Return what the chain's turns, or their absence, may have to do with a path that is not found.
+    """Return the diagnoses that explain a missing path by the chain's turns.
 
     Args:
         scenario: The problem.
-        stable: The set that limits the pushes.
-        segments: (k, 6) its twists that the drive can make; see `controls`.
+        stable: Stable set of the pushes.
+        segments: (k, 6) stable twists that the drive can make; see `controls`.
     """
     ends = segment_ends(segments)
     goal = scenario.goal.pose_chain
@@ -158,7 +158,7 @@ def turning_faults(scenario: Scenario, stable: StableSet, segments: FloatArray) 
 
 
 def tightest_turn(scenario: Scenario, stable: StableSet, segments: FloatArray) -> str:
-    """Return the end of a sentence that tells how tightly a drive turns, and the set without it; "" without one."""
+    """Return a clause about the tightest turns with and without the drive; "" for an omnidirectional drive."""
     of_set = _of_set(scenario, stable)
     if of_set is None:
         return ""
@@ -169,7 +169,7 @@ def tightest_turn(scenario: Scenario, stable: StableSet, segments: FloatArray) -
 def _too_wide(
     scenario: Scenario, stable: StableSet, turn: float, radii: TurningRadii, segments: FloatArray
 ) -> Iterator[Diagnosis]:
-    """Yield that the tightest circle, or every exact word, does not fit into the workspace."""
+    """Yield the diagnosis that the tightest circle or every exact steering path leaves the workspace."""
     area, radius = scenario.workspace, min(radii)
     if area is None:
         return
@@ -177,7 +177,7 @@ def _too_wide(
     if abs(turn) > SAME_ANGLE and 2.0 * radius > across:
         what = f"makes a circle of {2.0 * radius:.3g} m, wider than the workspace ({across:.3g} m)"
     elif math.isfinite(max(radii)) and not a_word_fits(scenario, segments):
-        what = "leads out of the workspace in every way of a turn, a straight push or another turn, and a turn"
+        what = "leaves the workspace on every steering path of three arcs to the goal"
     else:
         return
     of_set = _of_set(scenario, stable)
@@ -187,7 +187,7 @@ def _too_wide(
 
 
 def a_word_fits(scenario: Scenario, segments: FloatArray) -> bool:
-    """Return whether an exact word from start to goal stays in the workspace, whatever else is in the way."""
+    """Return whether an exact steering path from start to goal stays in the workspace, ignoring obstacles."""
     area = scenario.workspace
     corners = np.concatenate([moving.outline for moving in scenario.chain.bodies])
     for family in steering_families(segments):
@@ -204,15 +204,15 @@ def a_word_fits(scenario: Scenario, segments: FloatArray) -> bool:
 
 
 def _of_set(scenario: Scenario, stable: StableSet) -> TurningRadii | None:
-    """Radii of the stable set itself, where the drive makes only a part of its turns, to about a per cent."""
+    """Return the turning radii of the set without the drive, to about 1 %; None for an omnidirectional drive."""
     if scenario.chain.pusher.drive.axle is None:
         return None
-    # Few meridians will do for what is only told: the exact radii take seconds where loads are intervals.
+    # Few meridians are enough for a message. The exact radii take seconds if loads are intervals.
     return smallest_radii(control_segments(stable, Drive(), scenario.required_margin, 128))
 
 
 def _drive_words(scenario: Scenario, of_set: str) -> tuple[str, str]:
-    """Return what to say of turns that a drive makes, and of those that the set would allow without it."""
+    """Return the phrases for the turns of a drive, and for those of the set without it."""
     return f" that the {scenario.chain.pusher.drive.kind} drive can make", f" (without the drive: {of_set})"
 
 
@@ -223,11 +223,11 @@ def _numbers(of_set: TurningRadii | None) -> dict[str, float]:
 
 
 def _no_turning(scenario: Scenario, stable: StableSet, turn: float) -> list[Diagnosis]:
-    """Without turns the heading stays, and the way lies within the cone of the straight pushes."""
+    """Return the diagnoses without turns: a fixed heading, or a goal outside the cone of straight pushes."""
     made = "" if scenario.chain.pusher.drive.axle is None else _drive_words(scenario, "")[0]
     set_name = f"no push of the set {stable.name}{made} turns the chain"
     if abs(turn) > SAME_ANGLE:
-        text = f"the goal cannot be reached: {set_name}, and it asks for a turn by {math.degrees(turn):.4g} deg"
+        text = f"the goal cannot be reached: {set_name}, and it needs a turn of {math.degrees(turn):.4g} deg"
         return [Diagnosis("heading", text, True, {"turn": turn})]
     cone = stable.translation_cone(scenario.required_margin)
     if cone is None or scenario.chain.pusher.drive.axle is not None:
@@ -248,7 +248,7 @@ def _no_turning(scenario: Scenario, stable: StableSet, turn: float) -> list[Diag
 
 
 def _one_sided(scenario: Scenario, stable: StableSet, turn: float, radii: TurningRadii) -> list[Diagnosis]:
-    """The goal asks for a turn, or lies, to the side to which the chain does not turn."""
+    """Return the diagnosis that the goal needs a turn to the side to which the chain does not turn."""
     if math.isfinite(max(radii)):
         return []
     able, unable, sign = ("left", "right", -1.0) if math.isfinite(radii.left) else ("right", "left", 1.0)
@@ -259,8 +259,8 @@ def _one_sided(scenario: Scenario, stable: StableSet, turn: float, radii: Turnin
     radius, of_set = min(radii), _of_set(scenario, stable)
     made, alone = ("", "") if of_set is None else _drive_words(scenario, _sides(of_set))
     text = (
-        f"perhaps the one-sided turning is the reason: every stable turn{made} goes to the {able}, with a radius of "
-        f"{radius:.3g} m or more{alone}, and the goal asks for a way to the {unable}"
+        f"perhaps the turns are one-sided: every stable turn{made} goes to the {able}, with a radius of "
+        f"{radius:.3g} m or more{alone}, but the goal lies or turns to the {unable}"
     )
     numbers = {"radius": radius, "turn": turn, "aside": aside, **_numbers(of_set)}
     return [Diagnosis("one-sided", text, False, numbers)]

@@ -1,4 +1,4 @@
-"""Where the centre of a disc inside the chain can be, and its shortest path around the obstacles."""
+"""Free region for the centre of a disc inside the chain, and its shortest path around the obstacles."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from pushplan.util.arrays import FloatArray
 from pushplan.util.names import CLEARANCE_ROOM
 
 ARC_SEGMENTS = 8
-"""Segments per quarter of a round corner, all inside it: what is blocked is never overestimated."""
+"""Segments per quarter of a round corner. They lie inside it, so that no free space counts as blocked."""
 
 
 _AROUND = 10.0
-"""Room left around everything where there is no workspace, m: way enough around it all."""
+"""Width of the free border around everything if there is no workspace, m."""
 
 
 class Disc(NamedTuple):
@@ -56,26 +56,26 @@ def _disc_at(shape: BaseGeometry, center: FloatArray) -> Disc:
 
 
 def blocked(obstacles: Sequence[Obstacle], radius: float) -> BaseGeometry:
-    """Return where the centre of a disc cannot be for the obstacles."""
+    """Return the region that obstacles block for the centre of a disc."""
     return shapely.disjoint_subset_union_all(
         grown(obstacles, radius)
-    )  # a quarter of the time of `union_all` where most are apart
+    )  # a quarter of the time of `union_all` if most are disjoint
 
 
 def grown(obstacles: Sequence[Obstacle], radius: float) -> NDArray[np.object_]:
-    """Return where the centre of a disc cannot be for each of the obstacles."""
+    """Return the regions that each of the obstacles blocks for the centre of a disc."""
     radii = np.array([o.radius for o in obstacles]) + radius
     return np.asarray(shapely.buffer([o.core for o in obstacles], radii, quad_segs=ARC_SEGMENTS))
 
 
 def reached(free: BaseGeometry, place: BaseGeometry, within: float) -> BaseGeometry:
-    """Return the parts of a region that a place is in, or no farther away from than `within` (m)."""
+    """Return the parts of a region within a distance (m) of a place."""
     parts = shapely.get_parts(free)
     return shapely.union_all(parts[shapely.distance(parts, place) <= within])
 
 
 def between(grown_obstacles: NDArray[np.object_], one: BaseGeometry, other: BaseGeometry) -> tuple[int, ...]:
-    """Return the indices of the obstacles, grown, that bound two regions."""
+    """Return the indices of the grown obstacles that bound both of two regions."""
     near = [shapely.distance(grown_obstacles, side) <= TOUCH for side in (one, other)]
     return tuple(np.flatnonzero(near[0] & near[1]).tolist())
 
@@ -87,9 +87,9 @@ def near_to(obstacles: Sequence[Obstacle], areas: Sequence[BaseGeometry], within
 
 
 def room(scenario: Scenario, radius: float) -> BaseGeometry:
-    """Return where the centre of a disc can be: inside the workspace and away from the obstacles.
+    """Return the free region for the centre of a disc: inside the workspace and clear of the obstacles.
 
-    Without a workspace it is cut off where nothing is in the way any more.
+    Without a workspace, the region ends at a free border around everything.
     """
     return shapely.difference(_floor(scenario, radius), blocked(scenario.obstacles, radius))
 
@@ -106,13 +106,13 @@ def _floor(scenario: Scenario, radius: float) -> BaseGeometry:
 
 
 TOUCH = 1e-7
-"""Ways may cut into what is blocked by so much (m): they run along its edges."""
+"""Depth (m) to which paths can enter a blocked region, because they run along its edges."""
 
 STRAIGHT = 1e-12
-"""What edges are on two sides of a line counts as rounding, m^4."""
+"""Rounding tolerance of the test whether two edges lie on one side of a line, m^4."""
 
 MOST_SIGHTS = 10_000
-"""Lines of sight looked at, at most; the bound found until then is returned."""
+"""Maximum number of lines of sight. The search then returns the bound found so far."""
 
 
 def way_around(scenario: Scenario, disc: Disc, most: float) -> float:
@@ -121,7 +121,7 @@ def way_around(scenario: Scenario, disc: Disc, most: float) -> float:
     Args:
         scenario: The problem.
         disc: A disc inside the chain.
-        most: Longer paths are not searched for, m.
+        most: Length above which paths are not searched for, m.
     """
     start, goal = disc.at(scenario.start), disc.at(scenario.goal.pose_chain)
     ends = shapely.get_coordinates([start, goal])
@@ -135,10 +135,10 @@ def way_around(scenario: Scenario, disc: Disc, most: float) -> float:
 
 
 def _shortest(points: FloatArray, edges: FloatArray, inside: BaseGeometry, most: float) -> float:
-    """Return the length (m) of the shortest way between the first two of points (k, 2), or less.
+    """Return the length (m) of the shortest path between the first two of points (k, 2), or a lower bound.
 
-    It goes along lines that miss a shape, and bends at other points: both edges (k, 2, 2) that leave such a point are
-    on one side of a line then. From where it is farther than `most` to the second point, no way is looked for.
+    The path consists of lines outside a shape. It bends only at points whose two edges (k, 2, 2) lie on one side of
+    the line. Paths longer than `most` are not searched for.
     """
     ahead = np.linalg.norm(points - points[1], axis=1)
     so_far = np.where(np.arange(len(points)) == 0, 0.0, np.inf)
@@ -163,9 +163,9 @@ def _shortest(points: FloatArray, edges: FloatArray, inside: BaseGeometry, most:
 
 
 def _corners(shape: BaseGeometry, ends: FloatArray, most: float) -> tuple[FloatArray, FloatArray]:
-    """Return the corners (k, 2) of a shape that ways of at most `most` between ends (2, 2) can pass.
+    """Return the corners (k, 2) of a shape on paths of at most `most` between ends (2, 2).
 
-    Also the edges (k, 2, 2) that go from each to its neighbours.
+    Also return the edges (k, 2, 2) from each corner to its neighbours.
     """
     corners, ring = shapely.get_coordinates(shapely.get_rings(shapely.get_parts(shape)), return_index=True)
     begins = np.flatnonzero(np.diff(ring, prepend=-1))

@@ -1,4 +1,4 @@
-"""Searches in rounds: sparse trees, and best-first search over cells of poses."""
+"""Searches for a single push: OMPL's planners and the project's own."""
 
 from pushplan.util.interruption import import_uninterrupted
 

@@ -1,4 +1,4 @@
-"""Ways through narrow gaps: poses aligned with them on either side, joined by words."""
+"""Paths through narrow gaps: poses aligned with the gaps on both sides, joined by steering paths."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from pushplan.planners.search.session import Session
 from pushplan.util.arrays import FloatArray
 
 NARROW = 1.25
-"""Gaps are bottlenecks up to so many widths of the body; through wider ones trees find the way by chance."""
+"""Maximum width of a bottleneck, in widths of the body. Random trees find wider gaps themselves."""
 
 MOST_GAPS = 32
-"""So many gaps are taken, the narrowest ones."""
+"""Maximum number of gaps, narrowest first."""
 
 BESIDE = 0.1
-"""How far before and behind a gap the aligned poses are, in lengths of the body."""
+"""Distance of the aligned poses from a gap, before and behind it, in lengths of the body."""
 
 FACING = 0.05
-"""Corners that are farther from the gap by less, in widths of the body, are of the faces that it lies between."""
+"""Extra distance from a gap up to which corners belong to its faces, in widths of the body."""
 
 LOOKS = 16
-"""Poses on either side of a gap's middle that are looked at."""
+"""Number of poses checked on each side of a gap's middle."""
 
 
 class Extent(NamedTuple):
-    """What the body covers in the chain frame, seen along its straight push: direction (rad) and bounds (m)."""
+    """Extent of the body along and across its straight push, chain frame: direction (rad) and bounds (m)."""
 
     direction: float
     back: float
@@ -43,12 +43,12 @@ class Extent(NamedTuple):
 
     @property
     def width(self) -> float:
-        """Across the push, m."""
+        """Width across the push, m."""
         return self.left - self.right
 
     @classmethod
     def of(cls, problem: Problem) -> Extent:
-        """Return that of a problem's body."""
+        """Return the extent of a problem's body."""
         push = problem.families[0, STRAIGHT]
         direction = math.atan2(push[1], push[0])
         along = np.array([math.cos(direction), math.sin(direction)])
@@ -58,7 +58,7 @@ class Extent(NamedTuple):
 
 
 class Gap(NamedTuple):
-    """A gap: its middle (2,) m, unit vector (2,) through it, and where its faces begin and end along that, m."""
+    """A gap: middle (2,), m; unit vector (2,) through it; begin and end of its faces along that vector, m."""
 
     middle: FloatArray
     through: FloatArray
@@ -67,13 +67,13 @@ class Gap(NamedTuple):
 
 
 def gaps_in(scene: Scene, least: float, most: float, facing: float) -> list[Gap]:
-    """Return the gaps between two things that stand in a scene with nothing in between, the narrowest first.
+    """Return the gaps between pairs of obstacles or walls with nothing in between, narrowest first.
 
     Args:
         scene: Obstacles and walls.
-        least: Width of the gaps, m.
-        most: Likewise.
-        facing: Distance of corners from the gap that are part of its faces, m.
+        least: Minimum width, m.
+        most: Maximum width, m.
+        facing: Extra distance from a gap up to which corners belong to its faces, m.
     """
     corners, starts = scene.obstacles.corners[:, :2], scene.obstacles.starts
     outlines = np.split(corners, starts[1:-1]) if len(starts) > 1 else []
@@ -87,7 +87,7 @@ def gaps_in(scene: Scene, least: float, most: float, facing: float) -> list[Gap]
     tree = shapely.STRtree(shapes)
     first, second = tree.query(shapes, "dwithin", most + 2.0 * radii.max(initial=0.0))
     first, second = first[first < second], second[first < second]
-    apart = shapely.distance(shapes[first], shapes[second]) > least  # neighbours in a wall, most pairs, are not
+    apart = shapely.distance(shapes[first], shapes[second]) > least  # false for most pairs: neighbours in a wall
     first, second = first[apart], second[apart]
     lines = shapely.get_coordinates(shapely.shortest_line(shapes[first], shapes[second])).reshape(-1, 2, 2)
     across = lines[:, 1] - lines[:, 0]
@@ -110,7 +110,7 @@ def gaps_in(scene: Scene, least: float, most: float, facing: float) -> list[Gap]
 
 
 def _shapes(outlines: list[FloatArray]) -> Any:
-    """Polygons of outlines (k, 2), segments of those with two corners, points of those with one, all made at once."""
+    """Return outlines (k, 2) as points, segments or polygons, for one, two or more corners."""
     counts = np.array([len(outline) for outline in outlines], dtype=np.int64)
     shapes = np.empty(len(outlines), dtype=object)
     for kind, of_kind in ((0, counts == 1), (1, counts == 2), (2, counts > 2)):
@@ -129,19 +129,19 @@ def _shapes(outlines: list[FloatArray]) -> Any:
 
 
 def _face(outline: FloatArray, across: FloatArray, through: FloatArray, facing: float) -> tuple[float, float]:
-    """Where the face of an outline (k, 2), seen from a gap's end, begins and ends along the way through, m."""
+    """Return the begin and end of an outline's face at a gap, along the vector through the gap, m."""
     along = np.append(outline[-(outline @ across) < facing] @ through, 0.0)
     return float(along.min()), float(along.max())
 
 
 def aligned_poses(problem: Problem, known: dict[tuple[float, ...], list[Gap]] | None = None) -> FloatArray:
-    """Return free poses (n, 2, 3) before and behind the bottlenecks, the straight push along the way through.
+    """Return free poses (n, 2, 3) before and behind the bottlenecks, with the straight push along the gap.
 
-    Both senses count; a bottleneck whose middle is blocked has none.
+    Each bottleneck counts in both directions. One with a blocked middle has no poses.
 
     Args:
-        problem: What to plan.
-        known: Gaps in its room by what was looked for; those that are not among them are added.
+        problem: Push problem.
+        known: Cache of gaps by search parameters. New gaps are added.
     """
     scene, extent = problem.scene, Extent.of(problem)
     least, most = extent.width + 2.0 * scene.clearance, NARROW * extent.width
@@ -156,7 +156,7 @@ def aligned_poses(problem: Problem, known: dict[tuple[float, ...], list[Gap]] | 
             begin, end = (gap.begin, gap.end) if sense > 0.0 else (-gap.end, -gap.begin)
             before, behind = begin - beside - extent.front, end + beside - extent.back
             pair = _free_ends(scene, gap.middle, ahead, extent, before, behind)
-            if pair is not None:  # obstacles in pieces have some gaps in common
+            if pair is not None:  # pieces of one obstacle share some gaps
                 found[tuple(np.round(pair, 6).ravel())] = pair
     return np.array(list(found.values())).reshape(-1, 2, 3)
 
@@ -164,7 +164,7 @@ def aligned_poses(problem: Problem, known: dict[tuple[float, ...], list[Gap]] | 
 def _free_ends(
     scene: Scene, middle: FloatArray, ahead: FloatArray, extent: Extent, before: float, behind: float
 ) -> FloatArray | None:
-    """The first and the last pose (2, 3) of the free part, around its middle, of a straight push through a gap."""
+    """Return the first and last pose (2, 3) of the free middle part of a push through a gap; None if blocked."""
     theta = math.atan2(ahead[1], ahead[0]) - extent.direction
     aside = 0.5 * (extent.right + extent.left) * np.array([-ahead[1], ahead[0]])
     along = np.linspace(before, behind, 2 * LOOKS + 1)[:, None]
@@ -178,11 +178,11 @@ def _free_ends(
 
 
 WORDS = 8
-"""So many words count as one iteration: each takes 1 to 5 us."""
+"""Number of steering paths that count as one iteration. Each takes 1 to 5 us."""
 
 
 class _Way(NamedTuple):
-    """A way to a pose, or one to look for, the most promising first: m of cost from start to goal, by its number."""
+    """An edge to a pose, known or still to compute. Edges sort by the estimated cost (m) from start to goal."""
 
     promise: float
     number: int
@@ -192,12 +192,12 @@ class _Way(NamedTuple):
 
 
 class Ways:
-    """A graph from the start over the poses at the bottlenecks to the goal, searched best first.
+    """Best-first search on a graph of start, aligned poses at bottlenecks and goal.
 
-    Words between two poses are looked for when they come up.
+    A steering path between two poses is computed when its edge leaves the queue.
 
     Args:
-        session: The search that they serve.
+        session: Session of the search.
     """
 
     def __init__(self, session: Session) -> None:
@@ -212,7 +212,7 @@ class Ways:
             self._reach(0, np.zeros((0, 4)))
 
     def run(self, tries: int) -> None:
-        """Try so many words at most, until ways lead to the goal or none is left."""
+        """Try at most `tries` steering paths, until a path reaches the goal or no edge is left."""
         session, words, goal = self._session, 0, len(self._poses) - 1
         while self._queue and words < tries and not session.finished:
             way = heapq.heappop(self._queue)
@@ -231,7 +231,7 @@ class Ways:
         session.spent(words, words // WORDS)
 
     def _reach(self, node: int, path: FloatArray) -> None:
-        """Note the arcs (k, 4) of the way to a node, and that ways lead on from there."""
+        """Store the arcs (k, 4) of the path to a node and queue the edges from it."""
         self._paths[node] = path
         least = _least(self._poses, self._poses[node])
         for target in range(1, len(self._poses)):
@@ -243,7 +243,7 @@ class Ways:
         heapq.heappush(self._queue, _Way(promise, next(self._numbers), origin, target, arcs))
 
     def _connect(self, way: _Way) -> None:
-        """Look for the free word of a way."""
+        """Compute the collision-free steering path of an edge."""
         problem = self._session.problem
         _, _, arcs = connect(problem.scene, problem.families, self._poses[way.origin], self._poses[way.target])
         if arcs is not None:
@@ -251,6 +251,6 @@ class Ways:
 
 
 def _least(poses: FloatArray, pose: FloatArray) -> FloatArray:
-    """Straight travel and the smallest turn between poses (n, 3) and one (3,), m (n,)."""
+    """Return the costs (n,) of straight travel and the smallest turn between poses (n, 3) and a pose (3,), m."""
     errors = se2.pose_errors(poses, pose)
     return np.asarray(errors[:, 0] + TURN_WEIGHT * errors[:, 1])

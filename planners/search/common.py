@@ -1,4 +1,4 @@
-"""What the searches of one plan have in common: time, counts, and what tells why there is no path."""
+"""Data shared by the searches of one plan: time, counts, and data that explain a failure."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from pushplan.plans.path import TURN_WEIGHT
 from pushplan.util.arrays import FloatArray, IntArray
 
 MOST_BRANCHES = 500
-"""Branches that are kept, at most."""
+"""Maximum number of branches that are kept."""
 
 
 class Branches:
-    """Keeps the branches of the largest trees of a search.
+    """Branches of the largest trees of a search.
 
     Attributes:
         ends: (q, 2, 3) poses at both ends of each branch.
@@ -30,10 +30,10 @@ class Branches:
         self.size = 0
 
     def offer(self, *trees: tuple[FloatArray, IntArray]) -> None:
-        """Keep the branches of trees that were grown together, if they are more than those before.
+        """Keep the branches of trees grown together if they outnumber the previous ones.
 
         Args:
-            trees: Poses (k, 3) of the nodes of each, and the parents (k,), negative where there is none.
+            trees: Poses (k, 3) of each tree's nodes, and their parents (k,), negative for roots.
         """
         size = sum(int((parents >= 0).sum()) for _, parents in trees)
         if size > self.size:
@@ -42,7 +42,7 @@ class Branches:
             self.ends, self.size = ends[kept], size
 
     def offer_nodes(self, *trees: FloatArray) -> None:
-        """As `offer`, of trees (k, >= 5) whose rows begin with x, y, theta, cost and parent."""
+        """Call `offer` with trees (k, >= 5) whose rows begin with x, y, theta, cost and parent."""
         self.offer(*((nodes[:, :3], nodes[:, 4].astype(np.int64)) for nodes in trees))
 
 
@@ -59,7 +59,7 @@ class NearestApproach:
         goal: (3,) pose.
 
     Attributes:
-        arcs: (k, 4) its twists and lengths; none at first, so that it ends at the start.
+        arcs: (k, 4) twists and lengths of the path; empty at first.
         left: Lower bound on the cost from its end to the goal, m.
     """
 
@@ -68,7 +68,7 @@ class NearestApproach:
         self.arcs, self.left = np.zeros((0, 4)), remaining(start, goal)
 
     def nearer(self, poses: FloatArray) -> int:
-        """Return which of the poses (n, 3) is nearest to the goal, -1 where none is nearer than the path's end."""
+        """Return the index of the pose (n, 3) nearest to the goal; -1 if none is nearer than the path's end."""
         if len(poses) == 0:
             return -1
         left = self._left(poses)
@@ -76,34 +76,34 @@ class NearestApproach:
         return node if left[node] < self.left - GAIN else -1
 
     def take(self, arcs: FloatArray, end: FloatArray) -> None:
-        """Take over a free path (k, 4) that ends at a nearer pose (3,)."""
+        """Keep a free path (k, 4) that ends at a nearer pose (3,)."""
         self.arcs, self.left = improve.merged(arcs), float(self._left(end[None])[0])
 
     def _left(self, poses: FloatArray) -> FloatArray:
-        """Straight travel and the smallest turn from poses (n, 3) to the goal, (n,) m."""
+        """Return the costs (n,) of straight travel and the smallest turn from poses (n, 3) to the goal, m."""
         turn = np.abs(se2.wrap_angle(self._goal[2] - poses[:, 2]))
         away = np.hypot(self._goal[0] - poses[:, 0], self._goal[1] - poses[:, 1])
         return np.asarray(away + TURN_WEIGHT * turn)
 
 
 class Common:
-    """What the searches of one plan, with one margin each, have in common.
+    """Data shared by the searches of one plan, one search for each margin.
 
-    What is nearest and the branches are told where no search finds a path.
+    The nearest path and the branches are reported if no search finds a path.
 
     Args:
         start: (3,) pose where paths begin.
         goal: (3,) pose.
-        set_up: Seconds that posing the problem took, which count to the time limit.
+        set_up: Time to build the problem, s. It counts towards the time limit.
 
     Attributes:
         began: `time.perf_counter` when the first search began.
-        set_up: See above.
-        extensions: Arcs propagated.
-        iterations: Arcs propagated, some as a share of one, and shortcuts tried.
-        nearest: The free path that ends nearest to the goal, kept up while there is none to it.
-        branches: What is kept of the trees.
-        room: What was found of the room, its bottlenecks and distances in it, by what was looked for.
+        set_up: Time to build the problem, s.
+        extensions: Number of arcs propagated.
+        iterations: Number of arcs propagated (some count partly) and shortcuts tried.
+        nearest: Free path that ends nearest to the goal, updated while no path reaches it.
+        branches: Branches of the trees.
+        room: Cache of data about the room (bottlenecks, distances), by search parameters.
     """
 
     def __init__(self, start: FloatArray, goal: FloatArray, set_up: float = 0.0) -> None:
@@ -119,5 +119,5 @@ class Common:
 
     @property
     def seconds(self) -> float:
-        """Wall-clock seconds that count to the time limit."""
+        """Wall-clock seconds that count towards the time limit."""
         return self.set_up + self.elapsed

@@ -26,22 +26,22 @@ OUTSIDE = 1e9
 
 
 class Propagator:
-    """What OMPL calls for every extension, and what it remembers of them.
+    """State propagator that OMPL calls for every extension. It stores the results.
 
-    One call of the core propagates, sweeps, bounds and tries to join the tree that comes the other way; validity and
-    goal only read its result.
+    One call of the core propagates, checks for collisions, computes bounds and tries to join the opposite tree. The
+    checks of validity and goal only read its result.
 
     Args:
-        session: The search that it serves.
-        heading_length: Metres that a turn of one radian counts as.
-        back: Propagate against the direction of travel, from the goal; time runs backwards.
+        session: Session of the search.
+        heading_length: Distance that a turn of one radian counts as, m.
+        back: Whether to propagate backwards in time from the goal.
 
     Attributes:
-        bound: Cost that a whole path must stay below: arcs that cannot lead to one count as blocked, m.
+        bound: Upper limit of a whole path's cost, m. Arcs that cannot lead to such a path count as blocked.
         root: (3,) pose, the start or the goal.
-        tree: What has been propagated from the root.
-        other: The tree to join; it is the opposite root alone where nothing else makes it grow.
-        path: (k, 4) the path that joined them; None while there is none.
+        tree: Tree propagated from the root.
+        other: Tree to join; only the opposite root if no search grows it.
+        path: (k, 4) path that joins the trees; None if there is none.
     """
 
     def __init__(self, session: Session, heading_length: float, back: bool = False) -> None:
@@ -53,11 +53,11 @@ class Propagator:
         self.clear()
 
     def take_problem(self) -> None:
-        """Go on with the session's problem."""
+        """Use the session's current problem."""
         self.tree.take(self._session.problem)
 
     def clear(self) -> None:
-        """Forget the tree but for its root."""
+        """Clear the tree except for its root."""
         self.tree.clear(self.root)
         x, y, theta = self.root.tolist()
         self._rows = {(x, y, wrapped(theta)): 0}
@@ -66,7 +66,7 @@ class Propagator:
         self._distance = math.inf
 
     def propagate(self, state: Any, control: Any, duration: float, result: Any) -> None:
-        """Go on from a state along the arc that the coordinates of a control stand for, for so many units of time."""
+        """Propagate a state along the arc of a control over a duration, and write the end to `result`."""
         common, tree = self._session.common, self.tree
         place = (state.getX(), state.getY(), state.getYaw())
         parent, node = self._rows.get(place, -1), len(tree)
@@ -90,16 +90,16 @@ class Propagator:
         result.setYaw(theta)
 
     def free(self, state: Any) -> bool:
-        """Return whether the body keeps clear of everything at a state; of an arc's end that is known already."""
+        """Return whether the body is collision-free at a state. At the end of the last arc, this is known."""
         x, y, theta = state.getX(), state.getY(), state.getYaw()
         if x >= OUTSIDE:
             return False
         return (x, y, theta) == self._last or self.tree.room_at(x, y, theta) >= 0.0
 
     def distance_to_goal(self, state: Any) -> float:
-        """Return 0 where a free steering path to the other tree makes the best path so far.
+        """Return 0 if a free steering path to the other tree makes the best path so far.
 
-        Elsewhere it is the cost of the cheapest one to its root, free or not, infinite where there is none.
+        Otherwise, return the cost of the cheapest steering path to its root, free or not; infinite without one.
         """
         pose = (state.getX(), state.getY(), state.getYaw())
         if pose == self._last:
@@ -108,14 +108,14 @@ class Propagator:
         return 0.0 if cost < self.bound else to_go
 
     def note(self) -> None:
-        """Hand the branches of the tree to the session, and the way to its node nearest to the goal."""
+        """Give the session the tree's branches and the path to its node nearest to the goal."""
         session, nodes = self._session, self.tree.nodes
         session.common.branches.offer_nodes(nodes)
         session.note_nearest(nodes[:, :3], lambda node: branch(nodes, node))
 
 
 def wrapped(angle: float) -> float:
-    """Return an angle in [-pi, pi): OMPL silently drops a start or a goal beyond."""
+    """Return an angle in [-pi, pi). OMPL silently drops a start or goal outside this range."""
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
 
 
@@ -145,10 +145,10 @@ def path_control(information: PushInformation, arcs: FloatArray) -> Any:
 
 
 def arcs_to_goal(definition: Any) -> FloatArray:
-    """Return the arcs (k, 4) of a problem's exact solution, and of the word that leads from its end to the goal.
+    """Return the arcs (k, 4) of a problem's exact solution, plus the steering path from its end to the goal.
 
     Raises:
-        PlanningError: If there is none, or it is not what it claims to be: free, and ending in the goal region.
+        PlanningError: If there is none, or it is not free, or it does not end in the goal region.
     """
     session = information_of(definition).session
     if not definition.hasExactSolution():
@@ -156,21 +156,21 @@ def arcs_to_goal(definition: Any) -> FloatArray:
     arcs = controlled_arcs(session, definition.getSolutionPath())
     poses, free = poses_along(_proven(session.problem.scene), session.start, arcs)
     if free < len(arcs):
-        raise PlanningError(f"the planner left a path whose arc {free + 1} of {len(arcs)} is not free")
+        raise PlanningError(f"the planner returned a path, but its arc {free + 1} of {len(arcs)} is not free")
     end = poses[-1]
-    if max(pose_error(end, session.problem.goal)) <= 1e-9:  # at the goal itself: no word is needed
+    if max(pose_error(end, session.problem.goal)) <= 1e-9:  # at the goal: no steering path is needed
         return arcs
     word = free_word(session, end, session.problem.goal)
     if word is None:
-        raise PlanningError("the planner left a path that ends where no free steering path leads to the goal")
+        raise PlanningError("the planner returned a path, but no free steering path leads from its end to the goal")
     return np.concatenate([arcs, word])
 
 
 def _proven(scene: Scene) -> Scene:
     """Return the scene with the clearance that a search proves for every pose of its arcs.
 
-    A search looks at poses with more clearance than it proves between them. Where neighbours of the same motion have
-    been made one arc, other poses are looked at.
+    A search checks poses with more clearance than it proves between them. After neighbouring arcs of one motion are
+    merged, other poses are checked.
     """
     return scene.with_distances(scene.kept - ROUNDING, scene.kept - CLEARANCE_ROOM)
 
@@ -182,28 +182,30 @@ def push_path(definition: Any) -> PushPath:
 
 
 def controlled_arcs(session: Session, path: Any) -> FloatArray:
-    """Return the arcs (k, 4) that the controls of OMPL's path stand for."""
+    """Return the arcs (k, 4) of the controls of OMPL's path."""
     if not isinstance(path, oc.PathControl):
-        raise PlanningError(f"the planner left a {type(path).__name__}; allowed: a path with controls (PathControl)")
+        raise PlanningError(
+            f"the planner returned a {type(path).__name__}; allowed: a path with controls (PathControl)"
+        )
     units = path.getControlDurations()
     controls = [[u[0], u[1], u[2], unit] for u, unit in zip(path.getControls(), units, strict=True)]
     return arcs_at(session.problem, np.array(controls).reshape(-1, 4))
 
 
 class PushInformation(oc.SpaceInformation):  # type: ignore[misc]
-    """OMPL's space information of a push problem, and what the project's own planners need beyond it.
+    """OMPL's space information of a push problem, with data for the project's own planners.
 
     Attributes:
-        session: The search that it serves.
+        session: Session of the search.
         box: (xmin, ymin, xmax, ymax) to sample from, m.
-        heading_length: Metres that a turn of one radian counts as.
-        propagator: Of its arcs.
+        heading_length: Distance that a turn of one radian counts as, m.
+        propagator: Propagator of its arcs.
     """
 
     def __init__(
         self, session: Session, box: Box, heading_length: float, ahead: PushInformation | None = None
     ) -> None:
-        """Pose a search from the start; or, with the one `ahead`, its counterpart back from the goal."""
+        """Build a search from the start or, with `ahead`, its counterpart back from the goal."""
         if ahead is None:
             space = _poses_in(box, heading_length)
             controls = oc.RealVectorControlSpace(space, 3)
@@ -223,7 +225,7 @@ class PushInformation(oc.SpaceInformation):  # type: ignore[misc]
             self.propagator.other, ahead.propagator.other = ahead.propagator.tree, self.propagator.tree
 
     def admit(self, twist: FloatArray) -> None:
-        """Take a stable twist (3,) that may lie between the segments into the chart, as a segment of its own."""
+        """Add a stable twist (3,) to the controls as a segment of its own. It can lie between the segments."""
         problem = self.session.problem
         segments = np.vstack([problem.segments, np.tile(twist, 2)])
         self.session.problem = problem.with_segments(segments)
@@ -231,7 +233,7 @@ class PushInformation(oc.SpaceInformation):  # type: ignore[misc]
 
 
 def _poses_in(box: Box, heading_length: float) -> Any:
-    """Return OMPL's space of poses, with cells in which EST and KPIECE1 count nodes: 40 along the diagonal."""
+    """Return OMPL's pose space, with 40 cells along the diagonal in which EST and KPIECE1 count nodes."""
     space = ob.SE2StateSpace()
     space.setBounds(bounds([(box[0], box[2]), (box[1], box[3])]))
     space.setSubspaceWeight(1, heading_length)
@@ -243,40 +245,40 @@ def _poses_in(box: Box, heading_length: float) -> Any:
 
 
 class FreeWords(ob.MotionValidator):  # type: ignore[misc]
-    """Says of two states whether a free steering path of stable arcs leads from one to the other."""
+    """Motion validator: two states are joined if a free steering path of stable arcs connects them."""
 
     def __init__(self, information: Any, session: Session) -> None:
         super().__init__(information)
         self._session = session
 
     def checkMotion(self, first: Any, second: Any) -> bool:  # noqa: N802 OMPL's name
-        """Return whether there is one."""
+        """Return whether a free steering path connects two states."""
         return free_word(self._session, pose_of(first), pose_of(second)) is not None
 
 
 class WordGoal(ob.GoalSampleableRegion):  # type: ignore[misc]
-    """The poses that a free steering path joins exactly to the tree from the other side; its samples are the root."""
+    """Goal region: poses that a free steering path joins exactly to the opposite tree. Its sample is that root."""
 
     def __init__(self, information: PushInformation) -> None:
         super().__init__(information)
-        self.setThreshold(1e-12)  # OMPL asks for less than that
+        self.setThreshold(1e-12)  # OMPL requires a distance below the threshold
         self._distance = information.propagator.distance_to_goal
         x, y, theta = information.propagator.other.nodes[0, :3].tolist()
         self._goal = (x, y, wrapped(theta))
 
     def sampleGoal(self, state: Any) -> None:  # noqa: N802 OMPL's name
-        """Put a state at the other tree's root."""
+        """Set a state to the other tree's root."""
         x, y, yaw = self._goal
         state.setX(x)
         state.setY(y)
         state.setYaw(yaw)
 
     def maxSampleCount(self) -> int:  # noqa: N802 OMPL's name
-        """Return how many different samples there are."""
+        """Return the number of distinct samples."""
         return 1
 
     def distanceGoal(self, state: Any) -> float:  # noqa: N802 OMPL's name
-        """Return 0 in the region, elsewhere the cost of the cheapest steering path to the other root, m."""
+        """Return 0 inside the region, else the cost of the cheapest steering path to the other root, m."""
         return self._distance(state)
 
 
@@ -293,7 +295,7 @@ def pose_problem(session: Session, box: Box, heading_length: float) -> tuple[Pus
 
 
 def definition_of(information: PushInformation) -> Any:
-    """Return a problem definition of a space information: from the propagator's root to the tree that it joins."""
+    """Return the problem definition from the propagator's root to the tree that it joins."""
     definition = ob.ProblemDefinition(information)
     definition.addStartState(state_at(information, information.propagator.root))
     definition.setGoal(WordGoal(information))
@@ -311,11 +313,11 @@ def information_of(definition: Any) -> PushInformation:
     """Return the space information of a push problem's definition.
 
     Raises:
-        PlanningError: If it is that of another problem.
+        PlanningError: If it belongs to another problem.
     """
     information = definition.getSpaceInformation()
     if not isinstance(information, PushInformation):
-        raise PlanningError("the problem definition is none of a push; allowed: one from pushplan.ompl.pose")
+        raise PlanningError("the problem definition is not of a push; allowed: one from pushplan.ompl.pose")
     return information
 
 
@@ -329,7 +331,7 @@ def bounds(ranges: Sequence[tuple[float, float]]) -> Any:
 
 
 def state_at(information: Any, pose: FloatArray) -> Any:
-    """Return a state at a pose (3,), its angle wrapped; the space's states are those of SE(2)."""
+    """Return an SE(2) state at a pose (3,), with its angle wrapped."""
     state = information.allocState()
     state.setX(float(pose[0]))
     state.setY(float(pose[1]))

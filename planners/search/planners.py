@@ -1,4 +1,4 @@
-"""The planners by their names, and the project's own: `auto`, which lets OMPL's RRTs meet, and what it has beside."""
+"""Table of planners by name, and the project's own planners: `auto`, `lattice` and `bottlenecks`."""
 
 from __future__ import annotations
 
@@ -32,29 +32,29 @@ _SPECK = 1e-7 * np.array([[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]])
 
 
 def middle_of(problem: Problem) -> FloatArray:
-    """Return the body's middle in the chain frame, and the direction of its straight push there (3,)."""
+    """Return the body's middle and the direction of its straight push, in the chain frame, as one pose (3,)."""
     push = problem.families[0, STRAIGHT]
     return np.append(problem.scene.body_bound[:2], math.atan2(push[1], push[0]))
 
 
 MOST_CELLS = 512
-"""So many cells of the floor there are along its longer side, at most."""
+"""Maximum number of floor cells along the longer side."""
 
 
 def floor_of(problem: Problem, start: FloatArray, box: Box) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return how far the body's middle is from where it is at the start and at the goal.
+    """Return the travel distances of the body's middle on a floor grid, from the start and from the goal.
 
-    A middle that is nearer to anything than a half of the half width is blocked whatever the heading (or than that of
-    the length, if that is less); cells of half of that width do not let thin walls through.
+    A cell is blocked if an obstacle is nearer than a quarter of the body's width (or length, if that is less). Cells
+    are small enough that no thin wall is missed.
 
     Args:
-        problem: What to plan.
+        problem: Push problem.
         start: (3,) pose of the chain frame.
         box: (xmin, ymin, xmax, ymax) that the grid covers, m.
 
     Returns:
-        The lower left corner of the grid and the side of its cells (3,), m; and the distances (nx, ny) from the start
-        and from the goal, m; see `floor_distances`.
+        (3,) lower left corner of the grid and side of its cells, m; distances (nx, ny) from the start and from the
+        goal, m; see `floor_distances`.
     """
     extent = Extent.of(problem)
     quarter = 0.25 * min(extent.width, extent.front - extent.back)
@@ -69,30 +69,31 @@ def floor_of(problem: Problem, start: FloatArray, box: Box) -> tuple[FloatArray,
 
 
 COARSEST, WIDEST = 0.03, 2.5
-"""Side of the coarsest cells: a share of the diagonal of what they cover, but not wider than so many bodies."""
+"""Side of the coarsest cells: a share of the box's diagonal, and at most a multiple of the body's width."""
 
 SHRINK = 0.8
 """Factor of the cells' sides from level to level."""
 
 FIRST_ROOM, MOST_ROOM = 1 << 15, 1 << 18
-"""Nodes of a search on the coarsest level, twice as many on the next one and so on, and on any level, at most.
+"""Maximum number of nodes on the coarsest level, doubled from level to level, and on any level.
 
-Mazes of a hundred cells and rooms in series take some 12,000 nodes on the coarsest level; with 4,096 none was solved.
+Mazes of a hundred cells and rooms in series need about 12,000 nodes on the coarsest level. With 4,096, none was
+solved.
 """
 
 SET_UP = 400
-"""A round takes as long as so many arcs before it begins; where no path can be better, it is over then."""
+"""Set-up cost of a round in arcs. If no path can be better, the round ends after its set-up."""
 
 ITERATIONS = 0.125
-"""Each counts as this share of an iteration: it takes 1.5 us, a tree's extension or a change of a path 8 to 15 us."""
+"""Share of an iteration for each arc: it takes 1.5 us, but a tree extension or a path change 8 to 15 us."""
 
 
 class LatticeRounds:
-    """The rounds of one search, from the start and back from the goal.
+    """Rounds of the lattice search, from the start and back from the goal.
 
     Args:
-        session: The search that they serve.
-        box: (xmin, ymin, xmax, ymax) that the nodes stay in, m.
+        session: Session of the search.
+        box: (xmin, ymin, xmax, ymax) that contains all nodes, m.
     """
 
     def __init__(self, session: Session, box: Box) -> None:
@@ -103,7 +104,7 @@ class LatticeRounds:
         self._rounds, self._tried = [0, 0], [0, 0]
 
     def run(self, arcs: float) -> None:
-        """Run rounds until so many arcs have been tried in all, or a first path is found."""
+        """Run rounds until a total number of arcs was tried or a first path is found."""
         session, pathless = self._session, not self._session.solved
         while sum(self._tried) < arcs and not session.finished:
             back = int(self._tried[1] < self._tried[0])
@@ -112,13 +113,13 @@ class LatticeRounds:
                 return
 
     def _search(self, back: int) -> None:
-        """Search until nothing promises a path cheaper than the bound; offer the best one found."""
+        """Search until no path can be cheaper than the bound, and offer the best one found."""
         session = self._session
         self._rounds[back] += 1
         number = self._rounds[back]
-        # The level is how often 2 divides the round's number: Luby's sequence 0, 1, 0, 2, 0, 1, 0, 3, ...
+        # The level is the exponent of 2 in the round's number: Luby's sequence 0, 1, 0, 2, 0, 1, 0, 3, ...
         lattice = self.planted(min((number & -number).bit_length() - 1, 7), back)
-        # In every other round a path may be 15 % longer than the best one: polishing may yet make it the best.
+        # In every other round, a path can be 15 % longer than the best one, because polishing may make it the best.
         excess, over = (1.0, 1.15)[number // 2 % 2], False
         bound = excess * session.best.horizon
         while not over and not session.finished:
@@ -140,13 +141,13 @@ class LatticeRounds:
         return np.zeros((0, 9)) if self._lattice is None else self._lattice.nodes
 
     def planted(self, level: int, back: int) -> Lattice:
-        """Return a search that has not begun, from the start or back from the goal, on a level."""
+        """Return a new search on a level, from the start or back from the goal."""
         session = self._session
         if self._lattice is None:
             self._lattice = self._with_distances()
         side = self._coarsest * SHRINK**level
-        headings = round(28 * SHRINK ** (-0.5 * level))  # these grow only as the root of one by the side
-        # Cells begin elsewhere in every round: two passages that one grid cannot tell apart another one can.
+        headings = round(28 * SHRINK ** (-0.5 * level))  # grows with the inverse square root of the side
+        # Shift the cells in every round: another grid can separate two passages that share a cell in this one.
         shift = np.array([side * random(session.random), side * random(session.random), 0.0, 0.0])
         room = min(FIRST_ROOM << level, MOST_ROOM)
         # Arcs of 1.5 sides are just long enough to leave a cell.
@@ -154,7 +155,7 @@ class LatticeRounds:
         return self._lattice
 
     def _with_distances(self) -> Lattice:
-        """Return what all rounds share: how far places are from the start and from the goal."""
+        """Return the lattice with the distances from start and goal that all rounds share."""
         session, problem = self._session, self._session.problem
         middle = middle_of(problem)
         asked = (*self._box, *middle, Extent.of(problem).width)
@@ -164,11 +165,11 @@ class LatticeRounds:
 
 
 class AnytimePlanner(ob.Planner):  # type: ignore[misc]
-    """A planner with a search of its own, as OMPL sees it: its solution is the best path of the search.
+    """An OMPL planner with its own search. Its solution is the best path of the search.
 
     Attributes:
-        name: What OMPL calls it.
-        optimizing: It goes on until it is told to stop; see `search`.
+        name: Name of the planner in OMPL.
+        optimizing: Whether it runs until it is stopped; see `search`.
     """
 
     name: str
@@ -179,7 +180,7 @@ class AnytimePlanner(ob.Planner):  # type: ignore[misc]
         self._rounds: Iterator[None] | None = None
 
     def solve(self, stop: Any) -> Any:
-        """Go on with rounds until `stop` says so or the turn is over; leave the best path where OMPL looks for it."""
+        """Run rounds until `stop` returns true or the turn is over. Store the best path in OMPL's definition."""
         definition = self.getProblemDefinition()
         information = information_of(definition)
         session = information.session
@@ -199,29 +200,29 @@ class AnytimePlanner(ob.Planner):  # type: ignore[misc]
 
     @abstractmethod
     def rounds(self, information: PushInformation) -> Iterator[None]:
-        """Offer paths to the session; yield after each round, without an end."""
+        """Offer paths to the session and yield after each round, without end."""
 
 
 GOAL_BIAS = 0.2
 """Share of OMPL's samples that are the other tree's root."""
 
 TURN = 64
-"""Extensions that the smaller tree of two gets in turn."""
+"""Number of extensions in each turn of the smaller tree."""
 
 MOST_SEEDS = 2**31 - 2
-"""OMPL takes seeds from 1 on."""
+"""Number of seeds. OMPL's seeds begin at 1."""
 
 FIRST_TREES = 600
-"""Extensions after which trees are begun anew for the first time; twice as many after each time."""
+"""Number of extensions before the first restart of the trees. It doubles after each restart."""
 
 
 class MeetingTrees:
-    """Two RRTs of OMPL's, one from the start and one driven backwards from the goal, until they meet.
+    """Two of OMPL's RRTs, one from the start and one backwards from the goal, that grow until they meet.
 
     The goal region of each is the tree of the other.
 
     Args:
-        information: Of the forward search.
+        information: Space information of the forward search.
     """
 
     def __init__(self, information: PushInformation) -> None:
@@ -235,7 +236,7 @@ class MeetingTrees:
         self._left, self._lasting = 0, FIRST_TREES
 
     def grow(self, extensions: int) -> None:
-        """Let OMPL grow the trees by so many extensions, until they meet; offer the path, or note what is nearest."""
+        """Grow the trees by some extensions or until they meet. Offer the path, or note the nearest pose."""
         session = self._session
         ahead, back = (side.propagator for side in self._sides)
         ends = session.extensions + extensions
@@ -255,7 +256,7 @@ class MeetingTrees:
             ahead.note()
 
     def _plant(self) -> None:
-        """Begin anew; OMPL draws from its own random numbers, which follow from the session's."""
+        """Restart the trees. OMPL's seed is drawn from the session's random state."""
         self._left, self._lasting = self._lasting, 2 * self._lasting
         ou.RNG.setSeed(1 + int(random(self._session.random) * MOST_SEEDS))
         self._planners = []
@@ -273,22 +274,22 @@ def _after(common: Common, extensions: int) -> Any:
 
 
 FIRST, ROUND, MOST_ROUNDS = 256, 160, 16
-"""Extensions of the first turn of the trees, and by how many Luby's sequence, which stops there, is multiplied then.
+"""Extensions in the first turn of the trees, factor of Luby's sequence in later turns, and its maximum.
 
-With 1,024 at first, narrow gaps wait 40 ms for the bottlenecks instead of 5.
+With 1,024 in the first turn, the search for bottlenecks would begin after 40 ms instead of 5 ms.
 """
 
 ARCS = 60.0
-"""Arcs of the search over cells for each extension of the trees, which takes so many times as long."""
+"""Number of lattice arcs for each extension of the trees, which takes this many times as long."""
 
 
 class Auto(AnytimePlanner):
-    """OMPL's RRTs and steering paths through gaps until there is a path; rounds of best-first search."""
+    """OMPL's RRTs and steering paths through gaps until there is a path, with rounds of lattice search."""
 
     name = "auto"
 
     def rounds(self, information: PushInformation) -> Iterator[None]:
-        """Run rounds; what they share is kept from turn to turn."""
+        """Run rounds. Their shared data are kept from turn to turn."""
         session, box = information.session, information.box
         trees: MeetingTrees | None = None
         lattice, ways = LatticeRounds(session, box), None
@@ -300,28 +301,28 @@ class Auto(AnytimePlanner):
                 trees.grow(extensions)
             arcs += ARCS * extensions
             session.refine()
-            # Rooms in which trees meet at once are not looked at for bottlenecks: that takes up to some milliseconds.
+            # If the trees meet at once, skip the search for bottlenecks, which can take a few milliseconds.
             if not session.solved:
                 ways = ways or Ways(session)
                 ways.run(extensions // 2)
-            # The search over cells takes longer to set up.
+            # The lattice search begins later, because its set-up takes longer.
             if session.solved or number > 2:
                 lattice.run(arcs)
             yield
 
 
 def luby(number: int) -> int:
-    """Return a number of the sequence 1, 2, 1, 4, 1, 2, 1, 8, 1, ...: how often 2 divides it, as a power of 2."""
+    """Return a term of the sequence 1, 2, 1, 4, 1, 2, 1, 8, ...: the largest power of 2 that divides a number."""
     return min(number & -number, MOST_ROUNDS)
 
 
 class LatticeSearch(AnytimePlanner):
-    """Rounds of best-first search over cells of poses, without OMPL's trees."""
+    """Rounds of best-first search over cells of poses (a lattice), without OMPL's trees."""
 
     name = "lattice"
 
     def rounds(self, information: PushInformation) -> Iterator[None]:
-        """Run one round after the other."""
+        """Run rounds of the lattice search."""
         session = information.session
         lattice = LatticeRounds(session, information.box)
         for number in count(1):
@@ -332,12 +333,12 @@ class LatticeSearch(AnytimePlanner):
 
 
 class Bottlenecks(AnytimePlanner):
-    """Only steering paths through narrow gaps; where they lead nowhere, there is nothing more to try."""
+    """Steering paths through narrow gaps only. If they do not reach the goal, it finds no path."""
 
     name = "bottlenecks"
 
     def rounds(self, information: PushInformation) -> Iterator[None]:
-        """Try steering paths, then shorten the path that was found."""
+        """Try steering paths, then shorten the path found."""
         session = information.session
         ways = Ways(session)
         while True:
@@ -355,17 +356,17 @@ PLANNERS = {
     "lattice": "pushplan.planners.search.planners:LatticeSearch",
     "bottlenecks": "pushplan.planners.search.planners:Bottlenecks",
 }
-"""Where each of `names.PLANNERS` is."""
+"""Import path of each planner in `names.PLANNERS`."""
 
 
 def planner_named(planner: str | Factory) -> tuple[str, Factory]:
-    """Return a planner's name and what makes it.
+    """Return a planner's name and its factory.
 
     Args:
-        planner: A name, `module:attribute`, or what makes an `ompl.base.Planner` from a space information.
+        planner: Name, `module:attribute`, or a factory that builds an `ompl.base.Planner` from a space information.
 
     Raises:
-        PlanningError: If nothing is called so, or it cannot be called.
+        PlanningError: If there is no such planner, or it is not callable.
     """
     found = (
         attribute_named(PLANNERS.get(planner, planner), PLANNER_NAMES.group) if isinstance(planner, str) else planner
@@ -374,12 +375,12 @@ def planner_named(planner: str | Factory) -> tuple[str, Factory]:
         if planner in GONE_PLANNERS:
             raise PlanningError(gone_planner(planner))
         raise PlanningError(
-            f"no planner is called {planner!r}; there are {', '.join(PLANNERS)}, those of installed packages, and "
-            "any other as module:attribute"
+            f"there is no planner {planner!r}; allowed: {', '.join(PLANNERS)}, planners of installed packages, and "
+            "module:attribute"
         )
     if not callable(found):
         raise PlanningError(
-            f"the planner {planner!r} is a {type(found).__name__}; allowed: what makes an ompl.base.Planner from a "
-            "space information"
+            f"the planner {planner!r} is a {type(found).__name__}; allowed: a callable that builds an "
+            "ompl.base.Planner from a space information"
         )
     return planner if isinstance(planner, str) else name_of(planner), found

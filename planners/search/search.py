@@ -1,4 +1,4 @@
-"""One search: a planner runs, turn after turn, until a condition ends it, and its paths are shortened."""
+"""One search: a planner runs in turns until a stopping condition holds, and its paths are shortened."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from pushplan.plans.path import PushPath
 from pushplan.util.naming import code_of_others, is_of_others
 
 Factory = Callable[[Any], Any]
-"""Makes an `ompl.base.Planner` from a space information; its class, as a rule."""
+"""Builds an `ompl.base.Planner` from a space information; usually the planner's class."""
 
 
 class Search:
-    """A planner that is run turn after turn, until its session is finished.
+    """A planner that runs in turns until its session is finished.
 
-    A planner whose attribute `optimizing` is true goes on, in each turn, until it is told to stop. Another one is run
-    again after each of its paths, and cleared after ever more extensions.
+    A planner whose attribute `optimizing` is true runs to the end of each turn. Any other planner runs again after
+    each of its paths, and is cleared after a growing number of extensions.
 
     Args:
-        session: The search to drive.
-        make: What makes the planner.
+        session: Session of the search.
+        make: Factory of the planner.
         box: (xmin, ymin, xmax, ymax) to sample from, m.
         heading_length: Distance that a turn of one radian counts as, m.
     """
@@ -50,16 +50,16 @@ class Search:
         self._allowance = self._target = 2_000
 
     def run(self) -> PushPath | None:
-        """Go on until the session is finished or its turn is over; return its best path, None without any.
+        """Run until the session is finished or its turn is over. Return its best path; None if there is none.
 
-        The path is as it is in OMPL's form where a planner was needed to find it.
+        If a planner was needed, the path is converted to OMPL's form and back.
 
         Raises:
-            PlanningError: If the planner is none, or it leaves a path that is none.
-            ExtensionError: If a user's planner raises anything else.
+            PlanningError: If the factory returns no planner, or the planner returns an invalid path.
+            ExtensionError: If a user's planner raises another error.
         """
         level = ou.getLogLevel()
-        ou.setLogLevel(ou.LOG_NONE)  # reseeding prints an error that is none
+        ou.setLogLevel(ou.LOG_NONE)  # reseeding prints an error message without a cause
         try:
             with code_of_others("planner", self._make):
                 return self._run()
@@ -69,12 +69,12 @@ class Search:
     def _run(self) -> PushPath | None:
         session = self.session
         if self._planner is None:
-            ou.RNG.setSeed(session.seed + 1)  # OMPL takes 0 for "no seed"
+            ou.RNG.setSeed(session.seed + 1)  # OMPL treats 0 as "no seed"
             word = free_word(session, session.start, session.problem.goal)
             if word is not None:
                 session.offer(word)
-            # A free word from the start may be all that was wanted: then nothing is posed, which takes 0.1 ms, a
-            # seventh of a question to a `Planner`, but for what shows the faults of a user's planner.
+            # If a free steering path from the start is enough, skip OMPL: this saves 0.1 ms, a seventh of a `Planner`
+            # query. A user's planner is always built, so that its errors show.
             if session.finished and isinstance(self._make, type) and not is_of_others(self._make):
                 return session.best_path
             self._information, self._definition = pose_problem(session, self._box, self._heading_length)
@@ -119,18 +119,18 @@ class Search:
 def _made(make: Factory, information: PushInformation) -> Any:
     planner = make(information)
     if not isinstance(planner, ob.Planner):
-        raise PlanningError(f"a {type(planner).__name__} is no planner; allowed: an ompl.base.Planner")
+        raise PlanningError(f"a {type(planner).__name__} is not a planner; allowed: an ompl.base.Planner")
     return planner
 
 
 def _until(session: Session, target: int) -> Callable[[], bool]:
-    """Return what tells OMPL, which asks before every extension, that a session is finished or is that far."""
+    """Return OMPL's stopping condition: the session is finished or has made `target` extensions."""
     most = session.budget.iterations
     if most is not None:
         target = min(target, session.extensions + most - session.iterations)
 
     def over() -> bool:
-        if session.extensions < target and session.extensions % 16:  # a look at the clock every 16
+        if session.extensions < target and session.extensions % 16:  # check the clock at every 16th
             return False
         return session.extensions >= target or session.over()
 

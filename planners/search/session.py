@@ -1,4 +1,4 @@
-"""One search: its best path, what ends it, and how paths get better."""
+"""State of one search: its best path, its stopping rule and the improvement of paths."""
 
 from __future__ import annotations
 
@@ -17,21 +17,19 @@ from pushplan.util.arrays import FloatArray
 
 @dataclass(frozen=True)
 class StopRule:
-    """When a planner stops.
+    """Stopping rule of a search.
 
     Attributes:
-        time_limit: Wall-clock seconds, at most.
-        stall: Stop after this many iterations without a better path, once there is one, and after more where it is
-            far above the lower bound (`session.DOUBTFUL`). Runs that end so, not by the time limit, repeat bit by
-            bit.
-        gap: Stop when the cost exceeds the lower bound by no more than this share.
-        first: Stop at the first path.
-        iterations: Stop after this many iterations, at most; None sets no limit. Unlike the time limit it ends the
-            same search at the same place on every machine.
-        enough: Share of the iterations where they are given, else of the time, after which a search that has a path
-            is over.
-        stop: Asked now and then whether the search has to end at once.
-        explaining: Seconds of the time limit that are kept, while there is no path, to find out why.
+        time_limit: Limit of the wall-clock time, s.
+        stall: Number of iterations without a better path after which a search with a path stops. It grows if the path
+            is far above the lower bound (`session.DOUBTFUL`). A run that stops this way repeats bit by bit.
+        gap: Relative gap to the lower bound at which the search stops.
+        first: Whether to stop at the first path.
+        iterations: Maximum number of iterations; None for no limit. Unlike the time limit, it stops a search at the
+            same point on every machine.
+        enough: Share of the budget (iterations if given, else time) after which a search with a path stops.
+        stop: Called regularly; returns whether to stop at once.
+        explaining: Time reserved for a diagnosis while there is no path, s.
     """
 
     time_limit: float
@@ -44,13 +42,13 @@ class StopRule:
     explaining: float = 0.0
 
     def used(self, seconds: float, iterations: int) -> float:
-        """Return the share of the iterations, where they are given, else of the time, that is spent."""
+        """Return the used share of the budget: of the iterations if given, else of the time."""
         if self.iterations is None:
             return seconds / self.time_limit if self.time_limit > 0.0 else 1.0
         return iterations / self.iterations
 
     def is_used_up(self, seconds: float, iterations: int, share: float = 1.0) -> bool:
-        """Return whether a share of the iterations or of the time is spent, or all of the time, or `stop` says so."""
+        """Return whether a share of the budget or all of the time is used up, or `stop` returns true."""
         if self.stop is not None and self.stop():
             return True
         if self.iterations is None:
@@ -62,12 +60,12 @@ class Incumbent:
     """The best path so far.
 
     Args:
-        objective: What makes one path better than another.
+        objective: Objective that ranks paths.
 
     Attributes:
-        arcs: (k, 4) its twists and lengths, None while there is none.
-        value: What the objective says of it; infinite while there is none.
-        cost: Its travel, m; infinite while there is none.
+        arcs: (k, 4) twists and lengths; None if there is no path.
+        value: Value of the objective; infinite if there is no path.
+        cost: Travel, m; infinite if there is no path.
     """
 
     def __init__(self, objective: Objective) -> None:
@@ -77,15 +75,15 @@ class Incumbent:
 
     @property
     def horizon(self) -> float:
-        """Cost (m) from which on no path can be better; infinite while there is none.
+        """Cost (m) at which no path can be better; infinite if there is no path.
 
-        That is what its value would buy at the lowest rate, on a single arc.
+        A single arc at the lowest rate with this cost has the value of the best path.
         """
         return (self.value - self._objective.per_arc) / self._objective.lowest
 
     @property
     def bound(self) -> float:
-        """Cost that a path has to stay below to be better, m."""
+        """Cost below which a path can be better, m."""
         return self.horizon - GAIN
 
     def value_of(self, arcs: FloatArray) -> float:
@@ -102,48 +100,47 @@ class Incumbent:
 
 
 CHUNK = 128
-"""Extensions between two looks at the clock."""
+"""Number of extensions between two checks of the clock."""
 
 REFINE_CHUNK = 2_000
-"""Changes tried on the best path between two rounds of search."""
+"""Number of changes tried on the best path between two rounds of search."""
 
 WORTHWHILE = 1e-3
-"""Share of the cost that an improvement has to save to put off the end by stalling."""
+"""Relative saving from which an improvement resets the count of stalled iterations."""
 
 DOUBTFUL = 0.5
-"""Share above the lower bound from which on a path may well lead through a wrong passage."""
+"""Relative gap to the lower bound above which a path may lead through a wrong passage."""
 
 MOST_DOUBT = 2.0
-"""Share from which on it makes no difference: the bound may be next to nothing."""
+"""Relative gap above which the doubt stays constant, because the lower bound may be nearly zero."""
 
 DOUBT = 8.0
-"""A search with a path that is doubtful by a share more stalls after 1 + DOUBT times that share as many iterations.
+"""Factor of the doubt (gap above `DOUBTFUL`) in the stall limit: `stall` (1 + DOUBT doubt) iterations.
 
-Of 60 runs of 2 s on the three older dense scenes, 93 % so end within 1 % of the best known, none more than 20 % off;
-87 % and four without.
+Of 60 runs of 2 s on the three older dense scenes, 93 % end within 1 % of the best known cost, and none more than 20 %
+above it. Without this factor, 87 % do, and four end more than 20 % above it.
 """
 
 
 class Session:
-    """State of a search that planners drive and the caller reads afterwards.
+    """State of a search. Planners update it, and the caller reads it afterwards.
 
     Args:
-        problem: What to plan.
+        problem: Push problem.
         start: (3,) pose of the chain frame in the world.
-        budget: When it is over.
-        seed: Of the random numbers.
-        on_progress: Called with every better path, its cost (m), the iterations and the seconds until then.
-        hopeless: Asked, with the seconds that the search has taken, whether there is no path, as long as none is
-            found.
-        common: What it has in common with others; None where it is the only one.
+        budget: Stopping rule.
+        seed: Seed of the random numbers.
+        on_progress: Called with every better path, its cost (m), and the iterations and seconds so far.
+        hopeless: Called with the seconds of the search while there is no path; returns whether none exists.
+        common: Data shared with other searches; None if there are none.
 
     Attributes:
-        problem: What to plan.
+        problem: Push problem.
         start: (3,) pose of the chain frame in the world.
         random: (1,) state of the random generator.
-        best: The best path.
-        common: What it has in common with other searches.
-        stop: What tells planners that the search is over; by default when the budget is used up (`settled`).
+        best: Best path.
+        common: Data shared with other searches.
+        stop: Stopping condition for planners; by default `settled`.
     """
 
     def __init__(
@@ -172,12 +169,12 @@ class Session:
 
     @property
     def extensions(self) -> int:
-        """Arcs propagated, by all searches."""
+        """Number of arcs propagated by all searches."""
         return self.common.extensions
 
     @property
     def iterations(self) -> int:
-        """Arcs propagated, some as a share of one, and shortcuts tried, by all searches."""
+        """Number of arcs propagated (some count partly) and shortcuts tried, by all searches."""
         return self.common.iterations
 
     @property
@@ -187,22 +184,22 @@ class Session:
 
     @property
     def lower_bound(self) -> float:
-        """Cost that no path can beat, m: straight travel and the smallest turn, or a higher one that is known."""
+        """Lower bound of the cost, m: straight travel and the smallest turn, or a higher known bound."""
         return max(self._lower_bound, remaining(self.start, self.problem.goal))
 
     def raise_lower_bound(self, cost: float) -> None:
-        """Take over a cost (m) that no path can beat."""
+        """Raise the lower bound to a cost (m), if that is higher."""
         self._lower_bound = max(self._lower_bound, cost)
 
     @property
     def best_path(self) -> PushPath | None:
-        """The best path, if there is one."""
+        """The best path; None if there is none."""
         return None if self.best.arcs is None else PushPath.of_arcs(self.start, self.best.arcs)
 
     def near_best(self, shares: Sequence[float]) -> list[PushPath]:
-        """Return the first paths whose values exceed the best one's by no more than some shares, the last one first.
+        """Return for each share the first path within it of the best value, latest first.
 
-        The best path itself is not among them.
+        The best path itself is left out.
         """
         within = ((1.0 + share) * self.best.value for share in shares)
         firsts = {next(k for k, (value, _) in enumerate(self._taken) if value <= most) for most in within}
@@ -210,7 +207,7 @@ class Session:
 
     @property
     def nearest_path(self) -> PushPath:
-        """The path that ends nearest to the goal, as long as there is none to it."""
+        """The path that ends nearest to the goal, kept while no path reaches it."""
         return PushPath.of_arcs(self.start, self.common.nearest.arcs)
 
     @property
@@ -219,17 +216,17 @@ class Session:
         return self.stop()
 
     def take_turn(self, iterations: float, share: float) -> None:
-        """Go on, after the search that had the turn before, until a turn is over or there is a path.
+        """Begin a turn. It ends after some iterations, at a share of the budget, or with a path.
 
         Args:
-            iterations: So many, which takes a search to the same place on every machine.
-            share: Of the whole budget, for planners whose iterations take long.
+            iterations: Iterations of the turn. They take a search to the same point on every machine.
+            share: Share of the whole budget, for planners with slow iterations.
         """
         self._turn_ends, self._turn_share = self.iterations + iterations, share
 
     @property
     def turn_over(self) -> bool:
-        """Whether another search is to go on, as long as there is no path."""
+        """Whether the turn is over without a path, so that another search continues."""
         if self.solved:
             return False
         if self.iterations >= self._turn_ends:
@@ -238,48 +235,47 @@ class Session:
 
     def over(self) -> bool:
         """Return whether the search or its turn is over."""
-        return bool(self.settled() or self.turn_over)  # OMPL takes no other kind
+        return bool(self.settled() or self.turn_over)  # OMPL accepts only bool
 
     def settled(self) -> bool:
-        """Return whether the budget is used up, nothing is left to gain, or it is known that there is no path."""
+        """Return whether the budget is used up, no gain is possible, or it is proven that no path exists."""
         budget, seconds = self.budget, self.common.seconds
         share = budget.enough
         if not self.solved:
             share, seconds = 1.0, seconds + budget.explaining
         if budget.is_used_up(seconds, self.iterations, share):
             return True
-        if not self.solved:  # time must not tell where iterations end the search
+        if not self.solved:  # a limit of iterations must not depend on time
             return self._hopeless is not None and budget.iterations is None and self._hopeless(self.common.seconds)
         if budget.first or self.best.horizon <= self.lower_bound * (1.0 + budget.gap) + 1e-12:
             return True
         return self.iterations - self._improved_at >= budget.stall * (1.0 + DOUBT * self._doubt())
 
     def _doubt(self) -> float:
-        """Share of the lower bound by which the best path's cost is doubtful."""
+        """Return the relative gap of the best path above `DOUBTFUL`, up to `MOST_DOUBT`."""
         above = self.best.horizon / max(self.lower_bound, 1e-300) - 1.0
         return min(max(above, DOUBTFUL), MOST_DOUBT) - DOUBTFUL
 
     def note_nearest(self, poses: FloatArray, way_to: Callable[[int], FloatArray]) -> None:
-        """While there is no path, keep the way to that one of a tree's poses (n, 3) which is nearest to the goal.
+        """While there is no path, keep the path to the tree node nearest to the goal.
 
         Args:
-            poses: Of its nodes.
-            way_to: Returns the arcs (k, 4) from the start to a node, by its number.
+            poses: (n, 3) poses of the nodes.
+            way_to: Returns the arcs (k, 4) from the start to a node, by index.
         """
         node = -1 if self.solved else self.common.nearest.nearer(poses)
         if node >= 0:
             self.common.nearest.take(way_to(node), poses[node])
 
     def spent(self, extensions: int, iterations: int | None = None) -> None:
-        """Count arcs that were propagated, and iterations: as many, if it is not said."""
+        """Count propagated arcs and iterations, by default as many."""
         self.common.extensions += extensions
         self.common.iterations += extensions if iterations is None else iterations
 
     def offer(self, arcs: FloatArray) -> None:
-        """Take a path (k, 4) to the goal into account, as it is and polished while it promises to be the best.
+        """Consider a path (k, 4) to the goal, and polish it while it can still become the best.
 
-        A first path that is all that is wanted is only cut short: that takes less time than its needless arcs do
-        when they are timed.
+        If a first path is enough, it is only cut short. This takes less time than timing its needless arcs.
         """
         arcs = improve.merged(arcs)
         self.take(arcs)
@@ -291,13 +287,13 @@ class Session:
             arcs = self._polished(arcs, 1_000)
             self.take(arcs)
             now = self.best.value_of(arcs)
-            # Each round saves less than the one before: from 3 times this round's saving on there is no hope.
+            # Each round saves less than the one before. Give up if 3 times this round's saving is not enough.
             if self.finished or now - 3.0 * (before - now) > self.best.value:
                 return
             before = now
 
     def refine(self) -> None:
-        """Go on polishing the best path, if there is one."""
+        """Polish the best path further, if there is one."""
         if self.best.arcs is None or self.budget.first:
             return
         before = self.best.value
@@ -306,7 +302,7 @@ class Session:
         self._refining = REFINE_CHUNK if gained else max(REFINE_CHUNK // 8, self._refining // 2)
 
     def _polished(self, arcs: FloatArray, attempts: int) -> FloatArray:
-        chunk = 125  # between two looks at the clock
+        chunk = 125  # between two checks of the clock
         for _ in range(0, attempts, chunk):
             if self.finished:
                 break

@@ -111,7 +111,7 @@ def test_a_box_in_a_corner_that_no_push_gets_out_of_is_said_so(problem: Problem)
     assert found.planning_s < 30.0
     assert found.diagnosis[0].cause == "boxed in"
     assert found.diagnosis[0].proven
-    assert "the robot has no room before any face" in found.reason
+    assert "the robot has no room before any allowed face" in found.reason
 
 
 def test_a_goal_that_no_robot_can_back_off_from_is_said_so(problem: Problem) -> None:
