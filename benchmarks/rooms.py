@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import resource
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -185,6 +186,7 @@ def main() -> None:
     print(f"solved {solved}, by greedy {by_greedy}, only by greedy {lost}, fewer delivered than greedy {fewer}")
     if firsts:
         print(f"first plan, CPU: median {np.median(firsts):.2f} s, largest {max(firsts):.2f} s")
+    print(f"memory at most {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB, greedy included")
 
 
 if __name__ == "__main__":

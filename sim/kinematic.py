@@ -44,20 +44,24 @@ def execute(scenario: Scenario, segments: tuple[Segment, ...], planned: str) -> 
     def unknown(*each: int) -> FloatArray:
         return np.full((len(t), *each), np.nan)
 
-    judge, count = "", len(names)
-    known = {"margins": unknown(count), "dynamic_margins": unknown(count), "needed_forces": unknown()}
+    judge, count, loss, columns = "", len(t), None, len(names)
+    inertia = scenario.pusher.limits.contact == "dynamic"
+    known = {"margins": unknown(columns), "dynamic_margins": unknown(columns), "needed_forces": unknown()}
     for k, segment in enumerate(segments):
         if segment.pushes and segment.load is not None:
             inside, moved = _samples(owner, k), [names.index(name) for name in segment.load.names]
             judge, found = contacts_along(segment, planned, t[inside] - (ends[k] - segment.duration))
             for name, values in found.items():
                 if name not in known:
-                    known[name] = unknown(*((count, *values.shape[2:]) if values.ndim > 1 else ()))
+                    known[name] = unknown(*((columns, *values.shape[2:]) if values.ndim > 1 else ()))
                 known[name][inside if values.ndim == 1 else (inside, moved)] = values
-    margins = known["margins"]
-    deciding = np.fmin(margins, known["dynamic_margins"]) if scenario.pusher.limits.contact == "dynamic" else margins
-    lost = np.flatnonzero((columns_of(deciding) <= 0.0).any(axis=0))
-    count = int(lost[0]) + 1 if len(lost) else len(t)
+            deciding = np.fmin(found["margins"], found["dynamic_margins"]) if inertia else found["margins"]
+            lost = np.flatnonzero((columns_of(deciding) <= 0.0).any(axis=0))
+            if len(lost):
+                i = inside.start + int(lost[0])
+                loss = _loss(segment, k, float(t[i]), poses[i], deciding[lost[0]])
+                count = i + 1
+                break
     return Execution(
         names,
         judge,
@@ -66,7 +70,7 @@ def execute(scenario: Scenario, segments: tuple[Segment, ...], planned: str) -> 
         trajectory.twists[:count],
         objects[:count],
         owner[:count],
-        loss=_loss(segments, t, poses, owner, names, deciding, count - 1) if len(lost) else None,
+        loss=loss,
         goal_error=worst_at_goal(scenario, objects[count - 1]),
         **{name: values[:count] for name, values in known.items()},
     )
@@ -155,18 +159,9 @@ def _timed(segment: Segment) -> Trajectory:
     return segment.trajectory
 
 
-def _loss(
-    segments: tuple[Segment, ...],
-    t: FloatArray,
-    poses: FloatArray,
-    owner: np.ndarray,
-    names: tuple[str, ...],
-    margins: FloatArray,
-    i: int,
-) -> StabilityLoss:
-    column = int(np.nanargmin(margins[i]))
-    k = int(owner[i])
-    load = segments[k].pushed_load
-    x, y, theta = (float(value) for value in poses[i])
-    contact = load.contact_name(names[column])
-    return StabilityLoss(float(t[i]), k, names[column], contact, float(margins[i, column]), (x, y, theta))
+def _loss(segment: Segment, k: int, time: float, pose: FloatArray, margins: FloatArray) -> StabilityLoss:
+    """Return the loss of the contact with the smallest margin (n,) in segment k, the plate frame at a pose (3,)."""
+    load, column = segment.pushed_load, int(np.nanargmin(margins))
+    name = load.names[column]
+    x, y, theta = map(float, pose)
+    return StabilityLoss(time, k, name, load.contact_name(name), float(margins[column]), (x, y, theta))
