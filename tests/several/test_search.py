@@ -20,6 +20,7 @@ from pushplan.planners.multi.contact_modes import ContactMode, find_modes
 from pushplan.planners.multi.multi_push import MultiPushSearch
 from pushplan.planners.multi.room import Query, lower_bounds
 from pushplan.planners.multi.search import Limits, search
+from pushplan.planners.multi.transfers import plates_after
 from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
@@ -176,6 +177,22 @@ def test_more_search_never_makes_a_plan_worse_and_none_beats_the_bound(problem: 
     for step in found.best.steps:
         to, on = lower_bounds(room, question, step.after[None])
         assert float(to[0] + on[0]) <= found.best.cost + 1e-9
+
+
+def test_costs_to_go_begin_where_the_plate_is_after_the_retreat(problem: Problem) -> None:
+    """Of every contact with every goal, as a plan drives there; the plate stands beside the middle of a face."""
+    pusher = {"faces": "all", "offsets": ["-20 mm", "30 mm"]}
+    goals = [{"pose": pose, "of": "b0"} for pose in ([1.0, 0.8, 0.5], [-0.9, 1.2, -2.0])]
+    for goal in goals:
+        scenario = problem("car", pusher=pusher, goal=[goal, *(one for one in goals if one is not goal)])
+        room, found = prepared_of(scenario).room(0), plan(scenario, first=True, time_limit=60.0)
+        push, retreat = found.segments[-2:]
+        assert retreat.kind == "retreat"
+        ends = np.array([scenario.load.start_for(retreat.after["b0"]), np.zeros(3)])
+        plates = plates_after(room, ends).reshape(len(room.contacts), len(ends), 3)
+        mine = [k for k, contact in enumerate(room.contacts) if contact.mode.load.links == there(push.load).links]
+        assert len(mine) == 1
+        assert max(se2.pose_error(plates[mine[0], 0], retreat.path.end)) < 1e-6
 
 
 def test_two_pushes_move_a_box_aside_where_one_takes_six_metres(problem: Problem) -> None:

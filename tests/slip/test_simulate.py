@@ -3,6 +3,7 @@
 import runpy
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,9 @@ import pushplan
 import pushplan.core.slip as slip
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry import se2
-from pushplan.mechanics.chain import PushedObject
+from pushplan.mechanics.chain import PLATE, Chain, Contact, PushedObject
 from pushplan.mechanics.support import FeetSupport, UniformSupport, UnknownSupport
-from pushplan.scenario.parts import PolygonObstacle
+from pushplan.scenario.parts import CircleObstacle, PolygonObstacle
 from pushplan.sim.report import ContactReport, Mode
 from pushplan.sim.slip import simulate_poses
 from pushplan.slip.simulator import SlipSimulator
@@ -99,6 +100,84 @@ def test_nothing_goes_through_walls_obstacles_or_one_another() -> None:
     bodies = [*last, plate, shapely.Polygon(wall.outline)]
     depths = [shapely.intersection(a, b).area / 0.1 for i, a in enumerate(bodies) for b in bodies[:i]]
     assert max(depths) < 2e-5
+
+
+def scattered(seed: int) -> World:
+    """Four polygons at random headings, every other one not convex, before a turned plate; a triangle and a disc."""
+    rng = np.random.default_rng(seed)
+    chain = make.boxes(1, size=(0.08, 0.12), pusher_friction=float(rng.uniform(0.1, 0.5)))
+    start, beside = np.array([0.4, -0.3, rng.uniform(-3.0, 3.0)]), []
+    for k in range(4):
+        outline = make.star(rng, int(rng.integers(3, 7)), 0.07)
+        outline = outline if k % 2 else shapely.get_coordinates(shapely.MultiPoint(outline).convex_hull)[-1:0:-1]
+        obj = PushedObject(f"o{k}", outline, float(rng.uniform(0.3, 2.0)), 0.3, UniformSupport(outline), np.zeros(3))
+        contact = Contact(np.array([-0.1, -0.01]), np.array([-0.1, 0.01]), 0.3, 0, PLATE)
+        place = np.array([0.17 + 0.13 * (k // 2), 0.16 * (k % 2 - 0.5), rng.uniform(-3.0, 3.0)])
+        beside.append(World.from_chain(Chain((obj,), (contact,), chain.pusher), se2.compose(start, place)))
+    corners = se2.transform_points(start, np.array([[0.42, -0.05], [0.5, -0.2], [0.5, 0.0], [0.42, 0.1]]))
+    obstacles = (PolygonObstacle(corners[:3]), CircleObstacle(corners[3], 0.05))
+    world = World.from_chain(chain, start)
+    return replace(world, beside=tuple(beside), obstacles=obstacles, other_friction=0.15)
+
+
+@pytest.mark.parametrize("seed", [1, 3, 8])
+def test_what_moves_is_touched_and_nothing_is_entered(seed: int) -> None:
+    """Bodies that stand and touch anyhow, corner to corner and face to face; shapely says where they are."""
+    world, rng = scattered(seed), np.random.default_rng(seed)
+    simulator, (wall, disc), entered, moved = SlipSimulator(world), world.obstacles, 0.0, 0
+    assert isinstance(wall, PolygonObstacle)
+    assert isinstance(disc, CircleObstacle)
+    still = [shapely.Polygon(wall.outline), shapely.Point(disc.center).buffer(disc.radius, quad_segs=400)]
+    before = simulator.object_poses.copy()
+    for _ in range(160):
+        motion = np.array([8e-4, rng.uniform(-4e-4, 4e-4), rng.uniform(-8e-3, 8e-3)])
+        trace, now = simulator.follow(motion[None]), simulator.object_poses.copy()
+        assert np.isin(trace.end, (slip.CONVERGED, slip.FALLBACK)).all()
+        outlines = [*(obj.outline for obj in world.objects), world.chain.pusher.outline]
+        placed = map(se2.transform_points, (*now, simulator.plate_pose), outlines)
+        bodies = [*map(shapely.Polygon, placed), *still]
+        pairs = np.array([[a, b] for i, a in enumerate(bodies) for b in bodies[:i]])
+        entered = max(entered, float(shapely.area(shapely.intersection(*pairs.T)).max()))
+        gaps = shapely.distance(np.array(bodies)[:, None], np.array(bodies)) + np.eye(len(bodies))
+        gone = np.abs(now - before).max(axis=1) > 1e-9
+        assert (gaps.min(axis=1)[: len(now)][gone] < 6e-4).all()  # it was touched in the middle of the step
+        before, moved = now, moved + int(gone.sum())
+    assert entered < 1e-7
+    assert moved > 200
+
+
+@pytest.mark.parametrize(
+    ("end", "jammed", "stalled"),
+    [
+        (slip.CONVERGED, False, False),
+        (slip.FALLBACK, False, False),
+        (slip.UNSOLVED, True, False),
+        (slip.JAMMED, True, False),
+        (slip.STALLED, False, True),
+    ],
+)
+def test_after_a_step_without_a_solution_nothing_moves_until_objects_are_placed(
+    end: int, jammed: bool, stalled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    counts: list[int] = []
+
+    class Ending:
+        def __init__(self, *_: object) -> None: ...
+
+        def march(self, motions: FloatArray, _: float) -> SimpleNamespace:
+            counts.append(len(motions))
+            return SimpleNamespace(end=np.array([slip.CONVERGED, end][: len(motions)]))
+
+    monkeypatch.setattr(slip, "Simulation", Ending)
+    world = World.from_chain(make.boxes(1))
+    simulator = SlipSimulator(world)
+    simulator.follow(np.zeros((2, 3)))
+    assert (simulator.jammed, simulator.stalled) == (jammed, stalled)
+    simulator.follow(np.zeros((2, 3)))
+    assert counts == [2, 0 if jammed else 2]
+    simulator.place(world.object_poses, world.start)
+    assert not simulator.jammed
+    assert not simulator.stalled
 
 
 def test_a_box_driven_square_into_a_wall_is_a_jam() -> None:
