@@ -84,7 +84,7 @@ def test_a_pipe_gets_the_bytes_and_stays_a_pipe(tmp_path: Path) -> None:
 
 def test_a_pipe_that_nobody_reads_is_refused_at_once(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(OutputError, match="nobody reads this pipe; begin with its reader"):
+    with pytest.raises(OutputError, match="this pipe has no reader; start the reader first"):
         write_whole(tmp_path / "pipe", b"")
 
 
@@ -117,7 +117,7 @@ def test_the_file_into_which_the_program_talks_is_not_replaced(tmp_path: Path) -
         with path.open("w") as file:
             os.dup2(file.fileno(), 1)
         for name in (path, Path("/dev/stdout")):
-            with pytest.raises(OutputError, match="what the command says goes into this file"):
+            with pytest.raises(OutputError, match="the command's own output goes to this file"):
                 check_output(name)
     finally:
         os.dup2(saved, 1)

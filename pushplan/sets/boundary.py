@@ -1,6 +1,6 @@
-"""The boundary of a stable set along meridians of the twist sphere, and the peaks of its margin.
+"""Finds the boundary of a stable set along meridians of the twist sphere, and the peaks of its margin.
 
-Between meridians it is followed, refined where it bends, and taken apart into intervals.
+The boundary is followed from meridian to meridian and refined if it bends; on each meridian it bounds intervals.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from pushplan.sets.intervals import PROMISING, Brackets, Family, find_intervals,
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 MarginFunction = Callable[[FloatArray, float], FloatArray]
-"""margin(twists (k, 3), floor) -> (k,); values at or below the floor need not be exact, only not above it."""
+"""margin(twists (k, 3), floor) -> (k,): exact above the floor; other values are any numbers up to the floor."""
 
 
 class Asked(NamedTuple):
-    """Which boundary is sought: where the margin of a set exceeds a minimum.
+    """Definition of a boundary: the points at which the margin of a set falls below a minimum.
 
     Attributes:
-        margin: Of the set.
+        margin: Margin of the set.
         length: Characteristic length, m.
         minimum: Margin that stable twists exceed.
     """
@@ -35,7 +35,7 @@ class Asked(NamedTuple):
     minimum: float
 
     def excess(self, longitude: FloatArray) -> Family:
-        """Return f(i, latitude): by how much the margin exceeds the minimum on the meridian at `longitude[i]`.
+        """Return f(i, latitude): the margin minus the minimum on the meridian at `longitude[i]`.
 
         Values at or below -`PROMISING` need not be exact.
         """
@@ -53,11 +53,11 @@ class Table(NamedTuple):
     """Meridians and their intervals.
 
     Attributes:
-        at: (m,) longitudes, rad.
-        counts: (m,) number of intervals on each.
-        ends: (m, c, 2) their lower and upper ends, rad; nan beyond the counts.
-        bend: (m, c, 2) how far an end is from the great circle between the neighbours that the meridian was put
-            between, divided by the product of the distances from both, 1/rad; nan where that is not known.
+        at: Longitudes (m,), rad.
+        counts: Number of intervals (m,) on each meridian.
+        ends: Lower and upper ends (m, c, 2) of the intervals, rad; nan beyond the counts.
+        bend: Distance (m, c, 2) of an end from the great circle between the two meridians that the new one was put
+            between, divided by the product of the distances from both, 1/rad; nan if it is not known.
     """
 
     at: FloatArray
@@ -67,7 +67,7 @@ class Table(NamedTuple):
 
     @classmethod
     def of(cls, at: FloatArray, member: IntArray, ends: FloatArray) -> Table:
-        """Return meridians at longitudes (m,) with the intervals `ends` (k, 2) of the members (k,), in order."""
+        """Return meridians at longitudes (m,) with the intervals `ends` (k, 2) of the sorted members (k,)."""
         counts = np.bincount(member, minlength=len(at))
         slot = np.arange(len(member)) - (np.cumsum(counts) - counts)[member]
         table = np.full((2, len(at), max(counts.max(initial=0), 1), 2), np.nan)
@@ -75,7 +75,7 @@ class Table(NamedTuple):
         return cls(at, counts, table[0], table[1])
 
     def joined(self, other: Table) -> Table:
-        """Return these meridians, and others after them."""
+        """Return these meridians followed by those of another table."""
         width = max(self.ends.shape[1], other.ends.shape[1])
         one, more = self._widened(width), other._widened(width)
         return Table(
@@ -86,17 +86,17 @@ class Table(NamedTuple):
         )
 
     def replaced(self, index: IntArray, other: Table) -> Table:
-        """Return the table with others in the place of the meridians `index`."""
+        """Return the table with the meridians `index` replaced by those of another table."""
         kept = np.arange(len(self.at))
         kept[index] = len(self.at) + np.arange(len(index))
         return self.joined(other).chosen(kept)
 
     def chosen(self, index: IntArray) -> Table:
-        """Return some of the meridians."""
+        """Return the meridians with the given indices."""
         return Table(self.at[index], self.counts[index], self.ends[index], self.bend[index])
 
     def meridians(self) -> Meridians:
-        """Return the rows of all intervals."""
+        """Return all intervals as rows."""
         rows = self.ends[np.arange(self.ends.shape[1]) < self.counts[:, None]]
         return Meridians(np.repeat(self.at, self.counts), rows[:, 0], rows[:, 1])
 
@@ -112,17 +112,17 @@ FLOOR = -0.8
 _SHAPE = (96, 49)
 _STEPS = 48
 _STEEPEST = 1e3
-"""Slope of a margin, 1/rad, above which no peak is hoped for."""
+"""Assumed largest slope of a margin towards a peak, 1/rad."""
 _TURN = np.pi * (3.0 - np.sqrt(5.0))
 
 
 class SphereSamples(NamedTuple):
-    """Margins at equally spaced places.
+    """Margins at equally spaced points of the twist sphere.
 
     Attributes:
-        longitude: (n + 1,) from -pi to pi, rad.
-        latitude: (s,) from pole to pole, rad.
-        value: (n + 1, s) margins, exact above the floor.
+        longitude: Longitudes (n + 1,) from -pi to pi, rad.
+        latitude: Latitudes (s,) from pole to pole, rad.
+        value: Margins (n + 1, s), exact above the floor.
     """
 
     longitude: FloatArray
@@ -131,7 +131,7 @@ class SphereSamples(NamedTuple):
 
     @classmethod
     def of(cls, margin: MarginFunction, length: float, floor: float, shape: tuple[int, int]) -> SphereSamples:
-        """Return the margins of a set with a characteristic length, m, at so many longitudes and latitudes."""
+        """Return margins at `shape` longitudes and latitudes; `length` is the characteristic length, m."""
         longitude, latitude = np.linspace(-np.pi, np.pi, shape[0] + 1), np.linspace(-POLE, POLE, shape[1])
         twists = twists_at(longitude[:-1, None], latitude[None, :], length)
         value = margin(twists.reshape(-1, 3), floor).reshape(shape)
@@ -140,8 +140,8 @@ class SphereSamples(NamedTuple):
     def maxima(self, floor: float) -> tuple[FloatArray, FloatArray]:
         """Return unit vectors (m, 3) and values (m,) of samples above the floor that no neighbour exceeds.
 
-        Those in the midst of a plateau, as where nothing rubs, are left out: no way leads up from there. Where every
-        twist is as stable as all others, the push straight ahead is the maximum.
+        Samples inside a plateau, for example without friction, are left out, because no neighbour is higher. If all
+        samples are equal, the push straight ahead is the maximum.
         """
         value = self.value[:-1]
         most, least = _around(np.maximum, value), _around(np.minimum, value)
@@ -153,14 +153,14 @@ class SphereSamples(NamedTuple):
         return twists_at(self.longitude[i], self.latitude[j], 1.0), value[i, j]
 
     def on_meridians(self, floor: float) -> FloatArray:
-        """Return the samples (k, 3) of longitudes where one is above the floor: index, latitude and value."""
+        """Return the samples (k, 3) of longitudes with a sample above the floor: index, latitude and value."""
         hope = np.flatnonzero(self.value.max(axis=1) > floor)
         latitude = np.tile(self.latitude, len(hope))
         return np.column_stack([np.repeat(hope, len(self.latitude)), latitude, self.value[hope].ravel()])
 
 
 def _around(of: np.ufunc, value: FloatArray) -> FloatArray:
-    """Return what is largest or smallest of samples and their neighbours, (n, s); the first row follows the last."""
+    """Return the largest or smallest value among each sample and its neighbours, (n, s), periodic in the rows."""
     beside = np.concatenate([value[-1:], value, value[:1]])
     rows = of(of(beside[:-2], value), beside[2:])
     beside = np.concatenate([rows[:, :1], rows, rows[:, -1:]], axis=1)
@@ -177,9 +177,9 @@ def margin_peaks(margin: MarginFunction, length: float) -> tuple[FloatArray, Flo
 def climb(
     margin: MarginFunction, length: float, at: FloatArray, values: FloatArray, first_step: float, goal: float = np.inf
 ) -> None:
-    """Move unit vectors (m, 3) with margins (m,) uphill, each until it is above the goal or cannot get there.
+    """Move unit vectors (m, 3) with margins (m,) uphill, each until it is above the goal or cannot reach it.
 
-    It is a pattern search whose directions turn, as margins have ridges: they are minima of many functions.
+    This is a pattern search. Its directions rotate, because margins are minima of many functions and have ridges.
     """
     step = np.full(len(at), first_step)
     for k in range(_STEPS):
@@ -191,14 +191,14 @@ def climb(
 
 
 _WIDER = (1.0, 10.0, 100.0)
-"""How many times farther than expected ends are looked for; next to a corner the second is what it takes."""
+"""Factors on the expected distance in the search for ends; next to a corner the second one is needed."""
 
 Gaps = tuple[IntArray, IntArray, FloatArray]
-"""Meridians (g,) of a table to the left and to the right, and longitudes (g,) between these."""
+"""Indices (g,) of the meridians to the left and to the right of gaps, and longitudes (g,) in the gaps."""
 
 
 def put_between(asked: Asked, table: Table, gaps: Gaps) -> tuple[Table, BoolArray]:
-    """Return the table with meridians put into gaps, and in which gaps (g,) the boundary is not flat yet."""
+    """Return the table with a new meridian in each gap, and whether the boundary still bends in each gap (g,)."""
     left, right, middle = gaps
     f, found = asked.excess(middle), []
     lost = table.counts[left] + table.counts[right] > 0
@@ -217,12 +217,12 @@ def put_between(asked: Asked, table: Table, gaps: Gaps) -> tuple[Table, BoolArra
 
 
 def search_again(asked: Asked, table: Table) -> tuple[Table, IntArray]:
-    """Search meridians with fewer intervals than a neighbour again, around those of both.
+    """Search again on meridians with fewer intervals than a neighbour, around the intervals of both neighbours.
 
-    The first and the last meridian are neighbours, or at the same place.
+    The first and the last meridian are neighbours or the same.
 
     Returns:
-        The table, and which meridians of it have more intervals than before.
+        The table, and the indices of the meridians that have gained intervals.
     """
     order = np.argsort(table.at)
     before, after = np.roll(order, 1), np.roll(order, -1)
@@ -242,20 +242,20 @@ def _searched(f: Family, table: Table, gaps: Gaps, chosen: IntArray) -> Brackets
 
 
 SMALLEST_GAP = 1e-6
-"""Longitudes between which intervals begin, end or merge are found to this angle, rad."""
+"""Resolution of the longitudes at which intervals begin, end or merge, rad."""
 _FIRST = (72, 37)
-"""Samples to begin with: 5 degrees apart."""
+"""Numbers of the first samples, which are 5 degrees apart."""
 
 
 @dataclass(frozen=True, eq=False)
 class RefinedMeridians:
-    """Intervals on meridians between which the boundary runs along great circles, to `boundary.FLATNESS`.
+    """Intervals on meridians; between these, the boundary follows great circles to within `boundary.FLATNESS`.
 
     Great circles of the twist sphere are straight lines of the COR plane.
 
     Attributes:
-        longitude: (m,) all longitudes looked at, from -pi to pi, rad.
-        meridians: The intervals found on them.
+        longitude: All searched longitudes (m,), from -pi to pi, rad.
+        meridians: Intervals on these longitudes.
     """
 
     longitude: FloatArray
@@ -265,7 +265,7 @@ class RefinedMeridians:
 def find_meridians(asked: Asked, longitude: FloatArray) -> Meridians:
     """Return all intervals of latitude with margin > minimum at longitudes (m,), rad.
 
-    The ends returned are inside: the margin exceeds the minimum there.
+    The margin also exceeds the minimum at the ends.
     """
     table = first_meridians(asked)
     order = np.argsort(table.at)
@@ -281,7 +281,7 @@ def find_meridians(asked: Asked, longitude: FloatArray) -> Meridians:
 
 
 def refine_meridians(asked: Asked) -> RefinedMeridians:
-    """Return the meridians of a set, halving gaps until the boundary is known to `boundary.FLATNESS`."""
+    """Return the meridians of a set, with gaps halved until the boundary is flat to `boundary.FLATNESS`."""
     table = first_meridians(asked)
     doubtful = np.arange(len(table.at))
     while len(doubtful):
@@ -294,7 +294,7 @@ def refine_meridians(asked: Asked) -> RefinedMeridians:
 
 
 def _refined(asked: Asked, table: Table, left: IntArray, right: IntArray) -> Table:
-    """Halve the gaps between meridians until the boundary is flat there."""
+    """Halve the gaps between meridians until the boundary is flat in them."""
     while True:
         wide = table.at[right] - table.at[left] > SMALLEST_GAP
         k = np.flatnonzero(wide & (table.counts[left] + table.counts[right] > 0))
@@ -308,9 +308,9 @@ def _refined(asked: Asked, table: Table, left: IntArray, right: IntArray) -> Tab
 
 
 def first_meridians(asked: Asked) -> Table:
-    """Return meridians a few degrees apart, and one through every component that samples lead to.
+    """Return meridians a few degrees apart, and one through every component that climbing from samples finds.
 
-    Where there is none, samples are as close together as those that peaks are found from.
+    If none of them has an interval, the samples are repeated with the spacing of `margin_peaks`.
     """
     table = _sampled_meridians(asked, _FIRST)
     return table if table.counts.any() else _sampled_meridians(asked, _SHAPE)

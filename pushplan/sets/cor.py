@@ -1,4 +1,4 @@
-"""Regions of centres of rotation, as polygons of the chain frame."""
+"""Computes regions of centres of rotation as polygons in the chain frame."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 def velocity_rows(forces: FloatArray, points: FloatArray, length: float) -> FloatArray:
     """Return the rows (..., 3) of gamma . v(x) for directions gamma (..., 2) at points x (..., 2).
 
-    v(x) = v + omega J x.
+    The velocity is v(x) = v + omega J x.
     """
     turn = forces[..., 1] * points[..., 0] - forces[..., 0] * points[..., 1]
     return np.stack(np.broadcast_arrays(forces[..., 0], forces[..., 1], turn / length), axis=-1)
 
 
 def unit_rows(rows: FloatArray, scale: float) -> FloatArray:
-    """Return rows (m, 3) scaled to length 1; those shorter than rounding of `scale` become 0, never > 0."""
+    """Return rows (m, 3) scaled to length 1; rows that are rounding errors relative to `scale` become 0."""
     size = np.linalg.norm(rows, axis=1, keepdims=True)
     kept = size > 1e-12 * scale
     return np.where(kept, rows / np.where(kept, size, 1.0), 0.0)
@@ -36,13 +36,13 @@ def smallest_sines(rows: FloatArray, owner: IntArray, twists: FloatArray, length
     """Return the sine (k, n) of the angle of twists (k, 3) to the nearest great circle of each contact.
 
     Args:
-        rows: (m, 3) unit rows.
-        owner: (m,) contact of each row, in increasing order, every contact at least once.
-        twists: In the chain frame, not zero.
+        rows: Unit rows (m, 3).
+        owner: Contact (m,) of each row, in increasing order, every contact at least once.
+        twists: Nonzero twists (k, 3) in the chain frame.
         length: Characteristic length, m.
     """
     scaled = twists * [1.0, 1.0, length]
-    scaled = scaled / np.abs(scaled).max(axis=1, keepdims=True)  # the square of a slow twist may be 0
+    scaled = scaled / np.abs(scaled).max(axis=1, keepdims=True)  # the square of a slow twist can be 0
     values = (scaled / np.linalg.norm(scaled, axis=1, keepdims=True)) @ rows.T
     return np.asarray(np.minimum.reduceat(values, np.searchsorted(owner, np.unique(owner)), axis=1))
 
@@ -51,7 +51,7 @@ def cor_polygon(rows: FloatArray, length: float, sense: int, window: Window | No
     """Return the CORs of one sense that satisfy all rows (m, 3), inside `window`: a convex polygon.
 
     Raises:
-        PushplanError: On another sense than +1 and -1, or an empty window.
+        PushplanError: If the sense is not +1 or -1, or the window is empty.
     """
     if sense not in (1, -1):
         raise PushplanError(f"sense is {sense}; it must be +1 (counter-clockwise) or -1 (clockwise)")
@@ -66,7 +66,7 @@ def cor_polygon(rows: FloatArray, length: float, sense: int, window: Window | No
 
 
 def _clipped(corners: FloatArray, height: FloatArray) -> FloatArray:
-    """Return the part (v, 2) of a convex polygon (u, 2) whose linear function `height` (u,) is positive."""
+    """Return the part (v, 2) of a convex polygon (u, 2) with a positive linear function `height` (u,)."""
     if not (height > 0.0).any():
         return np.empty((0, 2))
     parts = []
@@ -86,12 +86,12 @@ def cor_polygons(refined: RefinedMeridians, length: float, sense: int, window: W
     """Return the CORs of one sense inside `window`; see `StableSet.cor_region`.
 
     Raises:
-        PushplanError: On another sense than +1 and -1, or an empty window.
+        PushplanError: If the sense is not +1 or -1, or the window is empty.
     """
     if sense not in (1, -1):
         raise PushplanError(f"sense is {sense}; it must be +1 (counter-clockwise) or -1 (clockwise)")
     box = window_box(window, length)
-    # Strips run to the horizon: so much farther than the window that what they leave out of it is rounding.
+    # Strips extend so far beyond the window that the missing parts inside it are rounding errors.
     reach = 1e6 * float(np.abs(shapely.get_coordinates(box)).max())
     strips = [shapely.Polygon(outline) for outline in _strips(refined, length, sense, reach)]
     return shapely.union_all([shapely.make_valid(strip) for strip in strips]).intersection(box)
@@ -101,7 +101,7 @@ def window_box(window: Window | None, length: float) -> shapely.Polygon:
     """Return the window (None: the default one) as a box.
 
     Raises:
-        PushplanError: On an empty window.
+        PushplanError: If the window is empty.
     """
     if window is None:
         half = 4.0 * length
@@ -119,7 +119,7 @@ def _strips(refined: RefinedMeridians, length: float, sense: int, reach: float) 
 
 
 def _runs(refined: RefinedMeridians) -> list[FloatArray]:
-    """Return sequences (r, 3) of longitude, lower, upper that continue each other between meridians."""
+    """Return sequences (r, 3) of longitude, lower and upper end that continue from meridian to meridian."""
     done: list[list[FloatArray]] = []
     live: list[list[FloatArray]] = []
     for block in _blocks(refined):
@@ -144,7 +144,7 @@ def _blocks(refined: RefinedMeridians) -> list[FloatArray]:
 
 
 def _pairs(old: list[FloatArray], new: FloatArray) -> list[tuple[int, int]]:
-    """Return which intervals continue each other: in order, or where some end or merge, by overlap."""
+    """Return pairs of intervals that continue: in order, or by overlap if some of them begin, end or merge."""
     if len(old) == len(new):
         return [(j, j) for j in range(len(new))]
     overlap = np.array([[a[1] < b[2] and b[1] < a[2] for b in new] for a in old], dtype=np.bool_)
@@ -156,7 +156,7 @@ def _pairs(old: list[FloatArray], new: FloatArray) -> list[tuple[int, int]]:
 def _turning(run: FloatArray, sense: int) -> list[FloatArray]:
     """Return the parts (r, 3) of a run that turn with `sense`: longitude, lower and upper tan |latitude|.
 
-    Where an end crosses the equator between two meridians, a row is put in at the crossing.
+    If an end crosses the equator between two meridians, a row is inserted at the crossing.
     """
     lon, low, high = run[:, 0], np.tan(run[:, 1]), np.tan(run[:, 2])
     if sense < 0:
@@ -171,7 +171,7 @@ def _turning(run: FloatArray, sense: int) -> list[FloatArray]:
 
 
 def _with_crossings(rows: FloatArray, column: int) -> FloatArray:
-    """Return the rows with one more at every longitude where `column` goes through 0 along a great circle."""
+    """Return the rows with a new row at every longitude where `column` crosses 0 along a great circle."""
     a, b = rows[:-1], rows[1:]
     k = np.flatnonzero(a[:, column] * b[:, column] < 0.0)
     gap = b[k, 0] - a[k, 0]

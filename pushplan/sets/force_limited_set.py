@@ -1,4 +1,4 @@
-"""Stable pushes that take no more force than the robot has."""
+"""Stable pushes within the robot's force limit."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
 
 SPEEDING_UP = 1.05
-"""Factor by which the limit exceeds the force of sliding at least, where `breakaway` is smaller: at a floor friction
+"""Smallest ratio of the force limit and the force of sliding, for smaller values of `breakaway`. At a floor friction
 of 0.3 it leaves an acceleration of 0.15 m/s^2."""
 
 STEEPNESS = 1000.0
-"""By how much the margin falls with the share of the limit that is needed: of a margin of 0.05, 0.05 per mille of the
-force stay unused. A margin that jumps would leave root finding nothing to go by."""
+"""Slope of the margin over the used share of the force limit: a margin of 0.05 leaves 0.05 per mille of the force
+unused. The margin must be continuous for root finding."""
 
 _MERIDIANS, _LATITUDES, _ROUNDS = 256, 17, 4
 
 
 def too_heavy_ahead(stable: StableSet) -> str:
-    """Return that the push straight ahead takes too much force; empty where it does not."""
+    """Return a sentence if the push straight ahead takes too much force; empty otherwise."""
     return stable.too_heavy(np.array([[1.0, 0.0, 0.0]])) if isinstance(stable, ForceLimitedSet) else ""
 
 
 class ForceLimitedSet(StableSet):
-    """The twists of a set at which the plate can push its load, also from rest: a push may stop and begin anywhere.
+    """The twists of a set for which the robot has enough force, also from rest, as a push can stop anywhere.
 
-    Margins are those of the set where the force suffices, and negative where it does not; those of contacts are the
-    set's everywhere.
+    A margin is that of the inner set if the force suffices, and negative otherwise. The contact margins are always
+    those of the inner set.
 
     Args:
-        inside: The set.
-        force: That pushing the load takes.
-        limits: State the force of the robot and by how much friction at rest exceeds that of sliding.
+        inside: Inner set.
+        force: Force that pushing the load takes.
+        limits: Limits with the robot's force and the ratio of friction at rest and in motion.
     """
 
     def __init__(self, inside: StableSet, force: PushForce, limits: Limits) -> None:
@@ -47,7 +47,7 @@ class ForceLimitedSet(StableSet):
 
     @property
     def loads_known(self) -> bool:
-        """Whether the load distribution under every object is known, so that contact forces are."""
+        """Whether the load distribution under every object is known, and with it the contact forces."""
         return self.inside.loads_known
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
@@ -55,22 +55,22 @@ class ForceLimitedSet(StableSet):
         return self.inside.contact_margin_values(twists)
 
     def too_heavy(self, twists: FloatArray) -> str:
-        """Return that every one of some twists (k, 3) takes too much force; empty where one does not."""
+        """Return a sentence if all twists (k, 3) take too much force; empty otherwise."""
         least = float(self._force.steady(twists).min())
         return "" if least <= self._most else _sentence(self._force, least, self._limits)
 
     @property
     def left_out(self) -> str:
-        """How much of the set takes too much force, in a sentence."""
+        """Sentence with the share of the set that takes too much force."""
         all_pushes, possible = (one.area() for one in (self.inside, self))
         return (
             f"{100.0 * (1.0 - possible / all_pushes):.0f} % of the stable pushes, the straightest ones, take more "
-            f"force than robot.limits.force: {self._force.most_friction * begin_factor(self._limits):.4g} N "
-            f"at most, and it is {self._limits.force:.4g} N"
+            f"force than robot.limits.force, {self._limits.force:.4g} N: up to "
+            f"{self._force.most_friction * begin_factor(self._limits):.4g} N"
         )
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
-        """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
+        """Return the margins (k,) of checked twists (k, 3); margins below `floor` may be any number up to it."""
         margins = self.inside.margin_values(twists, floor)
         asked = margins > floor
         spare = STEEPNESS * (1.0 - self._force.steady(twists[asked]) / self._most)
@@ -79,15 +79,15 @@ class ForceLimitedSet(StableSet):
 
 
 def begin_factor(limits: Limits) -> float:
-    """Return by how much the force that a push has to have exceeds that of sliding."""
+    """Return the ratio of the required force of a push and the force of sliding."""
     return max(limits.breakaway, SPEEDING_UP)
 
 
 def within_force(stable: StableSet, force: PushForce, limits: Limits) -> StableSet:
-    """Return the part of a set that does not take more force than the robot has; the set where all of it is.
+    """Return the part of a set within the robot's force limit; the set itself if that is all of it.
 
     Raises:
-        EmptyStableSetError: If there is no such part.
+        EmptyStableSetError: If this part is empty.
     """
     if force.most_friction * begin_factor(limits) <= limits.force:
         return stable
@@ -98,10 +98,10 @@ def within_force(stable: StableSet, force: PushForce, limits: Limits) -> StableS
 
 
 def least_force(stable: StableSet, force: PushForce) -> float | None:
-    """Return the least force with which any stable push slides the load, N; None where the set is empty.
+    """Return the smallest force with which a stable push slides the load, N; None if the set is empty.
 
-    It is looked for on meridians of the twist sphere, then ever closer around the least; friction changes smoothly
-    with the twist, and the least lies mostly on the boundary of the set, where the meridians end.
+    The search evaluates meridians of the twist sphere, then refines around the minimum. Friction changes smoothly
+    with the twist, and the minimum is usually on the boundary of the set, where the stable intervals end.
     """
     meridians, length = stable.meridians(0.0, _MERIDIANS), stable.chain.characteristic_length
     if not len(meridians):
@@ -129,7 +129,7 @@ def _sentence(force: PushForce, least: float, limits: Limits) -> str:
     names = [f"'{obj.name}'" for obj in force.dynamics.chain.objects]
     who = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
     why = "to break away" if limits.breakaway >= SPEEDING_UP else "to speed up"
-    bound = "" if force.dynamics.exact else " for the least favourable of the stated loads and frictions"
+    bound = "" if force.dynamics.exact else " for the worst of the specified loads and frictions"
     return (
         f"pushing {who} takes at least {least * begin_factor(limits):.4g} N{bound}: {least:.4g} N to slide, "
         f"{begin_factor(limits):.3g} times as much {why}; robot.limits.force is {limits.force:.4g} N"

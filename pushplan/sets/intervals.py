@@ -1,4 +1,4 @@
-"""Roots, peaks and intervals of families of functions that are known by their values: all members at once."""
+"""Finds roots, peaks and positive intervals of many functions at once, from their values."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ import pushplan.core.boundary as boundary
 from pushplan.util.arrays import FloatArray, IntArray
 
 Family = Callable[[IntArray, FloatArray], FloatArray]
-"""f(i, x): value of member i (m,) of a family of functions at x (m,)."""
+"""f(i, x): values (m,) of members i (m,) of a family of functions at points x (m,)."""
 
 
 def inner_ends(f: Family, brackets: FloatArray) -> FloatArray:
-    """Return the last points (m,) with f > 0 on the way from the inside (f > 0) to the outside (f <= 0).
+    """Return the last points (m,) with f > 0 between an inside point (f > 0) and an outside point (f <= 0).
 
     Args:
-        f: Known by its values.
-        brackets: (m, 4) places inside and outside, and the values there.
+        f: Function that returns values.
+        brackets: Points inside and outside and their values, (m, 4).
     """
     search = boundary.RootSearch(brackets)
     while search:
@@ -38,12 +38,13 @@ def maximise(
     """Return the best points and values (m,) of golden-section searches; each stops once above `goal`.
 
     Args:
-        f: Known by its values.
-        low: (m,) where to begin.
-        high: (m,) where to end.
-        goal: Value that is enough.
-        iterations: Most values asked for after the first two.
-        ends: (m,) values at `low` and `high`. With them, hopeless searches are given up; see `boundary.PeakSearch`.
+        f: Function that returns values.
+        low: Lower ends (m,) of the search intervals.
+        high: Upper ends (m,) of the search intervals.
+        goal: Value above which a search stops.
+        iterations: Largest number of values after the first two.
+        ends: Values (m,) at `low` and at `high`. With them, searches without prospects stop early; see
+            `boundary.PeakSearch`.
     """
     search = boundary.PeakSearch(low, high, goal, iterations, ends)
     while search:
@@ -52,33 +53,33 @@ def maximise(
 
 
 PROMISING = 0.35
-"""Where values fall short of 0 by more than this, no interval is hoped for between samples."""
+"""Samples below minus this value are assumed to have no positive interval next to them."""
 
 PARTS, CLOSE = 5, 0.01
-"""Into how many parts a gap between samples is divided, and up to where it is too narrow for that."""
+"""Number of parts that a gap between samples is divided into, and the width up to which it is not divided."""
 
 _PEAK_STEPS = 14
 
 
 class Brackets(NamedTuple):
-    """Intervals in which a member is positive, sorted by member, then by place.
+    """Intervals in which a member is positive, sorted by member, then by position.
 
     Attributes:
-        member: (k,) whose they are.
-        ends: (k, 2, 4) brackets of the lower and the upper end; see `inner_ends`.
+        member: Member (k,) of each interval.
+        ends: Brackets (k, 2, 4) of the lower and the upper end; see `inner_ends`.
     """
 
     member: IntArray
     ends: FloatArray
 
     def narrowed(self, f: Family) -> FloatArray:
-        """Return the ends (k, 2); they are inside."""
+        """Return the ends (k, 2) of the intervals, which are positive points."""
         member = np.repeat(self.member, 2)
         return inner_ends(lambda i, x: f(member[i], x), self.ends.reshape(-1, 4)).reshape(-1, 2)
 
 
 def joined(parts: list[Brackets]) -> Brackets:
-    """Return the brackets of all parts, of which each has members of its own."""
+    """Return the brackets of all parts, which share no members."""
     if len(parts) == 1:
         return parts[0]
     member = np.concatenate([np.empty(0, np.int64), *(part.member for part in parts)])
@@ -88,16 +89,16 @@ def joined(parts: list[Brackets]) -> Brackets:
 
 
 def sampled(f: Family, member: IntArray, x: FloatArray) -> FloatArray:
-    """Return samples (k, 3) of members: member, place and value."""
+    """Return samples (k, 3) of members: member, position and value."""
     return np.column_stack([member, x, f(member, x)])
 
 
 def find_intervals(f: Family, samples: FloatArray) -> Brackets:
-    """Return all intervals with f > 0 that samples, or peaks and dips between samples, tell of.
+    """Return all intervals with f > 0 that samples, or searches for peaks and dips between them, find.
 
     Args:
-        f: f(i, x), continuous or not; values at or below -`PROMISING` need not be exact.
-        samples: (k, 3) member, place and value, sorted by member, then by place.
+        f: Function f(i, x), continuous or not; values at or below -`PROMISING` need not be exact.
+        samples: Samples (k, 3) of member, position and value, sorted by member, then by position.
     """
     member, x = _between(samples)
     if len(x):
@@ -115,13 +116,13 @@ def find_intervals(f: Family, samples: FloatArray) -> Brackets:
 
 
 def _joined(*samples: FloatArray) -> FloatArray:
-    """Return samples (k, 3), sorted by member, then by place."""
+    """Return samples (k, 3), sorted by member, then by position."""
     rows = np.concatenate(samples)
     return rows[np.lexsort((rows[:, 1], rows[:, 0]))]
 
 
 def _between(samples: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Return where to look closer: members (k,) and places (k,) in every wide gap with a change of sign."""
+    """Return members (k,) and positions (k,) of further samples in every wide gap with a change of sign."""
     member, x, value = samples.T
     wide = (member[:-1] == member[1:]) & (np.diff(x) > CLOSE) & ((value[:-1] > 0.0) != (value[1:] > 0.0))
     first = np.flatnonzero(wide)
@@ -130,7 +131,7 @@ def _between(samples: FloatArray) -> tuple[IntArray, FloatArray]:
 
 
 def _extremes(samples: FloatArray) -> IntArray:
-    """Return which samples are peaks below 0 or dips above, with samples of the same member to both sides."""
+    """Return the indices of negative peaks and positive dips that have samples of the same member on both sides."""
     member, _, value = samples.T
     sign = np.where(value[1:-1] > 0.0, -1.0, 1.0)
     beside = np.maximum(np.maximum(-PROMISING, sign * value[:-2]), sign * value[2:])
@@ -138,7 +139,7 @@ def _extremes(samples: FloatArray) -> IntArray:
 
 
 def _runs(samples: FloatArray) -> Brackets:
-    """Return the runs of positive samples; at the domain's end, a bracket is a sample twice."""
+    """Return the runs of positive samples; at an end of the domain, a bracket repeats its sample."""
     member, inside, edge = samples[:, 0], samples[:, 2] > 0.0, np.ones(len(samples) + 1, np.bool_)
     edge[1:-1] = member[1:] != member[:-1]
     cut = edge.copy()

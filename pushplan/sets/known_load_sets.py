@@ -1,4 +1,4 @@
-"""Stable sets of chains whose loads are known: ecof, cof and translation, and intersections of sets."""
+"""Stable sets of chains with known loads (ecof, cof and translation), and intersections of sets."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 
 
 HELP = "more friction there, a wider contact, or fewer objects"
-"""What helps a contact that does not hold."""
+"""Remedies for a contact that does not hold."""
 
 
 def weakest_contact(stable: StableSet, twist: FloatArray) -> int:
-    """Return the contact that holds least well under a body twist (3,)."""
+    """Return the index of the contact with the smallest margin under a body twist (3,)."""
     return int(np.argmin(stable.contact_margins(twist[None])[0]))
 
 
 def contact_words(chain: Chain, index: int) -> str:
-    """Return what messages call the two bodies of a contact."""
+    """Return a phrase with the two bodies of a contact, for messages."""
     contact = chain.contacts[index]
     pushed = f"'{chain.objects[contact.pushed].name}'"
     where = "the plate" if contact.pusher == PLATE else f"'{chain.objects[contact.pusher].name}'"
@@ -38,29 +38,30 @@ def contact_words(chain: Chain, index: int) -> str:
 
 
 def emptiness(stable: StableSet, minimum: float) -> tuple[str, int | None]:
-    """Tell why no push has a margin above a minimum.
+    """Return the reason why no push has a margin above a minimum.
 
     Returns:
-        The sentence, empty if some push has; and the contact that does not hold, None where all hold by too little.
+        The reason, empty if a push has such a margin, and the index of the contact that does not hold. The index is
+        None if all contacts hold, but with too small a margin.
     """
     twists, margins = stable.peaks
     best = float(margins.max(initial=-1.0))
     if best > minimum:
         return "", None
     if best > 0.0:
-        return (f"no push has a margin above {minimum:.3g}; the largest is {best:.3g}; allowed: less than that", None)
-    at_best = f" (the best misses by a margin of {abs(best):.3g})" if len(margins) else ""
+        return (f"no push has a margin above {minimum:.3g}; allowed: less than {best:.3g}, the largest margin", None)
+    at_best = f" (the largest margin is {best + 0.0:.3g})" if len(margins) else ""
     weakest = weakest_contact(stable, twists[margins.argmax()]) if len(margins) else 0
     names = contact_words(stable.chain, weakest)
-    what = f"the stable set is empty: no push keeps {names} together with the rest{at_best}"
+    what = f"the stable set is empty: no push keeps the contact of {names} and all others{at_best}"
     return f"{what}; allowed: {HELP}", weakest
 
 
 class IntersectionSet(StableSet):
-    """Twists that are in both sets; it goes by the name of the first, and a margin is the smaller one of both.
+    """Intersection of two sets, with the name of the first; a margin is the smaller of both margins.
 
     Args:
-        first: The set that was asked for.
+        first: The main set.
         second: A set of the same chain that limits it.
     """
 
@@ -80,7 +81,7 @@ class IntersectionSet(StableSet):
         return np.minimum(first, second)
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
-        """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
+        """Return the margins (k,) of checked twists (k, 3); margins below `floor` may be any number up to it."""
         first, second = (part.margin_values(twists, floor) for part in self._sets)
         return np.minimum(first, second)
 
@@ -92,8 +93,7 @@ class EcofSet(StableSet):
         packed: The chain as arrays for the core.
 
     Raises:
-        SupportError: If a load is not known, or a push at the contact height could lift a part of an
-            object.
+        SupportError: If a load is not known, or a push at the contact height can lift a part of an object.
     """
 
     name = "ecof"
@@ -107,22 +107,22 @@ class EcofSet(StableSet):
         return contacts.contact_margins_of(self.packed, contacts.wrenches_of(self.packed, twists))
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
-        """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
+        """Return the margins (k,) of checked twists (k, 3); margins below `floor` may be any number up to it."""
         return contacts.margins_of(self.packed, twists, floor)
 
 
 class CofSet(StableSet):
-    """Twists that Algorithm 2 calls stable: the exact set for far CORs, an approximation for near ones.
+    """Twists that are stable by Algorithm 2, which is exact for far CORs and approximate for near ones.
 
-    The margin is that of the approximated wrench. A twist about a COF, where the force has no direction, has
+    The margin is that of the approximate wrench. A twist about a COF, for which the force has no direction, has the
     margin 0 at that contact.
 
     Attributes:
-        centers: (n, 2) centre of friction of the objects that each contact carries, chain frame, m.
+        centers: Centres of friction (n, 2) of the objects that each contact carries, in the chain frame, m.
 
     Raises:
-        SupportError: If a load is not known, or a push at the contact height could lift a part of an
-            object. That height changes nothing else: it moves the load along the line of action.
+        SupportError: If a load is not known, or a push at the contact height can lift a part of an object. The height
+            has no other effect, because it shifts the load along the line of action.
     """
 
     name = "cof"
@@ -150,7 +150,7 @@ class CofSet(StableSet):
         return cor_polygon(unit_rows(np.where(moving[:, None], rows, 0.0), 1.0), length, sense, window)
 
     def _wrenches(self, twists: FloatArray) -> FloatArray:
-        """Return the wrenches (k, n, 3) that the contacts transmit: F_k u and its moment about the origin."""
+        """Return the wrenches (k, n, 3) of the contacts: the force F_k u and its moment about the origin."""
         scale = np.abs(twists * [1.0, 1.0, self.chain.characteristic_length]).max(axis=1)
         v = (twists / scale[:, None])[:, None, :]
         x, y = self.centers.T
@@ -162,14 +162,14 @@ class CofSet(StableSet):
 
 
 class TranslationSet(StableSet):
-    """Stable translations; no twist that turns is in the set.
+    """Stable translations, without any twist that turns.
 
-    The margin of a translation is that of `ecof`. A twist that turns has at most minus the sine of its
-    latitude on the twist sphere, so that the margin jumps at omega = 0. All CORs are at infinity.
+    The margin of a translation is that of `ecof`. The margin of a twist that turns is at most minus the sine of its
+    latitude on the twist sphere, so the margin is discontinuous at omega = 0. All CORs are at infinity.
 
     Args:
         chain: Objects and contacts.
-        straight: Whose margins translations have; None stands for Algorithm 2, which is exact for them.
+        straight: Set that provides the margins of translations; None for Algorithm 2, which is exact for them.
 
     Raises:
         SupportError: See `CofSet`.
@@ -183,7 +183,7 @@ class TranslationSet(StableSet):
 
     @property
     def loads_known(self) -> bool:
-        """Whether the load under every object is known, in its distribution and as a number."""
+        """Whether load and load distribution of every object are known numbers."""
         return self._straight.loads_known
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
@@ -197,7 +197,7 @@ class TranslationSet(StableSet):
         return np.where(turn[:, None] != 0.0, np.minimum(margins, -sine[:, None]), margins)
 
     def _find_meridians(self, longitude: FloatArray, minimum: float) -> Meridians:
-        """Return latitude 0 as the whole interval wherever it is stable; there is nothing to search."""
+        """Return the interval [0, 0] at every longitude where latitude 0 is stable; no search is needed."""
         level = np.zeros_like(longitude)
         inside = self.margin_values(twists_at(longitude, level, self.chain.characteristic_length)) > minimum
         return Meridians(longitude[inside], level[inside], level[inside])

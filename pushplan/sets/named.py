@@ -1,4 +1,4 @@
-"""The stable sets by the names that scenarios and commands use, of numbers and of intervals."""
+"""Creates stable sets by name, for chains of plain numbers and of intervals."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from pushplan.util.naming import PLACE, STABLE_SET_NAMES, attribute_named
 class IntervalEcofSet(StableSet):
     """Twists that are in the set `ecof` for all values in the intervals.
 
-    The margin is the least row divided by an upper bound of |w_k|,
+    The margin is the smallest contact row, divided by the following upper bound of |w_k|:
 
-        |sum F_i w_i at the intervals' middles| + sum of half their widths times |w_i|:
+        |sum F_i w_i at the middles of the intervals| + sum of half widths of the intervals times |w_i|
 
-    at most the margin for any of the values, and equal to it where all intervals are points. The set is exact but for
-    pressures, where it errs on the safe side (see `core/uncertain.hpp`). Where pushes are above the floor, or inertia
-    moves loads, any pressure with the centres that these allow counts (`mechanics.heights`): it errs on the safe side
-    by more then.
+    The margin is at most that of `ecof` for any of the values, and equal to it if all intervals are points. The set
+    is exact except for uncertain pressures, for which it is conservative (see `core/uncertain.hpp`). If pushes act
+    above the floor or inertia shifts loads, the set covers every pressure with the possible centres
+    (`mechanics.heights`) and is more conservative.
 
     Raises:
         SupportError: See `EcofSet`.
@@ -43,7 +43,7 @@ class IntervalEcofSet(StableSet):
 
     @property
     def loads_known(self) -> bool:
-        """False: the contact forces depend on the values."""
+        """False, because the contact forces depend on the values."""
         return False
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
@@ -51,37 +51,37 @@ class IntervalEcofSet(StableSet):
         return Wrenches(*uncertain.rows_of(self._packed, twists)).margins
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
-        """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
+        """Return the margins (k,) of checked twists (k, 3); margins below `floor` may be any number up to it."""
         return uncertain.margins_of(self._packed, twists, float(floor))
 
 
 def stable_set_over(interval: IntervalChain, name: str = "ecof") -> StableSet:
     """Return a set of twists that are stable for all values in the intervals.
 
-    Exact for `ecof`, `translation` and `robust`, but on the safe side for pressures that may be off (see
-    `core/uncertain.hpp`); for `stable`, the rule for a centre of friction anywhere in the region the loads allow.
-    The set `cof` has no such form: its centre moves with the loads, and its conditions are not linear in them.
+    `ecof`, `translation` and `robust` are exact, but conservative for uncertain pressures (see `core/uncertain.hpp`).
+    `stable` allows a centre of friction anywhere in the region that the loads allow. `cof` is not available, because
+    its conditions are not linear in the loads.
 
     Raises:
-        PushplanError: On an unknown name, or `cof`.
-        SupportError: If the algorithm needs something as a number that is an interval.
+        PushplanError: If the name is unknown or `cof`.
+        SupportError: If the algorithm needs a plain number where the chain has an interval.
     """
     if name not in STABLE_SETS:
         raise PushplanError(
-            f"the stable set {name!r} is not known for intervals of loads and frictions; there are "
+            f"the stable set {name!r} is not available for intervals of loads and frictions; allowed: "
             f"{', '.join(STABLE_SETS)}"
         )
     chain = interval.chain
     if name == "cof":
         raise PushplanError(
-            "the stable set 'cof' is not linear in the loads, so that it cannot be had for intervals of them; "
+            "the stable set 'cof' is not available for intervals of loads: its conditions are not linear in the loads; "
             "use 'ecof', which it approximates"
         )
     if name == "stable" and interval.fractions:
         feet = chain.objects[min(interval.fractions)].name
         raise SupportError(
-            f"the set {name!r} goes by the centre of each load, which intervals of load fractions leave open for "
-            f"{feet!r}; give it a center_of_mass, or use 'ecof'"
+            f"the set {name!r} needs the centre of each load, which is not known for {feet!r} because its load "
+            "fractions are intervals; give it a center_of_mass, or use 'ecof'"
         )
     if name == "stable":
         return StableUnknownSet(chain, interval)
@@ -101,16 +101,16 @@ _SETS: dict[str, type[StableSet]] = {
 
 
 _OTHERS: dict[str, type[StableSet]] = {}
-"""What was handed over to this process: a run log, which names the set it was planned in, loads no code."""
+"""Sets that were added in this process. Reading a run log does not add the set that it names."""
 
 
 def stable_set(chain: Chain, name: str = "ecof") -> StableSet:
-    """Return the stable set of `chain` by one of the algorithms in `names.STABLE_SETS`, or one that was added.
+    """Return the stable set of `chain` by one of the algorithms in `names.STABLE_SETS`, or an added one.
 
     Raises:
-        PushplanError: On an unknown name.
-        SupportError: If the algorithm needs loads that are not known, or a push at the contact heights could tip an
-            object (for `cof` also: lift a part of one).
+        PushplanError: If the name is unknown.
+        SupportError: If the algorithm needs loads that are not known, or a push at the contact heights can tip an
+            object (with `cof` also: lift a part of one).
     """
     if name not in _SETS and name not in _OTHERS and PLACE.fullmatch(name) is None:
         add_set(name)
@@ -123,14 +123,14 @@ def stable_set(chain: Chain, name: str = "ecof") -> StableSet:
 
 
 def add_set(given: str | type[StableSet]) -> str:
-    """Make a stable set known by its name in this process; return the name.
+    """Register a stable set in this process and return its name.
 
     Args:
-        given: A name of `names.STABLE_SETS`, of an installed package's set, `module:attribute`, or a subclass of
-            `StableSet`.
+        given: A name in `names.STABLE_SETS`, the name of an installed package's set, `module:attribute`, or a
+            subclass of `StableSet`.
 
     Raises:
-        PushplanError: If there is none, or it is no stable set with a name of its own.
+        PushplanError: If there is no such stable set, or its name is invalid or already taken.
     """
     if isinstance(given, str) and (given in _SETS or given in _OTHERS):
         return given
@@ -138,7 +138,7 @@ def add_set(given: str | type[StableSet]) -> str:
     if kind is None:
         raise PushplanError(_unknown(str(given)))
     if not (isinstance(kind, type) and issubclass(kind, StableSet)):
-        raise PushplanError(f"{given!r} is no stable set; allowed: a subclass of pushplan.StableSet")
+        raise PushplanError(f"{given!r} is not a stable set; allowed: a subclass of pushplan.StableSet")
     name = getattr(kind, "name", None)
     if not isinstance(name, str) or (name in _SETS and _SETS[name] is not kind):
         raise PushplanError(
@@ -151,6 +151,6 @@ def add_set(given: str | type[StableSet]) -> str:
 
 def _unknown(name: str) -> str:
     return (
-        f"no stable set is called {name!r}; there are {', '.join((*_SETS, *_OTHERS))}, those of installed packages, "
-        "and any other one as module:attribute"
+        f"no stable set is called {name!r}; allowed: {', '.join((*_SETS, *_OTHERS))}, a set of an installed package, "
+        "or module:attribute"
     )

@@ -1,7 +1,7 @@
 """Stable sets: the body twists of the pusher that keep every contact of a chain, under one interface.
 
-A set is known by its margin, a function of the twist's direction; everything else (boundaries on the twist
-sphere, COR regions, cones, radii) follows from it by root finding.
+A set is defined by its margin, a function of the twist's direction. Boundaries on the twist sphere, COR regions,
+cones and radii follow from it by root finding.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ class StableSet(ABC):
     """The twists that keep every contact, by one of the paper's algorithms.
 
     Attributes:
-        chain: The chain that is pushed.
-        name: Which algorithm: one of `names.STABLE_SETS`.
+        chain: The pushed chain.
+        name: Name of the algorithm: one of `names.STABLE_SETS`.
     """
 
     name: str
 
     def __init_subclass__(cls) -> None:
-        """Check what a set of others returns, and name it in its errors."""
+        """Add checks of results and errors to the methods of a user's set."""
         super().__init_subclass__()
         for method in ("__init__", "contact_margin_values", "margin_values"):
             if method in vars(cls) and is_of_others(cls):
@@ -53,7 +53,7 @@ class StableSet(ABC):
 
     @property
     def loads_known(self) -> bool:
-        """Whether the load distribution under every object is known, so that contact forces are."""
+        """Whether the load distribution under every object is known, and with it the contact forces."""
         return self.chain.loads_known
 
     @abstractmethod
@@ -61,7 +61,7 @@ class StableSet(ABC):
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
-        """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
+        """Return the margins (k,) of checked twists (k, 3); margins below `floor` may be any number up to it."""
         del floor
         return np.asarray(columns_of(self.contact_margin_values(twists)).min(axis=0), dtype=np.float64)
 
@@ -69,12 +69,12 @@ class StableSet(ABC):
         """Return the margins (k,) of body twists (k, 3) in the chain frame, in [-1, 1]; stable where > 0.
 
         Raises:
-            PushplanError: On twists that are zero, not finite or not (k, 3).
+            PushplanError: If twists are zero, not finite or not (k, 3).
         """
         return self._by_direction(self.margin_values, twists)
 
     def contains(self, twists: ArrayLike) -> BoolArray:
-        """Return (k,) whether body twists (k, 3) in the chain frame are strictly stable."""
+        """Return whether body twists (k, 3) in the chain frame are strictly stable, (k,)."""
         return self.margin(twists) > 0.0
 
     def contact_margins(self, twists: ArrayLike) -> FloatArray:
@@ -88,8 +88,8 @@ class StableSet(ABC):
         """Return the stable intervals of latitude on `count` equally spaced meridians of the twist sphere.
 
         Args:
-            minimum_margin: The margin exceeds it at every end returned.
-            count: Number of longitudes, from -pi on.
+            minimum_margin: Margin that the ends of the intervals exceed.
+            count: Number of longitudes, beginning at -pi.
         """
         if count < 1:
             raise PushplanError(f"count is {count}; it must be at least 1")
@@ -100,7 +100,7 @@ class StableSet(ABC):
         return self._meridians[asked]
 
     def refined_meridians(self, minimum_margin: float = 0.0) -> RefinedMeridians:
-        """Return the stable intervals on meridians as close together as the boundary needs."""
+        """Return the stable intervals on meridians that are spaced as the boundary requires."""
         if minimum_margin not in self._refined:
             self._refined[minimum_margin] = self._refine_meridians(float(minimum_margin))
         return self._refined[minimum_margin]
@@ -115,17 +115,17 @@ class StableSet(ABC):
 
         Args:
             sense: +1 counter-clockwise, -1 clockwise.
-            window: (xmin, ymin, xmax, ymax) to clip to, m; None stands for four characteristic lengths around
-                the origin. Regions reach to infinity where a translation is stable.
+            window: Window (xmin, ymin, xmax, ymax) that clips the region, m; None for four characteristic lengths
+                around the origin. Regions reach to infinity if a translation is stable.
         """
         return cor_polygons(self.refined_meridians(), self.chain.characteristic_length, sense, window)
 
     def translation_cone(self, minimum_margin: float = 0.0) -> FloatArray | None:
-        """Return the stable translations as unit vectors [right-most, left-most] (2, 2), or None."""
+        """Return the cone of stable translations as unit vectors [rightmost, leftmost] (2, 2); None if empty."""
         return translation_cone(self.margin_values, minimum_margin)
 
     def turning_radii(self, minimum_margin: float = 0.0) -> TurningRadii:
-        """Return the smallest distance from the origin to a stable COR of either sense, m; inf for none."""
+        """Return the smallest distance from the origin to a stable COR for each sense, m; inf if there is none."""
         meridians = self.refined_meridians(minimum_margin).meridians
         return turning_radii(meridians, self.chain.characteristic_length)
 
@@ -144,7 +144,7 @@ class StableSet(ABC):
 
 
 def _checked(kind: type[StableSet], method: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a method of a set of others that names the set where it fails or returns what is not allowed."""
+    """Return a method of a user's set with checks; errors and invalid results name the set."""
 
     @wraps(method)
     def checked(self: StableSet, *args: Any, **kwargs: Any) -> Any:
@@ -170,9 +170,9 @@ _DIRECTIONS = 720
 
 
 def translation_cone(margin_values: Callable[[FloatArray], FloatArray], minimum: float) -> FloatArray | None:
-    """Return unit directions [right-most, left-most] (2, 2) of translations with margin > `minimum`.
+    """Return unit directions [rightmost, leftmost] (2, 2) of the translations with margin > `minimum`.
 
-    Each contact allows a convex cone of directions, so that the intersection is one cone.
+    Each contact allows a convex cone of directions, so their intersection is one cone.
     """
 
     def excess(member: IntArray, lon: FloatArray) -> FloatArray:
@@ -199,7 +199,10 @@ def translation_cone(margin_values: Callable[[FloatArray], FloatArray], minimum:
 
 
 def turning_radii(meridians: Meridians, length: float) -> TurningRadii:
-    """Return the smallest distance from the origin to a COR on meridians, either sense, for a unit of length, m."""
+    """Return the smallest distance from the origin to a COR on meridians for each sense, m.
+
+    `length` is the characteristic length, m.
+    """
     highest = np.concatenate([[0.0], meridians.upper]).max()
     lowest = np.concatenate([[0.0], meridians.lower]).min()
     return TurningRadii(left=_radius(highest, length), right=_radius(-lowest, length))
@@ -212,13 +215,13 @@ def _radius(latitude: float, length: float) -> float:
 def sphere_area(refined: RefinedMeridians) -> float:
     """Return the solid angle of the twists on refined meridians, sr.
 
-    Between refined meridians, d apart, ends run along great circles, from a to b; the area between that and the
-    equator is 2 atan(tan(d / 2) sin((a + b) / 2) / cos((a - b) / 2)).
+    Between refined meridians at a distance d, the boundary is a great circle from latitude a to b. The area between
+    this great circle and the equator is 2 atan(tan(d / 2) sin((a + b) / 2) / cos((a - b) / 2)).
     """
     rows = refined.meridians
     first = np.append(np.searchsorted(rows.longitude, refined.longitude), len(rows))
     count, apart = np.diff(first), np.diff(refined.longitude)
-    gaps = np.flatnonzero(count[:-1] == count[1:])  # others are no wider than SMALLEST_GAP
+    gaps = np.flatnonzero(count[:-1] == count[1:])  # all other gaps are at most SMALLEST_GAP wide
     area = 0.0
     for j in range(count.max(initial=0)):
         k = gaps[count[gaps] > j]
@@ -230,16 +233,16 @@ def sphere_area(refined: RefinedMeridians) -> float:
 
 
 _SHOWN_RADII = 2.2
-"""How many smallest turning radii are shown to either side."""
+"""Extent of the window to each side, as a multiple of the smallest turning radius."""
 _SHOWN_RADIUS = 1.3
-"""Of the tightest turn of the drive that is stable, so much of its radius is shown, if it is not too wide."""
+"""Extent of the window towards the tightest stable turn of the drive, as a multiple of its radius."""
 _ASPECT = 0.7
-"""Least width of the window over its height."""
+"""Smallest ratio of the window's width and height."""
 _PAD = 0.04
 
 
 def default_window(chain: Chain, sets: Iterable[StableSet]) -> Window:
-    """Return a window that holds the chain and the tightest turns to both sides, of all `sets` and of the drive."""
+    """Return a window around the chain and the tightest turns to both sides, for all `sets` and the drive."""
     sets, drive = list(sets), chain.pusher.drive
     outlines = [body.outline for body in chain.bodies]
     radii = [each.turning_radii() for each in sets]

@@ -1,20 +1,21 @@
-"""Sets for loads of which only the centre is known: STABLE of Lynch & Mason, and the exact worst case.
+"""Sets for loads with a known centre but unknown distribution: STABLE of Lynch & Mason, and the exact worst case.
 
-STABLE at every contact is section 4.4 of Harada et al. 2006. The objects that contact k carries count as one, with
-the hull S of their supports and their common centre of friction g. With v(x) = v + omega J x and w = +1, -1 at the
-left, right end e of the contact, all CORs are kept for which
+STABLE at every contact is described in section 4.4 of Harada et al. 2006. The objects that contact k carries are one
+body, with the hull S of their supports and their common centre of friction g. Let v(x) = v + omega J x, and w = +1 at
+the left end e of the contact and -1 at the right end. A COR is stable if
 
     (1)  gamma . v(x) > 0                    for both facets gamma of the friction cone and all corners x of S,
     (2)  w (g - e) x v(g) > w omega p^2 / 2  and
          w (g - e) x v(g) > -w omega r^2     for both ends, p = |g - e|, r = the largest |x - g| over S.
 
-(1) are lines perpendicular to the edges of the friction cone that touch S, (2) lines perpendicular to e - g
-through the middle of e and g, and at r^2 / p from g on the far side. All are linear in the twist.
+The boundaries of (1) are lines perpendicular to the edges of the friction cone that touch S. Those of (2) are lines
+perpendicular to e - g, one through the middle of e and g, the other at r^2 / p from g on the far side. All
+inequalities are linear in the twist.
 
-When the pusher pushes at a height h above the floor, friction moves the centre to some g + n, |n| <= h mu,
-and when loads are only known as intervals, g may lie anywhere in a polygon; (2) has to hold for all of these.
-The second inequality is concave in n, so the corners of a polygon around all n suffice; the first one is kept
-linear in n by leaving out a term |omega| |n|^2 / 2 > 0.
+If the pusher pushes at a height h above the floor, friction moves the centre to some g + n with |n| <= h mu. If loads
+are intervals, g can be anywhere in a polygon. (2) must hold for all these centres. Its second inequality is concave
+in n, so the corners of a polygon around all n suffice. The first inequality becomes linear in n because a term
+|omega| |n|^2 / 2 > 0 is left out.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ _SIDES = 12
 
 
 class _UnknownLoadSet(StableSet):
-    """A set that asks for nothing of loads but what a chain with intervals states of them, if there is one."""
+    """A set that does not need known loads; it uses the intervals of a chain if there are any."""
 
     def __init__(self, chain: Chain, interval: IntervalChain | None) -> None:
         super().__init__(chain)
@@ -51,22 +52,22 @@ class _UnknownLoadSet(StableSet):
 
     @property
     def loads_known(self) -> bool:
-        """Whether the load under every object is known, in its distribution and as a number."""
+        """Whether load and load distribution of every object are known numbers."""
         return self._as_numbers and super().loads_known
 
 
 class StableUnknownSet(_UnknownLoadSet):
     """Twists that STABLE accepts at every contact: a convex cone inside `robust`.
 
-    The margin is the sine of the angle, on the twist sphere, to the nearest of the great circles above.
+    The margin is the sine of the angle to the nearest boundary, which is a great circle of the twist sphere.
 
     Args:
         chain: Objects and contacts.
-        interval: The chain with intervals of masses and floor frictions; all centres of friction that these allow
-            have to satisfy (2). None where they are numbers.
+        interval: Chain with intervals of masses and floor frictions; all their centres of friction must satisfy (2).
+            None for plain numbers.
 
     Raises:
-        SupportError: If a push at the contact height could tip an object.
+        SupportError: If a push at the contact height can tip an object.
     """
 
     name = "stable"
@@ -97,7 +98,7 @@ def _chain_rows(chain: Chain, interval: IntervalChain | None) -> list[FloatArray
         members = np.flatnonzero(behind)
         hull = convex_hull(np.concatenate([areas[i].points for i in members]))
         reached = center_range(loads[members], centers[members])
-        center = 0.5 * (reached.min(axis=0) + reached.max(axis=0))  # not their mean: rounding may add corners
+        center = 0.5 * (reached.min(axis=0) + reached.max(axis=0))  # not the mean, because rounding can add corners
         shifts = _around(max(areas[i].reach for i in members))
         offsets = convex_hull((reached - center + shifts[:, None]).reshape(-1, 2))
         moving = float(loads[members, 1].sum() > 0.0)
@@ -112,9 +113,9 @@ def contact_conditions(
 
     Args:
         contact: The contact.
-        hull: (h, 2) corners of the hull S of everything behind it that may carry load, m.
-        center: (2,) centre of friction g of that, m.
-        offsets: (j, 2) corners n of a polygon around all places g + n where the centre may be, m.
+        hull: Corners (h, 2) of the hull S of the supports behind the contact, m.
+        center: Centre of friction g (2,) of these supports, m.
+        offsets: Corners n (j, 2) of a polygon such that the centre can be anywhere in g + n, m.
         length: Characteristic length, m.
     """
     facets = contact_rows(contact, length)[:2, None, :2]
@@ -150,18 +151,18 @@ def _around(shift: float) -> FloatArray:
 
 
 class RobustSet(_UnknownLoadSet):
-    """Twists that every pressure with the given centres lets all contacts transmit.
+    """Twists whose friction wrenches all contacts can transmit for every pressure with the given centres.
 
-    Feet carry any loads that balance; any other support counts as its convex hull, with any pressure. A load
-    that is known counts by its centre alone, load fractions in intervals as what they are. Margins err on the safe
-    side, by at most `MISS` (`core/centred.hpp`).
+    Feet carry any loads in balance, and any other support has any pressure on its convex hull. For a known load only
+    the centre is used; intervals of load fractions are respected. Margins are conservative by at most `MISS`
+    (`core/centred.hpp`).
 
     Args:
         chain: Objects and contacts.
-        interval: The chain with intervals of masses, floor frictions and load fractions; None where they are numbers.
+        interval: Chain with intervals of masses, floor frictions and load fractions; None for plain numbers.
 
     Raises:
-        SupportError: If a push at the contact height could tip an object.
+        SupportError: If a push at the contact height can tip an object.
     """
 
     name = "robust"
@@ -175,5 +176,5 @@ class RobustSet(_UnknownLoadSet):
         return Wrenches(*uncertain.rows_of(self._packed, twists)).margins
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
-        """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
+        """Return the margins (k,) of checked twists (k, 3); margins below `floor` may be any number up to it."""
         return uncertain.margins_of(self._packed, twists, float(floor))

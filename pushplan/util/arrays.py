@@ -1,4 +1,4 @@
-"""Array types and the read-only copies that the frozen dataclasses hold."""
+"""Array types, and checked read-only copies for frozen dataclasses."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ IntArray = NDArray[np.int64]
 ComplexArray = NDArray[np.complex128]
 Number = TypeVar("Number", bound=np.number)
 RandomState = NDArray[np.uint64]
-"""(1,) state of a compiled random generator."""
+"""State (1,) of a compiled random generator."""
 
 
 def plain_number(value: Any) -> Any:
-    """Return one of NumPy's numbers as Python's `int` or `float`, and anything else as it is.
+    """Return a NumPy number as Python's `int` or `float`, and any other object unchanged.
 
-    What NumPy's numbers are compared with becomes NumPy's, too, and neither OMPL nor JSON takes that.
+    Results of NumPy numbers are NumPy objects, which OMPL and JSON do not accept.
     """
     return value.item() if isinstance(value, np.generic) else value
 
@@ -31,7 +31,7 @@ def numbers(values: ArrayLike, name: str) -> FloatArray:
     """Return a copy of `values` as floats.
 
     Raises:
-        PushplanError: If they are none.
+        PushplanError: If they are not numbers.
     """
     try:
         return np.array(values, dtype=np.float64, copy=True)
@@ -40,10 +40,10 @@ def numbers(values: ArrayLike, name: str) -> FloatArray:
 
 
 def parameters(values: ArrayLike, name: str) -> FloatArray:
-    """Return parameters along a path or a trajectory, infinite ones too, as floats.
+    """Return parameters along a path or a trajectory as floats; infinite ones are allowed.
 
     Raises:
-        PushplanError: If one is no number.
+        PushplanError: If one is not a number.
     """
     found = numbers(values, name)
     if np.isnan(found).any():
@@ -55,12 +55,12 @@ def frozen(values: ArrayLike, shape: Sequence[int | None], name: str) -> FloatAr
     """Return a read-only float copy of `values`, checked for shape and finiteness.
 
     Args:
-        values: Anything NumPy can turn into floats.
-        shape: Expected shape; None stands for any length.
-        name: What the values are, for the error.
+        values: Values that NumPy can convert to floats.
+        shape: Expected shape; None for any length.
+        name: Noun for the values, for errors.
 
     Raises:
-        PushplanError: On a wrong shape or a number that is not finite, or where there are no numbers.
+        PushplanError: If the shape is wrong, or a value is not a finite number.
     """
     array = numbers(values, name)
     fits = array.ndim == len(shape) and all(
@@ -76,14 +76,14 @@ def frozen(values: ArrayLike, shape: Sequence[int | None], name: str) -> FloatAr
 
 
 def distinct(values: NDArray[Number]) -> NDArray[Number]:
-    """Return the different ones of numbers (k,), in order.
+    """Return the distinct values of numbers (k,), in order.
 
-    `np.unique` would load numpy.ma to ask whether some are masked, a fortieth of the time that a first plan takes.
+    `np.unique` would load numpy.ma to check for masked arrays, which takes 1/40 of the time of a first plan.
     """
     values = np.sort(values, axis=None)
     return values[np.flatnonzero(np.diff(values, prepend=np.nan))]
 
 
 def columns_of(rows: FloatArray) -> FloatArray:
-    """Return the columns of an array (m, n), each in one piece (n, m): NumPy is slow along short rows."""
+    """Return the columns of an array (m, n) as contiguous rows (n, m), because NumPy is slow along short rows."""
     return np.ascontiguousarray(rows.T)

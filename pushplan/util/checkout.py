@@ -1,4 +1,4 @@
-"""A checkout's compiled core: whether it is there, and was made of the sources that are there now."""
+"""Checks that the compiled core of a checkout exists and was built from its current sources."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ AGAIN = "run `pip install -e .` in the checkout to build it"
 
 
 def digest_of(folder: Path) -> str:
-    """Return the digest of the C++ sources in a folder; the build compiles it in."""
+    """Return the digest of the C++ sources in a folder, which the build compiles into the core."""
     digest = hashlib.sha256()
     for path in sorted([*folder.glob("*.cpp"), *folder.glob("*.hpp")]):
         digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
@@ -17,18 +17,18 @@ def digest_of(folder: Path) -> str:
 
 
 def require_present_core(folder: Path) -> None:
-    """Refuse a core that is missing or of other sources: what it would do is not what the sources say.
+    """Check that the core is present and was built from the current sources.
 
     Args:
-        folder: The sources of the core.
+        folder: Folder with the sources of the core.
 
     Raises:
-        ImportError: With the command that mends it.
+        ImportError: If it is not; the message has the command that builds it.
     """
-    from pushplan import core  # without what was built, the folder of the sources itself
+    from pushplan import core  # if it was not built, this imports the folder of the sources
 
     built = getattr(core, "SOURCES", None)
     if built is None:
-        raise ImportError(f"pushplan's C++ core is not there: {AGAIN}")
+        raise ImportError(f"pushplan's C++ core is missing: {AGAIN}")
     if built != digest_of(folder):
         raise ImportError(f"pushplan's C++ core was built from other sources than those in {folder}: {AGAIN}")

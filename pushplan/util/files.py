@@ -1,4 +1,4 @@
-"""Files: what may be read and written, and how output replaces a file only when it is whole."""
+"""Reads and writes files. An output replaces a file only when it is complete."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ def read_regular(path: Path, most: int) -> bytes:
     """Return at most `most` bytes of a file.
 
     Raises:
-        OSError: If it cannot be read or is no regular file.
+        OSError: If it cannot be read or is not a regular file.
     """
-    # Opened without blocking: a named pipe that nobody writes to would hold the process in open().
+    # Opened without blocking, because open() would wait forever for a named pipe without a writer.
     descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     with open(descriptor, "rb") as file:
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            raise OSError(errno.EINVAL, "this is no regular file", str(path))
+            raise OSError(errno.EINVAL, "this is not a regular file", str(path))
         return file.read(most)
 
 
 PARTIAL = ".partial"
-"""Suffix of a file that is not whole yet."""
+"""Suffix of an incomplete file."""
 
 _REFUSED = {
     stat.S_IFDIR: "this is a folder; name a file in it",
@@ -42,12 +42,12 @@ _STANDARD_STREAMS = (1, 2)
 
 @dataclass(frozen=True)
 class Target:
-    """Where an output goes.
+    """Target of an output.
 
     Attributes:
-        path: As it was named.
-        file: What is written: where `path` is a symbolic link to a file, or to none yet, what it leads to.
-        streamed: It is a pipe or a character device, which takes bytes and is never replaced.
+        path: Path as named by the user.
+        file: File that is written: the target of `path` if that is a symbolic link, else `path`.
+        streamed: Whether it is a pipe or a character device, which receives bytes and is never replaced.
     """
 
     path: Path
@@ -56,43 +56,43 @@ class Target:
 
 
 def check_output(path: Path) -> Target:
-    """Return where an output called `path` goes; nothing is written.
+    """Return the target of an output called `path`, without writing to it.
 
     Raises:
-        OutputError: If nothing can be written there, or writing would destroy what is no file.
+        OutputError: If the target cannot be written, or is something that a file must not replace.
     """
     found = _status(path)
     if found is not None and not stat.S_ISREG(found.st_mode):
         if not (stat.S_ISFIFO(found.st_mode) or stat.S_ISCHR(found.st_mode)):
-            raise OutputError(str(path), _REFUSED.get(stat.S_IFMT(found.st_mode), "this is no file; name one"))
+            raise OutputError(str(path), _REFUSED.get(stat.S_IFMT(found.st_mode), "this is not a file; name a file"))
         if not os.access(path, os.W_OK):
-            raise OutputError(str(path), "this pipe or device may not be written")
+            raise OutputError(str(path), "you have no permission to write to this pipe or device")
         return Target(path, path, streamed=True)
     file = Path(os.path.realpath(path)) if path.is_symlink() else path
     now = found if file == path else _status(file)
     if (found is None) != (now is None) or (found and now and not os.path.samestat(found, now)):
-        raise OutputError(str(path), "this link leads to a file that has no name any more")
+        raise OutputError(str(path), "this link points to a deleted file")
     if not file.parent.is_dir():
         raise OutputError(str(path), f"there is no folder {file.parent}")
     if not os.access(file.parent, os.W_OK):
-        raise OutputError(str(path), f"nothing may be written in the folder {file.parent}")
+        raise OutputError(str(path), f"you have no permission to write in the folder {file.parent}")
     if found is not None:
         _require_replaceable(path, found)
     return Target(path, file, streamed=False)
 
 
 def _require_replaceable(path: Path, found: os.stat_result) -> None:
-    """Refuse a file that is write-protected, or into which the program's own words go."""
+    """Raise an error if a file is write-protected or receives the command's own output."""
     if not os.access(path, os.W_OK):
         raise OutputError(str(path), "this file is write-protected")
     for descriptor in _STANDARD_STREAMS:
         with contextlib.suppress(OSError):
             if os.path.samestat(found, os.fstat(descriptor)):
-                raise OutputError(str(path), "what the command says goes into this file; name another one")
+                raise OutputError(str(path), "the command's own output goes to this file; name another one")
 
 
 def _status(path: Path) -> os.stat_result | None:
-    """Return what is there, behind all links; None when nothing is."""
+    """Return the status of the target behind all links; None if there is none."""
     try:
         return path.stat()
     except (FileNotFoundError, NotADirectoryError):
@@ -102,18 +102,18 @@ def _status(path: Path) -> os.stat_result | None:
 
 
 class Output:
-    """An output being written, unbuffered; errors name it.
+    """An unbuffered output; its errors contain its name.
 
     Args:
-        path: Its name.
-        new: Refuse a name that there is already, of whatever kind.
+        path: Path of the output.
+        new: Whether an existing file, or anything else of this name, is an error.
 
     Attributes:
-        path: As the user named it.
-        partial: The name under which it can be found until `publish`.
+        path: Path as named by the user.
+        partial: Path of the incomplete file until `publish`.
 
     Raises:
-        OutputError: If it cannot be written, nobody reads the pipe, or another process is writing the file.
+        OutputError: If it cannot be written, the pipe has no reader, or another process is writing the file.
     """
 
     def __init__(self, path: Path | str, *, new: bool = False) -> None:
@@ -132,11 +132,11 @@ class Output:
 
     def _open_stream(self) -> None:
         with self._reporting("open"):
-            try:  # without O_NONBLOCK this would wait for a reader, perhaps for ever
+            try:  # without O_NONBLOCK this would wait for a reader
                 self._descriptor = os.open(self.path, os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
             except OSError as error:
                 if error.errno == errno.ENXIO:
-                    what = "nobody reads this pipe; begin with its reader, or name a file"
+                    what = "this pipe has no reader; start the reader first, or name a file"
                     raise OutputError(str(self.path), what) from error
                 raise
         if os.isatty(self._descriptor):
@@ -145,13 +145,13 @@ class Output:
         os.set_blocking(self._descriptor, True)
 
     def _open_file(self) -> None:
-        """Open the partial file, lock and empty it, unless its writer holds it or has just given it its name."""
+        """Open, lock and empty the partial file; fail if another process is writing or has just published it."""
         how = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
         try:
             with self._reporting("create"):
                 self._descriptor = os.open(self.partial, how, 0o666)
                 if not stat.S_ISREG(os.fstat(self._descriptor).st_mode):
-                    what = f"{self.partial} is no file, and until it is whole it needs that name"
+                    what = f"{self.partial} exists and is not a file, but the incomplete output needs this name"
                     raise FileExistsError(errno.EEXIST, what)
                 fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 if not os.path.samestat(os.fstat(self._descriptor), os.stat(self.partial)):
@@ -163,7 +163,7 @@ class Output:
 
     @contextlib.contextmanager
     def _reporting(self, action: str) -> Iterator[None]:
-        """Turn an error of the operating system into an OutputError."""
+        """Convert an error of the operating system to an OutputError."""
         try:
             yield
         except OSError as error:
@@ -172,10 +172,10 @@ class Output:
             raise OutputError(str(self.path), f"cannot {action} the file: {why}") from error
 
     def write(self, data: bytes | bytearray | memoryview) -> int:
-        """Append `data`; after a write that failed nothing is appended any more.
+        """Append `data`; after a failed write, every further write fails.
 
         Raises:
-            OutputError: If the operating system takes no more (disk full, ...), and ever after.
+            OutputError: If the operating system cannot write, for example because the disk is full.
         """
         rest = memoryview(data)
         with self._reporting("write"):
@@ -198,27 +198,27 @@ class Output:
         return self._size
 
     def flush(self) -> None:
-        """Do nothing: nothing is held back."""
+        """Do nothing, because there is no buffer."""
 
     def close(self) -> None:
-        """Release the file under the name that it has."""
+        """Close the file and keep its current name."""
         if self._descriptor >= 0:
             os.close(self._descriptor)
             self._descriptor = -1
 
     def discard(self) -> None:
-        """Close the file and remove it; the reader of a stream finds that it ends too soon."""
+        """Close the file and remove it; a stream ends early."""
         if not self._target.streamed:
             with contextlib.suppress(OSError):
                 self.partial.unlink()
         self.close()
 
     def publish(self) -> None:
-        """End the file, which is whole: its bytes and its final name are on the disk when this returns.
+        """Finish the complete file: when this returns, its bytes and final name are on the disk.
 
         Raises:
-            OutputError: If the operating system refuses, or meanwhile the name is another thing's; the file keeps
-                its partial name.
+            OutputError: If the operating system cannot finish it, or its name now belongs to something that is not a
+                file. The output keeps its partial name.
         """
         if not self._target.streamed:
             self._rename(self._target.file)
@@ -228,12 +228,12 @@ class Output:
         with self._reporting("finish"):
             os.fsync(self._descriptor)
             if self._new:
-                os.link(self.partial, final)  # unlike a renaming, this never replaces a file
+                os.link(self.partial, final)  # unlike os.replace, this never replaces a file
                 self.partial.unlink()
             else:
                 with contextlib.suppress(FileNotFoundError):
                     if not stat.S_ISREG(os.lstat(final).st_mode):
-                        raise OutputError(str(self.path), "what has this name by now is no file")
+                        raise OutputError(str(self.path), "this name now belongs to something that is not a file")
                 os.replace(self.partial, final)
             folder = os.open(final.parent, os.O_RDONLY | os.O_DIRECTORY)
             try:
@@ -243,24 +243,24 @@ class Output:
 
 
 def write_whole(path: Path | str, data: bytes, *, new: bool = False) -> None:
-    """Write an output of `data` that appears under its name when it is whole.
+    """Write `data` to an output that appears under its name when it is complete.
 
     Args:
-        path: Its name.
-        data: What it holds.
+        path: Path of the output.
+        data: Content of the output.
         new: See `Output`.
 
     Raises:
-        OutputError: If it cannot be written; nothing is left behind.
+        OutputError: If it cannot be written; the incomplete file is removed.
     """
     write_pieces(path, [data], new=new)
 
 
 def write_pieces(path: Path | str, pieces: Iterable[bytes], *, new: bool = False) -> None:
-    """Write an output of `pieces` that appears under its name when it is whole.
+    """Write `pieces` to an output that appears under its name when it is complete.
 
     Raises:
-        OutputError: If it cannot be written; nothing is left behind.
+        OutputError: If it cannot be written; the incomplete file is removed.
     """
     file = Output(path, new=new)
     try:

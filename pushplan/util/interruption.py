@@ -1,7 +1,7 @@
-"""What Ctrl-C does: nothing that leaves a traceback, and while planning it ends the search and keeps its best path.
+"""Handles Ctrl-C without a traceback. During planning it ends the search, which keeps its best path.
 
-An exception raised by a signal at any place would pass through planners written in C++, and through whatever is being
-imported. So a handler notes the wish, and the search asks for it.
+An exception from a signal handler would pass through planners in C++ and through modules during their import.
+Therefore a handler sets a flag, which the search polls.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ from importlib import import_module
 from typing import ClassVar
 
 INTERRUPTED = 130
-"""Exit code, as shells report it."""
+"""Exit code that shells use for Ctrl-C."""
 
-_FIRST = b"\ninterrupted: going on with the best path until now; Ctrl-C again leaves at once\n"
+_FIRST = b"\ninterrupted: continuing with the best path so far; press Ctrl-C again to exit at once\n"
 
 
 def leave(*_: object) -> None:
-    """End the process at once; a handler of signals."""
+    """End the process at once; a signal handler."""
     with contextlib.suppress(OSError):
         os.write(2, b"interrupted\n")
     os._exit(INTERRUPTED)
 
 
 class Interruption:
-    """Whether the user has asked for the end.
+    """Flag of a Ctrl-C by the user.
 
     Attributes:
-        requested: That is so.
+        requested: Whether the user has pressed Ctrl-C.
     """
 
     _dropped: ClassVar[bool] = False
@@ -41,7 +41,7 @@ class Interruption:
         self.requested = False
 
     def __call__(self) -> bool:
-        """Return whether the user has asked for the end."""
+        """Return whether the user has pressed Ctrl-C."""
         return self.requested
 
     def _note(self, *_: object) -> None:
@@ -52,15 +52,15 @@ class Interruption:
 
     @contextlib.contextmanager
     def listening(self) -> Iterator[None]:
-        """Take the first Ctrl-C as a wish, and leave at the second one; elsewhere Ctrl-C does what it did."""
-        # A library in C that was called back may have dropped the exception, not the wish.
+        """Set the flag at the first Ctrl-C in this context, and end the process at the second one."""
+        # A C library with callbacks can have dropped the exception of an earlier Ctrl-C, which still counts.
         self.requested = self.requested or Interruption._dropped
         with _handling(self._note):
             yield
 
     @contextlib.contextmanager
     def raising(self) -> Iterator[None]:
-        """Note a Ctrl-C and raise KeyboardInterrupt, which what is being imported may turn into another error."""
+        """Set the flag at Ctrl-C and raise KeyboardInterrupt, which an import can turn into another error."""
 
         def note(*_: object) -> None:
             self.requested = True
@@ -84,13 +84,13 @@ class Interruption:
 
 @contextlib.contextmanager
 def leaving_at_once() -> Iterator[None]:
-    """Let Ctrl-C end the process without a word from Python, where nothing would be lost."""
+    """Let Ctrl-C end the process without a traceback; only for code that has no results to lose."""
     with _handling(leave):
         yield
 
 
 def import_uninterrupted(*modules: str) -> None:
-    """Import modules in C++ and hold Ctrl-C back until they are there: an exception in nanobind's code aborts."""
+    """Import C++ modules and delay Ctrl-C until the end, because an exception in nanobind aborts the process."""
     wishes = list[int]()
     try:
         with _handling(lambda *_: wishes.append(1)):
@@ -103,7 +103,7 @@ def import_uninterrupted(*modules: str) -> None:
 
 @contextlib.contextmanager
 def _handling(handler: object) -> Iterator[None]:
-    """Handle SIGINT, unless this is no main thread or the process has been told to ignore it (`nohup`, `&`)."""
+    """Handle SIGINT in this context, if this is the main thread and SIGINT is not ignored (`nohup`, `&`)."""
     if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         yield
         return

@@ -1,6 +1,6 @@
-"""What is imported by its name when it is needed: what others add, and packages that only some exports need.
+"""Imports by name: extensions of users, and optional packages that only some exports need.
 
-What others add is called `module:attribute`, or as an entry point of an installed package.
+An extension is named as `module:attribute`, or as an entry point of an installed package.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ PLACE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*(\.[A-Za-z_]\w*)*
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """Return `; did you mean '...'?` with the known word most like a word, or `;`."""
-    import difflib  # which takes longer to load than most commands have for words that are right
+    """Return `; did you mean '...'?` with the known word most similar to a word, or `;`."""
+    import difflib  # imported here because it loads slowly and is rarely needed
 
     close = difflib.get_close_matches(word.lower(), list(known), n=1, cutoff=0.65)
     return f"; did you mean '{close[0]}'?" if close else ";"
@@ -38,7 +38,7 @@ _before_import: ContextVar[Callable[[str], None] | None] = ContextVar("before_im
 
 @contextmanager
 def before_import(observer: Callable[[str], None]) -> Iterator[None]:
-    """Have an observer called with each `module:attribute` before its import, which it forbids by raising."""
+    """Call an observer with each `module:attribute` before its import; it can prevent the import by an exception."""
     token = _before_import.set(observer)
     try:
         yield
@@ -47,7 +47,7 @@ def before_import(observer: Callable[[str], None]) -> Iterator[None]:
 
 
 class OpenNames(tuple[str, ...]):
-    """The names of what is built in, for whom `in` is true of all that may be named: those of others too."""
+    """Names of built-in extensions; `in` is also true for names of installed extensions and `module:attribute`."""
 
     group: str
 
@@ -55,26 +55,26 @@ class OpenNames(tuple[str, ...]):
         """Return the names.
 
         Args:
-            built_in: What is built in.
-            group: Entry points under which installed packages add to it.
+            built_in: Names of the built-in extensions.
+            group: Group of entry points for the extensions of installed packages.
         """
         made = super().__new__(cls, built_in)
         made.group = group
         return made
 
     def __contains__(self, name: object) -> bool:
-        """Return whether this is a name of what is built in or installed, or has the form `module:attribute`."""
+        """Return whether a name is built in or installed, or has the form `module:attribute`."""
         if not isinstance(name, str):
             return False
         return super().__contains__(name) or self.adds(name)
 
     def adds(self, name: str) -> bool:
-        """Return whether this names something that is not built in."""
+        """Return whether a name stands for an extension that is not built in."""
         return PLACE.fullmatch(name) is not None or _entry_point(self.group, name) is not None
 
     @property
     def words(self) -> str:
-        """All names, for users."""
+        """All names, for messages."""
         return ", or ".join([*([", ".join(self)] if self else []), "module:attribute"])
 
 
@@ -85,24 +85,21 @@ EXPORTER_NAMES = OpenNames((), "pushplan.exporters")
 
 
 def gone_planner(name: str) -> str:
-    """Return what has become of a planner of `names.GONE_PLANNERS`, and what to use."""
+    """Return the message for a removed planner, with its replacement."""
     what, instead = names.GONE_PLANNERS[name]
     return f"{name!r} is {what}; allowed: {instead}"
 
 
-"""What planners, stable sets, simulators of trials and exporters of others may be called."""
-
-
 def function_named(name: str, known: OpenNames, what: str) -> Callable[..., Any]:
-    """Return the function of others that a name stands for.
+    """Return the function of an extension by its name.
 
     Args:
         name: `module:attribute`, or the name of an entry point.
-        known: Names that there are.
-        what: What the function is, for messages.
+        known: Known names.
+        what: Noun for the function, for messages.
 
     Raises:
-        PushplanError: If there is none, or it is no function.
+        PushplanError: If there is no such function.
     """
     found = attribute_named(name, known.group)
     if found is None:
@@ -113,12 +110,12 @@ def function_named(name: str, known: OpenNames, what: str) -> Callable[..., Any]
 
 
 def attribute_named(name: str, group: str) -> Any:
-    """Return what `module:attribute` names, or an entry point, None where there is neither.
+    """Return the object of a `module:attribute` or an entry point; None if the name is neither.
 
-    A module is looked for in the working directory too.
+    Modules are also searched for in the working directory.
 
     Raises:
-        PushplanError: If it cannot be imported or has no such attribute.
+        PushplanError: If the module cannot be imported or has no such attribute.
     """
     if PLACE.fullmatch(name) is None:
         found = _entry_point(group, name)
@@ -143,14 +140,14 @@ def attribute_named(name: str, group: str) -> Any:
 
 
 def _entry_point(group: str, name: str) -> EntryPoint | None:
-    """Return what an installed package adds under a name."""
-    from importlib.metadata import entry_points  # as slow to load as all that the help needs
+    """Return the entry point of an installed package by its name."""
+    from importlib.metadata import entry_points  # imported here because it would double the time of `--help`
 
     return next(iter(entry_points(group=group, name=name)), None)
 
 
 def name_of(made: Any) -> str:
-    """Return `module:attribute` of a class or function, as far as it has one."""
+    """Return `module:attribute` of a class or function; for another object, that of its class."""
     kind = made if hasattr(made, "__qualname__") else type(made)
     return f"{kind.__module__}:{kind.__qualname__}"
 
@@ -162,14 +159,14 @@ def is_of_others(made: Any) -> bool:
 
 @contextmanager
 def code_of_others(kind: str, made: Any) -> Iterator[None]:
-    """Turn an error of code that was added into one that names it, its file and its line.
+    """Convert an error of an extension to one with its name, file and line.
 
     Args:
-        kind: What it is: planner, stable set, simulator or exporter.
-        made: The class or function.
+        kind: Kind of the extension: planner, stable set, simulator or exporter.
+        made: Class or function of the extension.
 
     Raises:
-        ExtensionError: If the code raises anything but an error of pushplan's own.
+        ExtensionError: If the code raises an error that is not pushplan's own.
     """
     try:
         yield
@@ -183,7 +180,7 @@ def code_of_others(kind: str, made: Any) -> Iterator[None]:
 
 
 def _place(error: BaseException) -> str:
-    """Return file and line of the innermost code that is neither pushplan's nor a library's, if there is any."""
+    """Return file and line of the innermost code that belongs to neither pushplan nor a library; empty if none."""
     found = ""
     for frame, line in traceback.walk_tb(error.__traceback__):
         path = frame.f_code.co_filename
@@ -194,7 +191,7 @@ def _place(error: BaseException) -> str:
 
 
 class MissingExtraError(PushplanError, ImportError):
-    """An optional package is not installed; `extra` is the name under which pushplan offers it."""
+    """An optional package is not installed; `extra` is the extra of pushplan that installs it."""
 
     def __init__(self, what: str, package: str, extra: str) -> None:
         self.extra = extra
@@ -202,20 +199,20 @@ class MissingExtraError(PushplanError, ImportError):
 
 
 def optional(module: str, what: str, package: str, extra: str) -> Any:
-    """Return the module.
+    """Import an optional module.
 
     Args:
-        module: Name to import.
-        what: What needs it, for the error.
-        package: Name of the package that has it.
-        extra: Name of pushplan's extra that installs it.
+        module: Name of the module.
+        what: Operation that needs the module, for the error.
+        package: Package that provides the module.
+        extra: Extra of pushplan that installs the package.
 
     Raises:
-        MissingExtraError: If it is not installed.
+        MissingExtraError: If the package is not installed.
     """
     try:
         return import_module(module)
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] != module.partition(".")[0]:
-            raise  # the package is there, but something that it needs is not
+            raise  # the package is installed, but one of its dependencies is not
         raise MissingExtraError(what, package, extra) from error

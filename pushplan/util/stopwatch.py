@@ -1,4 +1,4 @@
-"""Wall-clock time, phase by phase, and no garbage collector at work while it counts."""
+"""Measures wall-clock time by phase, and pauses the garbage collector."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 
 class Stopwatch:
-    """Adds up the time that each phase takes; what a phase inside another one takes is its own, not the other's.
+    """Adds up the time of each phase; the time of an inner phase does not count towards the outer one.
 
     Attributes:
         seconds: Time by phase, s.
@@ -21,7 +21,7 @@ class Stopwatch:
 
     @contextmanager
     def __call__(self, phase: str) -> Iterator[None]:
-        """Count the time spent inside towards a phase."""
+        """Add the time spent in this context to a phase."""
         began, before = time.perf_counter(), self._inside
         self._inside = 0.0
         try:
@@ -34,7 +34,7 @@ class Stopwatch:
 
 @contextmanager
 def no_collection() -> Iterator[None]:
-    """Put off the collection of reference cycles: with compiled code loaded, one walk takes a tenth of a second."""
+    """Pause the collection of reference cycles; with compiled code loaded, one collection takes 0.1 s."""
     enabled = gc.isenabled()
     gc.disable()
     try:

@@ -144,9 +144,9 @@ def test_a_pipe_is_no_map(tmp_path: Path, pipe: str) -> None:
     file = _write(tmp_path)
     (tmp_path / pipe).unlink()
     os.mkfifo(tmp_path / pipe)
-    with pytest.raises(ScenarioError, match="this is no regular file"):
+    with pytest.raises(ScenarioError, match="this is not a regular file"):
         pushplan.load_scenario(file)
-    with pytest.raises(ImportedFileError, match="this is no regular file"):
+    with pytest.raises(ImportedFileError, match="this is not a regular file"):
         read_ros_map(tmp_path / "maps" / "map.yaml")
 
 

@@ -76,10 +76,10 @@ def test_an_empty_stable_set_is_found_at_the_contact_that_makes_it_empty(valid: 
     assert slippery[0].what.startswith("the stable set is empty: no push keeps 'far' on 'near' together")
     plate = check_scenario(valid.scenario(("friction: 0.55", "friction: 0")))
     assert [finding.where for finding in plate] == ["pusher.friction"]
-    assert "(the best misses by a margin of 0)" in plate[0].what
+    assert "(the largest margin is 0)" in plate[0].what
     wide = check_scenario(valid.scenario(("margin: auto", "margin: 0.9")))
     assert [finding.where for finding in wide] == ["stability.margin"]
-    assert wide[0].what.startswith("no push has a margin above 0.9; the largest is 0.")
+    assert wide[0].what.startswith("no push has a margin above 0.9; allowed: less than 0.")
 
 
 def test_any_mutation_of_a_file_is_a_scenario_or_a_located_error(valid: Changed) -> None:

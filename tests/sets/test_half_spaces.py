@@ -243,7 +243,7 @@ WRONG: dict[str, tuple[Callable[[ChainMaker], object], str]] = {
     "no friction": (lambda m: ranged(m, contact_friction={"box1": (-0.1, 1.0)}), "contact friction of 'box1' is the"),
     "no end": (lambda m: ranged(m, floor_friction={"box1": (0.0, np.inf)}), "it must be finite"),
     "fractions": (lambda m: ranged(m, fractions={"box0": [(0.0, 1.0)]}), "'box0' does not stand on feet"),
-    "intervals": (lambda m: stable_set_over(ranged(m), "ecoff"), "the stable set 'ecoff' is not known for intervals"),
+    "intervals": (lambda m: stable_set_over(ranged(m), "ecoff"), "'ecoff' is not available for intervals"),
     "unknown": (
         lambda m: stable_set_over(IntervalChain.from_ranges(m.boxes(1, support=UnknownSupport))),
         "the load under 'box0' is unknown",
