@@ -74,7 +74,7 @@ def stable_set_over(interval: IntervalChain, name: str = "ecof") -> StableSet:
     chain = interval.chain
     if name == "cof":
         raise PushplanError(
-            "the stable set 'cof' is not available for intervals of loads: its conditions are not linear in the loads; "
+            "the stable set 'cof' is not available for intervals: its conditions are not linear in the loads; "
             "use 'ecof', which it approximates"
         )
     if name == "stable" and interval.fractions:
