@@ -1,4 +1,7 @@
-"""Exact distances along a motion by shapely, and the pusher's limits; no code shared with the searches."""
+"""Exact distances along a motion with shapely, and checks of the pusher's limits.
+
+The searches share none of this code.
+"""
 
 from __future__ import annotations
 
@@ -27,11 +30,11 @@ class Moving:
     """Bodies that move together.
 
     Attributes:
-        names: (b,) of the bodies.
-        corners: (v, 2) of all their outlines, in the frame that moves, m.
-        counts: (b,) how many corners each of them has.
-        middles: (b, 2) of circles around them, likewise.
-        radii: (b,) of these, m.
+        names: (b,) names of the bodies.
+        corners: (v, 2) corners of all outlines, in the moving frame, m.
+        counts: (b,) number of corners of each body.
+        middles: (b, 2) middles of circles around the bodies, in the moving frame, m.
+        radii: (b,) radii of these circles, m.
     """
 
     names: tuple[str, ...]
@@ -42,7 +45,7 @@ class Moving:
 
     @classmethod
     def of(cls, bodies: Sequence[Body]) -> Moving:
-        """Return some bodies."""
+        """Return the moving set of some bodies."""
         outlines = [body.outline for body in bodies]
         middles = np.array([0.5 * (outline.min(axis=0) + outline.max(axis=0)) for outline in outlines])
         away = [float(np.hypot(*(o - middle).T).max()) for o, middle in zip(outlines, middles, strict=True)]
@@ -52,13 +55,13 @@ class Moving:
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """What stands still.
+    """Obstacles and objects at rest.
 
     Attributes:
-        obstacles: (n,) all of it.
-        shapes: (n,) polygons, or the centres of round ones.
-        radii: (n,) of the round ones, m; 0 for polygons.
-        tree: Of them, round ones as the squares around them.
+        obstacles: (n,) all obstacles.
+        shapes: (n,) polygons, or centres of round obstacles.
+        radii: (n,) radii of round obstacles, m; 0 for polygons.
+        tree: Search tree of the obstacles, with squares around round ones.
     """
 
     obstacles: tuple[Obstacle, ...]
@@ -68,32 +71,32 @@ class Standing:
 
     @classmethod
     def of(cls, obstacles: tuple[Obstacle, ...]) -> Standing:
-        """Return obstacles."""
+        """Return the set of some obstacles."""
         shapes, radii = _shapes(obstacles)
         around, disc = shapes.copy(), radii > 0.0
         around[disc] = shapely.buffer(shapes[disc], radii[disc], cap_style="square")
         return cls(obstacles, shapes, radii, shapely.STRtree(around))
 
     def near(self, shapes: ObjectArray, within: FloatArray | float) -> IntArray:
-        """Return which of some shapes are nearer than that (m) to which of these, at most: indices (2, k)."""
+        """Return the indices (2, k) of pairs (given shape, obstacle) within a distance (m)."""
         return np.asarray(self.tree.query(shapes, predicate="dwithin", distance=within))
 
     def apart(self, bodies: ObjectArray, pairs: IntArray) -> FloatArray:
-        """Return the distances (k,) of bodies from these, by their indices (2, k), m."""
+        """Return the distances (k,) of bodies from obstacles, for pairs of indices (2, k), m."""
         away = shapely.distance(bodies[pairs[0]], self.shapes[pairs[1]])
         return np.asarray(np.maximum(away - self.radii[pairs[1]], 0.0))
 
 
 @dataclass(frozen=True, eq=False)
 class Room:
-    """What moves, in one case or in several, and what it must not touch.
+    """Moving bodies, in one or several cases, and the obstacles that they must avoid.
 
     Attributes:
-        moving: (c,) bodies that move, by case.
+        moving: (c,) moving bodies, by case.
         walls: The workspace.
-        standing: What stands there in each case.
-        resting: What stands there in some of the cases.
-        rests: (c, r) whether each of these does.
+        standing: Obstacles of all cases.
+        resting: Obstacles of some cases only.
+        rests: (c, r) whether each of these is present, by case.
     """
 
     moving: tuple[Moving, ...]
@@ -104,12 +107,12 @@ class Room:
 
     @classmethod
     def of(cls, scenario: Scenario) -> Room:
-        """Return that of a scenario, with a single case."""
+        """Return the room of a scenario, with a single case."""
         return cls((Moving.of(scenario.chain.bodies),), scenario.workspace, Standing.of(tuple(scenario.obstacles)))
 
     @cached_property
     def _bodies(self) -> Moving:
-        """All that moves, in all cases."""
+        """The moving bodies of all cases."""
         each = self.moving
         return Moving(
             tuple(name for one in each for name in one.names),
@@ -121,17 +124,17 @@ class Room:
 
     @cached_property
     def _firsts(self) -> tuple[IntArray, IntArray, IntArray]:
-        """First corners (b,) of the bodies; the first bodies (c,) of the cases, and how many these have (c,)."""
+        """First corners (b,) of the bodies; first bodies (c,) of the cases, and their numbers of bodies (c,)."""
         counts, bodies = self._bodies.counts, np.array([len(one.names) for one in self.moving])
         return np.cumsum(counts) - counts, np.cumsum(bodies) - bodies, bodies
 
     def gaps(self, poses: FloatArray, enough: float, case: IntArray | None = None) -> FloatArray:
-        """Return the distances (m,) of the bodies at poses (m, 3) from everything, m: 0 on overlap, capped.
+        """Return the distances (m,) of the bodies at poses (m, 3) from all obstacles, m; 0 on overlap.
 
         Args:
-            poses: Of the frame that moves.
-            enough: Distances are no larger than that, m.
-            case: (m,) of each pose; None: all are of the first one.
+            poses: (m, 3) poses of the moving frame.
+            enough: Upper limit of the returned distances, m.
+            case: (m,) case of each pose; None for the first one.
         """
         case = np.zeros(len(poses), dtype=int) if case is None else case
         _, first, count = self._firsts
@@ -142,7 +145,7 @@ class Room:
         places = placed[:, :2] + se2.rotate(placed[:, 2], self._bodies.middles[body])
         far = enough + self._bodies.radii[body]
         gaps = np.full(len(poses), enough)
-        beside = self._wall_gaps(places) < far  # few, as are bodies near obstacles
+        beside = self._wall_gaps(places) < far  # true for few bodies
         if beside.any():
             corners, owner = self._corners(placed[beside], body[beside])
             np.minimum.at(gaps, pose[beside][owner], self._wall_gaps(corners))
@@ -160,9 +163,9 @@ class Room:
         return np.asarray(np.maximum(gaps, 0.0))
 
     def nearest(self, pose: FloatArray, within: float, case: int = 0) -> tuple[float, str, Obstacle | None]:
-        """Return the smallest distance at a pose (3,), whose it is, and from which obstacle (None: a wall).
+        """Return the smallest distance at a pose (3,), its body and its obstacle (None: a wall).
 
-        Something has to be nearer than `within`, m.
+        Some obstacle must be nearer than `within`, m.
         """
         _, first, count = self._firsts
         names, body = self.moving[case].names, first[case] + np.arange(count[case])
@@ -181,7 +184,7 @@ class Room:
         return min(found, key=lambda one: one[0])
 
     def _corners(self, poses: FloatArray, body: IntArray) -> tuple[FloatArray, IntArray]:
-        """The corners (v, 2) of bodies (k,), each at a pose (k, 3), and whose they are (v,)."""
+        """Return the corners (v, 2) of bodies (k,) at poses (k, 3), and the body of each corner (v,)."""
         counts = self._bodies.counts[body]
         owner = np.repeat(np.arange(len(body)), counts)
         own = self._firsts[0][body[owner]] + np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -189,12 +192,12 @@ class Room:
         return placed[:, :2] + se2.rotate(placed[:, 2], self._bodies.corners[own]), owner
 
     def _polygons(self, poses: FloatArray, body: IntArray) -> ObjectArray:
-        """Bodies (k,), each at a pose (k, 3)."""
+        """Return the polygons of bodies (k,) at poses (k, 3)."""
         corners, owner = self._corners(poses, body)
         return np.asarray(shapely.polygons(shapely.linearrings(corners, indices=owner)))
 
     def _wall_gaps(self, points: FloatArray) -> FloatArray:
-        """Distances (...) of points (..., 2) from the walls, m; negative beyond, infinite where there are none."""
+        """Return distances (...) of points (..., 2) from the walls, m; negative outside, infinite without walls."""
         if self.walls is None:
             return np.full(points.shape[:-1], np.inf)
         low, high = (self.walls.xmin, self.walls.ymin), (self.walls.xmax, self.walls.ymax)
@@ -203,7 +206,7 @@ class Room:
 
 
 def _shapes(obstacles: Sequence[Obstacle]) -> tuple[ObjectArray, FloatArray]:
-    """Polygons, or centres and radii, of obstacles; all rings are made at once, as there may be thousands."""
+    """Return polygons, or centres and radii, of obstacles. All rings are built at once: there can be many."""
     radii = np.array([o.radius if isinstance(o, CircleObstacle) else 0.0 for o in obstacles])
     shapes: ObjectArray = np.empty(len(obstacles), dtype=object)
     outlines = [o.outline for o in obstacles if not isinstance(o, CircleObstacle)]
@@ -218,12 +221,12 @@ def _shapes(obstacles: Sequence[Obstacle]) -> tuple[ObjectArray, FloatArray]:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Poses by travel.
+    """A motion: poses as a function of travel.
 
     Attributes:
-        poses: (m, 3) that it passes through, m > 0.
-        twists: (m - 1, 3) whose exponentials lead from each pose to the next.
-        travel: (m,) that no point of the body exceeds until each pose, m.
+        poses: (m, 3) poses along the motion, m > 0.
+        twists: (m - 1, 3) twists whose exponentials lead from each pose to the next.
+        travel: (m,) upper bound of the travel of all body points up to each pose, m.
     """
 
     poses: FloatArray
@@ -232,14 +235,14 @@ class Motion:
 
     @classmethod
     def through(cls, poses: FloatArray, reach: float) -> Motion:
-        """Return the motion of a body that reaches so far (m) from the frame's origin."""
+        """Return the motion through poses, for a body with a reach (m) from the frame's origin."""
         return cls._of(poses, _log(se2.relative(poses[:-1], poses[1:])), reach)
 
     @classmethod
     def sampled(cls, trajectory: Trajectory, reach: float) -> Motion:
-        """Return the motion from sample to sample of a trajectory, with a constant twist from each to the next.
+        """Return the motion through a trajectory's samples, with a constant twist between neighbours.
 
-        Of samples along one twist, few are needed: no more than a radian is turned between two.
+        Along one twist, few samples are needed: at most a radian is turned between two of them.
         """
         kept = trajectory.changes_at(trajectory.t)
         fastest = float(np.abs(trajectory.coefficients[:, 0, 2]).max(initial=1.0))
@@ -253,7 +256,7 @@ class Motion:
 
     @classmethod
     def joined(cls, motions: Sequence[Motion]) -> tuple[Motion, FloatArray]:
-        """Return motions one after the other, between them a rest, and the travels (c,) at which they begin."""
+        """Return the sequence of motions, separated by rests, and the travels (c,) at which they begin."""
         rest = np.zeros((1, 3))
         twists = [twists for one in motions for twists in (one.twists, rest)]
         begins = np.cumsum([0.0, *(one.travel[-1] + 1.0 for one in motions)])[:-1]
@@ -277,7 +280,7 @@ class Motion:
 
 
 def _log(pose: FloatArray) -> FloatArray:
-    """Body twists (k, 3) whose exponential are the poses (k, 3); the inverse of `se2.exp`."""
+    """Return the body twists (k, 3) whose exponentials are poses (k, 3): the inverse of `se2.exp`."""
     half = 0.5 * pose[:, 2]
     diagonal = 1.0 / np.where(np.abs(half) < 1e-6, 1.0 + half**2 / 3.0, np.tan(half) / np.where(half == 0, 1, half))
     x = diagonal * pose[:, 0] + half * pose[:, 1]
@@ -286,21 +289,21 @@ def _log(pose: FloatArray) -> FloatArray:
 
 
 COARSE = 0.2
-"""No point of the body moves farther than this (m) between the first poses that are looked at."""
+"""Maximum travel (m) of a body point between the first poses that are checked."""
 
 SPACING = 0.002
-"""Where nothing is proven, no point of the body moves farther than this (m) between two poses looked at."""
+"""Travel (m) of a body point between two checked poses below which no proof is needed."""
 
 
 @dataclass(frozen=True)
 class Collision:
-    """Where a motion comes too near to something.
+    """A pose at which a motion is too near to something.
 
     Attributes:
         pose: (x, y, theta) of the chain frame in the world.
         body: `robot`, `pusher` or the object's name.
-        obstacle: What is met, or None for the workspace's walls.
-        gap: Distance that is left, m; 0 where they touch or overlap.
+        obstacle: The obstacle; None for a wall of the workspace.
+        gap: Remaining distance, m; 0 if they touch or overlap.
     """
 
     pose: tuple[float, float, float]
@@ -313,25 +316,25 @@ class Collision:
         x, y, theta = self.pose
         place = f"with the chain frame at ({x:.4f}, {y:.4f}) m, {np.degrees(theta):.2f} deg"
         if self.gap <= 0.0:
-            return f"'{self.body}' meets {other} {place}"
+            return f"'{self.body}' touches {other} {place}"
         return f"'{self.body}' is {1e3 * self.gap:.3g} mm from {other} {place}"
 
 
 def find_collision(scenario: Scenario, poses: FloatArray) -> Collision | None:
-    """Return the first collision along poses (m, 3) of the chain frame, to `SPACING`, or None.
+    """Return the first collision along poses (m, 3) of the chain frame, to `SPACING`; None if there is none.
 
-    It is one when a body comes nearer to something than the scenario's clearance, less `CLEARANCE_ROOM`.
+    A collision is a distance below the scenario's clearance, less `CLEARANCE_ROOM`.
 
     Args:
-        scenario: What moves, what is in the way, and how far to keep from it.
-        poses: Between neighbours the twist is constant.
+        scenario: Scenario with the chain, the obstacles and the clearance.
+        poses: (m, 3) poses with a constant twist between neighbours.
     """
     motion = Motion.through(poses, scenario.chain.reach)
     return find_collisions(Room.of(scenario), (motion,), scenario.clearance)[0]
 
 
 def find_collisions(room: Room, motions: Sequence[Motion], clearance: float) -> list[Collision | None]:
-    """Return `find_collision` of motions, of each in its case of a room, with a clearance, m."""
+    """Return `find_collision` for motions, each in its own case of a room, with a clearance (m)."""
     required = clearance - CLEARANCE_ROOM
     found: list[Collision | None] = []
     for case, (motion, at) in enumerate(zip(motions, _first_too_near(room, motions, required), strict=True)):
@@ -346,9 +349,10 @@ def find_collisions(room: Room, motions: Sequence[Motion], clearance: float) -> 
 
 
 def _first_too_near(room: Room, motions: Sequence[Motion], required: float) -> FloatArray:
-    """Return the travels (c,) at which motions first come nearer to something than required (m), to `SPACING`.
+    """Return the travels (c,) at which motions are first nearer to something than required (m), to `SPACING`.
 
-    Infinite for those that do not. All are halved together, as a look at few poses takes nearly as long as at many.
+    They are infinite for motions without a collision. All intervals are halved together, because checking a few poses
+    takes nearly as long as checking many.
     """
     motion, begins = Motion.joined(motions)
     wholes = [one.travel[-1] for one in motions]
@@ -375,10 +379,10 @@ def _first_too_near(room: Room, motions: Sequence[Motion], required: float) -> F
 
 
 STEP, MOST = 4e-3, 250_000
-"""Time between two poses looked at, s, and how many are looked at: those of longer motions are farther apart."""
+"""Time between two checked instants, s, and their maximum number; long motions have wider steps."""
 
 TOLERANCE = 0.01
-"""Share of a limit that differences may seem to exceed it by; speeds change within a step, too."""
+"""Relative tolerance of a limit for finite differences, because speeds change within a step too."""
 
 
 def excess(trajectory: Trajectory, limits: Limits) -> str:
@@ -394,12 +398,12 @@ def excess(trajectory: Trajectory, limits: Limits) -> str:
     gain = np.diff(speed)
     found: dict[LimitName, FloatArray] = {
         "speed": np.where(twists[0] < 0.0, -speed, speed),
-        # the velocity turns with the body
+        # the velocity direction turns with the body
         "acceleration": np.copysign(np.hypot(changes[0] - turn * v, changes[1] + turn * u), gain),
         "angular_speed": twists[2],
         "angular_acceleration": changes[2],
     }
-    steady = np.abs(gain) < TOLERANCE * h * np.abs(found["acceleration"])  # rounding tells no sign
+    steady = np.abs(gain) < TOLERANCE * h * np.abs(found["acceleration"])  # rounding determines no sign
     found["acceleration"][steady] = np.abs(found["acceleration"][steady])
     for name, values in found.items():
         words = _beyond(values, limits.both(name), t)
@@ -413,4 +417,4 @@ def _beyond(values: FloatArray, both: tuple[float, float], t: FloatArray) -> str
     worst = int(np.argmax(share))
     if share[worst] <= 1.0 + TOLERANCE:
         return ""
-    return f"{values[worst]:.4g} after {t[worst]:.2f} s, allowed are {-both[0]:.4g} to {both[1]:.4g}"
+    return f"{values[worst]:.4g} after {t[worst]:.2f} s; allowed: {-both[0]:.4g} to {both[1]:.4g}"

@@ -1,4 +1,4 @@
-"""What the pusher can do with a margin: stable twists between meridians, and families that steer exactly."""
+"""Controls of the pusher for a margin: segments of stable twists, and families of twists for exact steering."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from pushplan.util.arrays import FloatArray, IntArray
 from pushplan.util.names import AUTO
 
 MARGIN_FLOOR = 1e-6
-"""Planned twists keep this much more than the margin asked for, so that rounding cannot put them outside."""
+"""Extra margin of planned twists, so that rounding cannot violate the required margin."""
 
 MERIDIANS = 512
-"""Meridians of the stable set that an omnidirectional pusher's controls are taken from."""
+"""Number of meridians of the stable set for the controls of an omnidirectional pusher."""
 
 
 def control_segments(stable: StableSet, drive: Drive, margin: float, count: int = MERIDIANS) -> FloatArray:
     """Return the segments (k, 6) of stable twists that the drive can make.
 
     Args:
-        stable: The set.
-        drive: Of the robot that carries the plate.
-        margin: Every twist has more than this.
-        count: Meridians of an omnidirectional pusher's set.
+        stable: Stable set.
+        drive: Drive of the robot that carries the plate.
+        margin: Lower limit of every twist's margin.
+        count: Number of meridians for an omnidirectional pusher.
 
     Raises:
         EmptyStableSetError: If there are none.
     """
     if drive.axle is None:
         meridians = stable.meridians(margin, count)
-        if not len(meridians.longitude):  # a set so small that it lies between them
+        if not len(meridians.longitude):  # the set is so small that it lies between meridians
             meridians = stable.refined_meridians(margin).meridians
         length = stable.chain.characteristic_length
         ends = [twists_at(meridians.longitude, lat, length) for lat in (meridians.lower, meridians.upper)]
@@ -54,7 +54,7 @@ def control_segments(stable: StableSet, drive: Drive, margin: float, count: int 
 
 
 def _why_empty(stable: StableSet, drive: Drive, margin: float) -> str:
-    """Tell which contact does not hold, in general or under what the drive can do."""
+    """Return which contact does not hold, in general or for the twists of the drive."""
     if isinstance(stable, ForceLimitedSet):
         return stable.too_heavy(segment_ends(control_segments(stable.inside, drive, margin)))
     asked = max(0.0, margin - MARGIN_FLOOR)
@@ -67,13 +67,13 @@ def _why_empty(stable: StableSet, drive: Drive, margin: float) -> str:
     weakest = contact_words(stable.chain, weakest_contact(stable, twists[best]))
     return (
         f"the {drive.kind} cannot push the chain: its best push keeps {weakest} with a margin of "
-        f"{margins[best]:.3g}, it must be above {asked:.3g}; an omnidirectional pusher could; allowed: {HELP}, "
-        "or another place of the axle"
+        f"{margins[best]:.3g}; it must be above {asked:.3g}; an omnidirectional pusher could push it; "
+        f"allowed: {HELP}, or another place of the axle"
     )
 
 
 def drive_twists(stable: StableSet, drive: Drive) -> FloatArray:
-    """Return the twists (k, 3) at which a wheeled drive's family is scanned."""
+    """Return the twists (k, 3) at which a wheeled drive is sampled."""
     assert drive.axle is not None
     return _drive_twists(drive.axle, _drive_turns(stable, drive))
 
@@ -84,12 +84,12 @@ def segment_ends(segments: FloatArray) -> FloatArray:
 
 
 def drive_radii(stable: StableSet, drive: Drive, minimum: float = 0.0) -> TurningRadii:
-    """Return the smallest radii at which a drive turns the chain frame's origin, within the set.
+    """Return the smallest turning radii of the chain frame's origin for a drive, within the set.
 
     Args:
-        stable: The set.
-        drive: Of the robot that carries the plate; an omnidirectional one turns as tightly as the set allows.
-        minimum: Every turn has more than this margin.
+        stable: Stable set.
+        drive: Drive of the robot that carries the plate. An omnidirectional one turns as tightly as the set allows.
+        minimum: Lower limit of every turn's margin.
     """
     if drive.axle is None:
         return stable.turning_radii(minimum)
@@ -100,22 +100,22 @@ def drive_radii(stable: StableSet, drive: Drive, minimum: float = 0.0) -> Turnin
 
 
 def smallest_radii(segments: FloatArray) -> TurningRadii:
-    """Return the smallest radii at which twists on segments (k, 6) turn the chain frame's origin."""
+    """Return the smallest turning radii of the chain frame's origin for twists on segments (k, 6)."""
     ends = segment_ends(segments)
     return TurningRadii(*(_radius(ends[side * ends[:, 2] > 0.0]) for side in (1.0, -1.0)))
 
 
 def _radius(twists: FloatArray) -> float:
-    """Smallest radius (m) at which twists (k, 3) turn the chain frame's origin, infinite without any."""
+    """Return the smallest turning radius (m) of the chain frame's origin for twists (k, 3); infinite for none."""
     return float(np.min(np.hypot(twists[:, 0], twists[:, 1]) / np.abs(twists[:, 2]), initial=math.inf))
 
 
 def steering_families(segments: FloatArray) -> FloatArray:
-    """Return families (3, 3, 3) of left, straight and right twists, scaled to a cost rate of 1, for connections.
+    """Return families (3, 3, 3) of left, straight and right twists for steering, scaled to a cost rate of 1.
 
-    The turns are those with the closest CORs among the ends of the segments. The straight pushes are the one along
-    which these turns combine to Dubins' car, as nearly as there is one, and the two that lean most. Rows of zeros
-    stand for motions that are not stable.
+    The turns are those with the closest CORs among the ends of the segments. The straight push of the first family is
+    the one nearest to the heading for which these turns form a Dubins car. The other two have the straight pushes
+    with the largest angles to it. Rows of zeros stand for motions that are not stable.
 
     Args:
         segments: (k, 6) stable twists; see `control_segments`.
@@ -136,7 +136,7 @@ def steering_families(segments: FloatArray) -> FloatArray:
 
 
 def _farthest_turns(ends: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The tightest turn (3,) and the one whose COR is farthest from its own: the farther, the more a word reaches."""
+    """Return the tightest turn (3,) and the one with the farthest COR from it, for the longest steering paths."""
     turns = ends / cost_rate(ends)[:, None]
     cors = _cors(turns)
     tightest = int(np.argmax(np.abs(turns[:, 2])))
@@ -145,7 +145,7 @@ def _farthest_turns(ends: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _closest_turns(ends: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The left and the right turn (3,) with the closest CORs, scaled; zero where there is no turn to that side."""
+    """Return the left and the right turn (3,) with the closest CORs, scaled; zero for a side without turns."""
     lefts, rights = ends[ends[:, 2] > 0.0], ends[ends[:, 2] < 0.0]
     lefts, rights = (turns / cost_rate(turns)[:, None] for turns in (lefts, rights))
     if not len(lefts) or not len(rights):
@@ -153,7 +153,7 @@ def _closest_turns(ends: FloatArray) -> tuple[FloatArray, FloatArray]:
         return best[0], best[1]
     left, right = _cors(lefts), _cors(rights)
     most = np.hypot(*(left[np.argmin(np.hypot(*left.T))] - right[np.argmin(np.hypot(*right.T))]))
-    # of the others, many are farther from all on the other side already along y
+    # leave out turns that are farther from all turns on the other side along y alone
     i = np.flatnonzero(left[:, 1] - right[:, 1].max() <= most)
     j = np.flatnonzero(left[:, 1].min() - right[:, 1] <= most)
     apart = left[i, None] - right[j]
@@ -162,12 +162,12 @@ def _closest_turns(ends: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _cors(twists: FloatArray) -> FloatArray:
-    """Centres of rotation (k, 2) of turning twists (k, 3)."""
+    """Return the centres of rotation (k, 2) of turning twists (k, 3)."""
     return np.asarray(np.stack([-twists[:, 1], twists[:, 0]], axis=1) / twists[:, 2:])
 
 
 def straight_pushes(segments: FloatArray) -> FloatArray:
-    """Directions (m, 2) of the translations on segments."""
+    """Return the directions (m, 2) of the translations on segments."""
     low, high = segments[:, 2], segments[:, 5]
     across = segments[(low <= 0.0) & (high >= 0.0) | (low >= 0.0) & (high <= 0.0)]
     span = np.abs(across[:, 2]) + np.abs(across[:, 5])
@@ -177,7 +177,7 @@ def straight_pushes(segments: FloatArray) -> FloatArray:
 
 
 def _dubins_heading(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Direction (2,) of J (cR - cL), along which equal parts of both turns translate; +x where one is missing."""
+    """Return the direction (2,) of J (cR - cL), in which equal parts of both turns translate; +x without one."""
     if left[2] == 0.0 or right[2] == 0.0:
         return np.array([1.0, 0.0])
     x, y = (_cors(right[None]) - _cors(left[None]))[0]
@@ -185,13 +185,13 @@ def _dubins_heading(left: FloatArray, right: FloatArray) -> FloatArray:
 
 
 def _drive_twists(axle: FloatArray, turns: FloatArray) -> FloatArray:
-    """Twists (k, 3) that move the axle's middle ahead at 1 m/s while turning at `turns` (k,) rad/m."""
+    """Return twists (k, 3) that move the axle's middle ahead at 1 m/s with `turns` (k,) in rad/m."""
     x, y, heading = axle
     return np.column_stack([np.cos(heading) + turns * y, np.sin(heading) - turns * x, turns])
 
 
 def _stable_turns(stable: StableSet, drive: Drive, margin: float) -> FloatArray:
-    """Intervals (k, 2) of turns per metre, rad/m, that are stable, their ends found by bisection on the inside."""
+    """Return intervals (k, 2) of stable turns per metre, rad/m. Bisection finds their ends from the inside."""
     assert drive.axle is not None
     turns = _drive_turns(stable, drive)
     inside = _stable_at(stable, drive.axle, turns, margin)
@@ -202,7 +202,7 @@ def _stable_turns(stable: StableSet, drive: Drive, margin: float) -> FloatArray:
 
 
 def _drive_turns(stable: StableSet, drive: Drive) -> FloatArray:
-    """Turns per metre (k,) at which a drive's family is scanned, increasing, rad/m."""
+    """Return the increasing turns per metre (k,) at which a drive is sampled, rad/m."""
     limit = math.inf if drive.min_radius == 0.0 else 1.0 / drive.min_radius
     angles = np.linspace(-0.5, 0.5, 1026)[1:-1] * np.pi
     turns = np.tan(angles) / stable.chain.characteristic_length
@@ -216,7 +216,7 @@ def _stable_at(stable: StableSet, axle: FloatArray, turns: FloatArray, margin: f
 def _edges(
     stable: StableSet, axle: FloatArray, turns: FloatArray, inside: IntArray, outside: IntArray, margin: float
 ) -> FloatArray:
-    """Turns per metre (k, 2) at edges of the set between two scanned ones, on the stable side."""
+    """Return turns per metre (k, 2) at edges of the set between two samples, on the stable side."""
     good, bad = turns[inside], turns[np.where((outside < 0) | (outside == len(turns)), inside, outside)]
     while True:
         middle = 0.5 * (good + bad)
@@ -227,32 +227,33 @@ def _edges(
 
 
 MOST_MARGIN = 0.05
-"""What `auto` asks for where the chain can have it.
+"""Largest margin that `auto` requires.
 
-With it 89 % of plans survive nine perturbations (frictions, loads, places), without it 39 %, for 0.4 % more way.
+With it, 89 % of plans survive nine perturbations (frictions, loads, poses), without it 39 %. Paths become 0.4 %
+longer.
 """
 
 MARGIN_SHARE = 0.5
-"""What `auto` asks for at most, as a share of the largest margin there is."""
+"""Upper limit of the margin for `auto`, as a share of the largest margin of any twist."""
 
 HALVINGS = 5
-"""So many times a margin is halved where no path is found with it."""
+"""Number of times that a margin is halved if no path is found."""
 
 
 BELOW = 0.05
-"""So much lower than the best twist that was looked at may be where the climb to the largest margin begins.
+"""Margin below the best sampled twist at which a climb to the largest margin can begin.
 
-Over 134 random chains of up to 20 boxes a bound of 0.02 lost nothing either; half of the time is saved.
+This limit saves half of the time. Over 134 random chains of up to 20 boxes, even 0.02 missed no maximum.
 """
 
 
 def margins_to_try(scenario: Scenario, stable: StableSet, most: float = MOST_MARGIN) -> tuple[float, ...]:
-    """Return the margins to plan with, one after the other until there is a path; a stated number is the only one.
+    """Return the margins to plan with, in order, until there is a path; a specified number is the only one.
 
     Args:
-        scenario: With the chain.
-        stable: Its set.
-        most: The first one is no larger.
+        scenario: Scenario with the chain.
+        stable: Stable set of the chain.
+        most: Upper limit of the first margin.
     """
     stated = scenario.stability.margin
     if stated != AUTO:
@@ -262,14 +263,14 @@ def margins_to_try(scenario: Scenario, stable: StableSet, most: float = MOST_MAR
 
 
 def automatic_margin(stable: StableSet, drive: Drive, most: float = MOST_MARGIN) -> float:
-    """Return the smaller of `most` and `MARGIN_SHARE` of the largest there is; 0 where nothing is stable."""
+    """Return the smaller of `most` and `MARGIN_SHARE` of the largest margin; 0 if nothing is stable."""
     return min(most, MARGIN_SHARE * _best_margin(stable, drive, most / MARGIN_SHARE))
 
 
 def _best_margin(stable: StableSet, drive: Drive, enough: float) -> float:
     """Return the largest margin, or one that is at least `enough`."""
     ahead = np.array([[1.0, 0.0, 0.0]]) if drive.axle is None else _drive_twists(drive.axle, np.zeros(1))
-    found = float(stable.margin(ahead)[0])  # that of most chains is enough
+    found = float(stable.margin(ahead)[0])  # enough for most chains
     if found >= enough:
         return found
     found = float(stable.margin(most_stable_twist(stable, drive)[None])[0])
@@ -279,7 +280,7 @@ def _best_margin(stable: StableSet, drive: Drive, enough: float) -> float:
 
 
 def _highest_peak(stable: StableSet, least: float) -> float:
-    """Return the largest margin, 0 where nothing is stable, climbing from samples with more than `least` only."""
+    """Return the largest margin by climbing from samples above `least`; 0 if nothing is stable."""
 
     def margin(twists: FloatArray, floor: float) -> FloatArray:
         floor = max(floor, least)
@@ -290,7 +291,7 @@ def _highest_peak(stable: StableSet, least: float) -> float:
 
 
 def most_stable_twist(stable: StableSet, drive: Drive) -> FloatArray:
-    """Return the twist (3,) with the largest margin of those that are looked at, which the drive can make."""
+    """Return the sampled twist (3,) with the largest margin that the drive can make."""
     if drive.axle is not None:
         twists = drive_twists(stable, drive)
     else:

@@ -1,4 +1,4 @@
-"""The interface of every search: a question, a budget, and the outcome with the better plans on the way."""
+"""The interface of every search: question, budget and outcome, with the better plans found on the way."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ Segments = tuple[Segment, ...]
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """What a search is asked.
+    """The problem given to a search.
 
     Attributes:
-        scenario: As the one that the search was prepared for, but for starts, goals and the robot's place.
-        validator: For plans of that scenario.
-        previous: An earlier path of a single push, which may still do; see `Planner.plan`.
-        explain: Whether to find out why there is no plan.
+        scenario: Scenario. It differs from the search's own one only in starts, goals and robot pose.
+        validator: Validator of its plans.
+        previous: Earlier path of a single push that may still be usable; see `Planner.plan`.
+        explain: Whether to diagnose a failure.
     """
 
     scenario: Scenario
@@ -46,15 +46,15 @@ class Question:
 
 @dataclass(frozen=True)
 class Budget:
-    """What a search may use up.
+    """Limits of a search.
 
     Attributes:
-        began: `time.perf_counter` at which the time limit began to count.
-        time_limit: Seconds.
-        seed: Of the random numbers.
+        began: Value of `time.perf_counter` at the beginning.
+        time_limit: Time limit, s.
+        seed: Seed of the random numbers.
         first: Whether the first plan is enough.
-        iterations: Of the search, at most.
-        gap: Share above the lower bound that is good enough.
+        iterations: Maximum number of iterations.
+        gap: Relative gap to the lower bound that is small enough.
     """
 
     began: float
@@ -66,7 +66,7 @@ class Budget:
 
     @classmethod
     def of(cls, settings: PlanSettings, began: float) -> Budget:
-        """Return what complete settings allow, counted from `time.perf_counter` being `began`."""
+        """Return the budget of complete settings, counted from `began`, a value of `time.perf_counter`."""
         limit, seed, gap = settings.time_limit, settings.seed, settings.gap
         if limit is None or seed is None or gap is None:
             raise PlanningError("the settings are not complete; allowed: settings.completed(scenario)")
@@ -74,25 +74,25 @@ class Budget:
 
     @property
     def until(self) -> float:
-        """`time.perf_counter` at which the time is over."""
+        """Value of `time.perf_counter` at which the time is over."""
         return self.began + self.time_limit
 
 
 class TaskSearch(ABC):
-    """Searches for plans in one scenario; what does not depend on starts and goals is prepared once."""
+    """Search for plans in one scenario. Data that do not depend on starts and goals are computed once."""
 
     @property
     @abstractmethod
     def set_name(self) -> str:
-        """Name of the stable set that it plans in."""
+        """Name of the stable set."""
 
     @abstractmethod
     def with_obstacles(self, scenario: Scenario) -> TaskSearch:
-        """Return the search for a scenario that differs in what stands in the room only."""
+        """Return the search for a scenario that differs only in its obstacles."""
 
     @abstractmethod
     def search(self, question: Question, budget: Budget, observer: Observer) -> Outcome:
-        """Return the best plan that was found.
+        """Return the best plan found.
 
         Raises:
             PlanningError: If a start or goal is not free, or there is nothing to push.
@@ -100,23 +100,23 @@ class TaskSearch(ABC):
         """
 
     def steering(self) -> Steering:
-        """Return what collision-free steering paths of a single push are made of.
+        """Return the data for collision-free steering paths of a single push.
 
         Raises:
             PlanningError: If the plate is not in contact at the start.
         """
-        raise PlanningError("steering paths: allowed for a single push; this robot stands apart from its loads")
+        raise PlanningError("steering paths exist only for a single push; this robot starts apart from its loads")
 
 
 @dataclass(frozen=True, eq=False)
 class Steering:
-    """Steering paths of a single push, with the first margin.
+    """Data for steering paths of a single push, with the first margin.
 
     Attributes:
-        scene: The chain among what stands in the room.
-        families: (f, 3, 3) twists that the three arcs of a path may have, scaled to a cost rate of 1.
-        stable: The set that they are taken from.
-        margin: That they exceed.
+        scene: Collision scene of the chain.
+        families: (f, 3, 3) families of twists for the three arcs of a path, scaled to a cost rate of 1.
+        stable: Stable set of the twists.
+        margin: Lower limit of their margins.
     """
 
     scene: Scene
@@ -127,24 +127,23 @@ class Steering:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a search found.
+    """Result of a search.
 
     Attributes:
-        candidates: Plans, not timed, the best one first; the one that is driven fastest counts. None where none was
-            found.
-        margin_asked: What the twists' margins had to exceed at first.
-        margin: What they had to exceed in the end.
-        iterations: Of the search.
-        improvements: Better and better plans.
-        cost: Returns by what plans are compared, of segments, m.
-        lower_bound: What no plan beats of what ranks them, or what works it out; None where none is known.
+        candidates: Plans without timing, best first; the fastest one after timing is chosen. Empty if none was found.
+        margin_asked: Margin required at first.
+        margin: Margin required in the end.
+        iterations: Number of iterations.
+        improvements: Successively better plans.
+        cost: Returns the cost of segments that ranks plans, m.
+        lower_bound: Lower bound of the ranking objective, or a function that computes it; None if unknown.
         tree: See `Plan`.
-        explain: Returns the reason, the diagnosis and the nearest plan where none was found; called at most once.
-        scene: Of the first push, where it is there already.
-        usual_margin: What `stability.margin: auto` asks for where the load allows it.
+        explain: Returns the reason, the diagnosis and the nearest plan of a failure; called at most once.
+        scene: Collision scene of the first push, if it exists already.
+        usual_margin: Margin that `stability.margin: auto` requires if the load allows it.
         remarks: See `Plan`.
-        undelivered: Why loads do not get to their goals by the candidates, by name; empty for whole plans.
-        proofs: That some of these cannot be delivered.
+        undelivered: Reasons why loads do not reach their goals, by name; empty for complete plans.
+        proofs: Proofs that some of these loads cannot be delivered.
     """
 
     candidates: tuple[Segments, ...]
@@ -164,12 +163,12 @@ class Outcome:
 
     @classmethod
     def without_plan(cls, proof: Diagnosis, margin: float) -> Outcome:
-        """Return that of a search that need not begin, with the lowest margin that it would have planned with."""
+        """Return the outcome of a proven failure without a search, with the lowest margin of the search."""
         told = proof.text, (proof,), None
         return cls((), margin, margin, 0, (), lambda segments: math.inf, explain=lambda: told)
 
     def remarks_on(self, scenario: Scenario, segments: Segments) -> tuple[str, ...]:
-        """Return the remarks on a plan, and which load allows no usual margin where `auto` chose it."""
+        """Return the remarks on a plan, and the load that does not allow the usual margin of `auto`."""
         asked, pushes = self.margin_asked, [one for one in segments if one.load is not None and one.pushes]
         if scenario.stability.margin != AUTO or asked >= self.usual_margin or not pushes:
             return self.remarks
@@ -180,11 +179,11 @@ class Outcome:
 
 
 class Improvements:
-    """Keeps, and tells of, better and better plans.
+    """List of successively better plans, reported to an observer.
 
     Args:
-        observer: Who is told.
-        began: `time.perf_counter` from which seconds count.
+        observer: Observer of the plans.
+        began: Value of `time.perf_counter` at the beginning.
     """
 
     def __init__(self, observer: Observer, began: float) -> None:
@@ -192,7 +191,7 @@ class Improvements:
         self.found: list[Improvement] = []
 
     def add(self, cost: float, iterations: int, segments: Segments = (), seconds: float | None = None) -> None:
-        """Keep a plan that is better than those before."""
+        """Add a plan that is better than all before."""
         now = time.perf_counter() - self._began if seconds is None else seconds
         self.found.append(Improvement(now, cost, iterations, segments))
         self._observer.improved(self.found[-1])

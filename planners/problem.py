@@ -1,4 +1,4 @@
-"""How a push problem is made from a scenario and a stable set, and what makes one path better than another."""
+"""Push problems from a scenario and a stable set, and the objectives that rank paths."""
 
 from __future__ import annotations
 
@@ -34,24 +34,24 @@ from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import BoolArray, FloatArray
 
 GRIDS = {"margin": 129, "time": 33}
-"""Longitudes and latitudes of the table; fewer where an entry takes longer."""
+"""Number of longitudes and of latitudes in the table; fewer if an entry takes longer to compute."""
 
 SHORT = 0.1
-"""Times of arcs between so much of the length of its ramps and all of it are off by 4 % at most."""
+"""Share of the ramps' length from which the approximate time of an arc is accurate to 4 %."""
 
 
 def travel_objective(per_arc: float) -> Objective:
-    """Return the objective of travel: length counts, and `per_arc` (m) for each arc."""
+    """Return the objective of travel: length plus `per_arc` (m) for each arc."""
     return Objective(TRAVEL, per_arc, 1.0, 1.0, np.array([0.0, 1.0, 0.0, 1.0]), np.zeros((2, 2, 3)))
 
 
 def make_objective(scenario: Scenario, stable: StableSet, segments: FloatArray) -> Objective:
-    """Return the objective that a scenario asks for.
+    """Return the objective of a scenario.
 
     Args:
-        scenario: States `planner.cost`, `planner.weight` and how the path will be timed.
-        stable: The set of the plan.
-        segments: (k, 6) controls; the table covers them.
+        scenario: Scenario with `planner.cost`, `planner.weight` and the timing of the path.
+        stable: Stable set of the plan.
+        segments: (k, 6) controls, which the table covers.
     """
     cost = scenario.planner.cost
     if cost == "travel":
@@ -74,7 +74,7 @@ def make_objective(scenario: Scenario, stable: StableSet, segments: FloatArray) 
 
 
 def _grid(segments: FloatArray, length: float, count: int) -> tuple[FloatArray, FloatArray]:
-    """Angles (4,) around all controls, and twists (n, n, 3) between them, scaled to a cost rate of 1."""
+    """Return the range of angles (4,) of all controls, and a grid of twists (n, n, 3) with a cost rate of 1."""
     longitude, latitude = angles_of(segments.reshape(-1, 3), length)
     pad = 1e-3
     box = np.array([longitude.min() - pad, longitude.max() + pad, latitude.min() - pad, latitude.max() + pad])
@@ -84,15 +84,15 @@ def _grid(segments: FloatArray, length: float, count: int) -> tuple[FloatArray, 
 
 
 def _timing(twists: FloatArray, bounds: Bounds, lone: bool) -> FloatArray:
-    """Return top speed, time to it from rest, and power of the length (k, 3) for arcs along twists (k, 3).
+    """Return top speed, time to it from rest, and exponent of the length (k, 3) for arcs along twists (k, 3).
 
-    An arc too short for its top speed takes a time that grows with a power of its length, if it is driven alone. The
-    power is the one that meets Ruckig's answer at a `SHORT` share of the length with which the speed is just reached.
+    The time of an arc too short for its top speed is a power of its length, if it is driven alone. The exponent makes
+    this equal to Ruckig's duration at `SHORT` times the shortest length that reaches full speed.
     """
-    length = np.full(len(twists), 0.3)  # of a typical arc, m
+    length = np.full(len(twists), 0.3)  # m, of a typical arc
     found, able = contact_limits_of(twists, length, bounds)
     free = arc_limits(twists, bounds.limits)
-    # Where the contacts leave no room for inertia, a hundredth of what the pusher can do.
+    # If the contacts leave no room for inertia, use a hundredth of the pusher's limits.
     speed = np.where(able, found.speed, 0.01 * free.speed)
     rate = np.where(able, np.minimum(found.acceleration, found.deceleration), 0.01 * free.acceleration)
     rise = step_windows(np.stack([rate / speed, found.jerk / speed], axis=1)).sum(axis=1)
@@ -104,25 +104,25 @@ def _timing(twists: FloatArray, bounds: Bounds, lone: bool) -> FloatArray:
 
 
 LONGEST = 0.225
-"""Length of the longest arc that is sampled: a share of the room's diagonal. With 0.3, OMPL's RRTs meet later."""
+"""Maximum length of a sampled arc, as a share of the room's diagonal. With 0.3, OMPL's RRTs meet later."""
 
 Box = tuple[float, float, float, float]
 
 
 class Controls(NamedTuple):
-    """What the pusher can do with a margin: `segments` (k, 6) and `families` (f, 3, 3) of a `Problem`."""
+    """Controls of the pusher for a margin: `segments` (k, 6) and `families` (f, 3, 3) of a `Problem`."""
 
     segments: FloatArray
     families: FloatArray
 
 
 class Posing:
-    """Makes the problems of one chain in one room; scene and controls are made once.
+    """Factory of the problems of one chain in one room. Scene and controls are cached.
 
     Args:
-        scene: An `open_scene` that is there already.
-        controls: By margin, likewise.
-        meridians: Of the stable set that controls are taken from.
+        scene: An existing `open_scene`; None builds one.
+        controls: Existing controls, by margin.
+        meridians: Number of meridians of the stable set for the controls.
     """
 
     def __init__(
@@ -132,16 +132,16 @@ class Posing:
         self._controls = {} if controls is None else controls
 
     def __call__(self, scenario: Scenario, stable: StableSet, until: float = math.inf) -> Problem:
-        """Return the problem.
+        """Return the problem of a scenario.
 
         Args:
-            scenario: Its margin is a number.
-            stable: The set to plan in.
-            until: `time.perf_counter` at which it must be there.
+            scenario: Scenario with a number as margin.
+            stable: Stable set to plan in.
+            until: Value of `time.perf_counter` by which the problem must be built.
 
         Raises:
             EmptyStableSetError: If no twist is stable for the pusher's drive.
-            OutOfTimeError: If it takes too long.
+            OutOfTimeError: If building it takes too long.
         """
         scene, controls = self.scene(scenario, until), self.controls(scenario, stable)
         xmin, ymin, xmax, ymax = sampling_box(scenario)
@@ -160,7 +160,7 @@ class Posing:
         return self._scene
 
     def controls(self, scenario: Scenario, stable: StableSet) -> Controls:
-        """Return what the pusher can do with the scenario's margin.
+        """Return the pusher's controls for the scenario's margin; cached.
 
         Raises:
             EmptyStableSetError: If no twist is stable for the pusher's drive.
@@ -173,40 +173,40 @@ class Posing:
         return self._controls[margin]
 
     def in_room(self, scene: Scene) -> Posing:
-        """Return it for another room: the controls are shared."""
+        """Return the factory for another room, with shared controls."""
         return Posing(scene, self._controls, self._meridians)
 
 
 def build_problem(scenario: Scenario, stable: StableSet) -> Problem:
-    """Return the problem of a scenario alone; see `Posing`."""
+    """Return the problem of a single scenario; see `Posing`."""
     return Posing()(scenario, stable)
 
 
 def scenario_scene(scenario: Scenario) -> Scene:
-    """Return what moves and what stands still in a scenario, with the distances kept between start and goal."""
+    """Return the collision scene of a scenario, with the distances that can be kept from start to goal."""
     scene = open_scene(scenario)
     return scene_between(scene, scenario.clearance, scenario.start, scenario.goal.pose_chain)
 
 
 def open_scene(scenario: Scenario, until: float = math.inf) -> Scene:
-    """Return what moves and what stands still; its clearance has `SLACK` more than the scenario's.
+    """Return the collision scene of a scenario, with `SLACK` added to its clearance.
 
     Raises:
-        OutOfTimeError: If it is not there at `until`, by `time.perf_counter`.
+        OutOfTimeError: If it is not built by `until`, in terms of `time.perf_counter`.
     """
     polygons, discs = obstacles_of(scenario)
     return build_scene(scenario.chain, polygons, discs, walls_of(scenario), scenario.clearance + SLACK, until=until)
 
 
 def obstacles_of(scenario: Scenario) -> tuple[list[FloatArray], FloatArray]:
-    """Return the outlines (k, 2) of polygonal obstacles, and x, y and radius (c, 3) of round ones, m."""
+    """Return the outlines (k, 2) of polygonal obstacles, and (x, y, radius) (c, 3) of round ones, m."""
     circles = [(*o.center, o.radius) for o in scenario.obstacles if isinstance(o, CircleObstacle)]
     polygons = [o.outline for o in scenario.obstacles if not isinstance(o, CircleObstacle)]
     return polygons, np.array(circles, dtype=np.float64).reshape(-1, 3)
 
 
 def standing_in(scenario: Scenario) -> tuple[Shapes, FloatArray, FloatArray, FloatArray]:
-    """Return what stands in a scenario, as `Scene.with_obstacles` takes it."""
+    """Return the obstacles and walls of a scenario as arguments of `Scene.with_obstacles`."""
     polygons, discs = obstacles_of(scenario)
     return *standing_shapes(list(convex_pieces(polygons)), discs), np.array(walls_of(scenario))
 
@@ -214,15 +214,15 @@ def standing_in(scenario: Scenario) -> tuple[Shapes, FloatArray, FloatArray, Flo
 def scene_between(scene: Scene, clearance: float, start: FloatArray, goal: FloatArray) -> Scene:
     """Return an `open_scene` with the distances that can be kept from a start to a goal (3,).
 
-    The poses looked at have `SLACK` more than the clearance, or what start and goal have if that is less;
-    those between have the clearance, less `CLEARANCE_ROOM` at most where start and goal leave no room to prove it.
+    Checked poses keep the clearance plus `SLACK`, or the distance of start and goal if that is less. Poses between
+    them keep the clearance, reduced by at most `CLEARANCE_ROOM` if start and goal are too near to prove it.
     """
     gaps = separations(scene, np.array([start, goal]), clearance + SLACK)
     return scene.with_gap(float(gaps.min()), clearance)
 
 
 def walls_of(scenario: Scenario) -> Box:
-    """Return (xmin, ymin, xmax, ymax) of the workspace, infinite where there is none."""
+    """Return (xmin, ymin, xmax, ymax) of the workspace; infinite if there is none."""
     area = scenario.workspace
     if area is None:
         return (-math.inf, -math.inf, math.inf, math.inf)
@@ -230,7 +230,7 @@ def walls_of(scenario: Scenario) -> Box:
 
 
 def sampling_box(scenario: Scenario) -> Box:
-    """Return (xmin, ymin, xmax, ymax) to sample from: the workspace, or around everything with room to turn."""
+    """Return (xmin, ymin, xmax, ymax) for sampling: the workspace, or a box around everything with room to turn."""
     if scenario.workspace is not None:
         return walls_of(scenario)
     ends = np.array([scenario.start[:2], scenario.goal.pose_chain[:2]])
@@ -249,24 +249,24 @@ def rejoin(
     start: FloatArray,
     goal: FloatArray,
 ) -> FloatArray | None:
-    """Return the arcs (k, 4) of the cheapest way onto an earlier path and along its rest; None where none is free.
+    """Return the arcs (k, 4) of the cheapest steering path onto an earlier path and its rest; None if none is free.
 
-    The rest is moved rigidly so that it ends at the goal, which need not be where the path ended.
+    The rest is moved rigidly so that it ends at the goal, which can differ from the path's end.
 
     Args:
         scene: An `open_scene`.
         families: (f, 3, 3) left, straight and right twists.
-        clearance: Distance that is kept, m.
-        stable: Tells which of twists (k, 3) have the margin that is asked for.
-        path: The earlier one.
-        start: (3,) pose of the chain frame in the world.
-        goal: Likewise.
+        clearance: Clearance, m.
+        stable: Returns which twists (k, 3) have the required margin.
+        path: The earlier path.
+        start: (3,) start pose of the chain frame in the world.
+        goal: (3,) goal pose of the chain frame in the world.
     """
     s = np.unique(np.append(np.linspace(0.0, path.cost, 24), np.cumsum(path.lengths)))
     onto = compose(goal, relative(path.end, path.poses_at(s)))
     words = reach(scene, families, start[None], onto, clearance)[0]
     between = scene_between(scene, clearance, start, goal)
-    for k in np.argsort(words + path.cost - s)[:4]:  # so few are swept, cheapest first
+    for k in np.argsort(words + path.cost - s)[:4]:  # check only a few for collisions, cheapest first
         if words[k] == math.inf:
             break
         rest = _rest(path, float(s[k]))
@@ -279,7 +279,7 @@ def rejoin(
 
 
 def _rest(path: PushPath, s: float) -> FloatArray:
-    """Return the arcs (k, 4) that are left from the cost `s` on."""
+    """Return the remaining arcs (k, 4) of a path after a cost `s`."""
     ends = np.cumsum(path.lengths)
     left = np.minimum(path.lengths, ends - s)
     ahead = left > 1e-9

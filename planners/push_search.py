@@ -1,4 +1,4 @@
-"""The search for one push: with one margin after the other until there is a path, by travel before by time."""
+"""Search for a single push, with successively lower margins, first by travel and then by time."""
 
 from __future__ import annotations
 
@@ -38,55 +38,54 @@ from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
 
 ROUNDING = 1e-9
-"""Share of the lower bound by which an optimal path's cost may exceed it."""
+"""Relative gap to the lower bound at which a path counts as optimal."""
 
 STALL = 42_000
-"""Iterations without a better path after which planning ends, for a time limit of 1 s; they grow with its root.
+"""Iterations without a better path after which planning stops, for a time limit of 1 s.
 
-More are made for paths that are far above the lower bound, see `StopRule.stall`.
-
-Planning is done in a fraction of the limit as a rule, and then the same seed gives the same plan on any machine.
+The number grows with the square root of the limit, and for paths far above the lower bound (`StopRule.stall`).
+Planning usually stops well before the time limit. Then the same seed gives the same plan on any machine.
 """
 
 FIRST_TURN = 512
-"""Iterations that the search with the largest margin has before the next one is tried, if any path will do.
+"""Iterations with the largest margin before the next one is tried, if the first path is enough.
 
-Where one of them allows no path, little time goes by before that is taken for granted.
+So a margin without a path costs little time.
 """
 
 LONGER_TURN = 0.5
-"""The same, as a share of the iterations after which planning ends, where the path is to be good.
+"""Iterations with the largest margin before the next one is tried, as a share of the stall limit.
 
-A larger margin that allows a path is worth more than a path that is found sooner.
+It holds if the path should be good: a path with a larger margin is worth more than an earlier path.
 """
 
 NEXT_SHARE = 0.6
-"""Iterations of a margin, all in all, as a share of those of the next larger one.
+"""Total iterations of a margin as a share of those of the next larger margin.
 
-Where only the fourth of seven margins allows a path, 16 runs took up to 1.9 s with 0.5, 1.0 s with 0.6 and 0.7 s with
-0.7, rooms that the largest one solves as long as before; but of 40 paths in mazes, three had a smaller margin.
+If only the fourth of seven margins allows a path, 16 runs took up to 1.9 s with 0.5, 1.0 s with 0.6 and 0.7 s with
+0.7. Rooms that the largest margin solves took no longer, but three of 40 paths in mazes had a smaller margin.
 """
 
 NEAR_BEST = (0.01, 0.002)
-"""Of a search, the first paths that exceed the best one by no more than these shares are timed, too.
+"""Relative excess over the best value; the first path within each is timed too.
 
-The best path touches the clearance in so many places that its blends may need stops there. Without these paths, plans
-of `two-crates` were 8 to 29 % above the bound (ten seeds); with them, 8 to 12 %.
+The best path touches the clearance in so many places that its blends may need stops there. Without these further
+paths, plans of `two-crates` were 8 to 29 % above the bound (ten seeds). With them, they were 8 to 12 % above it.
 """
 
 EXPLAINING, MOST_OF_LIMIT = 0.5, 0.1
-"""Seconds, and share of the time limit, that are kept for finding out why there is no path: the smaller one."""
+"""Time (s) and share of the time limit that are reserved for a diagnosis; the smaller one counts."""
 
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """A search with one margin and what it was posed from.
+    """A search with one margin, and its scenario.
 
     Attributes:
-        scenario: The problem, its margin a number.
-        search: What goes on with it.
-        path: The best path so far, as the planner left it in OMPL's form; None without any.
-        others: Further paths that may be driven faster; the ones with more room around them come last.
+        scenario: Scenario with a number as margin.
+        search: The search.
+        path: Best path so far, after conversion from OMPL's form; None if there is none.
+        others: Further paths that may be faster; those with more clearance come last.
     """
 
     scenario: Scenario
@@ -96,23 +95,23 @@ class Attempt:
 
     @property
     def session(self) -> Session:
-        """The state of the search."""
+        """State of the search."""
         return self.search.session
 
 
 class PushSearch(TaskSearch):
-    """Searches for one push of a load that the plate touches already; what does not depend on start and goal is kept.
+    """Search for a single push of a load in contact with the plate. Data for other starts and goals are cached.
 
     Args:
-        load: What is pushed.
-        scenario: Room and settings.
-        settings: Complete.
-        posing: Makes the compiled problems.
+        load: The pushed load.
+        scenario: Scenario with room and settings.
+        settings: Complete settings.
+        posing: Factory of compiled problems.
 
     Attributes:
-        stable: The set that is planned in.
-        margins: To plan with, one after the other until there is a path.
-        posing: Makes the compiled problems.
+        stable: Stable set to plan in.
+        margins: Margins to plan with, in the order in which they are tried.
+        posing: Factory of compiled problems.
     """
 
     def __init__(self, load: Load, scenario: Scenario, settings: PlanSettings, posing: Posing) -> None:
@@ -121,7 +120,7 @@ class PushSearch(TaskSearch):
         self.margins = margins_to_try(scenario, self.stable)
 
     def of(self, scenario: Scenario, posing: Posing | None = None) -> PushSearch:
-        """Return it for a scenario with other starts and goals, or in another room if `posing` is for that."""
+        """Return the search for a scenario with another start and goal, or in another room given `posing`."""
         other: PushSearch = object.__new__(PushSearch)
         other.load, other.posing = self.load.with_problem(scenario), posing or self.posing
         other._settings = self._settings
@@ -130,18 +129,18 @@ class PushSearch(TaskSearch):
 
     @property
     def set_name(self) -> str:
-        """Name of the set that is planned in."""
+        """Name of the stable set."""
         return self.stable.name
 
     def with_obstacles(self, scenario: Scenario) -> PushSearch:
-        """See `TaskSearch`."""
+        """Return the search for a scenario that differs only in its obstacles."""
         return self.of(scenario, self.posing.in_room(open_scene(scenario)))
 
     def _check_ends(self, scenario: Scenario, validator: Validator) -> None:
-        """Refuse a start or a goal that is too near to something, and a goal that is the start.
+        """Check that start and goal are free and different.
 
         Raises:
-            PlanningError: With what is wrong.
+            PlanningError: If they are not.
         """
         both = np.stack([scenario.start, scenario.goal.pose_chain])
         if max(pose_error(*both)) < EXACT:
@@ -155,13 +154,13 @@ class PushSearch(TaskSearch):
             raise PlanningError("; ".join(wrong))
 
     def steering(self) -> Steering:
-        """See `TaskSearch`."""
+        """Return the data for collision-free steering paths of the push."""
         posed, margin = self.load.problem.with_margin(self.margins[0]), self.margins[0]
         families = self.posing.controls(posed, self.stable).families
         return Steering(self.posing.scene(posed), families, self.stable, margin)
 
     def _rest(self, previous: PushPath, asked: Scenario) -> FloatArray | None:
-        """Return the arcs of a way onto an earlier path and along its rest, None where none is free and stable."""
+        """Return the arcs onto an earlier path and along its rest; None if none are free and stable."""
         steering = self.steering()
         return rejoin(
             steering.scene,
@@ -174,7 +173,7 @@ class PushSearch(TaskSearch):
         )
 
     def search(self, question: Question, budget: Budget, observer: Observer) -> Outcome:
-        """See `TaskSearch`."""
+        """Return the best plan found; see `TaskSearch.search`."""
         scenario, limit = question.scenario, budget.time_limit
         self._check_ends(scenario, question.validator)
         known = None if question.previous is None else self._rest(question.previous, scenario)
@@ -229,7 +228,7 @@ class PushSearch(TaskSearch):
     def _explain(
         self, attempt: Attempt, monitor: InfeasibilityMonitor, budget: Budget
     ) -> tuple[str, tuple[Diagnosis, ...], Nearest | None]:
-        """Find out why there is no path, and how near to the goal one ends."""
+        """Return the reasons for a failure, and the path that ends nearest to the goal."""
         session, posed = attempt.session, attempt.scenario
         path = session.nearest_path
         nearest = self.segments(posed, path)
@@ -250,12 +249,12 @@ def _cost(segments: Segments) -> float:
 
 
 def bound_of_plan(posed: Scenario, stable: StableSet, found: Segments) -> float | None:
-    """Return the lower bound that belongs to a plan of one push; its scenario states the margin as a number."""
+    """Return the lower bound for a plan of one push; its scenario has a number as margin."""
     return _bound_of_objective(posed, Posing().controls(posed, stable).segments, found)
 
 
 def _bound_of_objective(posed: Scenario, segments: FloatArray, found: Segments) -> float | None:
-    """Return what no plan beats of what ranks plans: travel (m) or time (s); of margins nothing is known."""
+    """Return the lower bound of the ranking objective: travel (m) or time (s); None for margins."""
     if posed.planner.cost == "margin":
         return None
     if posed.planner.cost == "time":
@@ -266,18 +265,18 @@ def _bound_of_objective(posed: Scenario, segments: FloatArray, found: Segments) 
 
 @dataclass(eq=False)
 class _Searches:
-    """The searches of one plan, with one margin each: how they are made, and how they take turns.
+    """The searches of one plan, one for each margin, which take turns.
 
     Attributes:
-        of: What they rest on.
-        scenario: The problem.
-        make: What makes the planner.
-        budget: Of all searches together.
-        seed: Of the random numbers.
-        began: `time.perf_counter` when preparing began, which counts to the time limit.
-        good_enough: Share above the lower bound at which a path is good enough; 0 asks for the best.
-        improvements: Better and better paths.
-        known: See `PushSearch.search`.
+        of: Search that they belong to.
+        scenario: Scenario of the problem.
+        make: Factory of the planner.
+        budget: Stopping rule of all searches together.
+        seed: Seed of the random numbers.
+        began: Value of `time.perf_counter` before the set-up, which counts towards the time limit.
+        good_enough: Relative gap to the lower bound at which a path is good enough; 0 for the best path.
+        improvements: Successively better paths.
+        known: Arcs that reuse an earlier path; None if there are none.
     """
 
     of: PushSearch
@@ -293,7 +292,7 @@ class _Searches:
     _common: Common | None = None
 
     def monitor(self) -> InfeasibilityMonitor:
-        """Return what may keep the searches from a path; it is of the lowest margin, with which most is possible."""
+        """Return the diagnosis of the searches. It uses the lowest margin, which allows the most paths."""
         if self._monitor is None:
             lowest = by_travel(self.scenario.with_margin(self.of.margins[-1]))
             pose = cache(lambda: self.of.posing(lowest, self.of.stable))
@@ -301,13 +300,13 @@ class _Searches:
         return self._monitor
 
     def with_margins(self) -> Attempt:
-        """Search with all margins, in turns, until one allows a path; return that attempt, or that of the lowest."""
+        """Search with all margins in turns until one has a path. Return this attempt or the lowest margin's."""
         attempts: list[Attempt] = []
         for number, iterations in self._turns():
             if number == len(attempts):
                 attempts.append(self._attempt(self.of.margins[number]))
             attempt = attempts[number]
-            # Half of what is left of the budget may go by without a path before a lower margin is tried at all.
+            # A margin without a path can use half of the remaining budget before the next lower one is tried.
             lower_untried = len(attempts) == number + 1 < len(self.of.margins)
             used = self.budget.used(time.perf_counter() - self.began, attempt.session.iterations)
             attempt.session.take_turn(iterations, 0.5 * (1.0 + used) if lower_untried else 1.0)
@@ -319,9 +318,9 @@ class _Searches:
         return attempts[-1]
 
     def _turns(self) -> Iterator[tuple[int, float]]:
-        """Yield the numbers of margins with the iterations of their turns.
+        """Yield the indices of margins with the iterations of their turns.
 
-        Each margin gets `NEXT_SHARE` of what the next larger one gets, in all, which has its turn after it.
+        In total, each margin gets `NEXT_SHARE` of the iterations of the next larger one, whose turn comes after it.
         """
         count = len(self.of.margins)
         if count == 1:
@@ -332,10 +331,10 @@ class _Searches:
                 yield number, round(first * max(1.0, 2.0 ** (level - 1) * NEXT_SHARE**number))
 
     def _ranked(self, attempt: Attempt) -> Attempt:
-        """Go on by time where paths are ranked by it, from the path that is best by travel.
+        """If paths are ranked by time, continue by time from the best path by travel.
 
-        Fewest metres in few arcs make a good start, for half of the budget at most: a path found by time alone is not
-        always the faster one.
+        The search by travel uses at most half of the budget. It gives a good start: few metres in few arcs. A path
+        found by time alone is not always faster.
         """
         margin = attempt.scenario.required_margin
         posed = self.scenario.with_margin(margin)
@@ -353,13 +352,13 @@ class _Searches:
         )
 
     def _attempt(self, margin: float) -> Attempt:
-        """Begin to search with a margin; by travel where paths are ranked by time."""
+        """Begin a search with a margin; by travel if paths are ranked by time."""
         posed, budget, posing = self.scenario.with_margin(margin), self.budget, self.of.posing
         if budget.first or posed.planner.cost == "time":
-            # No first path is compared with another: an objective that takes long to make is not needed.
+            # Rank by travel at first, because the other objectives take long to build.
             posed, budget = by_travel(posed), replace(budget, enough=0.5)
         problem = posing(posed, self.of.stable, self.began + budget.time_limit)
-        if self.known is not None:  # its twists need not lie on a segment
+        if self.known is not None:  # its twists may lie on no segment
             problem = problem.with_segments(np.vstack([problem.segments, np.tile(self.known[:, :3], 2)]))
         session = self._session(posed, problem, budget)
         if self.known is not None:
@@ -371,7 +370,7 @@ class _Searches:
 
         def improved(path: PushPath, cost: float, iterations: int, seconds: float) -> None:
             self.improvements.add(cost, iterations, self.of.segments(posed, path), seconds)
-            if self.good_enough > 0.0:  # it takes longer than most first paths, which need not wait for it
+            if self.good_enough > 0.0:  # computed late, because it takes longer than most first paths
                 session.raise_lower_bound(bound())
 
         if self._common is None:

@@ -1,4 +1,4 @@
-"""The scene that the core checks for collisions: what moves and what stands in a room, as convex pieces."""
+"""Collision scenes for the core: moving bodies and obstacles of a room as convex pieces."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ def build_scene(
     clearance: float,
     until: float = math.inf,
 ) -> Scene:
-    """Return the scene.
+    """Return the collision scene of a chain.
 
     Args:
-        chain: What moves, pusher and robot included.
+        chain: Moving chain, including pusher and robot.
         polygons: Outlines (k, 2) of polygonal obstacles, world frame.
         circles: (c, 3) x, y and radius of round obstacles, world frame.
-        walls: Workspace (xmin, ymin, xmax, ymax); infinite where there is none.
-        clearance: Distance from everything at the poses that are looked at, m, > 0.
-        until: `time.perf_counter` at which it must be there.
+        walls: Workspace (xmin, ymin, xmax, ymax); infinite if there is none.
+        clearance: Distance from all obstacles at checked poses, m, > 0.
+        until: Value of `time.perf_counter` by which the scene must be built.
 
     Raises:
         OutOfTimeError: If cutting the obstacles into convex pieces takes too long.
@@ -48,12 +48,12 @@ def scene_of(
     clearance: float,
     kept: float | None = None,
 ) -> Scene:
-    """Return the scene of convex pieces, its obstacles in the order of their tree."""
+    """Return the scene of convex pieces, with the obstacles in the order of their tree."""
     kept = 0.5 * clearance if kept is None else kept
     bound = bounding_circle(np.concatenate(body))
     return Scene(flatten(body), bound, *standing_shapes(polygons, circles), walls, clearance, kept)
 
 
 def standing_shapes(polygons: Sequence[FloatArray], circles: FloatArray) -> tuple[Shapes, FloatArray, FloatArray]:
-    """Return convex obstacles in the order of their tree, round ones likewise, and the tree; see `Scene`."""
+    """Return convex obstacles and round ones, both in the order of their tree, and the tree; see `Scene`."""
     return collision.standing_shapes(*joined(polygons), circles)

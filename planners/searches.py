@@ -1,6 +1,6 @@
-"""Which search answers which kind of scenario: one table from the types of tasks and goals to searches.
+"""Table from the types of task and goal of a scenario to its search.
 
-A new goal type that poses can be tried for (`TaskGoal.candidates`) needs an entry that names the search of `Poses`.
+A new goal type with candidate poses (`TaskGoal.candidates`) needs an entry with the search of `Poses`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pushplan.scenario.task import Push, Task, Transport
 from pushplan.util.names import DEFAULT_PLANNER, RANKED_BY
 
 Prepare = Callable[[Scenario, PlanSettings, int], TaskSearch]
-"""Prepares a search: for a scenario, with complete settings, and with a number of meridians (see `Planner`)."""
+"""Builds a search from a scenario, complete settings and a number of meridians (see `Planner`)."""
 
 
 def _push(scenario: Scenario, settings: PlanSettings, meridians: int) -> TaskSearch:
@@ -29,7 +29,7 @@ def _push(scenario: Scenario, settings: PlanSettings, meridians: int) -> TaskSea
 
 def _transport(scenario: Scenario, settings: PlanSettings, _: int) -> TaskSearch:
     _require_own_search(scenario, settings)
-    # Loaded where it is needed, as below: a single push does without, and the modules take a while.
+    # Imported here and below only when needed, because the imports are slow and a single push needs neither.
     if len(scenario.loads) == 1:
         from pushplan.planners.multi.multi_push import MultiPushSearch
 
@@ -57,8 +57,8 @@ def prepare_search(scenario: Scenario, settings: PlanSettings, meridians: int) -
     """Return the search for a scenario.
 
     Args:
-        scenario: With which it begins.
-        settings: Complete.
+        scenario: Scenario of the search.
+        settings: Complete settings.
         meridians: See `Planner`.
 
     Raises:
@@ -77,10 +77,10 @@ def prepare_search(scenario: Scenario, settings: PlanSettings, meridians: int) -
 
 
 def _require_own_search(scenario: Scenario, settings: PlanSettings) -> None:
-    """Refuse what a search for several pushes cannot take into account.
+    """Check that the settings suit a search for several pushes.
 
     Raises:
-        PlanningError: If another planner or another cost is asked for.
+        PlanningError: If another planner or another cost is required.
     """
     name, _ = planner_named(settings.planner or scenario.planner.name)
     if name != DEFAULT_PLANNER:

@@ -1,4 +1,4 @@
-"""Whether a plan is a solution: judged by code that the searches do not use, over all segments and all bodies."""
+"""Validation of plans over all segments and bodies, by code that the searches do not use."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, CLOSE, PUSH, RETREAT, TRANSIT
 
 STRAIGHT = 1e-9
-"""What an approach or a retreat may turn or move sideways, rad or m for each m."""
+"""Maximum turn (rad/m) and lateral motion (m/m) of an approach or a retreat."""
 
 ROLLING = 1e-6
-"""What the axle of a robot with wheels may slide aside, m/s, and for each m/s ahead and rad/s."""
+"""Tolerance of the axle's lateral speed, m/s: an absolute part, and the same for each m/s ahead and rad/s."""
 
 NEAR = 1e-3
-"""Poses of an approach or a retreat that are looked at are no farther apart, m."""
+"""Maximum distance between checked poses of an approach or a retreat, m."""
 
 
 class Validator:
-    """Judges the plans of a scenario; what stands in the room is made once.
+    """Validator of a scenario's plans. The obstacles are prepared once.
 
     Args:
-        scenario: What stands in the room, where everything is at first, and the goals.
+        scenario: Scenario with the obstacles, the initial poses and the goals.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -44,18 +44,18 @@ class Validator:
         self._moving: dict[int, tuple[Chain, Moving]] = {}
 
     def of(self, scenario: Scenario) -> Validator:
-        """Return it for a scenario with the same room and the same loads, but other starts, goals or settings."""
+        """Return the validator for a scenario with the same room and loads but other starts, goals or settings."""
         other: Validator = object.__new__(Validator)
         other._scenario, other._standing, other._moving = scenario, self._standing, self._moving
         return other
 
     def flaw(self, segments: tuple[Segment, ...], execution: Execution | None, stable_set: str | None = None) -> str:
-        """Return why segments are no solution, empty if they are one.
+        """Return why segments are no solution; empty if they are one.
 
         Args:
-            segments: Timed, or not: then their paths alone are judged.
-            execution: Of them; None where they are not timed.
-            stable_set: Name of the set that they were planned in; None stands for the scenario's.
+            segments: Segments with or without timing. Without it, only their paths are checked.
+            execution: Execution of the segments; None without timing.
+            stable_set: Name of the segments' stable set; None for the scenario's.
         """
         return (
             self._broken_joint(segments)
@@ -66,11 +66,11 @@ class Validator:
         )
 
     def flaw_of(self, segment: Segment, stable_set: str | None = None) -> str:
-        """Return what is wrong with a segment by itself, empty if nothing is."""
+        """Return the error of a single segment; empty if it is valid."""
         return next(self._flaws((segment,), stable_set))
 
     def _flaws(self, segments: tuple[Segment, ...], stable_set: str | None) -> Iterator[str]:
-        """Yield what is wrong with each of some segments by itself, empty if nothing is."""
+        """Yield the error of each segment; empty if it is valid."""
         if not segments:
             return
         motions = [self._motion(segment) for segment in segments]
@@ -86,13 +86,13 @@ class Validator:
             yield found if single or not found else f"the push on {segment.load.face}: {found}"
 
     def too_near(self, load: Load, poses: FloatArray) -> bool:
-        """Return whether a load alone is too near to something at any of the poses (m, 3) of its contact's frame."""
+        """Return whether a load is too near to an obstacle at any of the poses (m, 3) of its contact's frame."""
         room = Room((self._all(load.chain),), self._scenario.workspace, self._standing)
         clearance = self._scenario.clearance
         return bool((room.gaps(poses, 2.0 * clearance) <= clearance).any())
 
     def _broken_joint(self, segments: tuple[Segment, ...]) -> str:
-        """Return where a segment does not begin where the one before has ended, or moves what it does not push."""
+        """Return an error if a segment does not begin where the one before ends, or moves an object unpushed."""
         plate, bodies = self._scenario.plate_start, self._scenario.poses
         for k, segment in enumerate(segments, start=1):
             if _apart({"plate": segment.path.start, **segment.before}, {"plate": plate, **bodies}) > EXACT:
@@ -103,17 +103,17 @@ class Validator:
                     return f"segment {k}, a push, does not begin with its contacts closed"
                 expected |= segment.load.poses(segment.path.end)
             if _apart(segment.after, expected) > (EXACT if segment.pushes else 0.0):
-                return f"segment {k}, a {segment.kind}, moves what it does not push"
+                return f"segment {k}, a {segment.kind}, moves an object that it does not push"
             plate, bodies = segment.path.end, dict(segment.after)
         return next(filter(None, (_wrong_order(a, b) for a, b in pairwise(segments))), "")
 
     def _missed_goal(self, segments: tuple[Segment, ...]) -> str:
-        """Return in words which goal is missed at the end: the load is exactly at it where it is the only one."""
+        """Return an error if a goal is missed at the end. A single load must be exactly at its goal."""
         end = end_of(self._scenario, segments)
         return next(filter(None, (goal.shortfall(end) for goal in self._scenario.task.goals)), "")
 
     def _lost_contact(self, execution: Execution | None) -> str:
-        """Return where an execution loses a contact, empty if it does not."""
+        """Return an error if an execution loses a contact."""
         if execution is None or execution.loss is None:
             return ""
         loss = execution.loss
@@ -123,15 +123,15 @@ class Validator:
         )
 
     def _too_heavy(self, execution: Execution | None) -> str:
-        """Return that an execution takes more force than the robot has, empty if it does not."""
+        """Return an error if an execution needs more force than the robot has."""
         limit = self._scenario.pusher.limits.force
         needed = None if execution is None else execution.max_force()
         if needed is None or needed <= limit:
             return ""
-        return f"the plan takes up to {needed:.6g} N when it is executed; robot.limits.force is {limit:.6g} N"
+        return f"the plan needs up to {needed:.6g} N when it is executed; robot.limits.force is {limit:.6g} N"
 
     def _beyond_drive(self, segment: Segment) -> str:
-        """Return that the drive cannot make a motion: its axle slides aside, or turns more tightly than it can."""
+        """Return an error if the axle slides sideways or turns more tightly than the drive can."""
         pusher = self._scenario.pusher
         drive, moving = pusher.drive, segment.path if segment.trajectory is None else segment.trajectory
         if drive.axle is None or not len(moving.twists):
@@ -141,7 +141,7 @@ class Validator:
         worst = int(np.argmax(beyond))
         if beyond[worst] <= ROLLING:
             return ""
-        how = f"{ahead[worst]:.3g} m/s ahead, {aside[worst]:.3g} m/s aside and {turn[worst]:.3g} rad/s"
+        how = f"{ahead[worst]:.3g} m/s ahead, {aside[worst]:.3g} m/s sideways and {turn[worst]:.3g} rad/s"
         return f"the robot cannot drive the {segment.kind}: its axle ({drive.kind}) would move {how}"
 
     def _flaw_of_push(self, segment: Segment, load: Load, hit: Collision | None, stable_set: str | None) -> str:
@@ -156,10 +156,10 @@ class Validator:
         wrong = self._flaw_of_close(segment, load) if segment.kind == CLOSE else ""
         if wrong or hit is None:
             return wrong
-        return f"the path is not free: {hit}; it must stay {1e3 * self._scenario.clearance:.3g} mm away"
+        return f"the path is not free: {hit}; the clearance is {1e3 * self._scenario.clearance:.3g} mm"
 
     def _flaw_of_close(self, segment: Segment, load: Load) -> str:
-        """Return that a load does not go straight to what it is closed onto, or does not end at it."""
+        """Return an error if a close is not straight or does not end at its object."""
         twists = segment.path.twists
         if (np.abs(twists[:, 1:]) > STRAIGHT).any() or (twists[:, 0] <= 0.0).any():
             return "the close is not straight"
@@ -167,18 +167,18 @@ class Validator:
             obj.name: se2.transform_points(segment.after[obj.name], obj.outline) for obj in self._scenario.objects
         }
         if segment.onto not in outlines or segment.onto in load.names:
-            return f"it closes onto {segment.onto!r}, which does not stand there"
+            return f"the close ends at {segment.onto!r}, which is not there"
         onto = outlines[segment.onto]
         touches = [find_touch(outlines[name], onto) for name in load.names]
         if touches[-1] is None or len(touches[-1]) != 1 or any(touch is not None for touch in touches[:-1]):
-            return f"it does not end with its last object alone at '{segment.onto}', along one line"
+            return f"the close does not end with only its last object along one line of '{segment.onto}'"
         deepest = max(overlap_depth(outlines[name], onto) for name in load.names)
-        return f"it ends {1e3 * deepest:.3g} mm inside '{segment.onto}'" if deepest > TOUCH else ""
+        return f"the close ends {1e3 * deepest:.3g} mm inside '{segment.onto}'" if deepest > TOUCH else ""
 
     def _flaw_alone(self, segment: Segment, hit: Collision | None, overlap: str) -> str:
-        """Return what the robot alone comes too near to, but for bodies that it comes up to or leaves.
+        """Return the error of a segment without a push: the robot exceeds a limit or is too near to something.
 
-        These it has to go straight to, or straight back from, and must not overlap on the way.
+        The robot must move straight to or from the load that it approaches or leaves, without overlapping it.
         """
         if segment.trajectory is not None:
             fast = excess(segment.trajectory, self._scenario.pusher.limits)
@@ -194,14 +194,14 @@ class Validator:
         return f"'{overlap}' overlaps the load in the {segment.kind}" if overlap else ""
 
     def _overlaps(self, segments: tuple[Segment, ...], motions: list[Motion]) -> list[str]:
-        """Return which part of the robot overlaps what it comes up to or leaves, by segment; empty for none."""
+        """Return the part of the robot that overlaps the approached or left load, by segment; empty for none."""
         touched = [(k, name) for k, segment in enumerate(segments) for name in _touched(segment)]
         found = [""] * len(segments)
         if not touched:
             return found
         outlines = {obj.name: obj.outline for obj in self._scenario.objects}
         placed = [se2.transform_points(segments[k].before[name], outlines[name]) for k, name in touched]
-        # Drawn in by what touching bodies may overlap.
+        # Shrunk by the allowed overlap of touching bodies.
         bodies = shapely.buffer([shapely.Polygon(outline) for outline in placed], -2.0 * TOUCH)
         motion, begins = Motion.joined([motions[k] for k, _ in touched])
         wholes = [motions[k].travel[-1] for k, _ in touched]
@@ -216,7 +216,7 @@ class Validator:
         return found
 
     def _motion(self, segment: Segment) -> Motion:
-        """Return how the frame of a segment's contact moves; where there is none, that of the first load's."""
+        """Return the motion of the frame of a segment's contact, or without one, of the first load's contact."""
         chain = self._scenario.loads[0].chain if segment.load is None or not segment.pushes else segment.load.chain
         if segment.pushes:
             if segment.trajectory is None:
@@ -226,7 +226,7 @@ class Validator:
         return Motion.through(se2.compose(plate, se2.inverse(chain.pusher.plate_pose)), chain.reach)
 
     def _room(self, segments: tuple[Segment, ...]) -> Room:
-        """Return what moves in each of some segments, and what it must not touch."""
+        """Return the room with the moving bodies and the obstacles of each segment."""
         chain = self._scenario.loads[0].chain
         alone = Moving.of(chain.carried)
         moving = [alone if s.load is None or not s.pushes else self._all(s.load.chain) for s in segments]
@@ -248,27 +248,31 @@ class Validator:
         return Room(tuple(moving), self._scenario.workspace, self._standing, Standing.of(tuple(resting)), rests)
 
     def _all(self, chain: Chain) -> Moving:
-        """Return all that moves with a chain, kept."""
+        """Return all bodies that move with a chain; cached."""
         if id(chain) not in self._moving:
-            self._moving[id(chain)] = (chain, Moving.of(chain.bodies))  # it is kept, so that its id stays its own
+            self._moving[id(chain)] = (
+                chain,
+                Moving.of(chain.bodies),
+            )  # the chain is kept, so that its id stays unique
         return self._moving[id(chain)][1]
 
 
 def _touched(segment: Segment) -> tuple[str, ...]:
-    """Return the bodies that the robot comes up to, or leaves."""
+    """Return the bodies that the robot approaches or leaves."""
     return () if segment.load is None or segment.pushes or segment.kind == TRANSIT else segment.load.names
 
 
 def _apart(poses: Poses, others: Poses) -> float:
-    """Return the largest error (m or rad) between poses and those of the same names among others."""
+    """Return the largest error (m or rad) between poses and others with the same names."""
     both = [(pose, others[name]) for name, pose in poses.items() if pose is not others[name]]
     return float(max((max(se2.pose_error(*pair)) for pair in both), default=0.0))
 
 
 def _wrong_order(first: Segment, second: Segment) -> str:
-    """Return that a push does not follow the approach to its contact, or is not followed by the retreat from it.
+    """Return an error if a push does not follow its approach or is not followed by its retreat.
 
-    A close follows a push of the same load; after it that load is left, or pushed with what it was closed onto.
+    A close follows a push of the same load. After it, the load is left, or pushed on with the object that it closed
+    onto.
     """
     same = first.load is second.load
     if second.pushes and not (same and first.kind == (APPROACH if second.kind == PUSH else PUSH)):
@@ -282,6 +286,6 @@ def _wrong_order(first: Segment, second: Segment) -> str:
 
 
 def _is_taken(close: Segment, push: Segment) -> bool:
-    """Return whether a push is of the load of a close and what that one was closed onto."""
+    """Return whether a push moves the load of a close together with the object that it closed onto."""
     held, (*before, taken) = close.pushed_load, push.pushed_load.links
     return tuple(before) == held.links and (taken.object, taken.pusher) == (close.onto, held.names[-1])

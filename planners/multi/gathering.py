@@ -73,7 +73,7 @@ class GatheringSearch(TaskSearch):
         return GatheringSearch(scenario, self.settings, self.hands.among(scenario))
 
     def search(self, question: Question, budget: Budget, observer: Observer) -> Outcome:
-        """Search as `TaskSearch.search` describes."""
+        """Return the best plan found; see `TaskSearch.search`."""
         scenario = self.scenario
         improvements = Improvements(observer, budget.began)
         hands, floor = self.hands, Floor(scenario, budget.seed)

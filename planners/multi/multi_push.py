@@ -123,7 +123,7 @@ class MultiPushSearch(TaskSearch):
         return np.asarray(se2.compose(before, plate))
 
     def search(self, question: Question, budget: Budget, observer: Observer) -> Outcome:
-        """Search as `TaskSearch.search` describes."""
+        """Return the best plan found; see `TaskSearch.search`."""
         if question.scenario is not self.scenario:
             return self.asked(question.scenario).search(question, budget, observer)
         scenario, began, limit = self.scenario, budget.began, budget.time_limit

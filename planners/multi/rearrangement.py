@@ -69,7 +69,7 @@ class RearrangementSearch(TaskSearch):
         )
 
     def search(self, question: Question, budget: Budget, observer: Observer) -> Outcome:
-        """Search as `TaskSearch.search` describes."""
+        """Return the best plan found; see `TaskSearch.search`."""
         scenario = self.scenario
         poses = np.array([scenario.task.by_name[piece.name].start for piece in self.pieces])
         left = frozenset(k for k, piece in enumerate(self.pieces) if piece.goals and not piece.is_at_goal(poses[k]))

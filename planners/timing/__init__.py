@@ -1,4 +1,4 @@
-"""How fast the arcs of a path may be driven: limits of pusher and contacts, and jerk-limited profiles."""
+"""Timing of paths: limits of pusher and contacts, and jerk-limited profiles."""
 
 from pushplan.util.interruption import import_uninterrupted
 

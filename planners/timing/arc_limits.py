@@ -1,9 +1,8 @@
-"""How fast an arc of constant body twist may be driven: limits of the pusher and of the contacts.
+"""Limits of speed, acceleration and jerk on an arc of constant body twist, from the pusher and the contacts.
 
-Along an arc of twist xi = (v, omega) with parameter s, the contact midpoint has the acceleration
-(s'' v, s'^2 omega v) and the jerk (s''' v - s'^3 omega^2 v, 3 s' s'' omega v), tangential and normal. The
-limits of the arc parameter are chosen so that the magnitudes of both stay within the pusher's limits
-whatever the profile does.
+Along an arc of twist xi = (v, omega) with parameter s, the contact midpoint has the acceleration (s'' v, s'^2 omega
+v) and the jerk (s''' v - s'^3 omega^2 v, 3 s' s'' omega v), tangential and normal. The limits of the arc parameter
+are chosen so that the magnitudes of both stay within the pusher's limits for any profile.
 """
 
 from __future__ import annotations
@@ -23,17 +22,17 @@ from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 INERTIA_SHARE = 0.5
-"""Share of the margin asked for that contacts keep with inertia."""
+"""Share of the required margin that contacts keep with inertia."""
 
 
 class Bounds(NamedTuple):
-    """What limits a motion.
+    """Limits of a motion.
 
     Attributes:
-        limits: Of the pusher.
-        contacts: The chain whose contacts must hold; None leaves inertia out.
-        margin: Every contact keeps more than this with inertia.
-        force: What the plate pushes with at most; None where nothing limits it.
+        limits: Limits of the pusher.
+        contacts: Dynamics of the chain's contacts; None ignores inertia.
+        margin: Lower limit of every contact's margin with inertia.
+        force: Limit of the push force; None for no limit.
     """
 
     limits: Limits
@@ -43,12 +42,12 @@ class Bounds(NamedTuple):
 
     @property
     def conditions(self) -> tuple[MotionConditions, ...]:
-        """What inertia must not break."""
+        """Conditions that must hold with inertia."""
         return tuple(one for one in (self.contacts, self.force) if one is not None)
 
 
 def motion_bounds(scenario: Scenario, stable: StableSet) -> Bounds:
-    """Return what limits the motion of a scenario: pusher, force and, unless inertia is left out, the contacts."""
+    """Return the limits of a scenario's motion: pusher, force and, unless inertia is ignored, the contacts."""
     limits = scenario.chain.pusher.limits
     force = None
     if not math.isinf(limits.force):
@@ -60,20 +59,20 @@ def motion_bounds(scenario: Scenario, stable: StableSet) -> Bounds:
 
 
 ROOM = 0.98
-"""Share of what a contact condition has to spare above the margin to keep that inertia may use up.
+"""Share of a contact condition's reserve above the required margin that inertia can use.
 
-The rest is for what lies between the places at which blended motions are looked at.
+The rest covers the motion between the instants at which blended motions are checked.
 """
 
 SPLITS = 24
-"""Top speeds tried when speed and acceleration compete for the same contact condition."""
+"""Number of top speeds tried if speed and acceleration compete for the same contact condition."""
 
 CREEP = 10.0
-"""An arc that the contacts slow down by more than this factor is refused: its twist leaves no room to accelerate."""
+"""Slowdown by the contacts above which an arc is refused, because its twist leaves no room to accelerate."""
 
 
 LEAST = 1e-6
-"""Smallest acceleration of the arc parameter (1/s^2) with which anything is driven."""
+"""Smallest usable acceleration of the arc parameter, 1/s^2."""
 
 STRAIGHT = 1e-9
 """Curvature (1/m) below which an arc is straight."""
@@ -83,12 +82,12 @@ SHARES = (np.arange(SPLITS) + 1.0) / SPLITS
 
 
 def arc_limits(twists: FloatArray, limits: Limits, top: float | FloatArray = math.inf) -> ArcLimits:
-    """Return bounds on s', s'' and s''' that keep arcs within the pusher's limits.
+    """Return limits of s', s'' and s''' that keep arcs within the pusher's limits.
 
     Args:
         twists: (..., 3) body twists per unit of s.
-        limits: Of the contact midpoint and of the turning.
-        top: Bound on s' from elsewhere (...); a lower one leaves more for s'' and s'''.
+        limits: Limits of the contact midpoint and of turning.
+        top: Further limit of s' (...). A lower one leaves more room for s'' and s'''.
     """
     v, omega = np.hypot(twists[..., 0], twists[..., 1]), np.abs(twists[..., 2])
     back, ahead = limits.both("speed")
@@ -98,8 +97,8 @@ def arc_limits(twists: FloatArray, limits: Limits, top: float | FloatArray = mat
     straight = np.where(twists[..., 0] < 0.0, back, ahead)
     turning, to_left = np.where(twists[..., 2] < 0.0, right, left), twists[..., 2] >= 0.0
     bend = v * omega
-    # The tangential and the normal part share the jerk; that of a twist that is straight but for rounding is zero:
-    # else the same path, planned again from rounded poses, would be driven in another time.
+    # The tangential and the normal part share the jerk. A twist that is straight up to rounding has no normal part.
+    # Otherwise the same path, planned again from rounded poses, would take another time.
     jerk = np.where(omega > STRAIGHT * v, limits.jerk / math.sqrt(2.0), limits.jerk)
     speed = np.minimum(top, np.minimum(ratio(straight, v), ratio(turning, omega)))
     speed = np.minimum(speed, np.sqrt(ratio(min(braking, gaining) / math.sqrt(2.0), bend)))
@@ -117,7 +116,7 @@ def arc_limits(twists: FloatArray, limits: Limits, top: float | FloatArray = mat
 
 
 def least_times(twists: FloatArray, lengths: FloatArray, limits: Limits) -> FloatArray:
-    """Return what arcs (k, 3), (k,) take from rest to rest at least, s: speed and acceleration alone limit them."""
+    """Return lower bounds (k,) of rest-to-rest times, s, from the limits of speed and acceleration alone."""
     slow = arc_limits(twists, limits, 0.0)
     ramp = 0.5 / slow.acceleration + 0.5 / slow.deceleration
     speed = np.minimum(arc_limits(twists, limits).speed, np.sqrt(lengths / ramp))
@@ -125,16 +124,16 @@ def least_times(twists: FloatArray, lengths: FloatArray, limits: Limits) -> Floa
 
 
 def contact_limits(twist: FloatArray, length: float, bounds: Bounds) -> ArcLimits:
-    """Return `limits_of_arcs` of one arc, twist (3,)."""
+    """Return `limits_of_arcs` for one arc with a twist (3,)."""
     return limits_of_arcs(twist[None], np.array([length]), bounds)[0]
 
 
 def limits_of_arcs(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> list[ArcLimits]:
-    """Return `contact_limits_of` of arcs with twists (k, 3) and lengths (k,), as numbers for each.
+    """Return `contact_limits_of` for twists (k, 3) and lengths (k,), as numbers for each arc.
 
     Raises:
-        TimingError: If a twist is so close to the boundary of the stable set that its arc would take `CREEP`
-            times as long.
+        TimingError: If a twist is so close to the boundary of the stable set that its arc would take `CREEP` times as
+            long.
     """
     found, able = contact_limits_of(twists, lengths, bounds)
     if not able.all():
@@ -147,24 +146,25 @@ def _no_room(twist: FloatArray, bounds: Bounds) -> TimingError:
     kept = f" above a margin of {bounds.margin:.3g}" if bounds.margin > 0.0 else ""
     return TimingError(
         f"an arc along the twist {np.round(twist, 4).tolist()} leaves the contacts no room for inertia: one "
-        f"condition holds by {least:.3g} N only{kept}; raise stability.margin, or use quasi-static contact limits"
+        f"condition has a reserve of only {least:.3g} N{kept}; raise stability.margin, or use "
+        "quasi-static contact limits"
     )
 
 
 def contact_limits_of(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> tuple[ArcLimits, BoolArray]:
-    """Return `arc_limits`, cut down so that inertia uses at most `ROOM` of what every contact has to spare.
+    """Return `arc_limits`, reduced so that inertia uses at most `ROOM` of every contact's reserve.
 
     The conditions are linear in (s'^2, s''), so they hold on the rectangle [0, speed^2] x [-deceleration,
-    acceleration] if they hold at its corners. Of all such rectangles within the pusher's limits, the one is
-    taken that makes the arc shortest in time.
+    acceleration] if they hold at its corners. Among all such rectangles within the pusher's limits, the one with the
+    shortest time is chosen.
 
     Args:
         twists: (k, 3) body twists per unit of s.
-        lengths: (k,) of the arcs, in s.
-        bounds: What limits the motion.
+        lengths: (k,) lengths of the arcs, in s.
+        bounds: Limits of the motion.
 
     Returns:
-        The limits (k,), and (k,) whether the arc is driven in less than `CREEP` times its usual time with them.
+        The limits (k,), and (k,) whether the arc with them takes less than `CREEP` times its usual time.
     """
     free = arc_limits(twists, bounds.limits)
     if not bounds.conditions:
@@ -190,19 +190,19 @@ def contact_limits_of(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -
 
 
 def _without_jerk(lengths: FloatArray, limits: ArcLimits) -> FloatArray:
-    """Return a bound on what arcs take from rest to rest, s: nothing limits the jerk. See also `_fastest`."""
+    """Return lower bounds of the arcs' rest-to-rest times without a jerk limit, s; see `_fastest`."""
     ramps = 0.5 * limits.speed * (1.0 / limits.acceleration + 1.0 / limits.deceleration)
     return np.asarray(np.maximum(lengths / limits.speed, ramps) + ramps)
 
 
 def _fastest(lengths: FloatArray, tried: ArcLimits, least: FloatArray) -> IntArray:
-    """Return which limits (k, n) drive each arc (k,) in the shortest time, by Ruckig's answers.
+    """Return the index (k,) of the limits (k, n) with the shortest time for each arc, computed by Ruckig.
 
-    Where the speed is not reached, the arc counts as long enough for it: a lower speed, which leaves more for
-    acceleration, is reached there. Ruckig is asked for those only that `least` (k, n), bounds on their times, leaves.
+    An arc that is too short to reach the top speed counts as just long enough. A lower top speed, which leaves more
+    room for acceleration, then wins. The lower bounds `least` (k, n) of the times save calls of Ruckig.
     """
     times, known = np.full(least.shape, np.inf), least.min(axis=1)
-    for _ in range(2):  # the first answer leaves few others
+    for _ in range(2):  # the first result rules out most others
         asked = np.nonzero((least <= known[:, None]) & (least < np.inf) & np.isinf(times))
         each = ArcLimits(*(bound[asked] for bound in tried))
         found, cruising = times_from_rest_to_rest(lengths[asked[0]], each).T
@@ -218,12 +218,12 @@ def _fastest(lengths: FloatArray, tried: ArcLimits, least: FloatArray) -> IntArr
 
 
 def _bearable(left: FloatArray, cost: FloatArray) -> FloatArray:
-    """Largest x (...) with cost x <= left for every row (r, ...)."""
+    """Return the largest x (...) with cost x <= left for every row (r, ...)."""
     most = ratio(np.maximum(left, 0.0), np.maximum(cost, 0.0)).min(axis=0)
     return np.where((left >= 0.0).all(axis=0), most, 0.0)
 
 
 def ratio(limit: float | FloatArray, rate: FloatArray) -> FloatArray:
-    """Return limit / rate, infinite where the rate is 0."""
+    """Return limit / rate; infinite if the rate is 0."""
     positive = rate > 0.0
     return np.where(positive, limit / np.where(positive, rate, 1.0), np.inf)

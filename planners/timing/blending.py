@@ -1,4 +1,4 @@
-"""The segments of a plan on a clock; and the fastest trajectory along a path that turns smoothly from arc to arc."""
+"""Timing of a plan's segments, and the fastest trajectory along a path with smooth steps from arc to arc."""
 
 from __future__ import annotations
 
@@ -49,41 +49,41 @@ from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 SHARES = 2.0 ** np.arange(-12.0, -1.0)
-"""How far twists are moved inward: shares of the way to the path's most stable twist, or the set's."""
+"""Shares by which twists move inward, towards the most stable twist of the path or of the set."""
 
 SAFETY = 2.0
-"""Multiple of the smallest share that helps: on its way in and out the twist is moved by a part of it only."""
+"""Factor on the smallest share that helps, because a twist moves in and out gradually."""
 
 SAMPLES = 65
-"""Twists looked at between two."""
+"""Number of twists checked between two twists."""
 
 MOST = 1.0 / 3.0
-"""Share of an arc that may be driven with another twist at either end."""
+"""Maximum share of an arc that is driven with another twist, at either end."""
 
 
 class Inset(NamedTuple):
-    """A path with more arcs, and (k,) the arc of the given path that each of its arcs belongs to."""
+    """A path with more arcs, and the index (k,) of the given path's arc for each of them."""
 
     path: PushPath
     owner: IntArray
 
 
 def inset_path(path: PushPath, stable: StableSet, minimum: float, bounds: Bounds) -> Inset:
-    """Return the path with twists moved inward near the corners where the margin would dip.
+    """Return the path with twists moved inward near corners where the margin would become too small.
 
-    It does not quite end where the given path does. A corner where no share helps stays as it is.
+    Its end differs slightly from that of the given path. A corner where no share helps stays unchanged.
 
     Args:
         path: Constant-twist arcs, each with more than the minimum margin.
-        stable: The set.
-        minimum: The margin has to exceed it.
-        bounds: What limits the motion, for the time that a step takes.
+        stable: Stable set.
+        minimum: Lower limit of the margin.
+        bounds: Limits of the motion, for the time of a step.
     """
     twists, rest = path.twists, path.lengths.copy()
     speeds = cache(lambda: passing_speeds(twists, path.lengths, bounds))
     towards = (
         cache(lambda: _most_stable(path, stable)),
-        # a thousand margins, for the few paths that lie on a concave side of the set
+        # takes a thousand margins; only a few paths on a concave side of the set need it
         cache(lambda: most_stable_twist(stable, stable.chain.pusher.drive)),
     )
     heads: dict[int, FloatArray] = {}
@@ -107,13 +107,13 @@ def inset_path(path: PushPath, stable: StableSet, minimum: float, bounds: Bounds
 
 
 def _most_stable(path: PushPath, stable: StableSet) -> FloatArray:
-    """The most stable of the path's twists and their mean: one that the pusher's drive can make, too."""
+    """Return the most stable of the path's twists and their mean. The drive can make all of them."""
     tried = np.concatenate([path.twists, path.twists.mean(axis=0, keepdims=True)])
     return np.asarray(tried[np.argmax(stable.margin(tried))])
 
 
 def _moved(twists: FloatArray, inside: FloatArray, share: float) -> FloatArray:
-    """Twists (k, 3) moved inward, scaled to a cost rate of 1."""
+    """Return twists (k, 3) moved inward, scaled to a cost rate of 1."""
     mixed = (1.0 - share) * twists + share * inside
     return np.asarray(mixed / cost_rate(mixed)[:, None])
 
@@ -121,7 +121,7 @@ def _moved(twists: FloatArray, inside: FloatArray, share: float) -> FloatArray:
 def _moved_inward(
     pair: FloatArray, towards: Iterable[Callable[[], FloatArray]], stable: StableSet, minimum: float
 ) -> FloatArray | None:
-    """Two twists (2, 3) moved inward as far as they have to be, and safely so; None if nothing helps."""
+    """Return two twists (2, 3) moved inward far enough, with a safety factor; None if no share helps."""
     for inside in towards:
         for share in SHARES:
             near, far = _moved(pair, inside(), share), _moved(pair, inside(), SAFETY * share)
@@ -132,7 +132,7 @@ def _moved_inward(
 
 
 def _hold(begin: FloatArray, end: FloatArray, stable: StableSet, minimum: float) -> BoolArray:
-    """Whether (k,) the margin stays above the minimum on the straight way from twists (k, 3) to others."""
+    """Return (k,) whether the margin stays above the minimum on straight lines between twists (k, 3)."""
     mix = np.linspace(0.0, 1.0, SAMPLES)[:, None, None]
     twists = (1.0 - mix) * begin + mix * end
     margins = stable.margin(twists.reshape(-1, 3)).reshape(SAMPLES, -1)
@@ -140,32 +140,32 @@ def _hold(begin: FloatArray, end: FloatArray, stable: StableSet, minimum: float)
 
 
 def _spent(twists: FloatArray, lengths: FloatArray, speeds: FloatArray, bounds: Bounds) -> FloatArray:
-    """Lengths (2,) of two neighbouring arcs that are driven within half a step's time of the corner."""
+    """Return the lengths (2,) of two neighbouring arcs within half a step's time of their corner."""
     time = step_windows(step_bounds(twists * speeds[:, None], bounds.limits)).sum()
     return np.asarray(np.minimum(speeds * time / 2.0, MOST * lengths))
 
 
 NUDGES = 6
-"""How often lengths are changed to keep away from what is touched before a stop is made."""
+"""Number of attempts to avoid collisions by other lengths before a stop is added."""
 
 OFF_CHORDS = 0.2
-"""Share of the room between the distances that poses looked at have and that is kept between, which may be used up by
-proving for a motion what its samples, with constant twists between them, keep; these are looked at otherwise."""
+"""Maximum deviation of a motion from its samples, as a share of `clearance` - `kept`. With more, the samples are
+checked instead of the motion."""
 
 FEW = 128
-"""Of so many corners one more gets a stop at a time, so that paths of hundreds of arcs are timed in seconds, too."""
+"""Number of corners for each stop that is added at a time. So paths of hundreds of arcs take only seconds."""
 
 WORTH_A_STOP = 0.5
-"""Delay (s) by slowing down a whole section from which on a stop at its worst corner is preferred."""
+"""Delay (s) of a slowed section above which a stop at its worst corner is better."""
 
 
 @dataclass(frozen=True, eq=False)
 class Blend:
-    """A blended trajectory and what was done to the path for it.
+    """A blended trajectory and its stops.
 
     Attributes:
-        trajectory: Ends where the path ends.
-        stops: Indices of the path's arcs at whose end the pusher stops although the path goes on.
+        trajectory: Trajectory to the path's end.
+        stops: Indices of the arcs, except the last, at whose end the pusher stops.
     """
 
     trajectory: Trajectory
@@ -173,12 +173,12 @@ class Blend:
 
 
 class Nudging(NamedTuple):
-    """What is tried to keep away from things without a further stop.
+    """Attempts to avoid collisions without a further stop.
 
     Attributes:
         rows: Conditions on the lengths.
-        suspects: The corner nearest to what was touched last.
-        tries: How often conditions were added.
+        suspects: Corner nearest to the last collision.
+        tries: Number of attempts.
     """
 
     rows: LengthRows
@@ -186,7 +186,7 @@ class Nudging(NamedTuple):
     tries: int = 0
 
     def further(self, rows: LengthRows, suspects: frozenset[int]) -> Nudging:
-        """Return it with more conditions."""
+        """Return the attempts with more conditions."""
         return Nudging(self.rows.joined(rows), suspects, self.tries + 1)
 
 
@@ -195,13 +195,13 @@ class BlendSearch:
     """The search for the stops and lengths of one blend.
 
     Attributes:
-        scenario: Limits of the pusher, margin to keep, and what is in the way.
-        scene: What moves and what stands still in it.
+        scenario: Scenario with the pusher's limits, the required margin and the obstacles.
+        scene: Its collision scene.
         path: Constant-twist arcs.
-        goal: (3,) pose in the world to end on, near the path's end.
-        stable: The set whose margin has to be kept.
+        goal: (3,) end pose in the world, near the path's end.
+        stable: Stable set.
         rate: Samples per second of the trajectory.
-        bounds: What limits the motion.
+        bounds: Limits of the motion.
     """
 
     scenario: Scenario
@@ -221,7 +221,7 @@ class BlendSearch:
         self.nudging = Nudging(no_rows(len(self.path.lengths)))
 
     def blended(self, worthwhile: Callable[[float], bool]) -> Blend | None:
-        """Return the blend; None where its duration (s) is not worthwhile, or it needs a stop at every corner."""
+        """Return the blend; None if its duration (s) is not worthwhile, or if every corner needs a stop."""
         while self.stops < self.corners and worthwhile(self._least_duration()):
             blend = self._attempt()
             if blend is not None:
@@ -229,18 +229,18 @@ class BlendSearch:
         return None
 
     def _least_duration(self) -> float:
-        """How long it takes with the present stops, s, if the lengths can stay and no step has to be widened."""
+        """Return the duration (s) with the current stops if lengths and steps need no change."""
         return sum(part.duration(self.path.lengths) for part in self.parts)
 
     def _attempt(self) -> Blend | None:
-        """Return the trajectory with the present stops and nudges; None, after adding some, where it fails."""
+        """Return the blend with the current stops and nudges. If it fails, add some and return None."""
         try:
             self.parts, lengths = fitted(self.path, self.goal, self.parts, self.nudging.rows)
         except NoFitError:
             self._stop(self.nudging.suspects or sharpest_corners(self.path, self.parts, self.few))
             return None
         parts, strained = slowed(self.parts, lengths, WORTH_A_STOP)
-        if len(strained):  # a section a million times slower is never made: its pieces would fill the memory
+        if len(strained):  # never build a section a million times slower: its pieces would fill the memory
             self._stop(nearest_corners(parts, lengths, strained))
             return None
         trajectory = joined(self.path, parts, lengths, self.rate)
@@ -258,10 +258,10 @@ class BlendSearch:
         return None
 
     def _touches(self, trajectory: Trajectory) -> Touches:
-        """Return where the motion comes too near to something, so that its samples, too, keep what they have to.
+        """Return the collisions of the motion, with a clearance that covers its samples too.
 
-        The motion between two samples may be off the constant twist that the checker assumes there. It has to keep so
-        much more; where that takes up too much of the room, the samples are looked at instead.
+        The validator assumes a constant twist between samples. The motion's deviation from it is added to the
+        required clearance. If it is too large, the samples are checked instead.
         """
         scene = self.scene
         off = off_chords(trajectory, self.reach)
@@ -270,7 +270,7 @@ class BlendSearch:
         return find_touches(scene.with_distances(scene.clearance, scene.kept + off), trajectory, self.reach)
 
     def _stop(self, corners: frozenset[int]) -> None:
-        """Stop at more corners, and see anew what is touched then."""
+        """Add stops at corners and discard all nudges."""
         self.stops |= corners
         self.parts = [piece for part in self.parts for piece in part.split(self.path, self.stops)]
         self.nudging = Nudging(no_rows(len(self.path.lengths)))
@@ -288,13 +288,13 @@ def blend_path(
     """Return the trajectory along a path that stops at few corners and takes no longer than the exact one.
 
     Args:
-        scenario: What is in the way, and the margin to keep.
-        path: Constant-twist arcs, free of collision and stable.
-        stable: The set whose margin has to exceed `scenario.required_margin`.
-        bounds: What limits the motion.
+        scenario: Scenario with the obstacles and the required margin.
+        path: Constant-twist arcs, collision-free and stable.
+        stable: Stable set whose margin must exceed `scenario.required_margin`.
+        bounds: Limits of the motion.
         rate: Samples per second of the trajectory.
-        scene: The scenario's, where it is there already.
-        below: Duration (s) from which on a blend need not be found; the exact trajectory may be returned instead.
+        scene: Collision scene of the scenario, if it exists already.
+        below: Duration (s) above which no blend is needed. The exact trajectory can be returned instead.
 
     Raises:
         TimingError: If an arc cannot be timed.
@@ -325,16 +325,16 @@ def time_segments(
     scene: Scene | None = None,
     below: float = math.inf,
 ) -> Segments:
-    """Return segments with their trajectories, within the limits of the pusher and, if asked for, of the contacts.
+    """Return segments with trajectories within the limits of the pusher and, if required, of the contacts.
 
     Args:
-        scenario: Chooses by `trajectory` whether the pusher stops at every corner of a push (`exact`) or at as few as
-            possible (`blended`), and by `limits.contact` whether inertia may make a contact slip.
-        segments: Of a plan: free of collision and stable.
+        scenario: Scenario. Its `trajectory` selects stops at every corner of a push (`exact`) or at as few as
+            possible (`blended`). Its `limits.contact` selects whether the contacts must hold with inertia.
+        segments: Segments of a plan, collision-free and stable.
         rate: Samples per second of the trajectories.
-        stable_set: That they were planned in; None stands for the scenario's.
-        scene: Of a single push, where it is there already.
-        below: Duration (s) from which on a push need not be blended.
+        stable_set: Name of the segments' stable set; None for the scenario's.
+        scene: Collision scene of a single push, if it exists already.
+        below: Duration (s) above which a push need not be blended.
 
     Raises:
         TimingError: If an arc cannot be timed within the limits.

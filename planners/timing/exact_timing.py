@@ -1,4 +1,4 @@
-"""The fastest trajectory along a path that stops between arcs: exact, arc by arc."""
+"""The fastest trajectory along a path with a stop after every arc."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from pushplan.util.arrays import FloatArray, IntArray
 
 
 class Pieces(NamedTuple):
-    """A twist as one quadratic of time after the other.
+    """A twist as a sequence of quadratics in time.
 
     Attributes:
-        durations: (q,) s.
-        coefficients: (q, 3, 3) of the twist from the beginning of each piece on, lowest order first.
-        level: (q,) index of the level that a piece belongs to: that of the last step that is over.
+        durations: (q,) durations of the pieces, s.
+        coefficients: (q, 3, 3) coefficients of the twist in the time since the beginning of each piece, lowest order
+            first.
+        level: (q,) index of the level of each piece, after the last completed step.
     """
 
     durations: FloatArray
@@ -35,20 +36,20 @@ class Pieces(NamedTuple):
 
     @property
     def motion(self) -> FloatArray:
-        """(3,) pose at the end, seen from the beginning."""
+        """(3,) end pose relative to the beginning."""
         return np.asarray(timing.poses_after(np.zeros(3), self.coefficients, self.durations)[-1])
 
 
 ORDERS = np.array([[1.0], [2.0], [3.0], [2.0]])
-"""With which power of the speed each share grows: speed, acceleration, jerk, contact conditions."""
+"""Powers of the speed with which the shares grow: speed, acceleration, jerk, contact conditions."""
 
 
 class Use(NamedTuple):
-    """What the pieces of a motion use of its limits.
+    """Used shares of the limits, by piece of a motion.
 
     Attributes:
-        shares: (4, q) of speed, acceleration, jerk and contact conditions; a limit is kept up to 1.
-        slowing: (q,) factor by which the same twists have to change more slowly for the contacts to hold.
+        shares: (4, q) used shares of the limits of speed, acceleration, jerk and contacts. Up to 1, a limit is kept.
+        slowing: (q,) factor by which the twists must change more slowly so that the contacts hold.
     """
 
     shares: FloatArray
@@ -56,10 +57,10 @@ class Use(NamedTuple):
 
 
 def bounds_use(pieces: Pieces, bounds: Bounds) -> Use:
-    """Return what each piece uses of its limits.
+    """Return the used shares of the limits for each piece.
 
-    The first three shares bound the whole piece. The last one looks at its beginning and its middle, how much inertia
-    uses up of what the contacts have to spare above the margin to keep (`arc_limits.ROOM` of it).
+    The first three shares bound the whole piece. The last one is computed at its beginning and its middle. It is the
+    share of the contacts' reserve above the required margin (times `arc_limits.ROOM`) that inertia uses.
     """
     pusher = limit_use(pieces, bounds.limits)
     held, slowing = np.zeros(len(pusher)), np.ones(len(pusher))
@@ -73,7 +74,7 @@ def bounds_use(pieces: Pieces, bounds: Bounds) -> Use:
 
 
 def _instants(pieces: Pieces) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Return twists and their rates (k, 3) where pieces begin and half-way, unless at rest, and (k,) which pieces."""
+    """Return twists and rates (k, 3) at the beginning and middle of moving pieces, and the pieces' indices (k,)."""
     t, piece = np.outer(pieces.durations, [0.0, 0.5]).reshape(-1, 1), np.repeat(np.arange(len(pieces.durations)), 2)
     c0, c1, c2 = pieces.coefficients[piece].transpose(1, 0, 2)
     twists, rates = c0 + t * (c1 + t * c2), c1 + 2.0 * t * c2
@@ -82,9 +83,9 @@ def _instants(pieces: Pieces) -> tuple[FloatArray, FloatArray, IntArray]:
 
 
 def limit_use(pieces: Pieces, limits: Limits) -> FloatArray:
-    """Return bounds (q, 3) on the share of the pusher's limits of speed, acceleration and jerk that each piece uses.
+    """Return upper bounds (q, 3) of each piece's used shares of the limits of speed, acceleration and jerk.
 
-    Each is the larger one of the linear and the angular share.
+    Each is the larger of the linear and the angular share.
     """
     names: tuple[LimitName, ...] = ("speed", "acceleration", "angular_speed", "angular_acceleration")
     sides = np.array([limits.both(name) for name in names])
@@ -96,7 +97,7 @@ def time_path(path: PushPath, bounds: Bounds, rate: float = SAMPLE_RATE) -> Traj
 
     Args:
         path: Constant-twist arcs.
-        bounds: What limits the motion.
+        bounds: Limits of the motion.
         rate: Samples per second of the trajectory.
 
     Raises:

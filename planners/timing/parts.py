@@ -1,4 +1,4 @@
-"""Parts of a path between two stops: arcs of one twist, or of several, driven without a stop in between."""
+"""Parts of a path between two stops: a single arc, or several blended arcs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ T = TypeVar("T")
 
 
 def remembered(method: Callable[[P, FloatArray], T]) -> Callable[[P, FloatArray], T]:
-    """Keep what a method of a part returned for the lengths of its arcs."""
+    """Cache the results of a part's method by the lengths of its arcs."""
 
     @wraps(method)
     def known(self: P, lengths: FloatArray) -> T:
@@ -44,11 +44,11 @@ def remembered(method: Callable[[P, FloatArray], T]) -> Callable[[P, FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class Part(ABC):
-    """Arcs of a path between two stops; methods take the lengths (k,) of all arcs of the path.
+    """Arcs of a path between two stops. Methods take the lengths (k,) of all arcs of the path.
 
     Attributes:
         arcs: (a,) indices of the arcs.
-        bounds: What limits the motion.
+        bounds: Limits of the motion.
     """
 
     arcs: IntArray
@@ -56,40 +56,40 @@ class Part(ABC):
 
     @abstractmethod
     def pieces(self, lengths: FloatArray) -> Pieces:
-        """Return the twist over time; a piece's level is the index of its arc."""
+        """Return the twist over time. The level of a piece is the index of its arc."""
 
     def duration(self, lengths: FloatArray) -> float:
-        """Return how long it takes, s."""
+        """Return the duration, s."""
         return float(self.pieces(lengths).durations.sum())
 
     def motion(self, lengths: FloatArray) -> FloatArray:
-        """Return the pose (3,) at the end, seen from the beginning."""
+        """Return the end pose (3,) relative to the beginning."""
         return self.pieces(lengths).motion
 
     def corners(self, lengths: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return the arcs (c,) after which the twist changes, and when (c,), s from the beginning."""
+        """Return the arcs (c,) after which the twist changes, and the times (c,) since the beginning, s."""
         del lengths
         return np.zeros(0, dtype=np.int64), np.zeros(0)
 
     def eased(self, lengths: FloatArray) -> Part:
-        """Return it with wider steps wherever a limit is exceeded, as far as that helps."""
+        """Return the part with wider steps wherever a limit is exceeded, as far as that helps."""
         del lengths
         return self
 
     def slowed(self, lengths: FloatArray) -> tuple[Part, float]:
-        """Return it slowed down as a whole until no limit is exceeded, and when the most was, s."""
+        """Return the part slowed until it keeps all limits, and the time of the largest excess, s."""
         del lengths
         return self, 0.0
 
     def split(self, path: PushPath, stops: frozenset[int]) -> list[Part]:
-        """Return the parts between those arcs of its path after which the pusher stops; itself if there is none."""
+        """Return the parts between stops at the ends of some arcs; the part itself if there are none."""
         del path, stops
         return [self]
 
 
 @dataclass(frozen=True, eq=False)
 class Push(Part):
-    """One arc, driven by the exact profile, which keeps the limits.
+    """One arc with the exact profile, which keeps the limits.
 
     Attributes:
         twist: (3,) body twist per unit of the arc's parameter.
@@ -106,39 +106,39 @@ class Push(Part):
         return Pieces(profile.durations, profile.along(self.twist), level)
 
     def motion(self, lengths: FloatArray) -> FloatArray:
-        """Return the pose (3,) at the end."""
+        """Return the end pose (3,) relative to the beginning."""
         return se2.exp(self.twist * lengths[self.arcs[0]])
 
 
 WIDENINGS = 25
-"""How often steps are widened to meet the limits, at most."""
+"""Maximum number of times that steps are widened to keep the limits."""
 
 HELPING = 0.995
-"""Widening goes on for as long as it reduces the worst excess at least to this share."""
+"""Widening continues while it reduces the worst excess to this share or less."""
 
 MOST = 1.5
-"""A step is widened by no more than this factor at a time."""
+"""Maximum factor by which a step is widened at a time."""
 
 PASSED = 0.3
-"""A shorter arc may be passed as fast as one of this length, m."""
+"""Length (m) up to which all arcs have the same passing speed."""
 
 DERIVATIVES = np.array([1.0, 2.0])
-"""With which power of a step's duration its derivatives fall."""
+"""Powers of a step's duration with which its derivatives decrease."""
 
 USED_UP = 1.0 + 1e-9
-"""A limit is kept when no more than this share of it is used."""
+"""Used share up to which a limit counts as kept."""
 
 
 @dataclass(frozen=True, eq=False)
 class Section(Part):
-    """Arcs of several twists, blended.
+    """Several arcs, blended.
 
     Attributes:
-        levels: (a + 2, 3) the arcs' twists at full speed, m/s and rad/s, and rest at either end.
+        levels: (a + 2, 3) twists of the arcs at full speed, m/s and rad/s, with rest at both ends.
         speeds: (a,) rates of the arcs' parameters.
-        steps: (a + 1, 2) bounds on the first and the second derivative of the steps between the levels, each taken as
-            a step from 0 to 1; 1/s and 1/s^2.
-        slower: Factor by which everything is stretched in time.
+        steps: (a + 1, 2) limits of the first and second derivative of the steps between levels, each scaled to go
+            from 0 to 1; 1/s and 1/s^2.
+        slower: Factor by which the motion is stretched in time.
     """
 
     levels: FloatArray
@@ -153,12 +153,12 @@ class Section(Part):
         return made._replace(level=self.arcs[np.clip(made.level - 1, 0, len(self.arcs) - 1)])
 
     def duration(self, lengths: FloatArray) -> float:
-        """Return how long it takes, s."""
+        """Return the duration, s."""
         centers, windows = self._placed(lengths)
         return float(centers[-1] + windows[-1].sum() / 2.0)
 
     def corners(self, lengths: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return the arcs (c,) after which the twist changes, and when (c,)."""
+        """Return the arcs (c,) after which the twist changes, and the times (c,) since the beginning, s."""
         return self.arcs[:-1], self._placed(lengths)[0][1:-1]
 
     def eased(self, lengths: FloatArray) -> Section:
@@ -168,18 +168,18 @@ class Section(Part):
             pieces = section.pieces(lengths)
             use = bounds_use(pieces, self.bounds)
             _, rise, bend, hold = use.shares
-            # by so much a lone step has to be widened to meet each limit
+            # factor by which a single step must widen to keep each limit
             excess = np.maximum(np.maximum(rise, np.sqrt(bend)), np.maximum(hold, 1.0))
             if excess.max() <= USED_UP or excess.max() > HELPING * worst:
                 break
             section = section._widened(lengths, pieces.durations, np.maximum(excess, use.slowing))
             worst = float(excess.max())
-            if HELPING * worst <= 1.0:  # whatever is seen next ends this
+            if HELPING * worst <= 1.0:  # the next pass would end the loop anyway
                 break
         return section
 
     def slowed(self, lengths: FloatArray) -> tuple[Section, float]:
-        """Return the section slowed down until no limit is exceeded, and when the most was."""
+        """Return the section slowed until it keeps all limits, and the time of the largest excess, s."""
         pieces = self.pieces(lengths)
         use = (bounds_use(pieces, self.bounds).shares ** (1.0 / ORDERS)).max(axis=0)
         factor = float(use.max())
@@ -195,7 +195,7 @@ class Section(Part):
         return [make_part(path, arcs, self.bounds, speeds) for arcs, speeds in split]
 
     def _widened(self, lengths: FloatArray, durations: FloatArray, excess: FloatArray) -> Section:
-        """The section with steps wider by up to the `excess` (q,) of the pieces that they overlap."""
+        """Return the section with steps widened by up to the `excess` (q,) of the pieces that they overlap."""
         centers, windows = self._placed(lengths)
         half = windows.sum(axis=1) / 2.0
         ends = np.cumsum(durations)
@@ -206,9 +206,9 @@ class Section(Part):
 
     @remembered
     def _placed(self, lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Centres (a + 1,) of the steps, s from the section's beginning, and their windows (a + 1, 2), s.
+        """Return the centre times (a + 1,) of the steps in the section, and their windows (a + 1, 2), s.
 
-        Steps that have to be wider because they overlap others are asked for once more, within lower bounds.
+        Steps that overlap others are recomputed within lower limits, which makes them wider.
         """
         centers = self.slower * np.concatenate([[0.0], np.cumsum(lengths[self.arcs] / self.speeds)])
         windows = self._windows
@@ -220,7 +220,7 @@ class Section(Part):
 
     @cached_property
     def _windows(self) -> FloatArray:
-        """Windows (a + 1, 2) of the steps, each taken for itself, s."""
+        """Windows (a + 1, 2) of the steps without their neighbours, s."""
         return step_windows(self.steps / self.slower**DERIVATIVES)
 
 
@@ -237,21 +237,21 @@ def make_part(path: PushPath, arcs: IntArray, bounds: Bounds, speeds: FloatArray
 def passing_speeds(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> FloatArray:
     """Return the top speeds (k,) of arcs (k, 3) that are passed without a stop.
 
-    Where speed and acceleration compete for the room that a contact leaves, an arc from rest to rest takes the more
-    acceleration the shorter it is. Passing needs little of it: the steps to and fro are eased afterwards.
+    If speed and acceleration compete for a contact's reserve, short arcs from rest to rest need more acceleration.
+    Passing an arc needs little, because the steps before and after it are eased later.
     """
     found, able = contact_limits_of(twists, np.maximum(lengths, PASSED), bounds)
     speeds = np.array(found.speed)
-    for i in np.flatnonzero(~able):  # at the boundary of the set, only a shorter arc is over soon enough
+    for i in np.flatnonzero(~able):  # at the boundary of the set, only a shorter arc is fast enough
         speeds[i] = contact_limits(twists[i], float(lengths[i]), bounds).speed
     return speeds
 
 
 def step_bounds(levels: FloatArray, limits: Limits) -> FloatArray:
-    """Return the bounds (m, 2) on the first two derivatives of steps between twists (m + 1, 3), 1/s and 1/s^2.
+    """Return limits (m, 2) of the first two derivatives of steps between twists (m + 1, 3), 1/s and 1/s^2.
 
-    Each step is taken for itself, from 0 to 1: the bounds are the pusher's limits over the size of the step, infinite
-    where two twists are equal.
+    Each step is scaled to go from 0 to 1. So the limits are the pusher's limits divided by the size of the step, and
+    infinite if two twists are equal.
     """
     turning = np.hypot(levels[:, 0], levels[:, 1]) * np.abs(levels[:, 2])  # centripetal acceleration
     braking, gaining = limits.both("acceleration")
@@ -267,10 +267,10 @@ def step_bounds(levels: FloatArray, limits: Limits) -> FloatArray:
 
 
 CLOSE = 1e-12
-"""Error (m, rad) of the end that counts as none."""
+"""End error (m, rad) that counts as zero."""
 
 ENOUGH = 1e-10
-"""Error (m, rad) that is accepted when rounding allows no better."""
+"""End error (m, rad) that is accepted if rounding allows no better one."""
 
 ROUNDS = 25
 
@@ -285,14 +285,14 @@ def fit_lengths(
     """Return the lengths (k,) at which a motion along a path's twists ends on a pose.
 
     Args:
-        end: Pose (3,) in the world at the end of the motion for lengths (k,).
+        end: Returns the end pose (3,) of the motion in the world for lengths (k,).
         goal: (3,) pose in the world, near the path's end.
-        path: Tells how the end depends on the lengths, nearly.
-        lengths: (k,) to begin with; long arcs are changed more than short ones, none below 0.
-        rows: Other conditions that the lengths have to meet: no less than their values.
+        path: Path that approximates the effect of the lengths on the end.
+        lengths: (k,) initial lengths. Long arcs change more than short ones, and none becomes negative.
+        rows: Further conditions on the lengths.
 
     Raises:
-        NoFitError: If Newton's method does not get there.
+        NoFitError: If Newton's method does not converge.
     """
     effects = effects_on(path.end, path)
     best, least = lengths, np.inf
@@ -313,17 +313,17 @@ def fit_lengths(
 def _change(
     effects: FloatArray, error: FloatArray, matrix: FloatArray, missing: FloatArray, lengths: FloatArray
 ) -> FloatArray:
-    """The change of the lengths, small in relation to them, that takes away the error and what is missing.
+    """Return the change of the lengths, relatively small, that removes the error and meets the conditions.
 
     Raises:
-        NoFitError: If what is missing cannot be had without a negative length.
+        NoFitError: If the conditions need a negative length.
     """
     kept = np.eye(len(lengths))
     share = least_change(
         effects * lengths, error, np.vstack([matrix * lengths, kept]), np.append(missing, -kept.sum(axis=1))
     )
     if share is None:
-        raise NoFitError("no arc lengths, none of them negative, keep away from everything that was touched")
+        raise NoFitError("no non-negative arc lengths avoid all collisions")
     return np.maximum(share, -1.0) * lengths
 
 
@@ -331,22 +331,22 @@ RANK = 1e-9
 """Singular values below this share of the largest one count as 0."""
 
 MISSED = 1e-12
-"""By so much an inequality may be missed: the lengths have to end on the goal to 1e-10."""
+"""Tolerance of inequalities. The lengths must end on the goal to 1e-10."""
 
 
 def least_change(
     equations: FloatArray, values: FloatArray, rows: FloatArray, bounds: FloatArray
 ) -> FloatArray | None:
-    """Return the shortest y (k,) with equations y = values and rows y >= bounds, None where there is none.
+    """Return the shortest y (k,) with equations y = values and rows y >= bounds; None if there is none.
 
-    Equations that contradict one another are met as well as they can be. Of what they leave free, y = y_0 + N z,
-    the shortest z with G z >= h is taken: a quadratic program (DAQP, Arnstrom, Bemporad and Axehill 2022).
+    Contradictory equations are solved by least squares. Their solutions are y = y_0 + N z. The shortest z with G z >=
+    h solves a quadratic program (DAQP, Arnstrom, Bemporad and Axehill 2022).
 
     Args:
-        equations: (m, k).
-        values: (m,).
-        rows: (c, k).
-        bounds: (c,).
+        equations: (m, k) matrix.
+        values: (m,) right-hand sides.
+        rows: (c, k) matrix of the inequalities.
+        bounds: (c,) lower bounds.
     """
     left, sizes, right = np.linalg.svd(equations)
     rank = int((sizes > RANK * sizes[0]).sum())
@@ -364,21 +364,21 @@ def least_change(
 
 
 FITS = 2
-"""How often steps are widened and lengths fitted in turn."""
+"""Number of rounds of widening steps and fitting lengths."""
 
 
 def corners_of(path: PushPath) -> frozenset[int]:
-    """Return the arcs at whose end the twist changes: all but the last."""
+    """Return the arcs at whose end the twist changes: all except the last."""
     return frozenset(range(len(path.lengths) - 1))
 
 
 def fitted(
     path: PushPath, goal: FloatArray, parts: Sequence[Part], rows: LengthRows
 ) -> tuple[list[Part], FloatArray]:
-    """Widen steps to meet the limits, and fit lengths (k,) that end on the goal (3,), in turn.
+    """Return parts with steps widened to keep the limits, and lengths (k,) that end on the goal (3,).
 
     Raises:
-        NoFitError: If no lengths lead there and meet the conditions.
+        NoFitError: If no lengths reach the goal and meet the conditions.
     """
     lengths = path.lengths
     for _ in range(FITS):
@@ -388,10 +388,10 @@ def fitted(
 
 
 def slowed(parts: Sequence[Part], lengths: FloatArray, bearable: float) -> tuple[list[Part], FloatArray]:
-    """Slow parts down as wholes until they keep the limits.
+    """Slow whole parts until they keep the limits.
 
     Returns:
-        The parts, and (k,) when the limits were exceeded most in those that it delays by more than `bearable`, s.
+        The parts, and the times (k,) of the largest excess in parts that are delayed by more than `bearable`, s.
     """
     slow, strained, begin = [], [], 0.0
     for part in parts:
@@ -415,14 +415,14 @@ def joined(path: PushPath, parts: Sequence[Part], lengths: FloatArray, rate: flo
 def nearest_corners(
     parts: Sequence[Part], lengths: FloatArray, times: FloatArray, most: int | None = None
 ) -> frozenset[int]:
-    """Return the corners without a stop that are nearest to some times (k,): the first `most` of them."""
+    """Return the corners without a stop that are nearest to some times (k,), at most `most` of them."""
     arcs, at = _blended_corners(parts, lengths)
     nearest = arcs[np.abs(at - times[:, None]).argmin(axis=1)]
     return frozenset(list(dict.fromkeys(nearest.tolist()))[:most])
 
 
 def sharpest_corners(path: PushPath, parts: Sequence[Part], most: int) -> frozenset[int]:
-    """Return the corners without a stop whose twists commute least: their blends move the end most."""
+    """Return the corners without a stop whose twists commute least. Their blends move the end most."""
     arcs, _ = _blended_corners(parts, path.lengths)
     a, b = path.twists[arcs], path.twists[arcs + 1]
     bracket = a[:, 2:] * b[:, :2] - b[:, 2:] * a[:, :2]
@@ -437,7 +437,7 @@ def _end(path: PushPath, parts: Sequence[Part], lengths: FloatArray) -> FloatArr
 
 
 def _blended_corners(parts: Sequence[Part], lengths: FloatArray) -> tuple[IntArray, FloatArray]:
-    """The arcs (c,) after which the twist changes without a stop, and when (c,)."""
+    """Return the arcs (c,) after which the twist changes without a stop, and the times (c,), s."""
     begins = np.cumsum([0.0, *(part.duration(lengths) for part in parts[:-1])])
     corners = [part.corners(lengths) for part in parts]
     times = [begin + at for begin, (_, at) in zip(begins, corners, strict=True)]

@@ -1,4 +1,4 @@
-"""Jerk-limited profiles: what Ruckig answers. Every step of every trajectory of the package is asked for here."""
+"""Jerk-limited profiles from Ruckig. All trajectories of the package are built from them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pushplan.util.arrays import FloatArray
 
 
 class ArcLimits(NamedTuple):
-    """Bounds on the derivatives of the arc parameter: s', s'' either way, and |s'''|; numbers, or arrays of them."""
+    """Limits of the arc parameter's derivatives s', s'' (both signs) and |s'''|; numbers or arrays."""
 
     speed: Any
     acceleration: Any
@@ -22,7 +22,7 @@ class ArcLimits(NamedTuple):
 
 
 SHORTEST_PHASE = 1e-12
-"""Phases of a profile below this (s) are rounding and are left out."""
+"""Duration (s) below which a phase counts as a rounding error and is left out."""
 
 
 HALVED = np.array([1.0, 1.0, 0.5])
@@ -30,11 +30,11 @@ HALVED = np.array([1.0, 1.0, 0.5])
 
 
 class Profile(NamedTuple):
-    """The rate s' of a parameter as one quadratic of time after the other.
+    """The rate s' of a parameter as a sequence of quadratics in time.
 
     Attributes:
-        durations: (q,) s.
-        rates: (q, 3) coefficients of s' from the beginning of each phase on, lowest order first.
+        durations: (q,) durations of the phases, s.
+        rates: (q, 3) coefficients of s' in the time since the beginning of each phase, lowest order first.
     """
 
     durations: FloatArray
@@ -42,11 +42,11 @@ class Profile(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """Length in time, s."""
+        """Total duration, s."""
         return float(self.durations.sum())
 
     def along(self, twist: FloatArray) -> FloatArray:
-        """Return the coefficients (q, 3, 3) of the twist that this is the rate of, (3,) per unit."""
+        """Return the coefficients (q, 3, 3) of the body twist, given the twist (3,) per unit of the parameter."""
         return np.asarray(self.rates[:, :, None] * twist)
 
 
@@ -64,10 +64,10 @@ def rest_to_rest(length: float, limits: ArcLimits) -> Profile:
 
 
 def times_from_rest_to_rest(lengths: FloatArray, limits: ArcLimits) -> FloatArray:
-    """Return what the profiles of `rest_to_rest` over lengths (k,) within limits (k,) take, s.
+    """Return the durations of `rest_to_rest` profiles over lengths (k,) within limits (k,).
 
     Returns:
-        (k, 2) the whole time, and that of it at full speed: 0 where the length is too short to reach it.
+        (k, 2) total time and time at full speed, s. The latter is 0 if the length is too short to reach full speed.
 
     Raises:
         TimingError: If Ruckig finds no profile.
@@ -78,7 +78,7 @@ def times_from_rest_to_rest(lengths: FloatArray, limits: ArcLimits) -> FloatArra
 
 
 def _over_lengths(lengths: Iterable[float], limits: Iterable[Iterable[float]]) -> Iterator[ruckig.Trajectory]:
-    """Yield Ruckig's answers, each valid until the next one is asked for."""
+    """Yield Ruckig's trajectories. Each is valid only until the next one is requested."""
     request, found, solver = ruckig.InputParameter(1), ruckig.Trajectory(1), ruckig.Ruckig(1)
     for length, (speed, acceleration, deceleration, jerk) in zip(lengths, limits, strict=True):
         request.target_position = [length]
@@ -92,15 +92,15 @@ def _over_lengths(lengths: Iterable[float], limits: Iterable[Iterable[float]]) -
 def step_windows(bounds: FloatArray) -> FloatArray:
     """Return the fastest smooth steps from 0 to 1 within bounds, by Ruckig's velocity interface.
 
-    The rate of a step is a trapezoid: it rises for `short`, stays for `long` - `short` and falls for `short`. So a
-    step is a jump averaged over both windows of time, one after the other.
+    The rate of a step is a trapezoid. It rises for `short`, is constant for `long` - `short` and falls for `short`.
+    So a step is a jump averaged over the long window and then over the short one.
 
     Args:
-        bounds: (m, 2) on the first and the second derivative of each step, 1/s and 1/s^2; where the first is
+        bounds: (m, 2) limits of the first and second derivative of each step, 1/s and 1/s^2. If the first limit is
             infinite, there is no step.
 
     Returns:
-        (m, 2) windows long and short, s; zero where there is no step.
+        (m, 2) long and short windows, s; zero if there is no step.
 
     Raises:
         TimingError: If Ruckig finds no step.
@@ -123,6 +123,6 @@ def _calculate(solver: ruckig.Ruckig, request: ruckig.InputParameter, found: ruc
     try:
         status = solver.calculate(request, found)
     except ruckig.RuckigError as error:
-        raise TimingError(f"Ruckig cannot make a profile: {str(error).strip()}") from error
+        raise TimingError(f"Ruckig cannot compute a profile: {str(error).strip()}") from error
     if status != ruckig.Result.Working:
-        raise TimingError(f"Ruckig found no profile: {status}; asked for {request.to_string()}")
+        raise TimingError(f"Ruckig found no profile: {status}; request: {request.to_string()}")

@@ -1,4 +1,4 @@
-"""What a motion touches or loses on its way: swept, with the lengths of arcs that keep away from it."""
+"""Collisions and lost contacts along a motion, and conditions on arc lengths that avoid collisions."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray, columns_of, distinct
 
 COARSE = 0.02
-"""Travel of the body's farthest point (m) between the first poses that are looked at."""
+"""Travel of the body's farthest point (m) between the first poses that are checked."""
 
 FINE = 0.002
-"""Travel (m) down to which the neighbourhood of a touch is looked at."""
+"""Travel (m) between the poses that are checked near a collision."""
 
 
 def least_gap(scene: Scene) -> float:
-    """Return the separation (m) that poses looked at must have: half-way from what is kept to what planners keep."""
+    """Return the separation (m) that checked poses must have: halfway between `kept` and `clearance`."""
     return 0.5 * (scene.kept + scene.clearance)
 
 
 class Touches(NamedTuple):
-    """Where a motion comes too close to something: times (k,), increasing, s, and separations (k,), m."""
+    """Instants at which a motion is too close to something: increasing times (k,), s; separations (k,), m."""
 
     times: FloatArray
     gaps: FloatArray
@@ -41,15 +41,15 @@ NOTHING_TOUCHED = Touches(np.zeros(0), np.zeros(0))
 
 
 def find_touches(scene: Scene, trajectory: Trajectory, reach: float) -> Touches:
-    """Return where the body comes too close to something, nowhere if it keeps `scene.kept` throughout.
+    """Return when the body is too close to something; empty if it keeps `scene.kept` throughout.
 
-    Between two poses with separations g and h, no point of the body travelling more than d, the body stays
-    (g + h - d) / 2 away from everything. Where that is not at least `scene.kept`, the time between is
-    halved; every pose looked at must have a bit more, see `least_gap`. So an empty answer is a proof. Where
-    something is touched, the neighbourhood is looked at every `FINE` of travel.
+    Take two poses with separations g and h, between which no point of the body travels more than d. Between them, the
+    body stays (g + h - d) / 2 away from everything. If this is less than `scene.kept`, the interval is halved. Every
+    checked pose must have a bit more (`least_gap`). So an empty result is a proof. Near a collision, poses are
+    checked every `FINE` of travel.
 
     Args:
-        scene: What moves and what stands still.
+        scene: Collision scene.
         trajectory: The motion.
         reach: Distance from the chain frame's origin to the body's farthest point, m.
     """
@@ -76,7 +76,7 @@ def find_touches(scene: Scene, trajectory: Trajectory, reach: float) -> Touches:
 
 
 def _top_rates(trajectory: Trajectory, reach: float) -> FloatArray:
-    """Return bounds (q,) on the speed of any point within `reach` (m) of the origin on each piece, m/s.
+    """Return upper bounds (q,) of the speed of any point within `reach` (m) of the origin, by piece, m/s.
 
     A quadratic lies in the hull of its Bernstein coefficients.
     """
@@ -86,7 +86,7 @@ def _top_rates(trajectory: Trajectory, reach: float) -> FloatArray:
 
 
 def sampled(trajectory: Trajectory) -> Trajectory:
-    """Return the motion of a trajectory's samples, with a constant twist from each to the next."""
+    """Return the motion through a trajectory's samples, with a constant twist between neighbours."""
     t, poses = trajectory.t, trajectory.poses
     coefficients = np.zeros((len(t) - 1, 3, 3))
     coefficients[:, 0] = se2.log(se2.relative(poses[:-1], poses[1:])) / np.diff(t)[:, None]
@@ -94,19 +94,19 @@ def sampled(trajectory: Trajectory) -> Trajectory:
 
 
 def _gaps(scene: Scene, trajectory: Trajectory, travel: FloatArray, s: FloatArray) -> FloatArray:
-    """Separations (m,) at the body's travels (m,)."""
+    """Return the separations (m,) at the body's travels (m,)."""
     poses = trajectory.poses_at(np.interp(s, travel, trajectory.breaks))
     return separations(scene, poses, 2.0 * (COARSE + scene.clearance))
 
 
 APART = 0.2
-"""Touches closer together than this (s) count as one: the worst of them is pushed away."""
+"""Time (s) below which neighbouring collisions count as one. The worst of them is avoided."""
 
 ROOM = 2.0
-"""What a nudge aims at beyond the clearance, as a multiple of what may be lost between the poses looked at."""
+"""Target of a nudge beyond the clearance, as a multiple of the possible loss between checked poses."""
 
 STEP = 1e-5
-"""Step of the separation's finite differences, m and, times the body's reach, rad."""
+"""Step of the separation's finite differences: in m, and in rad times the body's reach."""
 
 
 class LengthRows(NamedTuple):
@@ -121,12 +121,12 @@ class LengthRows(NamedTuple):
 
 
 def no_rows(count: int) -> LengthRows:
-    """Return no conditions on `count` lengths."""
+    """Return an empty set of conditions on `count` lengths."""
     return LengthRows(np.zeros((0, count)), np.zeros(0))
 
 
 def effects_on(pose: FloatArray, path: PushPath) -> FloatArray:
-    """Return (3, k): the body twist by which a later `pose` (3,) moves per unit of each arc's length."""
+    """Return the body twists (3, k) of a later pose (3,) per unit of each arc's length."""
     knots = se2.relative(pose, path.knots[1:])
     v, omega = se2.rotate(knots[:, 2], path.twists[:, :2]), path.twists[:, 2]
     return np.stack([v[:, 0] + omega * knots[:, 1], v[:, 1] - omega * knots[:, 0], omega])
@@ -135,15 +135,15 @@ def effects_on(pose: FloatArray, path: PushPath) -> FloatArray:
 def nudges(
     scene: Scene, path: PushPath, trajectory: Trajectory, lengths: FloatArray, touches: Touches, reach: float
 ) -> LengthRows:
-    """Return the conditions under which the motion leaves the places where it touches something.
+    """Return conditions on the lengths that move the motion away from its collisions.
 
     Args:
-        scene: What moves and what stands still.
+        scene: Collision scene.
         path: The path that was blended.
         trajectory: The blended motion.
-        lengths: (k,) of its arcs.
-        touches: Where it touches.
-        reach: Of the body, m.
+        lengths: (k,) lengths of its arcs.
+        touches: Its collisions.
+        reach: Reach of the body, m.
     """
     rows = no_rows(len(lengths))
     for group in np.split(np.arange(len(touches.times)), np.flatnonzero(np.diff(touches.times) > APART) + 1):
@@ -158,7 +158,7 @@ def nudges(
 
 
 def _gradient(scene: Scene, pose: FloatArray, reach: float) -> FloatArray:
-    """Change (3,) of the separation per unit of a body twist at a pose (3,)."""
+    """Return the gradient (3,) of the separation for body twists at a pose (3,)."""
     steps = STEP * np.array([1.0, 1.0, 1.0 / reach])
     poses = [se2.compose(pose, se2.exp(sign * step)) for step in np.diag(steps) for sign in (1.0, -1.0)]
     ahead, behind = separations(scene, np.array(poses), 1.0).reshape(3, 2).T
@@ -166,15 +166,14 @@ def _gradient(scene: Scene, pose: FloatArray, reach: float) -> FloatArray:
 
 
 RESTING = 1e-9
-"""Twist components below this (m/s, rad/s) are rest."""
+"""Twist components (m/s, rad/s) up to which the pusher is at rest."""
 
 
 def unstable_times(scenario: Scenario, stable: StableSet, trajectory: Trajectory, bounds: Bounds) -> FloatArray:
-    """Return when (k,) the trajectory does not keep more than the scenario's margins, worst first, s.
+    """Return the times (k,) at which the trajectory does not keep the scenario's margins, worst first, s.
 
-    It is looked at its samples, its breaks and half-way between them, along one twist at the ends alone;
-    where the pusher rests, nothing is asked. On the way from one twist to another, which no push begins with, the
-    force has to suffice for sliding only.
+    The samples, the breaks and the middles between breaks are checked. Along one twist, only the ends are checked,
+    and rest is not checked. No push begins between two twists, so there the force must only suffice for sliding.
     """
     stable = stable.inside if isinstance(stable, ForceLimitedSet) else stable
     breaks = trajectory.breaks
@@ -185,7 +184,7 @@ def unstable_times(scenario: Scenario, stable: StableSet, trajectory: Trajectory
     times, twists = times[moving], twists[moving]
     dynamics, floor = bounds.contacts, None
     if dynamics is not None and isinstance(stable, EcofSet) and stable.chain is dynamics.chain:
-        floor = dynamics.floor_wrenches(twists)  # those that the set asks for
+        floor = dynamics.floor_wrenches(twists)  # the wrenches that the set uses
         margins = columns_of(contacts.contact_margins_of(stable.packed, floor)).min(axis=0)
     else:
         margins = stable.margin(twists)
@@ -201,10 +200,10 @@ def unstable_times(scenario: Scenario, stable: StableSet, trajectory: Trajectory
 
 
 def off_chords(trajectory: Trajectory, reach: float) -> float:
-    """Return how far (m) a body gets, at most, from the constant twists between the samples of its motion.
+    """Return an upper bound (m) of a body's deviation from constant twists between the samples of its motion.
 
-    The part of dV/dt along the twist V changes when the body is somewhere, not where it is. The rest takes a point by
-    no more than h^2 / 8 of the acceleration that it has from it, h being the time between samples.
+    The part of dV/dt along the twist V changes only the timing, not the path. The rest deflects a point by at most
+    h^2 / 8 times the acceleration that it causes, where h is the time between samples.
 
     Args:
         trajectory: The motion.

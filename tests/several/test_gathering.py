@@ -257,7 +257,7 @@ def test_the_validator_refuses_closes_that_are_none(made: tuple[Scenario, Plan])
     judge, segments = Validator(scenario), plan.segments
     close = next(k for k, segment in enumerate(segments) if segment.kind == "close")
     assert judge.flaw(segments, None) == ""
-    assert "does not stand there" in judge.flaw_of(replace(segments[close], onto="a", trajectory=None))
+    assert "which is not there" in judge.flaw_of(replace(segments[close], onto="a", trajectory=None))
     assert "does not end with" in judge.flaw_of(replace(segments[close], onto="c", trajectory=None))
     aside = np.array([[np.cos(0.01), np.sin(0.01), 0.0]])
     bent = replace(segments[close].path, twists=aside)

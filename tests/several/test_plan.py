@@ -60,7 +60,7 @@ def from_face(segment: Segment, face: str) -> Segment:
 BROKEN: dict[str, tuple[int, Any, str]] = {
     "a transit that begins elsewhere": (0, lambda s: moved(s, 1e-3), "does not begin where"),
     "an approach that moves the load": (
-        1, lambda s: replace(s, after={"b0": s.after["b0"] + np.array([1e-3, 0.0, 0.0])}), "moves what it"
+        1, lambda s: replace(s, after={"b0": s.after["b0"] + np.array([1e-3, 0.0, 0.0])}), "moves an object that it"
     ),
     "a push of another face": (2, lambda s: from_face(s, "front"), "does not begin with its contacts closed"),
     "an approach to another face": (1, lambda s: from_face(s, "rear"), "does not follow an approach"),

@@ -160,7 +160,7 @@ def test_there_is_no_step_between_equal_twists() -> None:
 def test_what_ruckig_refuses_is_an_error_of_timing() -> None:
     with pytest.raises(TimingError, match="maximum acceleration limit"):
         step_windows(np.array([[-1.0, 1.0]]))
-    with pytest.raises(TimingError, match="Ruckig cannot make a profile: "):
+    with pytest.raises(TimingError, match="Ruckig cannot compute a profile: "):
         rest_to_rest(1.0, ArcLimits(-0.2, 0.5, 0.5, 5.0))
 
 
