@@ -224,7 +224,7 @@ def test_a_folder_with_other_files_gets_no_benchmark(capsys: Captured) -> None:
     Path("out/report.html").write_text("precious")
     assert main(["bench", "suite.yaml", "-o", "out"]) == 2
     assert (
-        "out has 'report.html' in it and is no folder of results; name another one, or use it with --overwrite"
+        "out contains 'report.html' and is not a folder of results; name another one, or use it with --overwrite"
         in (capsys.readouterr().err)
     )
     assert [path.name for path in Path("out").iterdir()] == ["report.html"]

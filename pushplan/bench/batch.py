@@ -1,4 +1,4 @@
-"""Run a suite: what is missing, one process a run, results kept as they come."""
+"""Execute the missing runs of a suite, one process per run, and store each result at once."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from pushplan.bench.suite import RunSpec, Suite, run_with_key, select
 
 @dataclass(frozen=True)
 class Tally:
-    """How far a benchmark has come.
+    """Progress of a benchmark.
 
     Attributes:
-        total: Runs asked for.
-        before: Of them, those that had a result already.
-        counts: How those ended that were done now, by status.
-        seconds: Time that they took, s.
+        total: Number of selected runs.
+        before: Number of them that already had a result.
+        counts: Number of new results by status.
+        seconds: Wall-clock time of the new results, s.
     """
 
     total: int
@@ -33,39 +33,39 @@ class Tally:
 
     @property
     def done(self) -> int:
-        """Runs done now."""
+        """Number of new results."""
         return sum(self.counts.values())
 
     @property
     def left(self) -> int:
-        """Runs without a result."""
+        """Number of runs without a result."""
         return self.total - self.before - self.done
 
     @property
     def solved(self) -> int:
-        """Runs done now that ended with a valid solution."""
+        """Number of new results with a valid plan."""
         return self.counts.get(OK, 0)
 
     @property
     def failed(self) -> int:
-        """Runs done now that were neither solved nor just without a plan."""
+        """Number of new results that are neither solved nor without a plan."""
         return self.done - self.solved - self.counts.get(NO_PLAN, 0)
 
     @property
     def to_end(self) -> float | None:
-        """Seconds until all is done if it goes on as so far; None before the first run."""
+        """Estimated time until all runs are done, s; None before the first result."""
         return self.seconds / self.done * self.left if self.done else None
 
 
 @dataclass(frozen=True)
 class Selection:
-    """Which runs of a suite are done.
+    """Selected runs of a suite.
 
     Attributes:
-        resume: Go on in a folder that has results, with the runs that have none.
-        filters: Only runs that fit; see `suite.select`.
-        rerun: Key, or its beginning, of a single run to do again; empty for none.
-        shard: (i, n) for part i, from 1 to n, of n parts of equal size that have no run in common.
+        resume: Whether to continue in a folder with results, with the runs that have none.
+        filters: Filters that the runs must match; see `suite.select`.
+        rerun: Key, or its beginning, of a single run to repeat; empty for none.
+        shard: (i, n) for part i, from 1 to n, of n disjoint parts of equal size.
     """
 
     resume: bool = False
@@ -74,16 +74,16 @@ class Selection:
     shard: tuple[int, int] = (1, 1)
 
     def of(self, suite: Suite, version: str) -> list[RunSpec]:
-        """Return the runs that are meant.
+        """Return the selected runs.
 
         Raises:
-            SelectionError: When a filter or key fits nothing.
+            SelectionError: If a filter or key matches no run.
         """
         runs = list(suite.runs(version))
         if self.rerun:
             return [run_with_key(runs, self.rerun)]
         kept = select(runs, self.filters)
-        part, parts = self.shard  # by key, as if drawn at random: every part has some of everything
+        part, parts = self.shard  # in the order of the keys, which is random: every part has runs of all kinds
         mine = {run.key for run in sorted(kept, key=lambda run: run.key)[part - 1 :: parts]}
         return [run for run in kept if run.key in mine]
 
@@ -96,22 +96,22 @@ def run_suite(
     observer: Callable[[Tally], None] | None = None,
     version: str | None = None,
 ) -> Tally:
-    """Do the runs of a suite that are asked for and missing, and keep the result of each before the next one.
+    """Execute the selected runs without a result, and store each result at once.
 
     Args:
-        suite: What to run.
-        folder: Where results go; the caller holds its lock.
-        engine: Does the runs; see `executor`.
-        selection: Which runs; all by default.
-        observer: Called after every run.
-        version: Of the package; part of each run's key.
+        suite: Suite to run.
+        folder: Folder of the results; the caller holds its lock.
+        engine: Engine that executes the runs; see `executor`.
+        selection: Selected runs; all by default.
+        observer: Function that is called after every run.
+        version: Version of the package, part of each run's key.
 
     Returns:
-        How the runs ended.
+        The progress at the end.
 
     Raises:
-        StoreError: When the folder has results and they are not to be resumed.
-        SelectionError: When a filter or key fits nothing.
+        StoreError: If the folder has results and `selection.resume` is not set.
+        SelectionError: If a filter or key matches no run.
     """
     selection = selection or Selection()
     version = version or package_version()
@@ -120,7 +120,7 @@ def run_suite(
         done = store.done()
         if done and not (selection.resume or selection.rerun):
             raise StoreError(
-                f"{folder.path} has the results of {len(done)} runs; go on with --resume, or name another folder"
+                f"{folder.path} has the results of {len(done)} runs; continue with --resume, or name another folder"
             )
         folder.keep_suite(suite)
         store.expect(suite, list(suite.runs(version)), Machine.this(), version)
@@ -142,18 +142,18 @@ def run_suite(
 
 
 def merge(folder: ResultsFolder, shards: Sequence[Path], overwrite: bool = False) -> int:
-    """Make one folder of results of those of a suite's shards. It has all results or none.
+    """Combine the results of all shards of a suite in one folder. It gets all results or none.
 
     Args:
-        folder: Where they go; the caller holds its lock.
-        shards: Folders of results. If several have the same run, that of the first counts.
-        overwrite: Replace results that the folder has.
+        folder: Folder of the combined results; the caller holds its lock.
+        shards: Folders of the shards. If several have the same run, the first one counts.
+        overwrite: Whether to replace existing results.
 
     Returns:
-        How many results were left out because an earlier folder has the run, too.
+        Number of results that were skipped because an earlier folder has the run.
 
     Raises:
-        StoreError: When a folder has no results, or those of another suite or version.
+        StoreError: If a shard has no results, or results of another suite or version.
     """
     if folder.database.exists() and not overwrite:
         raise StoreError(f"{folder.path} has results; name another folder, or replace them with --overwrite")

@@ -1,14 +1,13 @@
-"""Runs in processes of their own: whatever happens in one ends that run alone, and becomes its outcome.
+"""Executes each run in its own process, so that a crash ends only that run and becomes its outcome.
 
-The standard library's fork server has everything imported and compiled (`preload`). Each run is a fresh process
-forked from it. No run sees what another one left behind, its peak memory is its own, and it can be killed at any
-moment. An executor of `concurrent.futures` says where: threads of this process, or the workers of a Dask cluster,
-each of which starts the process of one run after the other.
+The standard library's fork server has imported and compiled everything (`preload`), and each run is a new process
+forked from it. Runs share no state, each has its own peak memory, and each can be killed at any time. An executor of
+`concurrent.futures` starts these processes one after the other: from threads of this process, or from the workers of
+a Dask cluster.
 
-Memory counts as what a run takes on top of the code and kernels that it starts with. A thread of the run looks at its
-resident set a few times a second; a run that grows faster, or asks for a lot at once, is refused memory by the kernel
-(RLIMIT_DATA). The address space as a whole (RLIMIT_AS) would say little: compiled code and thread stacks reserve much
-that they never use.
+The memory of a run counts beyond the code and kernels that it starts with. A thread of the run checks its resident
+set several times a second. The kernel (RLIMIT_DATA) refuses memory to a run that grows faster. A limit of the address
+space (RLIMIT_AS) would not help: compiled code and thread stacks reserve much more than they use.
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ from pushplan.bench.suite import RunSpec
 from pushplan.errors import PushplanError
 
 Work = Callable[[RunSpec, Path], Outcome]
-"""What a run's process does; a function of a module, so that the process finds it by name."""
+"""Work of a run's process: a function at module level, because the process imports it by name."""
 
 PRELOAD = "pushplan.bench.preload"
 """Module that the fork server imports."""
@@ -55,51 +54,51 @@ NAME = "pushplan-run"
 """Name of the processes of runs."""
 
 OUTPUT = "output.txt"
-"""File in the run's folder that takes the process's standard streams."""
+"""File in the run's folder with the standard streams of the process."""
 
 WATCH = 0.05
-"""Seconds between two looks at the memory of a run."""
+"""Time between two checks of the memory of a run, s."""
 
 LINGER = 5.0
-"""Seconds that the process of a run may take to end after it has sent its outcome."""
+"""Largest time from the outcome of a run to the end of its process, s."""
 
 HEADROOM = 1000.0
-"""MB beyond the memory limit at which the kernel refuses more: what a run may grow by between two looks at it."""
+"""Distance of the kernel's limit from the memory limit, MB: a run can grow by this much between two checks."""
 
 TOO_LARGE = 77
-"""Exit code of a process that has taken too much memory."""
+"""Exit code of a process that exceeded the memory limit."""
 
 MOST_OUTPUT = 4000
-"""Characters of what a process that died has written, kept for people: as many of its beginning as of its end."""
+"""Largest output of a dead process in its message, letters: half from the start, half from the end."""
 
 CONNECT = 10.0
-"""Seconds to wait for the scheduler of a cluster."""
+"""Time to wait for the scheduler of a cluster, s."""
 
 PHASES = ("posing_time", "timing_time", "execution_time", "logging_time", "validation_time", "trials_time")
-"""Parts of a run's total time, beside that of the search."""
+"""Parts of a run's total time, without the search."""
 
 
 Engine = Callable[[Iterable[RunSpec]], Generator[Outcome]]
-"""Does runs and yields how they ended, in the order in which they end."""
+"""Executes runs and yields their outcomes in the order in which they end."""
 
 
 class ExecutorError(PushplanError):
-    """Runs cannot be executed: a cluster cannot be used."""
+    """Runs cannot be executed, because a cluster cannot be used."""
 
 
-# --- where runs are done ----------------------------------------------------------------------------------------
+# --- engines ----------------------------------------------------------------------------------------------------
 
 
 @contextmanager
 def local_engine(jobs: int, scratch: Path | None = None, work: Work = perform) -> Iterator[Engine]:
-    """Yield what does runs on this machine; closing its iterator kills those that go on.
+    """Yield an engine for runs on this machine; closing its iterator kills running runs.
 
     Args:
-        jobs: Runs at a time.
-        scratch: Folder for the files of runs; None for the system's place for temporary files.
-        work: What a run's process does.
+        jobs: Number of parallel runs.
+        scratch: Folder for the files of runs; None for the system's folder of temporary files.
+        work: Work of a run's process.
     """
-    start = _context().Process(target=int)  # the fork server gets ready, which compiles the first time
+    start = _context().Process(target=int)  # starts the fork server, which compiles kernels the first time
     start.start()
     start.join()
     with ThreadPoolExecutor(jobs) as executor:
@@ -116,26 +115,26 @@ def _kill_runs() -> None:
 
 @contextmanager
 def cluster_engine(address: str, work: Work = perform) -> Iterator[Engine]:
-    """Yield what does runs on the workers of a Dask cluster; leaving it cancels those that wait.
+    """Yield an engine for runs on the workers of a Dask cluster; leaving it cancels waiting runs.
 
-    Workers may come and go. A run whose worker is lost is done again elsewhere; one that takes its workers with it
-    again and again ends as a crash.
+    Workers can join and leave. A run whose worker is lost is repeated elsewhere; a run that repeatedly kills its
+    workers ends as a crash.
 
     Args:
-        address: Of the scheduler, e.g. `tcp://host:8786`.
-        work: What a run's process does.
+        address: Address of the scheduler, e.g. `tcp://host:8786`.
+        work: Work of a run's process.
 
     Raises:
-        ExecutorError: When Dask is not installed or the scheduler does not answer.
+        ExecutorError: If Dask is not installed or the scheduler does not answer.
     """
     try:
         dask: Any = import_module("distributed")
     except ImportError as error:
-        raise ExecutorError("this needs Dask: install pushplan[dask]") from error
+        raise ExecutorError("--scheduler needs Dask: install pushplan[dask]") from error
     try:
         client = dask.Client(address, timeout=CONNECT, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise ExecutorError(f"no scheduler answers at {address}: {error}") from error
+        raise ExecutorError(f"the scheduler at {address} does not answer: {error}") from error
     with client:
         executor = client.get_executor(pure=False)
         try:
@@ -151,9 +150,9 @@ def _outcomes(
     most: int | None = None,
     stop: Callable[[], None] | None = None,
 ) -> Generator[Outcome]:
-    """Submit runs, `most` at a time, each when there is a place for it, and yield how they end.
+    """Submit runs, at most `most` at a time, and yield their outcomes.
 
-    Where the iterator is closed before, `stop` is called until those that have begun are over.
+    If the iterator is closed early, `stop` is called until all started runs have ended.
     """
     waiting = iter(specs)
     live: dict[Future[Outcome], RunSpec] = {}
@@ -179,18 +178,18 @@ def _outcome(future: Future[Outcome], spec: RunSpec) -> Outcome:
     except PushplanError:
         raise
     except CancelledError as error:
-        raise ExecutorError("the scheduler is gone; go on with --resume when it is back") from error
+        raise ExecutorError("lost the connection to the scheduler; continue later with --resume") from error
     except Exception as error:
         if type(error).__name__ == "KilledWorker":
-            return Outcome(spec.key, outcome.CRASH, "every worker that did this run was lost")
+            return Outcome(spec.key, outcome.CRASH, "this run repeatedly killed its worker")
         raise ExecutorError(f"a worker failed: {error!r}") from error
 
 
-# --- one run, as seen by who wants it ---------------------------------------------------------------------------
+# --- one run, from outside its process --------------------------------------------------------------------------
 
 
 def isolated(spec: RunSpec, scratch: Path | None = None, work: Work = perform) -> Outcome:
-    """Do a run in a process of its own and return how it ended, whatever happens to it."""
+    """Execute a run in its own process and return its outcome, even if the process crashes."""
     with tempfile.TemporaryDirectory(prefix=f"{spec.key}-", dir=scratch, ignore_cleanup_errors=True) as name:
         folder = Path(name).absolute()
         began = time.monotonic()
@@ -220,10 +219,10 @@ def _ended(work: Work, spec: RunSpec, folder: Path) -> Outcome:
                 return sent
             process.kill()
             return Outcome(spec.key, outcome.TIMEOUT, _with_output(f"killed after {spec.seconds:g} s", folder))
-        except (EOFError, OSError):  # the process died before it had sent all
+        except (EOFError, OSError):  # the process died before it sent its outcome
             code = _exit_code(process)
             if code == TOO_LARGE:
-                text = f"killed with more than {spec.megabytes:g} MB in use"
+                text = f"killed because it used more than {spec.megabytes:g} MB"
                 return Outcome(spec.key, outcome.OUT_OF_MEMORY, text)
             return Outcome(spec.key, outcome.CRASH, _with_output(_death(code), folder))
         finally:
@@ -231,10 +230,10 @@ def _ended(work: Work, spec: RunSpec, folder: Path) -> Outcome:
 
 
 def _exit_code(process: BaseProcess) -> int | None:
-    """Return the exit code of a process that is ending; kill it if it does not."""
+    """Return the exit code of an ending process; kill it if it does not end."""
     if not wait_for([process.sentinel], LINGER):
         process.kill()
-    with _STARTS:  # the fork server tells the code once, to the first of all threads that asks
+    with _STARTS:  # the fork server reports the code only once, to the first thread
         process.join()
     return process.exitcode
 
@@ -243,27 +242,27 @@ def _isolated_on_worker(spec: RunSpec, work: Work) -> Outcome:
     here = package_version()
     if spec.version != here:
         raise ExecutorError(
-            f"a worker has pushplan {here}, the benchmark {spec.version}; install the same everywhere"
+            f"a worker has pushplan {here}, but the benchmark has {spec.version}; install the same version everywhere"
         )
     if multiprocessing.current_process().daemon:
         raise ExecutorError(
-            "a worker may not start processes; start it with DASK_DISTRIBUTED__WORKER__DAEMON=False or --no-nanny"
+            "a worker cannot start processes; start it with DASK_DISTRIBUTED__WORKER__DAEMON=False or --no-nanny"
         )
     return isolated(spec, work=work)
 
 
 SAFE_PATH = "PYTHONSAFEPATH"
 _STARTS = threading.Lock()
-"""Held while processes start and end: `multiprocessing` looks at all of them then, from whichever thread."""
+"""Held while processes start and end, because `multiprocessing` then checks all of them from any thread."""
 
 
 def _context() -> ForkServerContext:
-    """Return what starts processes: they are forked from one that has loaded all that runs and `__main__` need."""
+    """Return the context that starts processes, forked from a server with all imports of runs and `__main__`."""
     main = getattr(sys.modules["__main__"], "__spec__", None)
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([PRELOAD, __name__, *([main.name] if main is not None else [])])
-    # Python puts the working directory first on the path of the fork server, which would import a `secrets.py` there.
-    # The variable is set while the server starts only: programs that the caller starts look up modules as ever.
+    # Without it, the working directory is first on the fork server's path, which would import a `secrets.py` there.
+    # The variable is set only while the server starts, so that it does not affect other programs of the caller.
     with _STARTS:
         before = os.environ.get(SAFE_PATH)
         os.environ[SAFE_PATH] = "1"
@@ -278,30 +277,30 @@ def _context() -> ForkServerContext:
 
 
 UNKNOWN_END = 255
-"""Exit code that `multiprocessing` makes up where its fork server does not tell how a process ended."""
+"""Exit code of `multiprocessing` if its fork server does not report how a process ended."""
 
 
 def _with_output(text: str, folder: Path) -> str:
-    """Add the beginning and the end of what the process of a run has written on its standard streams."""
+    """Return a text with the start and the end of the output of a run's process."""
     path = folder / OUTPUT
     written = path.read_text(errors="replace").strip() if path.exists() else ""
     if len(written) > MOST_OUTPUT:
-        # A crash says what it was at its beginning; its modules take pages after that.
+        # The reason of a crash is at the start; the list of its modules fills pages after it.
         written = f"{written[: MOST_OUTPUT // 2]}\n...\n{written[-MOST_OUTPUT // 2 :]}"
     return f"{text}\n{written}" if written else text
 
 
 def _death(code: int | None) -> str:
     if code == UNKNOWN_END:
-        return "the process ended, and the fork server cannot say how"
+        return "the process ended for an unknown reason"
     if code is None or code >= 0:
         return f"the process ended by itself with exit code {code}"
     name = signal.Signals(-code).name if -code in list(signal.Signals) else f"signal {-code}"
-    hint = ", as the system does when memory runs out" if -code == signal.SIGKILL else ""
+    hint = ", perhaps by the system because it ran out of memory" if -code == signal.SIGKILL else ""
     return f"killed by {name}{hint}"
 
 
-# --- one run, in its process ------------------------------------------------------------------------------------
+# --- one run, inside its process --------------------------------------------------------------------------------
 
 
 def _do_run(writing: Connection, work: Work, spec: RunSpec, folder: Path) -> None:
@@ -310,8 +309,8 @@ def _do_run(writing: Connection, work: Work, spec: RunSpec, folder: Path) -> Non
 
 
 def _worked(work: Work, spec: RunSpec, folder: Path) -> Outcome:
-    """Do the work of a run within its limits and return how it ended, as far as its process can tell."""
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # which ends also what hangs in compiled code
+    """Do the work of a run within its limits and return its outcome, as known inside its process."""
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # also ends compiled code that hangs
     output = os.open(folder / OUTPUT, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     os.dup2(output, 1)
     os.dup2(output, 2)
@@ -325,16 +324,16 @@ def _worked(work: Work, spec: RunSpec, folder: Path) -> Outcome:
         resource.setrlimit(resource.RLIMIT_DATA, (most, hard))
         return work(spec, folder)
     except MemoryError:
-        resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))  # so that it can be told
-        return Outcome(spec.key, outcome.OUT_OF_MEMORY, f"more than {spec.megabytes:g} MB were asked for")
+        resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))  # memory to report the outcome
+        return Outcome(spec.key, outcome.OUT_OF_MEMORY, f"requested more than {spec.megabytes:g} MB")
     except PushplanError as error:
         return Outcome(spec.key, outcome.ERROR, f"{type(error).__name__}: {error}")
-    except BaseException as error:  # SystemExit is a way of ending a run, too
+    except BaseException as error:  # SystemExit also ends a run
         return Outcome(spec.key, outcome.ERROR, f"{type(error).__name__}: {error}\n{traceback.format_exc()}")
 
 
 def _watch(megabytes: float) -> None:
-    """End this process when it takes too much memory, or when who wanted it is gone."""
+    """End this process if it uses too much memory, or if its parent has ended."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     while not wait_for([parent.sentinel], timeout=WATCH):

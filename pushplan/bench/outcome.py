@@ -1,6 +1,6 @@
-"""One run of a suite from scenario to validated execution, and how it ended.
+"""One run of a suite, from scenario to validated execution, and its outcome.
 
-Executions are judged by contacts, margins, goal and collisions, whatever the planner claims.
+The validation checks contacts, margins, goal and collisions of the execution, independently of the planner.
 """
 
 from __future__ import annotations
@@ -36,33 +36,33 @@ OUT_OF_MEMORY = "out of memory"
 ERROR = "error"
 
 STATUSES = (OK, NO_PLAN, INVALID, CRASH, TIMEOUT, OUT_OF_MEMORY, ERROR)
-"""How a run may end. `invalid`: a planner's path that does not stand up to the checks."""
+"""Possible outcomes of a run. `invalid` means that the planner's path fails the validation."""
 
 BROKEN = (CRASH, TIMEOUT, OUT_OF_MEMORY, ERROR)
-"""Of them, those that say nothing about the planner: the run did not get as far as it was to."""
+"""Outcomes of runs that did not finish; they do not count for or against the planner."""
 
 ATTRIBUTES = {
     "time": "REAL",  # of the search
     "solved": "BOOLEAN",
     "status": "ENUM",
-    "correct_solution": "BOOLEAN",  # the planner's path stands up to the checks
+    "correct_solution": "BOOLEAN",  # the planner's path passes the validation
     "seed": "INTEGER",
     "first_solution_time": "REAL",
     "solution_length": "REAL",  # path cost, m
-    "lower_bound": "REAL",  # of what ranked the plan: cost, m, or duration, s
+    "lower_bound": "REAL",  # of the quantity that ranked the plan: cost, m, or duration, s
     "solution_segments": "INTEGER",  # arcs
-    "solution_clearance": "REAL",  # smallest distance of the moving bodies from anything, m
+    "solution_clearance": "REAL",  # smallest distance of the moving bodies from obstacles and walls, m
     "solution_difference": "REAL",  # goal error after execution, m
     "goal_angle_error": "REAL",
-    "margin": "REAL",  # that the path had to keep in the end, which `auto` may lower
+    "margin": "REAL",  # lower limit of the path's margins, which `auto` can reduce
     "undelivered": "INTEGER",  # objects that a partial plan leaves out
     "min_margin": "REAL",  # during execution
-    "min_dynamic_margin": "REAL",  # the same with inertia
-    "trial_success": "REAL",  # share of sampled worlds, with slip, in which the plan arrives
+    "min_dynamic_margin": "REAL",  # during execution, with inertia
+    "trial_success": "REAL",  # share of Monte Carlo samples (with slip) in which the plan arrives
     "duration": "REAL",  # of the trajectory
-    "by_time": "BOOLEAN",  # duration ranked the plan, not cost
-    "extensions": "INTEGER",  # iterations: OMPL's planners count arcs propagated only
-    "memory": "REAL",  # most that the process has taken on top of the code that it starts with, MB
+    "by_time": "BOOLEAN",  # time ranked the plan, not cost
+    "extensions": "INTEGER",  # iterations; OMPL's planners count only propagated arcs
+    "memory": "REAL",  # peak memory of the process beyond its code and kernels, MB
     "posing_time": "REAL",
     "timing_time": "REAL",
     "execution_time": "REAL",
@@ -72,7 +72,7 @@ ATTRIBUTES = {
     "overhead_time": "REAL",  # reading the scenario, starting and ending the process
     "total_time": "REAL",  # from the start of the process to its end
 }
-"""What is measured in a run, with Planner Arena's types, in s, m and rad; names that OMPL has too mean the same."""
+"""Measured quantities of a run with Planner Arena's types, in s, m and rad; OMPL's names have OMPL's meaning."""
 
 LOG = "run.mcap"
 """Name of the run's log in the run's folder."""
@@ -82,17 +82,17 @@ Value = float | int | None
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended.
+    """Outcome of a run.
 
     Attributes:
-        key: Of the run.
-        status: One of `STATUSES`.
-        message: What there is to say about it; the first line is enough for a list.
-        values: What was measured, by name in `ATTRIBUTES`; what is left out was not.
+        key: Key of the run.
+        status: Status, one of `STATUSES`.
+        message: Reason; its first line is a summary.
+        values: Measured quantities by name in `ATTRIBUTES`; missing names were not measured.
         arcs: Twist (vx, vy, omega) and length of each arc.
-        progress: Seconds, best cost, iterations of each improvement.
-        log: Bytes of the run log, or of what was written of it, or None.
-        whole: The log is complete.
+        progress: Time (s), best cost (m) and iterations of each improvement.
+        log: Bytes of the run log, possibly incomplete, or None.
+        whole: Whether the log is complete.
         host: Name of the machine.
         cpu: Model of its processor.
     """
@@ -113,11 +113,11 @@ def perform(spec: RunSpec, folder: Path) -> Outcome:
     """Plan, time, execute, log and validate one push.
 
     Args:
-        spec: What to do.
-        folder: Where the log goes.
+        spec: Inputs of the run.
+        folder: Folder of the log.
 
     Raises:
-        PushplanError: When the problem cannot be read or posed.
+        PushplanError: If the problem cannot be read or posed.
     """
     watch, base, planner = Stopwatch(), resident_megabytes(), spec.planner
     with watch("loading"):
@@ -146,18 +146,18 @@ def perform(spec: RunSpec, folder: Path) -> Outcome:
 
 
 def _trial_success(done: Run, spec: RunSpec, watch: Stopwatch) -> float | None:
-    """Return the share of sampled worlds in which a plan arrives; None without a plan or known loads."""
+    """Return the share of Monte Carlo samples in which a plan arrives; None without a plan or known loads."""
     known = all(load.chain.loads_known for load in done.scenario.loads)
     if done.plan.trajectory is None or not known:
         return None
     with watch("trials"):
-        from pushplan.sim.trials import execute_trials  # most suites do not ask for it
+        from pushplan.sim.trials import execute_trials  # imported late: most suites have no trials
 
         return execute_trials(done.plan, spec.trials, seed=spec.seed, jobs=1).success
 
 
 def validated(key: str, scenario: Scenario, done: Run, watch: Stopwatch) -> Outcome:
-    """Validate an execution and return all that was measured but the memory and the trials."""
+    """Validate an execution and return its outcome, without memory and trials."""
     plan, execution = done.plan, done.execution
     with watch("validation"):
         reason, free = plan.reason, None
@@ -206,7 +206,7 @@ def validated(key: str, scenario: Scenario, done: Run, watch: Stopwatch) -> Outc
 
 
 def _seconds(seconds: Mapping[str, float]) -> dict[str, Value]:
-    """Return the wall-clock times of phases that have a name in `ATTRIBUTES`."""
+    """Return the wall-clock times of the phases in `ATTRIBUTES`, s."""
     named = {"time" if phase == "search" else f"{phase}_time": spent for phase, spent in seconds.items()}
     return {name: spent for name, spent in named.items() if name in ATTRIBUTES}
 
@@ -218,33 +218,33 @@ def resident_megabytes() -> float:
 
 
 def peak_megabytes() -> float:
-    """Return the largest resident set that this process has had, MB."""
+    """Return the peak resident set of this process, MB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
 
 
 CLEARANCE_SPACING = 0.01
-"""No point of a body moves farther than this between two poses at which the clearance is measured, m."""
+"""Largest motion of any point of a body between two measurements of the clearance, m."""
 
 COARSE = 16
-"""Every so many of these poses is looked at first, for a bound on the distance."""
+"""Step of the first pass over these poses, which gives a bound on the distance."""
 
 
 def validation_error(plan: Plan, execution: Execution) -> str:
-    """Return why an execution does not solve what was asked, empty if it does.
+    """Return why an execution fails the validation; empty if it passes.
 
     Args:
-        plan: What was planned, with the margin that it says it kept.
-        execution: Of it.
+        plan: Plan with the margin that it claims to keep.
+        execution: Execution of the plan.
     """
     scenario = plan.scenario
     stated = scenario.stability.margin
-    required = max(plan.margin or 0.0, 0.0 if stated == AUTO else stated)  # a plan may not lower what is stated
+    required = max(plan.margin or 0.0, 0.0 if stated == AUTO else stated)  # a plan cannot lower a given margin
     if execution.min_margin is not None and execution.min_margin <= required:
         return f"the smallest margin is {execution.min_margin:.3g}; it must be above {required:g}"
     if scenario.pusher.limits.contact == "dynamic":
         smallest = execution.min_dynamic_margin
         if smallest is None:
-            return "nobody looked at the margins with inertia"
+            return "the execution has no margins with inertia"
         if smallest <= 0.0:
             return f"the smallest margin with inertia is {smallest:.3g}; it must be above 0"
     position, angle = execution.goal_error
@@ -256,10 +256,10 @@ def validation_error(plan: Plan, execution: Execution) -> str:
 
 
 def clearance(scenario: Scenario, execution: Execution) -> float | None:
-    """Return the smallest distance (m) of the moving bodies from obstacles and walls in an execution.
+    """Return the smallest distance (m) of the moving bodies from obstacles and walls during an execution.
 
-    None where there is nothing to keep clear of. Measured at poses `CLEARANCE_SPACING` apart, so the true one may be
-    smaller by half of that at most.
+    It is None without obstacles and walls. It is measured at poses `CLEARANCE_SPACING` apart, so the true distance
+    can be smaller by up to half of that.
     """
     if not scenario.obstacles and scenario.workspace is None:
         return None

@@ -1,4 +1,4 @@
-"""The plots of a benchmark's report: success, cost and first paths over the planning time, margins against costs."""
+"""Plots of a benchmark's report: success and cost over the planning time, first paths, margins against costs."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from pushplan.util.printable import cut
 COLOURS = ("#3b6ea8", "#d1762c", "#4d8f4a", "#a64d79", "#7a6a4f", "#4aa3a3", "#8a63b0", "#b03a48")
 
 SHORTEST = 1e-5
-"""Times below this (s) are drawn there."""
+"""Smallest drawn time, s; shorter times are drawn there."""
 
 BEFORE = 0.8
-"""Where axes of time begin, by the earliest first path."""
+"""Start of a time axis, as a multiple of the earliest first path."""
 
 LEAST_SOLVED = 0.5
-"""Share of runs that must have a path before costs over time are drawn: of fewer, the median would mislead."""
+"""Share of runs with a path from which on costs are drawn: with fewer, the median is misleading."""
 
 
 def plots_of(results: Results, folder: Path) -> list[tuple[str, str, str]]:
-    """Write the plots as SVG and PDF, for papers; none if no run is valid.
+    """Write the plots as SVG and PDF; without a valid run, write none.
 
     Args:
         results: Results to plot.
@@ -50,7 +50,7 @@ def plots_of(results: Results, folder: Path) -> list[tuple[str, str, str]]:
     for name, title, left, draw in (
         ("success", "Success", 0.62, _draw_success),
         ("cost", "Cost: median and quartiles", 0.62, _draw_cost),
-        ("first-path", "First path: quartiles, 5 to 95 %, runs", 1.2, _draw_first),  # for twelve wide letters
+        ("first-path", "First path: quartiles, 5 to 95 %, runs", 1.2, _draw_first),  # room for twelve wide letters
         ("margin", "Margin against cost", 0.62, _draw_margins),
     ):
         for path in (folder / f"{name}.pdf", folder / f"{name}.svg"):
@@ -74,13 +74,13 @@ def _coloured(results: Results) -> Iterator[tuple[str, str, pd.DataFrame, pd.Dat
 
 
 def _span(results: Results) -> tuple[float, float]:
-    """Return where axes of planning time (s) begin, just before the earliest first path, and end."""
+    """Return start and end (s) of an axis of planning time; it starts just before the earliest first path."""
     start = BEFORE * max(float(results.runs["first"].min()), SHORTEST)
     return start, max(results.time_limit, 2.0 * start)
 
 
 def _draw_success(axes: Axes, results: Results) -> None:
-    """Draw the share of runs that have found a (valid) path over the planning time."""
+    """Draw the share of runs with a valid path over the planning time."""
     start, end = _span(results)
     for planner, colour, runs, valid in _coloured(results):
         times = np.sort(valid["first"])
@@ -92,7 +92,7 @@ def _draw_success(axes: Axes, results: Results) -> None:
 
 
 def _draw_cost(axes: Axes, results: Results) -> None:
-    """Draw the median and the quartiles of cost over the lowest known one, over the planning time."""
+    """Draw median and quartiles of the ratio of cost to the lowest known cost over the planning time."""
     times = np.geomspace(*_span(results), 200)
     for planner, colour, *_ in _coloured(results):
         low, middle, high = cost_quartiles(results, planner, times)
@@ -107,10 +107,10 @@ def _draw_cost(axes: Axes, results: Results) -> None:
 
 
 def cost_quartiles(results: Results, planner: str, times: FloatArray) -> FloatArray:
-    """Return the quartiles (3, t) of costs, as multiples of the lowest known, over time.
+    """Return the quartiles (3, t) of costs over time, as multiples of the lowest known cost.
 
-    Infinite where not enough runs have a path yet: half of them for the median, three quarters for the band. Problems
-    that nobody solved are left out.
+    They are infinite until enough runs have a path: half of them for the median, three quarters for the upper
+    quartile. Problems that no planner solved are left out.
     """
     best = results.runs.groupby("problem").cost.min()
     runs = results.of(planner)
@@ -145,14 +145,14 @@ def _draw_first(axes: Axes, results: Results) -> None:
     axes.set(xscale="log", xlabel="time to the first path [s]", ylim=(len(shown) - 0.4, -0.6))
     low, high = axes.get_xlim()
     room = max(1.0, math.sqrt(9.99 * low / high))
-    axes.set_xlim(low / room, high * room)  # of less than a decade, numbers would be long and touch
-    axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))  # within a decade more numbers would touch
+    axes.set_xlim(low / room, high * room)  # at least a decade: long numbers would touch on a shorter axis
+    axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))  # more numbers in a decade would touch
     axes.set_yticks(range(len(shown)), [cut(planner, 12) for planner in shown], fontsize=7.0)
     axes.tick_params(axis="y", pad=2, length=0)
 
 
 def _draw_margins(axes: Axes, results: Results) -> None:
-    """Draw the smallest margin of each solved run against its cost over the lowest known one; contacts slip at 0."""
+    """Draw the smallest margin of each valid run against the ratio of its cost to the lowest known cost."""
     lowest = 0.0
     for planner, colour, _, valid in _coloured(results):
         axes.plot(valid.excess, valid.min_margin, "o", color=colour, markersize=3.0, alpha=0.6, label=planner)
@@ -163,5 +163,5 @@ def _draw_margins(axes: Axes, results: Results) -> None:
 
 
 def data_uri(image: bytes, kind: str) -> str:
-    """Return an image as an address that holds it."""
+    """Return an image as a data URI."""
     return f"data:image/{kind};base64,{base64.b64encode(image).decode()}"

@@ -1,6 +1,6 @@
-"""Imported by the fork server once: loads all that runs need, so that their processes start with it.
+"""Loads all imports and kernels of runs into the fork server, so that the processes of runs start with them.
 
-Whatever fails here fails again in each run that needs it, and is reported there.
+An error here is ignored: it occurs again in each run, which reports it.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ import signal
 import tempfile
 from pathlib import Path
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a run has one processor; and forks want no other threads
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a run has one processor, and forking needs a single thread
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-os.environ.pop("PYTHONSAFEPATH", None)  # of this process alone; a run may start another program
+os.environ.pop("PYTHONSAFEPATH", None)  # only for this process; a run can start another program
 
-signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that wants the runs
-os.dup2(2, 1)  # standard output is for results
-atexit.register(os._exit, 0)  # without the clean-up in which OMPL's bindings list what they call leaks
+signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that started the benchmark
+os.dup2(2, 1)  # standard output is reserved for results
+atexit.register(os._exit, 0)  # skips the clean-up in which OMPL's bindings print warnings about leaks
 
 
 def load() -> None:
-    """Do a small run, and ask every stable set."""
+    """Execute a small run, and compute a margin in every stable set."""
     from pushplan.bench.outcome import perform
     from pushplan.bench.suite import suite_from_text
     from pushplan.util.names import STABLE_SETS
@@ -43,4 +43,4 @@ def load() -> None:
 with contextlib.suppress(Exception):
     load()
 gc.collect()
-gc.freeze()  # or each process would copy all that is loaded as soon as it collects garbage
+gc.freeze()  # otherwise the first garbage collection of each process would copy all shared pages

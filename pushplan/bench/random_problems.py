@@ -1,7 +1,7 @@
-"""Random push problems as scenario files: the same text for the same seed.
+"""Random push problems as scenario files; the same seed gives the same text.
 
-A chain that can be pushed straight ahead and around to both sides stands in a room with walls and clutter. Start and
-goal are free by construction; whether a path leads from one to the other is left to chance.
+Each chain can be pushed straight ahead and turned to both sides, in a room with walls and clutter. Start and goal are
+collision-free by construction; a path between them need not exist.
 """
 
 from __future__ import annotations
@@ -29,37 +29,37 @@ from pushplan.util.names import SCENARIO_FORMAT
 DRIVES: tuple[Literal["omnidirectional", "differential", "car"], ...] = ("omnidirectional", "differential", "car")
 
 CHAIN_DRAWS = 10
-"""Chains that are drawn for one with the turns that are asked for."""
+"""Largest number of random chains until one turns tightly enough."""
 
 RADII = 2.0 ** (np.arange(13) / 2.0)
-"""Radii that are tried, as multiples of the one asked for."""
+"""Tried turning radii, as multiples of the requested one."""
 
 LEAST_MARGIN = 0.01
-"""Margin of the straight push and of the turns."""
+"""Smallest margin of the straight push and of the turns."""
 
 SHIFT = 0.2
-"""Farthest that contact partners are off each other's middle, as a share of the shorter edge."""
+"""Largest offset between the middles of touching edges, as a share of the shorter edge."""
 
 CLEARANCE = 0.02
 """Distance of obstacles and walls from start and goal, m."""
 
 START_TO_GOAL = 0.4
-"""Least distance from start to goal, as a share of the workspace's side."""
+"""Smallest distance from start to goal, as a share of the workspace's side."""
 
 POSE_DRAWS = 2_000
-"""Pairs of start and goal that are drawn before the parameters are given up."""
+"""Largest number of tried pairs of start and goal."""
 
 OBSTACLE_DRAWS = 100
-"""Places that are tried for an obstacle."""
+"""Largest number of tried poses of an obstacle."""
 
 WALL = (0.05, 0.15)
 """Thickness of a wall, m."""
 
 ROBOT_DRAWS = 50
-"""Places that are tried for the robot."""
+"""Largest number of tried poses of the robot."""
 
 ROBOT_LENGTH = 1.2
-"""Length of the robot's body over the width of its plate."""
+"""Ratio of the length of the robot's body to the width of its plate."""
 
 Span = tuple[float, float]
 Sections = dict[str, Any]
@@ -67,7 +67,7 @@ Sections = dict[str, Any]
 
 
 class GeneratorError(PushplanError, ValueError):
-    """Random problems cannot be made with these parameters."""
+    """These parameters give no random problem."""
 
 
 # --- a problem --------------------------------------------------------------------------------------------------
@@ -77,15 +77,15 @@ def generate(parameters: ProblemParameters, seed: int) -> str:
     """Return the text of a scenario file with a random problem.
 
     Args:
-        parameters: What the problem is like.
-        seed: Of the random numbers, >= 0.
+        parameters: Parameters of the problem.
+        seed: Seed of the random numbers, >= 0.
 
     Raises:
-        GeneratorError: When the parameters leave no room for a problem.
+        GeneratorError: If the parameters give no problem.
     """
     rng = np.random.Generator(np.random.PCG64(seed))
     sections, chain, radius = random_chain(rng, parameters)
-    factor = max(1.0, radius / parameters.turning_radius)  # by which its turns are wider than asked for
+    factor = max(1.0, radius / parameters.turning_radius)  # scales the room if the turns are wider than requested
     room = {name: tuple(factor * end for end in getattr(parameters, name)) for name in ("workspace", "obstacle_size")}
     world = random_world(rng, chain, parameters.model_copy(update=room))
     stated = {"name": f"random {seed}", **sections, **world}
@@ -96,13 +96,13 @@ def generate(parameters: ProblemParameters, seed: int) -> str:
 
 
 def scenario_yaml(sections: Mapping[str, object]) -> str:
-    """Return the text of a scenario file with the given sections, in their order."""
+    """Return the text of a scenario file with sections in the given order."""
     document = {"format": SCENARIO_FORMAT, **sections}
     return yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=110)
 
 
 def _round(value: float) -> float:
-    """Return a length in tenths of a millimetre, as generated files have it."""
+    """Return a length rounded to 0.1 mm, as in generated files."""
     return round(float(value), 4)
 
 
@@ -110,16 +110,16 @@ def _round(value: float) -> float:
 
 
 def random_chain(rng: np.random.Generator, parameters: ProblemParameters) -> tuple[Sections, Chain, float]:
-    """Draw chains of one number of objects and one drive until one turns as tightly as asked for.
+    """Draw random chains until one has the requested turning radius.
 
-    When none of `CHAIN_DRAWS` chains does, the one that turns most tightly is taken: long chains before wheels cannot
-    turn as tightly as short ones.
+    If none of `CHAIN_DRAWS` chains has it, the chain with the smallest radius is used: long chains and wheeled drives
+    cannot turn tightly. All drawn chains have the same number of objects and the same drive.
 
     Returns:
-        The sections of a scenario file that state the chain, the chain, and how tightly it turns, m.
+        Sections of a scenario file for the chain, the chain, and its turning radius, m.
 
     Raises:
-        GeneratorError: When none of the chains can be pushed straight ahead and around to both sides.
+        GeneratorError: If none of the chains can be pushed straight ahead and turned to both sides.
     """
     count = int(rng.integers(parameters.objects[0], parameters.objects[1] + 1))
     kind = str(rng.choice(parameters.drives))
@@ -137,18 +137,18 @@ def random_chain(rng: np.random.Generator, parameters: ProblemParameters) -> tup
     radius, sections, chain = min(drawn, key=lambda found: found[0])
     if radius == np.inf:
         raise GeneratorError(
-            f"none of {CHAIN_DRAWS} random chains can be pushed ahead and around to its left and right; "
-            "allowed: more friction at the contacts, fewer objects, a larger turning_radius"
+            f"none of {CHAIN_DRAWS} random chains can be pushed straight ahead and turned to the left and right; "
+            "use more contact friction, fewer objects or a larger turning_radius"
         )
     return sections, chain, radius
 
 
 def tightest_turn(chain: Chain, radius: float) -> float:
-    """Return the first of `RADII` times `radius` at which turns to both sides are stable, or infinity.
+    """Return the first of `RADII` times `radius` at which turns to both sides are stable, m; else infinity.
 
-    A radius is here the distance of the turn's centre (x, y) from the chain frame's x axis, m; the twist about it is
-    omega (y, -x, 1). The centre lies on the axle's line of a pusher with wheels. A chain that cannot be pushed
-    straight ahead has no such turn.
+    The radius is the distance of the turning centre (x, y) from the chain frame's x axis, and its twist is
+    omega (y, -x, 1). With wheels, the centre lies on the axle's line. A chain that cannot be pushed straight ahead
+    has no turn here.
     """
     stable, drive = stable_set(chain, "ecof"), chain.pusher.drive
     if stable.margin([[1.0, 0.0, 0.0]])[0] <= LEAST_MARGIN:
@@ -184,9 +184,13 @@ def _chain_sections(rng: np.random.Generator, parameters: ProblemParameters, cou
 
 @dataclass(frozen=True, eq=False)
 class ObjectShape:
-    """A convex outline (v, 2) in the object's frame, m, counter-clockwise, with flush edges in front and behind.
+    """A convex outline with a front and a rear edge across the push.
 
-    `rear` and `front` are the lowest and highest y of these edges; `stated` is what a scenario file says.
+    Attributes:
+        outline: (v, 2) in the object's frame, counter-clockwise, m.
+        rear: Lowest and highest y of the rear edge, m.
+        front: Lowest and highest y of the front edge, m.
+        stated: Shape for the scenario file.
     """
 
     outline: FloatArray
@@ -196,7 +200,7 @@ class ObjectShape:
 
 
 def _object_shape(rng: np.random.Generator, parameters: ProblemParameters) -> ObjectShape:
-    """Draw a box, or a polygon with up to two corners on either side."""
+    """Draw a random box, or a polygon with up to two more corners on each side."""
     box = rng.choice(parameters.shapes) == "box"
     length, width = (_round(rng.uniform(*parameters.size)) for _ in range(2))
     outline = box_outline(length, width)
@@ -216,7 +220,7 @@ def _object_shape(rng: np.random.Generator, parameters: ProblemParameters) -> Ob
 def _object(
     rng: np.random.Generator, parameters: ProblemParameters, name: str, shape: ObjectShape, front: Span
 ) -> Sections:
-    """Return an object that stands roughly in the middle of the front edge before it."""
+    """Return a random object near the middle of the front edge that pushes it."""
     support = rng.choice(parameters.supports)
     mass = _round(rng.uniform(*parameters.mass))
     shorter = min(front[1] - front[0], shape.rear[1] - shape.rear[0])
@@ -231,7 +235,7 @@ def _object(
     return stated
 
 
-# --- what surrounds it ------------------------------------------------------------------------------------------
+# --- the room ---------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,10 +243,10 @@ class Wall:
     """A wall across the room with a gap.
 
     Attributes:
-        sides: The pieces on both sides of the gap, as corners (4, 2), m.
-        axis: 0 when the wall stands across x, 1 when across y.
+        sides: Corners (4, 2) of the two pieces beside the gap, m.
+        axis: 0 for a wall across x, 1 for a wall across y.
         at: Coordinate of its middle on that axis, m.
-        passage: What stays free on both sides of the gap.
+        passage: Area through the gap that stays free.
     """
 
     sides: tuple[FloatArray, FloatArray]
@@ -252,10 +256,10 @@ class Wall:
 
 
 def random_world(rng: np.random.Generator, chain: Chain, parameters: ProblemParameters) -> Sections:
-    """Draw start, goal, workspace and obstacles, as a scenario file states them; start and goal are free.
+    """Draw a random workspace with obstacles and collision-free start and goal, as sections of a scenario file.
 
     Raises:
-        GeneratorError: When start and goal find no place.
+        GeneratorError: If there is no free start and goal.
     """
     side = _round(rng.uniform(*parameters.workspace))
     body = np.concatenate([moving.outline for moving in chain.bodies])
@@ -285,7 +289,7 @@ def _wall(rng: np.random.Generator, body: FloatArray, side: float, parameters: P
 
 
 def _rectangle(x: Span, y: Span, axis: int) -> FloatArray:
-    """Return corners (4, 2), counter-clockwise, with x and y exchanged when the axis is 1."""
+    """Return corners (4, 2), counter-clockwise, with x and y exchanged for axis 1."""
     corners = np.array([(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])])
     return np.round(corners if axis == 0 else corners[::-1, ::-1], 4)
 
@@ -293,7 +297,7 @@ def _rectangle(x: Span, y: Span, axis: int) -> FloatArray:
 def _start_and_goal(
     rng: np.random.Generator, body: FloatArray, side: float, wall: Wall | None, room: float
 ) -> tuple[FloatArray, FloatArray, list[BaseGeometry]]:
-    """Draw start and goal, far enough from each other and on different sides of the wall, and what they keep free."""
+    """Return a random start and goal, far apart and on different sides of the wall, and the areas to keep free."""
     inside = shapely.box(0.0, 0.0, side, side).buffer(-CLEARANCE)
     pieces = [] if wall is None else [shapely.Polygon(piece) for piece in wall.sides]
     walls = shapely.MultiPolygon(pieces).buffer(CLEARANCE)
@@ -307,13 +311,13 @@ def _start_and_goal(
         if all(area.within(inside) and not area.intersects(walls) for area in kept):
             return start, goal, kept
     raise GeneratorError(
-        f"start and goal find no place in a workspace of {side:g} m; allowed: a larger workspace, "
-        "fewer or smaller objects, less room"
+        f"found no free start and goal in a workspace of {side:g} m; use a larger workspace, fewer or smaller "
+        "objects, or less room"
     )
 
 
 def _swept(body: FloatArray, pose: FloatArray, length: float) -> BaseGeometry:
-    """Return what a body covers on a straight path of some length ahead of a pose; behind it where negative."""
+    """Return the area that a body sweeps on a straight path ahead of a pose, or behind it for a negative length."""
     ends = pose, compose(pose, np.array([length, 0.0, 0.0]))
     corners = np.concatenate([transform_points(end, body) for end in ends])
     return shapely.MultiPoint(corners).convex_hull
@@ -322,7 +326,7 @@ def _swept(body: FloatArray, pose: FloatArray, length: float) -> BaseGeometry:
 def _clutter(
     rng: np.random.Generator, side: float, free: BaseGeometry, parameters: ProblemParameters
 ) -> list[Sections]:
-    """Draw obstacles that leave `free` free, until there are enough, they cover enough, or one finds no place."""
+    """Draw random obstacles outside `free`, up to the count and density, or until one finds no free pose."""
     count = int(rng.integers(parameters.obstacles[0], parameters.obstacles[1] + 1))
     most = np.inf if parameters.density is None else side * side * rng.uniform(*parameters.density)
     placed: list[Sections] = []
@@ -356,7 +360,7 @@ def _obstacle(rng: np.random.Generator, side: float, parameters: ProblemParamete
 
 
 def random_polygon(rng: np.random.Generator, length: float, width: float) -> FloatArray:
-    """Return a convex polygon (v, 2) about the origin that fits into a box, corners on an ellipse."""
+    """Return a random convex polygon (v, 2) around the origin, its corners on an ellipse."""
     count = int(rng.integers(3, 8))
     angle = 2.0 * np.pi * (np.arange(count) + rng.uniform(0.1, 0.9, count)) / count
     return _hull(0.5 * np.stack([length * np.cos(angle), width * np.sin(angle)], axis=1))
@@ -369,10 +373,10 @@ def _hull(corners: FloatArray) -> FloatArray:
 
 
 def _robot_beside(rng: np.random.Generator, stated: Sections, chain: Chain, away: Span) -> Sections:
-    """Return the section `robot` of a problem: a body behind the plate, and a free place that far from the start.
+    """Return the section `robot` of a problem: a body behind the plate, and a free pose at a distance from the start.
 
     Raises:
-        GeneratorError: When no place is free.
+        GeneratorError: If no tried pose is free.
     """
     thick, width = np.ptp(chain.pusher.outline, axis=0)
     length = _round(ROBOT_LENGTH * width)
@@ -387,5 +391,5 @@ def _robot_beside(rng: np.random.Generator, stated: Sections, chain: Chain, away
             continue
         return robot
     raise GeneratorError(
-        f"none of {ROBOT_DRAWS} places for the robot is free; allowed: a larger workspace or robot distance"
+        f"none of {ROBOT_DRAWS} poses of the robot is free; use a larger workspace or a larger robot distance"
     )

@@ -1,4 +1,4 @@
-"""The report of a benchmark: one page that holds everything it shows and asks the network for nothing."""
+"""Report of a benchmark: one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ FIGURES = "figures"
 MOST_PICTURES = 6
 
 _NUMBER = re.compile(rf"[+-]?\d|< \d|× [\d{NOTHING}]|{NOTHING}")
-"""How the text of a number begins, whatever its unit."""
+"""Start of the text of a number, with any unit."""
 
 
 def write_report(results: Results, path: Path, with_pictures: bool = True) -> None:
     """Write the report.
 
     Args:
-        results: What to report.
-        path: HTML file to write, in the folder of the results, so that its links lead to the logs.
-        with_pictures: Draw the runs most worth a look, which takes about a second each.
+        results: Results to report.
+        path: HTML file to write, in the folder of the results because its links lead to the logs.
+        with_pictures: Whether to draw the most interesting runs, which takes about a second each.
     """
     (path.parent / FIGURES).mkdir(exist_ok=True)
     write_whole(path, render(results, path.parent / FIGURES, with_pictures).encode())
@@ -83,8 +83,8 @@ class Table:
     Attributes:
         head: Titles of the columns.
         rows: Texts of the rows.
-        wrong: Numbers of the rows that are shown in red.
-        note: What explains it.
+        wrong: Indices of the red rows.
+        note: Explanation below the table.
     """
 
     head: Sequence[str]
@@ -94,12 +94,12 @@ class Table:
 
     @property
     def numeric(self) -> list[bool]:
-        """Which columns hold numbers, and so stand to the right."""
+        """Whether each column holds only numbers; such columns are right-aligned."""
         columns = zip(*self.rows, strict=True) if self.rows else [("x",)] * len(self.head)
         return [all(_NUMBER.match(word) for word in column) for column in columns]
 
     def latex(self, caption: str, label: str) -> str:
-        """Return it as a LaTeX table (package booktabs), with its note in the caption."""
+        """Return the table in LaTeX (package booktabs), with its note in the caption."""
         escaped = re.sub(r"([&%$#_{}])", r"\\\1", f"{caption}. {self.note}")
         columns = "".join("r" if numeric else "l" for numeric in self.numeric)
         frame = pd.DataFrame(self.rows, columns=list(self.head))
@@ -108,7 +108,7 @@ class Table:
 
 
 def write_latex(results: Results, path: Path) -> None:
-    """Write the tables by planner and by problem, and comparisons, for a paper, in LaTeX."""
+    """Write the tables by planner, by problem and of comparisons in LaTeX, for papers."""
     compared, name = comparisons(results), results.about["name"]
     how = f"({limits(results)}; {results.about['machine']})"
     tables = [
@@ -120,27 +120,27 @@ def write_latex(results: Results, path: Path) -> None:
 
 
 def limits(results: Results) -> str:
-    """Return for how long planners plan at most, in words."""
+    """Return the time limit of the planners as text."""
     each = results.done.groupby("planner", sort=False).limit.first().to_dict()
     if len(set(each.values())) == 1:
-        return f"planning at most {next(iter(each.values()))}"
-    return "planning at most: " + ", ".join(f"{planner} {limit}" for planner, limit in each.items())
+        return f"planning limit {next(iter(each.values()))}"
+    return "planning limits: " + ", ".join(f"{planner} {limit}" for planner, limit in each.items())
 
 
 def number(value: float) -> str:
-    """Return a number for people; a dash for none."""
+    """Return a number as text; a dash if it is not finite."""
     if not math.isfinite(value):
         return NOTHING
     return f"{value:.0f}" if abs(value) >= 999.5 else f"{value:.3g}"
 
 
 def fixed(value: float, decimals: int) -> str:
-    """Return a number with the decimals that its column has; a dash for none."""
+    """Return a number with fixed decimals; a dash if it is not finite."""
     return f"{value:.{decimals}f}" if math.isfinite(value) else NOTHING
 
 
 def seconds(value: float) -> str:
-    """Return a time for people."""
+    """Return a time as text; a dash if it is not finite."""
     if not math.isfinite(value):
         return NOTHING
     return f"{1e3 * value:.3g} ms" if value < 1.0 else f"{value:.3g} s"
@@ -150,7 +150,7 @@ Show = Callable[[float], str]
 
 
 def by_planner(results: Results) -> Table:
-    """Return how many runs each planner solved, how soon, and how well, with 95 % intervals."""
+    """Return the table of solved runs, times and costs by planner, with 95 % intervals."""
     medians: list[tuple[str, str, float, int]]
     medians = [("first path, ms", "first", 1e3, 1), ("cost / lowest", "excess", 1.0, 3)]
     medians += [("duration, s", "valid_duration", 1.0, 2)] if ranked_by_time(results.runs) else []
@@ -174,24 +174,23 @@ def by_planner(results: Results) -> Table:
         middles = (middle(planner, *what[1:]) for what in medians)
         rows.append([planner, str(found), str(valid), str(len(runs)), share, *middles, *_arriving(results, runs)])
     note = (
-        "solved: the planner claims a path; valid: the executed path also stands up to the checks of collision, "
-        "margin and goal. Times and costs: medians over the runs of all problems together (of an even number, the "
-        "mean of the middle two, which may be of different problems). In brackets 95 % intervals: Wilson's of "
-        "shares; of medians by bootstrap over seeds, the problems being those of the suite. Runs without a valid "
-        "path count as infinitely late and long; problems that nobody solved are left out of times and costs."
+        "solved: the planner returns a path; valid: its execution also passes the checks of collision, margin and "
+        "goal. Times and costs are medians over the runs of all problems together. Brackets hold 95 % intervals: "
+        "Wilson's for shares, and a bootstrap over seeds for medians. Runs without a valid path count as infinite in "
+        "time and cost. Times and costs leave out problems that no planner solved."
     )
     return Table([*head, *_arriving(results)], rows, _invalid(results), note + _ranking(results))
 
 
 def _ranking(results: Results) -> str:
-    """Return what a note says of costs beside durations, where durations are shown."""
+    """Return the note on costs if the table has durations."""
     if not ranked_by_time(results.runs):
         return ""
-    return " Cost is travel; the planners ranked plans by time, so they made the duration small."
+    return " Cost is the path cost; the planners minimised the duration."
 
 
 def _arriving(results: Results, runs: pd.DataFrame | None = None) -> list[str]:
-    """Return the cell of valid runs, or the title, of the column of trials; none where no trials ran."""
+    """Return the cell of the column of trials for the valid runs, or its title; nothing without trials."""
     if results.runs.trial_success.isna().all():
         return []
     if runs is None:
@@ -204,7 +203,7 @@ def _invalid(results: Results) -> list[int]:
 
 
 def outcomes(results: Results) -> Table:
-    """Return how the runs of each planner ended."""
+    """Return the table of outcomes by planner."""
     kinds = [*STATUSES, MISSING]
     counts = pd.crosstab(results.runs.planner, results.runs.outcome).reindex(
         index=results.planners, columns=kinds, fill_value=0
@@ -242,7 +241,7 @@ QUANTITIES: tuple[tuple[str, str, Show], ...] = (
 
 
 def spread(results: Results) -> Table:
-    """Return percentiles of everything measured, over the runs with a valid path; what no run has is left out."""
+    """Return percentiles of all measured quantities over the runs with a valid path."""
     which, rows = (5, 25, 50, 75, 95), []
     for label, name, show in QUANTITIES:
         each = {planner: results.of(planner) for planner in results.planners}
@@ -258,7 +257,7 @@ def spread(results: Results) -> Table:
 
 
 def by_problem(results: Results) -> Table:
-    """Return what each planner made of each problem."""
+    """Return the table of results by problem and planner."""
     best = results.runs.groupby("problem").cost.min()
     by_time, rows = ranked_by_time(results.runs), []
     for (problem, planner), runs in results.done.groupby(["problem", "planner"], sort=False):
@@ -269,22 +268,22 @@ def by_problem(results: Results) -> Table:
         numbers += [fixed(percentiles(runs.valid_duration.to_numpy(), (50,))[0], 2)] if by_time else []
         rows.append([problem, planner, solved, *numbers, *_arriving(results, runs)])
     head = ["problem", "planner", "solved", "first path, ms", "cost, m: 25 %", "50 %", "75 %", "lowest known"]
-    note = "Costs: quartiles over seeds, and the lowest of all runs; times: medians. Unsolved runs count as infinite."
+    note = "Costs: quartiles over seeds, and the lowest of all runs. Times: medians. Unsolved runs count as infinite."
     head += ["duration, s"] if by_time else []
     return Table([*head, *_arriving(results)], rows, note=note + _ranking(results))
 
 
 def comparisons(results: Results) -> Table | None:
-    """Return what tests say about every two planners, or None when there is only one."""
+    """Return the table of tests between every two planners, or None for a single planner."""
     found = compare_planners(results)
     if not found:
         return None
     note = (
-        "Runs of the same problem and seed in pairs. Second against first: in what is solved, the share of the "
-        "second less that of the first, in percentage points; in all else, the median over the pairs of the second's "
-        "value divided by the first's, so that below 1 the second is better. Solved: McNemar's exact test; all else: "
-        "Wilcoxon's signed-rank test on ratios, an unsolved run being worse than any other. p-values are corrected "
-        "for the number of tests in this table (Holm); where p < 0.05 the better one is named."
+        "Pairs are runs of the same problem and seed. Second against first: for solved, the difference of the "
+        "shares (second minus first) in percentage points; for other rows, the median ratio over the pairs (second "
+        "by first), so below 1 the second is better. Tests: McNemar's exact test for solved, Wilcoxon's signed-rank "
+        "test on ratios for other rows; an unsolved run is worse than any other. p-values are corrected for the "
+        "number of tests in this table (Holm). If p < 0.05, the last column names the better planner."
     )
     head = ("in", "first", "second", "pairs", "second against first", "p", "better")
     chances = ["< 0.001" if one.p < 0.001 else f"{one.p:.3f}" for one in found]
@@ -297,7 +296,7 @@ def comparisons(results: Results) -> Table | None:
 
 
 def effect_text(one: Comparison) -> str:
-    """Return what has changed, for people."""
+    """Return the effect of a comparison as text."""
     return f"{100.0 * one.effect:+.1f} points" if one.respect == SOLVED else f"× {fixed(one.effect, 3)}"
 
 
@@ -325,13 +324,13 @@ def _ranges(numbers: Sequence[int]) -> str:
     return ", ".join(str(low) if low == high else f"{low}-{high}" for low, high in parts)
 
 
-# --- runs worth a look ------------------------------------------------------------------------------------------
+# --- interesting runs -------------------------------------------------------------------------------------------
 
 
 def worst_runs(results: Results) -> pd.DataFrame:
-    """Return the runs most worth a look: invalid ones, other failures, then those without a plan and the costliest.
+    """Return the most interesting runs: invalid runs, other failures, runs without a plan, then the highest costs.
 
-    At most one run of each problem, planner and outcome, so that a single hard problem does not fill the list.
+    Each problem, planner and outcome has at most one run, so that a single hard problem does not fill the list.
     """
     runs = results.done
     rank = runs.outcome.map({INVALID: 0, NO_PLAN: 2, OK: 3}).fillna(1)
@@ -343,7 +342,7 @@ def worst_runs(results: Results) -> pd.DataFrame:
 
 
 def _pictures(results: Results, runs: pd.DataFrame) -> dict[str, str]:
-    """Return pictures (data URIs) by key of those runs whose logs hold enough to draw one."""
+    """Return pictures (data URIs) by key of the runs whose logs hold a plan."""
     from pushplan.drawing.plans import plot_plan
     from pushplan.logging.reader import load_run
 
@@ -357,6 +356,6 @@ def _pictures(results: Results, runs: pd.DataFrame) -> dict[str, str]:
                     continue
                 plot_plan(recorded.plan, path, recorded.execution)
             except PushplanError:
-                continue  # a log that was cut off is listed without a picture
+                continue  # the report lists an incomplete log without a picture
             found[run.key] = data_uri(path.read_bytes(), "png")
     return found

@@ -1,4 +1,4 @@
-"""The results of a benchmark read back as tables of pandas."""
+"""Results of a benchmark, read as pandas tables."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ MISSING = "missing"
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """All runs of a suite as it was asked for last.
+    """All runs of the suite that a folder was last used for.
 
     Attributes:
-        path: The database.
+        path: Path of the database.
         about: `name`, `version`, `versions`, `machine`, `started`, `seconds` and `source` of the suite.
-        runs: A row for each run in the order of the suite: `key`, `problem`, `planner` (with the stable set when
-            there are several), `stable_set`, `seed`, `outcome` (of `STATUSES`, or `MISSING`), `message`, `log`,
-            `host`, `cpu`, `limit` of planning in words, `ATTRIBUTES` (NaN where there is nothing), and of valid runs,
-            else infinite: `cost` (m), `first` (seconds to the first path), `excess` (cost by the lowest known of the
-            problem), `valid_duration` (s); and `cost_bound` (m) and `duration_bound` (s), the lower bound of what
-            ranked the plan, NaN for the other.
-        progress: A row for each improvement and regular time: `key`, `time`, `cost`.
-        time_limit: Largest planning time allowed, s.
+        runs: Table with a row for each run, in the order of the suite. Its columns are `key`, `problem`, `planner`
+            (with the stable set if there are several), `stable_set`, `seed`, `outcome` (of `STATUSES`, or `MISSING`),
+            `message`, `log`, `host`, `cpu`, `limit` (planning limit as text) and `ATTRIBUTES` (NaN if unknown).
+            `cost` (m), `first` (time of the first path, s), `excess` (ratio of cost to the lowest known cost of the
+            problem) and `valid_duration` (s) are infinite for runs that are not valid. `cost_bound` (m) or
+            `duration_bound` (s) holds the lower bound of the quantity that ranked the plan; the other is NaN.
+        progress: Table with a row for each improvement and regular time: `key`, `time`, `cost`.
+        time_limit: Largest planning time, s.
     """
 
     path: Path
@@ -50,31 +50,31 @@ class Results:
 
     @cached_property
     def done(self) -> pd.DataFrame:
-        """The runs that have a result."""
+        """Runs with a result."""
         return self.runs[self.runs.outcome != MISSING]
 
     @property
     def processors(self) -> str:
-        """Models of the processors that did the runs, with their numbers of runs; empty if there is only one."""
+        """Text of the processor models with their numbers of runs; empty for a single model."""
         counts = self.done.cpu.value_counts()
         return ", ".join(f"{model}: {count}" for model, count in counts.items()) if len(counts) > 1 else ""
 
     def of(self, planner: str) -> pd.DataFrame:
-        """Return the runs of a planner that have a result."""
+        """Return the runs of a planner with a result."""
         return self.done[self.done.planner == planner]
 
 
 def ranked_by_time(runs: pd.DataFrame) -> bool:
-    """Tell whether there are plans among the runs, and duration ranked all of them."""
+    """Return whether there are plans among the runs, and time ranked all of them."""
     known = runs.by_time.dropna()
     return len(known) > 0 and bool(known.all())
 
 
 def read_results(path: Path) -> Results:
-    """Read the results in a database or in a folder of results.
+    """Read the results of a database, or of a folder of results.
 
     Raises:
-        StoreError: When there is no such file, or it holds no results of this version.
+        StoreError: If there is no such file, or it holds no results of this version.
     """
     path = path / "results.db" if path.is_dir() else path
     if not path.is_file():
@@ -98,7 +98,7 @@ def read_results(path: Path) -> Results:
                 database,
             )
     except (sqlite3.DatabaseError, pd.errors.DatabaseError) as error:
-        raise StoreError(f"{path} is no file of results: {error}") from error
+        raise StoreError(f"{path} is not a file of results: {error}") from error
     runs = own.merge(measured[["runid", "settings", *(set(ATTRIBUTES) - {"seed"})]], on="runid", how="left")
     runs[list(ATTRIBUTES)] = runs[list(ATTRIBUTES)].astype(float)
     runs["seed"] = runs.seed.astype(int)
@@ -117,14 +117,14 @@ def read_results(path: Path) -> Results:
 
 
 def _limit(settings: str) -> str:
-    """Return for how long a planner with these settings plans, in words."""
+    """Return the planning limit of a planner's settings as text."""
     stated = dict(line.split(" = ", 1) for line in settings.splitlines() if " = " in line)
     seconds, iterations = f"{float(stated['time']):g} s", stated["iterations"]
     return seconds if iterations == "None" else f"{seconds} or {iterations} iterations"
 
 
 def write_tables(results: Results, folder: Path) -> Iterable[Path]:
-    """Write `runs.csv`, a row for each run, and `progress.csv`; return the files."""
+    """Write `runs.csv` with a row for each run, and `progress.csv`; return their paths."""
     columns = ["key", "problem", "planner", "stable_set", "seed", "outcome", "message", "log", "host", "cpu"]
     measured = [name for name in ATTRIBUTES if name not in ("seed", "status", "solved")]
     runs = results.runs[[*columns, *measured, "limit"]].assign(machine=results.about["machine"])

@@ -1,4 +1,4 @@
-"""The suite file as a typed model: which problems, planners, sets and seeds a benchmark runs, within which limits."""
+"""The suite file as a typed model: problems, planners, stable sets, seeds and limits of a benchmark."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pushplan.util import names
 from pushplan.util.naming import PLACE, PLANNER_NAMES, STABLE_SET_NAMES, OpenNames
 
 SUITE_FORMAT = "pushplan-suite/1"
-"""What `format` says in a suite file."""
+"""Value of `format` in a suite file."""
 
 MOST_PROBLEMS = 10_000
 MOST_SEEDS = 100_000
@@ -29,7 +29,7 @@ Count = Annotated[int, Quantity("a whole number", {}, 1, MOST_SEEDS, whole=True)
 
 
 def _form(value: Any) -> str:
-    """Tell the longer way of writing something, a list or a mapping, from the shorter one."""
+    """Return the tag of a value's form: a list or mapping, or a single word."""
     return "<mapping>" if isinstance(value, dict | list | tuple | t.Strict) else "<word>"
 
 
@@ -53,7 +53,7 @@ def _different(values: Sequence[Any]) -> Sequence[Any]:
 
 Q = TypeVar("Q")
 if TYPE_CHECKING:
-    Range = Annotated[tuple[Q, Q], "once it is read"]
+    Range = Annotated[tuple[Q, Q], "after validation"]
 else:
     Range = Annotated[
         Annotated[Q, Tag("<word>")] | Annotated[tuple[Q, Q], t.Several(2, 2), Tag("<mapping>")],
@@ -61,7 +61,7 @@ else:
         BeforeValidator(_as_list),
         AfterValidator(_pair),
     ]
-"""[low, high], or one number that is both."""
+"""[low, high], or one number for both."""
 
 Choice = Annotated[tuple[Q, ...], t.Several(1, 3), BeforeValidator(_as_list)]
 
@@ -83,7 +83,7 @@ _NUMBERS = "a number, or [low, high]"
 
 
 class ProblemParameters(t.Strict):
-    """Random problems: ranges [low, high], both included, or single numbers, and words to choose from."""
+    """Parameters of random problems: ranges [low, high] (inclusive) or single numbers, and lists of words."""
 
     objects: Range[_OBJECTS] = Field(default=(1, 5), description=f"{_NUMBERS}, from 1 to 8")
     shapes: Choice[Literal["box", "polygon"]] = Field(
@@ -104,17 +104,17 @@ class ProblemParameters(t.Strict):
     )
     turning_radius: Annotated[float, _number(1e-3, 100.0, "m")] = Field(
         default=1.0,
-        description="a length in m: how far to both sides the centres of turns are, or as near to it as a few draws "
-        "give (long chains before wheels); workspace and obstacles are larger then, in proportion",
+        description="a length in m: distance of the turning centres to both sides. If a few draws give no chain that "
+        "turns so tightly (long chains, wheels), workspace and obstacles grow in proportion",
     )
     workspace: Range[Annotated[float, _number(0.1, 1e3, "m")]] = Field(
         default=(3.0, 4.0), description=f"{_NUMBERS}, sides of the square workspace in m"
     )
     room: Annotated[float, _number(1e-3, 100.0, "m")] = Field(
-        default=0.3, description="a length in m that is free ahead of the start and behind the goal"
+        default=0.3, description="a free length in m ahead of the start and behind the goal"
     )
     obstacles: Range[_OBSTACLES] = Field(
-        default=(0, 30), description=f"{_NUMBERS}, from 0 to 1000; those that find no place are left out"
+        default=(0, 30), description=f"{_NUMBERS}, from 0 to 1000; obstacles without free space are left out"
     )
     obstacle_shapes: Choice[Literal["box", "polygon", "circle"]] = Field(
         default=("box", "polygon", "circle"), description="a list of box, polygon, circle"
@@ -123,25 +123,25 @@ class ProblemParameters(t.Strict):
         default=(0.1, 0.4), description=f"{_NUMBERS}, lengths of obstacles in m"
     )
     density: Range[Annotated[float, _number(0.0, 0.9, "%")]] | None = Field(
-        default=None, description=f"{_NUMBERS}, shares of the workspace at which no more obstacles are added"
+        default=None, description=f"{_NUMBERS}, largest shares of the workspace that obstacles cover"
     )
     gap: Range[Annotated[float, _number(1.05, 100.0)]] | None = Field(
-        default=None, description=f"{_NUMBERS}, widths of a gap in a wall, in widths of the chain"
+        default=None, description=f"{_NUMBERS}, widths of a gap in a wall, as multiples of the chain's width"
     )
     robot: Range[Annotated[float, _number(0.05, 100.0, "m")]] | None = Field(
         default=None,
-        description=f"{_NUMBERS}, lengths in m: how far the robot is from the chain at first, for multi-push plans",
+        description=f"{_NUMBERS}, initial distances of the robot from the chain in m, for multi-push plans",
     )
 
 
 class StatedProblem(t.Strict):
-    """A scenario, or `count` random problems with the seeds from `seed` on."""
+    """A scenario, or `count` random problems whose seeds start at `seed`."""
 
     scenario: Annotated[str, Field(strict=True, min_length=1)] | None = Field(
         default=None, description="a packaged scenario, or a file relative to the suite's folder"
     )
     generate: ProblemParameters | None = Field(default=None, description="{objects: ..., obstacles: ..., ...}")
-    name: t.Name | None = Field(default=None, description="what reports call it")
+    name: t.Name | None = Field(default=None, description="a name for reports")
     count: Count | None = Field(default=None, description="a whole number of random problems")
     seed: t.Seed | None = Field(default=None, description="seed of the first random problem")
 
@@ -150,8 +150,8 @@ class StatedProblem(t.Strict):
     def _not_of_relopush(cls, value: Any) -> Any:
         if isinstance(value, dict) and "format" in value:
             raise fault(
-                "has a format: suites do not read files of ReloPush any more",
-                "scenario files, which `python benchmarks/relopush.py FOLDER --scenarios DIR` writes",
+                "has a format: suites no longer read files of ReloPush",
+                "scenario files, as `python benchmarks/relopush.py FOLDER --scenarios DIR` writes them",
             )
         return value
 
@@ -169,7 +169,7 @@ class StatedProblem(t.Strict):
 
 
 def _one_of(known: OpenNames) -> Any:
-    """Return the type of a name: one that is built in or of an installed package, or `module:attribute`."""
+    """Return the type of an extensible name: built in, from an installed package, or `module:attribute`."""
 
     def whose(value: Any) -> str:
         added = isinstance(value, str) and value not in tuple(known) and known.adds(value)
@@ -186,11 +186,11 @@ _PlannerName, _SetName = Annotated[_one_of(_PLANNERS), BeforeValidator(t.still_h
 
 
 class Planner(t.Strict):
-    """A planner with settings; times and iterations here go before those of `limits`."""
+    """A planner with settings; its time and iterations override those of `limits`."""
 
     name: _PlannerName = Field(description=f"one of {_PLANNERS.words}")  # type: ignore[valid-type]
-    label: t.Name | None = Field(default=None, description="what reports call it")
-    first: bool = Field(default=False, strict=True, description="true to stop at the first path, or false")
+    label: t.Name | None = Field(default=None, description="a name for reports")
+    first: bool = Field(default=False, strict=True, description="true to stop at the first plan, or false")
     time: t.Duration | None = Field(default=None, description="a time in s")
     iterations: Iterations | None = Field(default=None, description="a whole number")
     cost: Literal[names.COSTS] | None = Field(  # type: ignore[valid-type]
@@ -200,12 +200,12 @@ class Planner(t.Strict):
 
 
 class LimitSection(t.Strict):
-    """What a run may use."""
+    """Limits of a run."""
 
     time: t.Duration = Field(default=2.0, description="planning time in s")
     iterations: Iterations | None = Field(default=None, description="a whole number")
     run: t.Duration | None = Field(default=None, description="time in s after which a run is killed")
-    memory: Memory = Field(default=2000.0, description="memory in MB that a run may allocate")
+    memory: Memory = Field(default=2000.0, description="memory in MB that a run can allocate")
 
 
 class SuiteFile(t.Strict):
@@ -247,12 +247,10 @@ class SuiteFile(t.Strict):
         | Annotated[tuple[t.Seed, ...], t.Several(1, MOST_SEEDS), AfterValidator(_different), Tag("<mapping>")],
         Discriminator(_form),
     ] = Field(default=10, description="a number of seeds, or a list of them")
-    trials: Trials | None = Field(
-        default=None, description="a whole number of Monte Carlo samples that every plan is tried in"
-    )
+    trials: Trials | None = Field(default=None, description="a whole number of Monte Carlo samples for every plan")
     limits: LimitSection = t.with_defaults(LimitSection, "{time: ..., memory: ..., run: ...}")
 
 
 def suite_schema() -> dict[str, Any]:
-    """Return the JSON Schema of suites; it does not know names that installed packages add."""
+    """Return the JSON Schema of suites, without the names that installed packages add."""
     return finished(SuiteFile.model_json_schema(), "pushplan benchmark suite")

@@ -1,4 +1,4 @@
-"""What can be said about planners from few runs: percentiles, bootstrap intervals, paired rank tests."""
+"""Statistics of planners from few runs: percentiles, bootstrap intervals, paired rank tests."""
 
 from __future__ import annotations
 
@@ -16,39 +16,39 @@ from pushplan.bench.store import StoreError
 from pushplan.util.arrays import BoolArray, FloatArray
 
 RESAMPLES = 2_000
-"""Bootstrap samples."""
+"""Number of bootstrap samples."""
 
 TAIL = 2.5
-"""Percent on either side of a bootstrap interval."""
+"""Tail probability on each side of a bootstrap interval, %."""
 
 SIGNIFICANT = 0.05
-"""Probability of a wrong difference among all that are told together (Holm 1979)."""
+"""Family-wise significance level of all comparisons in a table (Holm 1979)."""
 
 EQUAL = 1e-6
 """Relative difference below which two values count as equal."""
 
 THRESHOLD = 0.05
-"""Change that matters between versions: of the share solved, or of times and costs as a share of the old ones."""
+"""Smallest deterioration that counts: of the share of solved runs, or relative, of times and costs."""
 
 SOLVED, FIRST_PATH, COST, DURATION = "solved", "first path", "cost", "duration"
 
 
 def percentiles(values: FloatArray, which: Sequence[float]) -> FloatArray:
-    """Return percentiles (p,) of values (n,), interpolated linearly; NaN of none.
+    """Return percentiles (p,) of values (n,), interpolated linearly; NaN without values.
 
-    Values may be infinite: a percentile between a finite and an infinite one is infinite.
+    Values can be infinite: a percentile between a finite and an infinite value is infinite.
     """
     if len(values) == 0:
         return np.full(len(which), np.nan)
     shares, infinite = np.asarray(which) / 100.0, np.isposinf(values)
-    # Interpolation with infinity would be NaN: what lies at or below an infinite value is found without it.
+    # Interpolation with infinity gives NaN, so finite percentiles are computed without infinite values.
     finite = np.where(infinite, values[~infinite].max(initial=0.0), values)
     is_infinite = np.isposinf(np.quantile(values, shares, method="higher"))
     return np.where(is_infinite, np.inf, np.quantile(finite, shares))
 
 
 def _medians(rows: FloatArray) -> FloatArray:
-    """Return the medians (...) of rows (..., n) of values that may be infinite."""
+    """Return the medians (...) of rows (..., n); values can be infinite."""
     rows, count = np.sort(rows), rows.shape[-1]
     middles: FloatArray = (rows[..., (count - 1) // 2] + rows[..., count // 2]) / 2.0
     return middles
@@ -57,7 +57,7 @@ def _medians(rows: FloatArray) -> FloatArray:
 def median_interval(groups: Sequence[FloatArray]) -> tuple[float, float, float]:
     """Return the median of all values together and its bootstrap percentile interval.
 
-    Values are drawn anew within each group: the groups (problems) are those of the suite, chance is in the seeds.
+    The bootstrap resamples within each group (problem): the problems are fixed, only the seeds are random.
     """
     groups = [group for group in groups if len(group)]
     if not groups:
@@ -69,7 +69,7 @@ def median_interval(groups: Sequence[FloatArray]) -> tuple[float, float, float]:
 
 
 def success_test(first: BoolArray, second: BoolArray) -> float:
-    """Return the p-value of McNemar's exact test: whether paired runs (n,) succeed (True) equally often."""
+    """Return the p-value of McNemar's exact test that paired runs (n,) succeed (True) equally often."""
     only_first, only_second = int((first & ~second).sum()), int((~first & second).sum())
     if only_first + only_second == 0:
         return 1.0
@@ -77,7 +77,7 @@ def success_test(first: BoolArray, second: BoolArray) -> float:
 
 
 def log_ratios(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return log(second / first) of paired positive values (n,), 0 where both are infinite or hardly differ."""
+    """Return log(second / first) of paired positive values (n,), 0 if both are infinite or nearly equal."""
     with np.errstate(invalid="ignore", divide="ignore"):
         change = np.log(second) - np.log(first)
     return np.where(np.isnan(change) | (np.abs(change) < EQUAL), 0.0, change)
@@ -86,19 +86,19 @@ def log_ratios(first: FloatArray, second: FloatArray) -> FloatArray:
 def rank_test(first: FloatArray, second: FloatArray) -> float:
     """Return the p-value of Wilcoxon's signed-rank test on the ratios of paired, positive values (n,).
 
-    An infinite value (not solved) is worse than any other; two of them are equal. Equal pairs count half for either
-    side.
+    An infinite value (not solved) is worse than any other, and two infinite values are equal. Equal pairs count half
+    for each side.
     """
     change = log_ratios(first, second)
     if not change.any():
         return 1.0
-    # Ranks are all that counts: infinite changes become the largest finite ones.
+    # Only ranks count, so infinite changes are clipped to just above the largest finite one.
     most = 1.0 + np.abs(change[np.isfinite(change)]).max(initial=0.0)
     return float(stats.wilcoxon(np.clip(change, -most, most), zero_method="zsplit").pvalue)
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """Return p-values corrected for their number (Holm 1979): each may be compared with the level as it is."""
+    """Return p-values corrected for their number (Holm 1979), for comparison with the family-wise level."""
     order = np.argsort(p_values, kind="stable")
     scaled = np.asarray(p_values)[order] * (len(p_values) - np.arange(len(p_values)))
     corrected = np.empty(len(p_values))
@@ -111,14 +111,14 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two planners, or two versions of one, compared in one respect.
+    """Comparison of two planners, or of two versions of one, in one quantity.
 
     Attributes:
-        respect: `solved`, `first path`, `cost`, or `duration` where time ranked all plans of both.
-        first: Name of the one.
-        second: Name of the other.
-        pairs: Runs of the same problem and seed that both have.
-        effect: Difference of the shares solved (second less first), or median ratio (second by first).
+        respect: `solved`, `first path`, `cost`, or `duration` if time ranked all plans of both.
+        first: Name of the first planner.
+        second: Name of the second planner.
+        pairs: Number of pairs of runs with the same problem and seed.
+        effect: Difference of the shares solved (second minus first), or median ratio (second by first).
         p: Corrected p-value.
     """
 
@@ -131,28 +131,28 @@ class Comparison:
 
     @property
     def significant(self) -> bool:
-        """Whether the difference is more than chance."""
+        """Whether the difference is significant."""
         return self.p < SIGNIFICANT
 
     @property
     def second_is_better(self) -> bool:
-        """Which way the difference goes."""
+        """Whether the effect favours the second planner."""
         return self.effect > 0.0 if self.respect == SOLVED else self.effect < 1.0
 
     @property
     def loss(self) -> float:
-        """By how much the second is worse: difference of shares, or relative change."""
+        """Deterioration from first to second: difference of shares, or relative change."""
         return -self.effect if self.respect == SOLVED else self.effect - 1.0
 
 
 def compare_planners(results: Results) -> list[Comparison]:
-    """Compare every two planners of a suite in every respect; p-values are corrected for all of that."""
+    """Compare every two planners of a suite in every quantity; p-values are corrected for all comparisons."""
     pairs = combinations(results.planners, 2)
     return _corrected([one for a, b in pairs for one in _compare(a, results.of(a), b, results.of(b))])
 
 
 def _compare(first: str, one: pd.DataFrame, second: str, other: pd.DataFrame) -> list[Comparison]:
-    """Compare runs of the same problem and seed in every respect; p-values are not corrected yet."""
+    """Compare runs of the same problem and seed in every quantity; p-values are not corrected."""
     pairs = one.merge(other, on=["problem", "seed"], suffixes=("1", "2"))
     if pairs.empty:
         return []
@@ -174,12 +174,12 @@ def _corrected(comparisons: Sequence[Comparison]) -> list[Comparison]:
 
 @dataclass(frozen=True)
 class VersionComparison:
-    """What has changed from old results to new ones.
+    """Changes from old results to new results.
 
     Attributes:
-        comparisons: For each planner that both have, in every respect, old against new.
-        newly_invalid: Runs of the new ones that are invalid and were not in the old ones.
-        threshold: Change that matters.
+        comparisons: Comparisons of old with new, for each common planner and every quantity.
+        newly_invalid: Runs that are invalid in the new results but not in the old ones.
+        threshold: Smallest deterioration that counts.
     """
 
     comparisons: tuple[Comparison, ...]
@@ -188,17 +188,17 @@ class VersionComparison:
 
     @property
     def better(self) -> list[Comparison]:
-        """What has become better, beyond chance."""
+        """Significant improvements."""
         return [one for one in self.comparisons if one.significant and one.second_is_better]
 
     @property
     def worse(self) -> list[Comparison]:
-        """What has become worse, beyond chance."""
+        """Significant deteriorations."""
         return [one for one in self.comparisons if one.significant and not one.second_is_better]
 
     @property
     def is_regression(self) -> bool:
-        """Whether the new version is worse by more than the threshold, or invalid where it was not."""
+        """Whether the new version is worse by more than the threshold, or has newly invalid runs."""
         return any(one.loss > self.threshold for one in self.worse) or not self.newly_invalid.empty
 
 
@@ -206,17 +206,17 @@ def compare_versions(old: Results, new: Results, threshold: float = THRESHOLD) -
     """Compare runs of the same planner, problem and seed.
 
     Args:
-        old: Results of the one version.
-        new: Results of the other.
-        threshold: Change that matters; see `THRESHOLD`.
+        old: Results of the old version.
+        new: Results of the new version.
+        threshold: Smallest deterioration that counts; see `THRESHOLD`.
 
     Raises:
-        StoreError: When they have no runs in common.
+        StoreError: If they have no runs in common.
     """
     found = [one for name in new.planners for one in _compare(name, old.of(name), name, new.of(name))]
     if not found:
         raise StoreError(
-            f"{old.path} and {new.path} have no runs in common: of the same planner, problem and seed; planners are "
+            f"{old.path} and {new.path} have no runs of the same planner, problem and seed; their planners are "
             f"{', '.join(old.planners)} and {', '.join(new.planners)}"
         )
     keys = ["planner", "problem", "seed"]

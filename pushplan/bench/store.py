@@ -1,10 +1,10 @@
-"""The results of a benchmark on disk: one SQLite file that Planner Arena opens, and a log for each run.
+"""Results of a benchmark on disk: one SQLite file that Planner Arena can open, and a log for each run.
 
-The tables are those of Planner Arena (Moll, Sucan and Kavraki 2015). It takes what follows the third column of
-`runs` for attributes, what follows the twelfth of `experiments` for parameters of the problem, and what follows the
-second of `progress` for measurements over time. What it has no place for is in two tables of our own:
-`pushplan_suite`, and `pushplan_runs` with the key, the outcome, the log and the processor of each run that was asked
-for. All of it is of one version of the software.
+The tables are those of Planner Arena (Moll, Sucan and Kavraki 2015). It reads the columns of `runs` after the third
+as attributes, those of `experiments` after the twelfth as parameters of the problem, and those of `progress` after
+the second as measurements over time. Two tables of our own hold everything else: `pushplan_suite`, and
+`pushplan_runs` with the key, the outcome, the log and the processor of each selected run. All results of a file are
+from one version of pushplan.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from pushplan.util.files import check_output, write_whole
 
 @dataclass(frozen=True)
 class Machine:
-    """The machine that this process runs on.
+    """The machine of this process.
 
     Attributes:
-        host: Its name.
-        text: Processor, number of processors that may be used, memory, operating system.
-        versions: Of Python and of the packages that results depend on.
+        host: Name of the machine.
+        text: Text of the processor, number of usable processors, memory and operating system.
+        versions: Versions of Python and of the packages that results depend on.
     """
 
     host: str
@@ -50,7 +50,7 @@ class Machine:
 
     @property
     def words(self) -> str:
-        """What benchmarks print first: processor, memory, operating system, and Python."""
+        """Text of processor, memory, operating system and Python version."""
         return f"{self.text}, Python {self.versions['python']}"
 
     @classmethod
@@ -71,25 +71,25 @@ def cpu_model() -> str:
 
 
 def package_version() -> str:
-    """Return the package's version and, in a checkout, its commit: results of different code are different."""
+    """Return the version of the package and, in a checkout, its commit, because results depend on the code."""
     commit = git_commit()
     return version_of("pushplan") + (f"+g{commit[:10]}" if commit else "")
 
 
 FORMAT = 4
-"""Version of our own tables."""
+"""Format number of the file."""
 
 BUSY = 30.0
-"""Seconds to wait for another program that has the file locked."""
+"""Time to wait for another program that has locked the file, s."""
 
 SAMPLES = 100
-"""Regular times in the progress of each run, the last one at the search's end: Planner Arena smooths over them, and
-improvements alone, most of them in the first moments, are too close to one another for that."""
+"""Number of regular times in the progress of each run, the last one at the end of the search. Planner Arena smooths
+over them; improvements alone are too close together at the start."""
 
 PARAMETERS = ("drive", "instance", "objects", "obstacles")
-"""Of a problem: the pusher's drive, seed of its generator, numbers of objects and obstacles, as far as they differ
-between the problems of a generator: Planner Arena's page of progress (1.0.1) looks in vain for a parameter with a
-single value. The order is that in which OMPL's reader adds them."""
+"""Parameters of a problem: drive of the pusher, seed of its generator, numbers of objects and obstacles. Parameters
+with the same value in all problems of a generator are NULL, because the progress page of Planner Arena (1.0.1) fails
+on them. The order is that of OMPL's reader."""
 
 _KEY = "INTEGER PRIMARY KEY AUTOINCREMENT"
 _OF_RUN = "FOREIGN KEY (runid) REFERENCES runs(id) ON DELETE CASCADE"
@@ -114,7 +114,7 @@ CREATE TABLE IF NOT EXISTS pushplan_runs (key TEXT PRIMARY KEY, number INTEGER, 
 """
 
 RESULT = "runid, outcome, message, arcs, log, host, cpu, ended"
-"""What `pushplan_runs` has of a run once it is over."""
+"""Columns of `pushplan_runs` that hold the result of a run."""
 
 COUNTED = """UPDATE experiments SET runcount = (SELECT COUNT(*) FROM runs WHERE experimentid = experiments.id),
   totaltime = (SELECT SUM(total_time) FROM runs WHERE experimentid = experiments.id)"""
@@ -132,7 +132,7 @@ SELECT plannerid, MIN(avg_solved) AS avg_solved, avg_total_time FROM (
   SELECT r.plannerid, p.name AS plannerName, {_MEANS} {_ALL} GROUP BY r.plannerid
 ) GROUP BY plannerName ORDER BY avg_solved DESC, avg_total_time ASC;
 """
-"""The views that OMPL's reader adds."""
+"""Views that OMPL's reader adds."""
 
 
 class StoreError(PushplanError, ValueError):
@@ -143,17 +143,17 @@ class StoreError(PushplanError, ValueError):
 
 
 class Store:
-    """The database of a benchmark; one process writes, a commit a result.
+    """Database of a benchmark, with one writing process and one commit per result.
 
     Attributes:
-        path: The file.
+        path: Path of the file.
     """
 
     def __init__(self, path: Path) -> None:
         """Open the file, or create it.
 
         Raises:
-            StoreError: When it is no file of results of this version, or another program has it locked.
+            StoreError: If it is not a file of results of this version, or another program has locked it.
         """
         self.path = path
         if check_output(path).streamed:
@@ -166,8 +166,8 @@ class Store:
             if not isinstance(error, sqlite3.DatabaseError):
                 raise
             if _is_busy(error):
-                raise StoreError(f"another program has {path} locked; close it there") from error
-            raise StoreError(f"{path} is no file of results: {error}") from error
+                raise StoreError(f"another program has locked {path}; close it there") from error
+            raise StoreError(f"{path} is not a file of results: {error}") from error
 
     def _prepare(self) -> None:
         run = self._database.execute
@@ -180,15 +180,15 @@ class Store:
         known = [[row[1] for row in run(f"PRAGMA table_info({name})")] for name in ("runs", "pushplan_runs")]
         if known[0][3:] != list(ATTRIBUTES) or "cpu" not in known[1]:
             raise StoreError(
-                f"{self.path} is of another version of pushplan, which measured other things; name another folder"
+                f"{self.path} is from another version of pushplan, with other quantities; name another folder"
             )
 
     def close(self) -> None:
-        """Close the file, whole in itself again: without a write-ahead log beside it.
+        """Close the file and merge its write-ahead log into it.
 
-        The log stays while another program has the file open, say to look at results; SQLite reads both as one.
+        The log stays while another program has the file open; SQLite reads both as one.
         """
-        with contextlib.suppress(sqlite3.OperationalError):  # the results are in the file and its log
+        with contextlib.suppress(sqlite3.OperationalError):  # file and log together still hold all results
             self._database.execute("PRAGMA journal_mode = DELETE")
         self._database.close()
 
@@ -200,29 +200,29 @@ class Store:
 
     @contextmanager
     def _reporting(self) -> Iterator[None]:
-        """Turn an error of the database into a StoreError."""
+        """Convert database errors to StoreError."""
         try:
             yield
         except sqlite3.Error as error:
             if _is_busy(error):
-                raise StoreError(f"another program has {self.path} locked; close it there, then --resume") from error
-            raise StoreError(f"cannot write {self.path}: {error}; the results until then are kept") from error
+                raise StoreError(f"another program has locked {self.path}; close it there, then --resume") from error
+            raise StoreError(f"cannot write {self.path}: {error}; earlier results are kept") from error
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
-        """Write all inside, or nothing."""
+        """Commit everything inside, or nothing."""
         with self._reporting():
             self._database.execute("BEGIN IMMEDIATE")
             try:
                 yield
                 self._database.execute("COMMIT")
             except BaseException:
-                with contextlib.suppress(sqlite3.Error):  # SQLite ends some failed transactions itself
+                with contextlib.suppress(sqlite3.Error):  # SQLite itself rolls back some failed transactions
                     self._database.execute("ROLLBACK")
                 raise
 
     def expect(self, suite: Suite, runs: Sequence[RunSpec], machine: Machine, version: str) -> None:
-        """Note which runs the suite consists of now; results of earlier ones stay."""
+        """Store the current runs of the suite; results of earlier runs stay."""
         values = (FORMAT, suite.name, suite.source, version, json.dumps(machine.versions), machine.text, now())
         rows = [(r.key, i, r.problem.name, r.label, r.stable_set, r.seed) for i, r in enumerate(runs)]
         with self._transaction():
@@ -280,18 +280,18 @@ class Store:
         return int(self._database.execute(f"INSERT INTO {table} VALUES ({places})", row).lastrowid or 0)
 
     def done(self) -> set[str]:
-        """Return the keys of all runs that have a result."""
+        """Return the keys of all runs with a result."""
         query = "SELECT key FROM pushplan_runs WHERE outcome IS NOT NULL"
         with self._reporting():
             return {key for (key,) in self._database.execute(query)}
 
     def add(self, run: RunSpec, result: Outcome, log: str | None) -> None:
-        """Write the result of a run that is expected, in place of an earlier one.
+        """Store the result of an expected run; it replaces an earlier one.
 
         Args:
-            run: Which run.
-            result: How it ended.
-            log: Name of its log's file, relative to the results' folder, or None.
+            run: The run.
+            result: Outcome of the run.
+            log: File name of its log relative to the folder of results, or None.
         """
         own = {"solved": int(result.status == OK), "status": STATUSES.index(result.status), "seed": run.seed}
         values = {**result.values, **own}
@@ -318,13 +318,13 @@ class Store:
             self._database.execute(f"{COUNTED} WHERE id = ?", (experiment,))
 
     def take(self, path: Path) -> list[tuple[str, str | None]]:
-        """Take over the results of another file that this one lacks; the first file makes this one's suite.
+        """Copy the results of another file that this file lacks; the first file also gives the suite.
 
         Returns:
-            Key and log of every run that is over in the other file.
+            Key and log of every run with a result in the other file.
 
         Raises:
-            StoreError: When the file is of another suite or another version, or cannot be read.
+            StoreError: If the file is from another suite or another version, or cannot be read.
         """
         run, columns = self._database.execute, "key, number, problem, planner, stable_set, seed"
         suite = "SELECT format, version, source FROM {}.pushplan_suite"
@@ -343,7 +343,7 @@ class Store:
                 run(f"UPDATE pushplan_suite SET machine = machine || '; ' || {its} WHERE instr(machine, {its}) = 0")
             for query in (suite, asked):
                 if run(query.format("shard")).fetchall() != run(query.format("main")).fetchall():
-                    raise StoreError(f"{path} is of another suite than the first folder, or of another version")
+                    raise StoreError(f"{path} is from another suite or another version than the first folder")
             for table, same in (("experiments", "setup, version"), ("plannerConfigs", "name, settings")):
                 names = ", ".join(row[1] for row in run(f"PRAGMA table_info({table})").fetchall()[1:])
                 new = f"SELECT {names} FROM shard.{table} WHERE ({same}) NOT IN (SELECT {same} FROM main.{table})"
@@ -352,7 +352,7 @@ class Store:
                 "FROM shard.pushplan_runs s WHERE outcome IS NOT NULL "
                 "AND key IN (SELECT key FROM main.pushplan_runs WHERE outcome IS NULL)"
             )
-            more = int(run("SELECT IFNULL(MAX(id), 0) FROM main.runs").fetchone()[0])  # their numbers go on from ours
+            more = int(run("SELECT IFNULL(MAX(id), 0) FROM main.runs").fetchone()[0])  # offset of their ids
             run(
                 f"INSERT INTO runs SELECT r.id + {more}, e.id, p.id, {', '.join(f'r.{name}' for name in ATTRIBUTES)} "
                 "FROM shard.runs r JOIN shard.experiments f ON f.id = r.experimentid "
@@ -374,13 +374,13 @@ class Store:
         return over
 
     def spent(self, seconds: float) -> None:
-        """Add to the wall-clock time that the benchmark has taken."""
+        """Add to the wall-clock time of the benchmark."""
         with self._reporting():
             self._database.execute("UPDATE pushplan_suite SET seconds = seconds + ?", (seconds,))
 
 
 def sampled(improvements: Sequence[tuple[float, float, int]], end: float) -> list[tuple[float, float, int]]:
-    """Return seconds, best cost and iterations at each improvement, and at `SAMPLES` regular times up to the end."""
+    """Return time (s), best cost and iterations at each improvement, and at `SAMPLES` regular times up to `end`."""
     if not improvements:
         return []
     moments = [point[0] for point in improvements]
@@ -391,12 +391,12 @@ def sampled(improvements: Sequence[tuple[float, float, int]], end: float) -> lis
 
 
 def _setup(problem: Problem) -> str:
-    """Return what `experiments` says of a problem; no other problem has the same."""
+    """Return the text of a problem in `experiments`, unique by its hash."""
     return f"# {problem.name}, SHA-256 {problem.hash}\n{problem.source.decode('utf-8')}"
 
 
 def _parameters(problems: Sequence[Problem]) -> list[tuple[object, ...]]:
-    """Return the values of `PARAMETERS` for each problem, None where all problems of its family have the same."""
+    """Return the values of `PARAMETERS` for each problem, None if all problems of its family have the same value."""
     rows = [(p.counts[0], p.instance, *p.counts[1:]) for p in problems]
     families: dict[str, list[set[object]]] = {}
     for problem, row in zip(problems, rows, strict=True):
@@ -409,12 +409,12 @@ def _parameters(problems: Sequence[Problem]) -> list[tuple[object, ...]]:
 
 
 def _is_busy(error: sqlite3.Error) -> bool:
-    """Tell whether something failed because of another program that has the file open."""
+    """Return whether the error occurred because another program has locked the file."""
     return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY
 
 
 def now() -> str:
-    """Return the time of day."""
+    """Return the current time as ISO text."""
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
@@ -422,37 +422,37 @@ def now() -> str:
 
 
 class ResultsFolder:
-    """The folder of a benchmark: the database, a log for each run, the suite and its problems, the report."""
+    """Folder of a benchmark: the database, a log for each run, the suite with its problems, and the report."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.database = path / "results.db"
         self.report = path / "report.html"
-        self.scratch = path / ".scratch"  # where runs have their files while they go on
+        self.scratch = path / ".scratch"  # temporary files of running runs
 
     @contextmanager
     def locked(self, overwrite: bool = False) -> Iterator[None]:
-        """Keep other benchmarks out of the folder, which is made if need be.
+        """Create the folder if it is missing, and lock it against other benchmarks.
 
         Args:
-            overwrite: Take a folder with other files, too, and replace those of the names of results.
+            overwrite: Whether to accept a folder with other files, and to replace files with the names of results.
 
         Raises:
-            StoreError: When another benchmark writes into it, it is a file, or it has files and no results.
+            StoreError: If another benchmark writes into it, it is a file, or it has files but no results.
         """
         try:
             self.path.mkdir(parents=True, exist_ok=True)
         except FileExistsError as error:
-            raise StoreError(f"{self.path} is a file; allowed: a folder, which may be new") from error
+            raise StoreError(f"{self.path} is a file; allowed: a folder, or a new name") from error
         strange = {path.name for path in self.path.iterdir()} - {".lock", self.scratch.name}
         if strange and not self.database.exists() and not overwrite:
-            what = f"{self.path} has {sorted(strange)[0]!r} in it and is no folder of results"
+            what = f"{self.path} contains {sorted(strange)[0]!r} and is not a folder of results"
             raise StoreError(f"{what}; name another one, or use it with --overwrite")
         with os.fdopen(os.open(self.path / ".lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC), "rb") as lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
-                raise StoreError(f"another benchmark writes into {self.path} now") from error
+                raise StoreError(f"another benchmark is writing into {self.path}") from error
             shutil.rmtree(self.scratch, ignore_errors=True)
             self.scratch.mkdir()
             try:
@@ -461,7 +461,7 @@ class ResultsFolder:
                 shutil.rmtree(self.scratch, ignore_errors=True)
 
     def keep_suite(self, suite: Suite) -> None:
-        """Write the suite and its problems, so that the folder says what was run."""
+        """Write the suite and its problems into the folder, as documentation of the runs."""
         write_whole(self.path / "suite.yaml", suite.source)
         (self.path / "problems").mkdir(exist_ok=True)
         for problem in suite.problems:
@@ -477,7 +477,7 @@ class ResultsFolder:
             shutil.copyfile(source, target)
 
     def keep_log(self, run: RunSpec, result: Outcome) -> str | None:
-        """Write the log of a run, whole or in part, in place of an earlier one; return its name in the folder."""
+        """Write the log of a run, complete or not, over an earlier one; return its name in the folder."""
         (self.path / "logs").mkdir(exist_ok=True)
         stem = f"logs/{'-'.join(_plain(value) for value in run.fields.values())}-{run.key[:8]}.mcap"
         for name in (stem, f"{stem}.partial"):
@@ -491,5 +491,5 @@ class ResultsFolder:
 
 
 def _plain(name: str) -> str:
-    """Return a name with nothing in it that file names do not like."""
+    """Return a name with all characters replaced that file names cannot hold."""
     return re.sub(r"[^\w.+-]+", "_", name, flags=re.ASCII)

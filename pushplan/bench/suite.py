@@ -1,4 +1,4 @@
-"""A suite: problems times planners times stable sets times seeds, and the runs that it consists of."""
+"""Suites: products of problems, planners, stable sets and seeds, with one run for each combination."""
 
 from __future__ import annotations
 
@@ -22,34 +22,34 @@ from pushplan.scenario.validation import validate
 from pushplan.util.naming import PLACE
 
 KEY_LENGTH = 16
-"""Hexadecimal digits of a run's key."""
+"""Length of a run's key, hexadecimal digits."""
 
 FIELDS = ("problem", "planner", "set", "seed")
-"""What filters look at."""
+"""Fields of a run that filters can match."""
 
 PACKAGED = Path(str(files("pushplan"))) / "suites"
 
 
 class SuiteError(ScenarioError):
-    """A suite is wrong; `findings` holds everything found."""
+    """A suite is wrong; `findings` holds all errors."""
 
 
 class SelectionError(PushplanError, ValueError):
-    """A filter or a key fits no run."""
+    """A filter or a key matches no run."""
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """One push problem of a suite, light enough to be sent to other processes.
+    """One push problem of a suite, small enough to be sent to other processes.
 
     Attributes:
-        name: Unique within the suite.
-        family: Name that all problems of one generator share; of a single scenario its own.
+        name: Name, unique within the suite.
+        family: Common name of all problems of one generator, or the name of a single scenario.
         instance: Seed of the generator, or None.
         source: Bytes of the scenario file.
         attachments: Bytes of the files that it refers to, by name.
-        stable_set: The scenario's own.
-        counts: Drive of the pusher, numbers of objects and obstacles.
+        stable_set: Stable set of the scenario.
+        counts: Drive of the pusher, and numbers of objects and obstacles.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Problem:
 
     @classmethod
     def of(cls, scenario: Scenario, name: str, family: str, instance: int | None = None) -> Problem:
-        """Return the problem that a scenario states."""
+        """Return the problem of a scenario."""
         counts = scenario.pusher.drive.kind, len(scenario.poses), len(scenario.obstacles)
         attachments = dict(scenario.attachments)
         return cls(name, family, instance, scenario.source, attachments, scenario.stability.set, counts)
@@ -83,18 +83,18 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class RunSpec:
-    """One run of a suite: all that the process that does it has to know.
+    """One run of a suite, with all inputs of its process.
 
     Attributes:
         key: Digest of the problem, the planner and its settings, the stable set, the seed and the version.
-        problem: What is to be solved.
-        planner: By which planner, with `label` and `time` filled in.
-        stable_set: Within which stable set.
-        seed: From which random numbers.
-        seconds: Wall-clock time of the whole run after which it is killed, s.
-        megabytes: Memory that it may allocate, MB.
-        version: Of the package.
-        trials: Number of sampled worlds that its plan is tried in.
+        problem: Push problem.
+        planner: Planner, with `label` and `time` filled in.
+        stable_set: Name of the stable set.
+        seed: Seed of the random numbers.
+        seconds: Wall-clock time after which the whole run is killed, s.
+        megabytes: Memory that the run can allocate, MB.
+        version: Version of the package.
+        trials: Number of Monte Carlo samples of its plan.
     """
 
     key: str
@@ -109,12 +109,12 @@ class RunSpec:
 
     @property
     def label(self) -> str:
-        """What reports call the planner."""
+        """Name of the planner in reports."""
         return self.planner.label or self.planner.name
 
     @property
     def fields(self) -> dict[str, str]:
-        """What filters look at, and people read."""
+        """Fields for filters and messages."""
         return dict(zip(FIELDS, (self.problem.name, self.label, self.stable_set, str(self.seed)), strict=True))
 
     def __str__(self) -> str:
@@ -122,7 +122,7 @@ class RunSpec:
 
 
 def planner_settings(planner: Planner) -> dict[str, object]:
-    """Return all of a planner that bears on results: everything but its label."""
+    """Return all settings of a planner that affect results, that is, all but its label."""
     return planner.model_dump(exclude={"label"})
 
 
@@ -131,15 +131,15 @@ class Suite:
     """A benchmark.
 
     Attributes:
-        name: For people.
-        path: The file that it was read from.
-        source: The bytes of that file.
-        problems: What is to be solved.
-        planners: By which planners, with `label` and `time` filled in.
-        sets: Within which stable sets; None stands for each scenario's own.
-        seeds: From which random numbers.
-        limits: What a run may use.
-        trials: Number of sampled worlds that every plan is tried in.
+        name: Name in reports.
+        path: File of the suite.
+        source: Bytes of that file.
+        problems: Push problems.
+        planners: Planners, with `label` and `time` filled in.
+        sets: Names of the stable sets; None for each scenario's own.
+        seeds: Seeds of the random numbers.
+        limits: Limits of a run.
+        trials: Number of Monte Carlo samples of every plan.
     """
 
     name: str
@@ -153,7 +153,7 @@ class Suite:
     trials: int = 0
 
     def runs(self, version: str) -> Iterator[RunSpec]:
-        """Yield all runs, seed by seed, so that a benchmark that is stopped early has some of everything."""
+        """Yield all runs, seed by seed, so that a stopped benchmark has results of every problem and planner."""
         tried = {"trials": self.trials} if self.trials else {}
         for seed, problem, planner in product(self.seeds, self.problems, self.planners):
             assert planner.time is not None
@@ -165,46 +165,48 @@ class Suite:
 
     @property
     def code(self) -> tuple[str, ...]:
-        """All `module:attribute` that the runs load: planners and stable sets."""
+        """Planners and stable sets of the form `module:attribute`, whose code the runs import."""
         named = [planner.name for planner in self.planners]
         named += self.sets or [problem.stable_set for problem in self.problems]
         return tuple(dict.fromkeys(name for name in named if PLACE.fullmatch(name)))
 
 
 def select(runs: Sequence[RunSpec], filters: Sequence[str]) -> list[RunSpec]:
-    """Return the runs that fit all filters.
+    """Return the runs that match all filters.
 
     Args:
-        runs: To choose from.
-        filters: Texts FIELD=PATTERN, where the field is one of `FIELDS`; in the pattern `*` stands for anything.
+        runs: All runs.
+        filters: Texts FIELD=PATTERN with one of `FIELDS`; in the pattern `*` matches any text.
 
     Raises:
-        SelectionError: When a filter is written wrongly, or no run fits.
+        SelectionError: If a filter is malformed, or no run matches.
     """
     kept = list(runs)
     for text in filters:
         field, sign, pattern = text.partition("=")
         if not sign or field not in FIELDS:
-            raise SelectionError(f"'{text}' is no filter; allowed: FIELD=PATTERN, FIELD one of {', '.join(FIELDS)}")
+            raise SelectionError(
+                f"'{text}' is not a filter; allowed: FIELD=PATTERN, FIELD one of {', '.join(FIELDS)}"
+            )
         kept = [run for run in kept if fnmatchcase(run.fields[field], pattern)]
     if not kept:
         known = {field: sorted({run.fields[field] for run in runs})[:20] for field in FIELDS}
         there = "; ".join(f"{field}: {', '.join(values)}" for field, values in known.items())
-        raise SelectionError(f"no run fits {' and '.join(filters)}; there are {there}")
+        raise SelectionError(f"no run matches {' and '.join(filters)}; allowed values: {there}")
     return kept
 
 
 def run_with_key(runs: Sequence[RunSpec], key: str) -> RunSpec:
-    """Return the run whose key begins so.
+    """Return the run whose key begins with `key`.
 
     Raises:
-        SelectionError: When there is none or several.
+        SelectionError: If there is none, or more than one.
     """
     found = [run for run in runs if run.key.startswith(key)]
     if len(found) != 1:
         raise SelectionError(
             f"{len(found) or 'no'} run{'s' * (len(found) > 1)} of this suite and version has a key that begins with "
-            f"'{key}'; report.html and runs.csv list the keys, which are others for every version of pushplan"
+            f"'{key}'; report.html and runs.csv list the keys, which differ between versions of pushplan"
         )
     return found[0]
 
@@ -223,10 +225,10 @@ def suite_text(name: str) -> str:
 
 
 def load_suite(source: str | Path) -> Suite:
-    """Read a suite from a file, or a packaged one by its name, with all its problems.
+    """Read a suite with all its problems, from a file or from a packaged suite.
 
     Raises:
-        SuiteError: With everything found wrong, in the suite and in the scenarios that it names.
+        SuiteError: If the suite or one of its scenarios is wrong, with all errors.
     """
     data, path = read_named(source, PACKAGED, "suite", SuiteError)
     return suite_from_text(data, path)
@@ -236,8 +238,8 @@ def suite_from_text(text: str | bytes, path: str | Path = "suite.yaml") -> Suite
     """Read a suite from a text.
 
     Args:
-        text: What a suite file holds.
-        path: What messages call it; scenario files are looked for in its folder.
+        text: Contents of a suite file.
+        path: Path of the file for messages; scenario files are relative to its folder.
 
     Raises:
         SuiteError: As for `load_suite`.
@@ -267,7 +269,7 @@ def suite_from_text(text: str | bytes, path: str | Path = "suite.yaml") -> Suite
 
 
 def _planners(file: SuiteFile, report: Source) -> tuple[Planner, ...]:
-    """Return the planners with label and limits filled in, and report those that are called alike or do the same."""
+    """Return the planners with label and limits filled in; report planners with the same label or settings."""
     made: list[Planner] = []
     for i, stated in enumerate(file.planners):
         planner = Planner(name=stated) if isinstance(stated, str) else stated
@@ -283,7 +285,7 @@ def _planners(file: SuiteFile, report: Source) -> tuple[Planner, ...]:
                 report.error(("planners", i), f"is the same as planners[{j}]; leave one of them out")
                 break
             if planner.label == other.label:
-                text = f"is called '{planner.label}' like planners[{j}]; give it another label"
+                text = f"has the label '{planner.label}' of planners[{j}]; give it another label"
                 report.error(("planners", i), text)
                 break
         made.append(planner)
@@ -297,7 +299,7 @@ def _problems(file: SuiteFile, folder: Path, report: Source) -> tuple[Problem, .
         entry = StatedProblem(scenario=stated) if isinstance(stated, str) else stated
         try:
             for problem in _problems_of(entry, folder):
-                signs = ((problem.hash, "states the same problem as"), (problem.name, "is called like"))
+                signs = ((problem.hash, "is the same problem as"), (problem.name, "has the same name as"))
                 for sign, how in signs:
                     if sign in known:
                         text = f"'{problem.name}' {how} '{known[sign].name}'; leave it out or change it"

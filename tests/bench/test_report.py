@@ -123,7 +123,7 @@ def test_latex_has_three_tables_with_equal_digits_in_a_column(tmp_path: Path) ->
     write_latex(make(tmp_path, _ranked), tmp_path / "tables.tex")
     text = (tmp_path / "tables.tex").read_text()
     assert re.findall(r"\\label\{(.*?)\}", text) == ["tab:planners", "tab:problems", "tab:comparisons"]
-    assert text.count(f"(planning at most 4 s; {Machine.this().text})".replace("_", r"\_")) == 3
+    assert text.count(f"(planning limit 4 s; {Machine.this().text})".replace("_", r"\_")) == 3
     problems = text.split(r"\midrule")[2].split(r"\bottomrule")[0]
     cells = [line.removesuffix(r" \\").split(" & ")[3:] for line in problems.strip().splitlines()]
     for column in zip(*cells, strict=True):

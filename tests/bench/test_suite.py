@@ -93,8 +93,8 @@ planners: [auto, {name: auto, label: same}, {name: rrt, label: auto}]
         f"s.yaml:{p}" for p in ("4:5", "5:5", "5:5", "6:5", "7:5", "8:18", "8:45")
     ]
     told = (
-        "states the same problem as 'one-box'", "cannot be used: /bad.yaml:", "cannot be used: /bad.yaml:",
-        "no packaged scenario", "no place in a workspace", "the same as planners[0]", "is called 'auto' like",
+        "is the same problem as 'one-box'", "cannot be used: /bad.yaml:", "cannot be used: /bad.yaml:",
+        "no packaged scenario", "no free start and goal", "the same as planners[0]", "has the label 'auto' of",
     )  # fmt: skip
     assert all(words in line for words, line in zip(told, lines, strict=True)), lines
 
@@ -104,7 +104,7 @@ problems: [] | 2:11: problems: is a list of 0; allowed: a list of scenarios
 problem: [one-box] | 2:1: problem: unknown key; did you mean 'problems'?
 problems: [{generate: {}}] | problems[0]: generates problems without a name; allowed: {name: ...
 problems: [{scenario: x, count: 2}] | has count or seed but generates nothing
-problems: [{scenario: x, format: relopush}] | suites do not read files of ReloPush any more
+problems: [{scenario: x, format: relopush}] | suites no longer read files of ReloPush
 problems: [{name: x, generate: {objects: [3, 1]}}] | is [3, 1]; allowed: [low, high] with low <= high
 problems: [{name: x, generate: {drives: [car, tank]}}] | drives[1]: is the text 'tank'
 problems: [one-box]; planners: [rtt] | planners[0]: is the text 'rtt'
@@ -164,12 +164,12 @@ def test_a_suite_is_run_reported_and_resumed(suite: str, tmp_path: Path, capsys:
     assert names <= set(os.listdir(folder))
     assert len(os.listdir(folder / "logs")) == 2
     assert main(["bench", suite, "-o", str(folder)]) == 2
-    assert f"{folder} has the results of 2 runs; go on with --resume" in capsys.readouterr().err
+    assert f"{folder} has the results of 2 runs; continue with --resume" in capsys.readouterr().err
     assert main(["bench", suite, "-o", str(folder), "--resume", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert (document["runs"], document["before"], document["done"], document["left"]) == (2, 2, 0, 0)
     assert main(["bench", suite, "-o", str(folder), "--resume", "--filter", "seed=9"]) == 2
-    assert "no run fits seed=9" in capsys.readouterr().err
+    assert "no run matches seed=9" in capsys.readouterr().err
 
 
 def test_shards_are_merged_and_reported(suite: str, tmp_path: Path, capsys: Captured) -> None:
