@@ -1,12 +1,12 @@
-"""A run as a ROS 2 bag (MCAP), which `ros2 bag play` plays, and beside it a file that makes RViz show it.
+"""Export of a run as a ROS 2 bag (MCAP) for `ros2 bag play`, with an RViz configuration beside it.
 
-Topics: /tf_static and /tf, /scene and /contacts (markers), /plan/path and /plan/smoothed, or /plan/nearest where
-there is no plan, /pusher/twist, /margins/... (a number each), /log; of the base, for path followers, /base/path,
-/base/twist and /footprint, the outline of all that moves with it. Scene, paths and footprint are offered as transient
-local, and sent again every second for programs that only listen.
+Topics: /tf_static and /tf, /scene and /contacts (markers), /plan/path and /plan/smoothed (without a plan:
+/plan/nearest), /pusher/twist, /margins/... (one number each), /log. For path followers, /base/path, /base/twist and
+/footprint (the outline of robot, plate and load) refer to the base. Scene, paths and footprint have the durability
+transient local and are repeated every second for volatile subscribers.
 
-Frames are nested as in ROS (REP 105): map -> odom -> base_link -> pusher, and map -> each object; what
-does not change is on /tf_static.
+Frames are nested as in ROS (REP 105): map -> odom -> base_link -> pusher, and map -> each object. Constant transforms
+are on /tf_static.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ from pushplan.util.names import BESIDE_A_BAG, PUSHER
 from pushplan.util.naming import optional
 
 _EARLIEST = 1.0
-"""Epoch of a run whose log does not say when it began, s: tf2 takes 0 for `latest`."""
+"""Epoch of a run without a start time in its log, s; 0 would mean `latest` in tf2."""
 _AGAIN = NANO
-"""Time after which scene and paths are sent again, ns."""
+"""Period of the repeated messages (scene, paths, footprint), ns."""
 _LINE_STRIP, _LINE_LIST, _TRIANGLES = 4, 5, 11
 """Types of visualization_msgs/Marker."""
 
@@ -58,15 +58,15 @@ def write_ros2(
     """Write the bag, an .mcap file, and beside it an `.rviz` file of the same name.
 
     Args:
-        run: What to write.
-        path: The bag. Where it is streamed, as into a pipe, there is nothing beside it.
+        run: Run to write.
+        path: Path of the bag. A stream, such as a pipe, gets no `.rviz` file.
         frames: Names of the frames above the chain.
-        epoch: ROS time, s, at which the simulated time begins; by default when the run was begun.
+        epoch: ROS time of the simulated time 0, s; None for the start of the run.
 
     Raises:
-        MissingExtraError: When rosbags is not installed.
-        FrameNamesError: When the run has a frame of one of these names.
-        OutputError: When a file cannot be written.
+        MissingExtraError: If rosbags is not installed.
+        FrameNamesError: If the run has a frame with one of these names.
+        OutputError: If a file cannot be written.
     """
     frames = Frames() if frames is None else frames
     frames.check(run.scenario)
@@ -87,7 +87,7 @@ def _begun(run: RecordedRun) -> float:
 
 
 class _Bag:
-    """A bag being written: a context manager; messages are those of ROS 2 Humble, which later versions read."""
+    """Context manager that writes a bag with messages of ROS 2 Humble, which later versions read."""
 
     def __init__(self, folder: Path, epoch: int) -> None:
         rosbag2 = optional("rosbags.rosbag2", "a ROS 2 bag", "rosbags", "ros2")
@@ -107,11 +107,11 @@ class _Bag:
         self._writer.close()
 
     def make(self, kind: str, *values: Any) -> Any:
-        """Return a message of the type `package/Name` with values for its fields, in their order."""
+        """Return a message of type `package/Name` with the values of its fields in order."""
         return self._store.types[kind.replace("/", "/msg/")](*values)
 
     def stamp(self, instant: int) -> Any:
-        """Return a simulated time, ns, in the time of the bag."""
+        """Return the ROS time of a simulated time, ns."""
         return self.make("builtin_interfaces/Time", *divmod(self._epoch + instant, NANO))
 
     def header(self, frame: str, instant: int) -> Any:
@@ -119,7 +119,7 @@ class _Bag:
         return self.make("std_msgs/Header", self.stamp(instant), frame)
 
     def send(self, topic: str, instant: int, message: Any, latched: bool = False) -> None:
-        """Write a message at a simulated time, ns; one that is `latched` is also for those who come later."""
+        """Write a message at a simulated time, ns; later subscribers also get a `latched` one."""
         kind = message.__msgtype__
         if topic not in self._connections:
             self._connections[topic] = self._writer.add_connection(
@@ -129,7 +129,7 @@ class _Bag:
         self._writer.write(self._connections[topic], self._epoch + instant, data)
 
     def _quality(self, latched: bool) -> Any:
-        """Return a QoS profile: reliable, the last 10 messages kept."""
+        """Return a reliable QoS profile that keeps the last 10 messages."""
         qos = self._interfaces
         durability = qos.QosDurability.TRANSIENT_LOCAL if latched else qos.QosDurability.VOLATILE
         never = qos.QosTime(9223372036, 854775807)
@@ -147,19 +147,19 @@ class _Bag:
 
 
 class _Contents:
-    """What a bag says of a run: what its log says to viewers, and where the base is."""
+    """Contents of a bag: the messages of the log for viewers, and the pose of the base."""
 
     def __init__(self, bag: _Bag, run: RecordedRun, frames: Frames) -> None:
         self._bag, self._run, self._frames, self._scenario = bag, run, frames, run.scenario
         self._width = line_width(Scene.of(run.scenario, run.plan).window)
         self._base = base_in_plate(run.scenario)
-        names = enumerate(contact_names(run.scenario))  # in ROS they have letters, digits and underscores only
+        names = enumerate(contact_names(run.scenario))  # ROS allows only letters, digits and underscores
         self._margins = [f"/margins/c{k:02d}_{re.sub('[^A-Za-z0-9]+', '_', name)}" for k, name in names]
 
     def write(self) -> None:
-        """Write all messages: what stands still at once and again and again."""
+        """Write all messages; those about fixed things are repeated."""
         still: dict[str, Callable[[int], Any]] = {"/footprint": self._footprint}
-        moving: dict[tuple[schemas.Topic, int], bytes] = {}  # what is there at first is in the first sample, too
+        moving: dict[tuple[schemas.Topic, int], bytes] = {}  # the first sample replaces the initial message
         for instant, topic, data in messages(self._run):
             if topic in (schemas.TF, schemas.CONTACTS, schemas.PUSHER_TWIST, schemas.MARGINS):
                 moving[topic, instant] = data
@@ -178,7 +178,7 @@ class _Contents:
                 self._bag.send(name, instant, message)
 
     def _standing(self, topic: schemas.Topic, message: Any) -> dict[str, Callable[[int], Any]]:
-        """Return what makes the messages of what stands still, by their topics."""
+        """Return factories of the messages about fixed things, by topic."""
         if topic is schemas.SCENE or (topic is schemas.PLAN_NEAREST and message.entities):
             return {topic.name: partial(self._markers, message.entities)}
         if topic not in (schemas.PLAN_PATH, schemas.PLAN_SMOOTHED):
@@ -188,7 +188,7 @@ class _Contents:
         return {topic.name: partial(self._path, poses), **(base if topic is schemas.PLAN_SMOOTHED else {})}
 
     def _moved(self, topic: schemas.Topic, message: Any, instant: int) -> Iterator[tuple[str, Any]]:
-        """Yield topics and messages of a sample: frames, contacts, twists, a number for each contact's margin."""
+        """Yield topics and messages of a sample: frames, contacts, twists, and a number for each contact's margin."""
         if topic is schemas.TF:
             yield "/tf", self._transforms(message, instant)
         elif topic is schemas.CONTACTS:
@@ -208,7 +208,7 @@ class _Contents:
         return self._bag.make("tf2_msgs/TFMessage", [self._transform(*pair, 0) for pair in pairs])
 
     def _transforms(self, message: FrameTransforms, instant: int) -> Any:
-        """Return the message for /tf: the base where the log has the plate, and the objects."""
+        """Return the message for /tf with the base in place of the plate, and the objects."""
         frames, moved = self._frames, []
         for one in message.transforms:
             pose = _planar(one.translation, one.rotation)
@@ -245,7 +245,7 @@ class _Contents:
         return self._bag.make("geometry_msgs/TwistStamped", self._bag.header(frame, instant), moved)
 
     def _footprint(self, instant: int) -> Any:
-        """Return the outline of robot and plate, and of the objects if they stay there, in the frame of the base."""
+        """Return the outline of robot, plate and held objects in the frame of the base."""
         points = [self._bag.make("geometry_msgs/Point32", x, y, 0.0) for x, y in self._scenario.footprint.tolist()]
         polygon = self._bag.make("geometry_msgs/Polygon", points)
         header = self._bag.header(self._frames.base, instant)
@@ -288,7 +288,7 @@ class _Contents:
             bag.make("geometry_msgs/Vector3", scale, scale, scale),
             bag.make("std_msgs/ColorRGBA", color.r, color.g, color.b, color.a),
             bag.make("builtin_interfaces/Duration", 0, 0),
-            True,  # moves with its frame
+            True,  # frame_locked: it moves with its frame
             [bag.make("geometry_msgs/Point", *point) for point in points],
             [],
             "",
@@ -302,5 +302,5 @@ class _Contents:
 
 
 def _planar(place: Vector3, turn: Quaternion) -> FloatArray:
-    """Return the pose (3,) in the plane of what a log's message says."""
+    """Return the planar pose (3,) of a position and a quaternion."""
     return np.array([place.x, place.y, 2.0 * math.atan2(turn.z, turn.w)])

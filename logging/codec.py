@@ -1,14 +1,14 @@
-"""Plans, executions and what belongs to them as bytes, every number bit for bit, and back: the attachments of a log.
+"""Encoding of plans, executions and related records as attachments of a log, every number bit for bit, and back.
 
 An attachment is the line `pushplan-arrays/1 SIZE`, a line of JSON, and the numbers of all arrays, SIZE bytes, as one
-zstd frame. The JSON has `value` and `arrays`, type and shape of each as NumPy writes them. In `value` an array is
-`{"array": index}`, an object `{"type": name, field: value, ...}`, a mapping `{"mapping": {...}}`, and a number that
-is not finite `{"number": "nan" | "inf" | "-inf"}`. Inside the frame lie byte 0 of every number of an array, then
-byte 1 of every number, and so on (as Parquet's BYTE_STREAM_SPLIT): neighbours share their high bytes.
+zstd frame. The JSON has `value` and `arrays`, the type and shape of each array in NumPy's notation. In `value` an
+array is `{"array": index}`, an object `{"type": name, field: value, ...}`, a mapping `{"mapping": {...}}`, and a
+number that is not finite `{"number": "nan" | "inf" | "-inf"}`. The frame has byte 0 of every number of an array, then
+byte 1 of every number, and so on (like Parquet's BYTE_STREAM_SPLIT), because neighbours share their high bytes.
 
-A load is written as its objects, the face and offset at which the plate pushes them, and where plate, objects and
-contacts are in the contact's frame, (3,), (n, 3) and (n, 2, 2), with the contacts' friction: a closed loop plans for
-a chain as measured, and with caution. All else of its chain is that of the scenario.
+A load is written as its objects, the face and offset at which the plate pushes them, and the poses of plate (3,),
+objects (n, 3) and contacts (n, 2, 2) in the contact frame, with the contacts' friction. These differ from the
+scenario if a closed loop plans for a measured chain with caution. Everything else comes from the scenario.
 """
 
 from __future__ import annotations
@@ -65,24 +65,24 @@ _TYPES: dict[str, type] = {
         TrialEnd,
     )
 }
-"""What an attachment may hold."""
+"""Types of objects in attachments."""
 
 _LEFT_OUT = {"Plan": {"scenario", "execution", "improvements"}}
-"""Fields that have attachments of their own."""
+"""Fields that are stored elsewhere."""
 
 _NUMBERS = ("<f8", "<i8", "|b1")
 """Types of arrays."""
 
 _MEMORY = 24
-"""Bytes of memory that each byte of JSON may take once it is read."""
+"""Largest memory of each byte of JSON after decoding, bytes."""
 
 
 class CodecError(PushplanError, ValueError):
-    """Bytes that are none of what `encode` writes."""
+    """Error of bytes that `encode` has not written."""
 
 
 def encode(value: object) -> bytes:
-    """Return the attachment that holds a value: numbers, texts, arrays, sequences, mappings, the types above."""
+    """Return a value as an attachment: numbers, texts, arrays, sequences, mappings, and the types above."""
     arrays: list[NDArray[Any]] = []
     tree = _plain(value, arrays)
     types = {"f": "<f8", "i": "<i8", "u": "<i8", "b": "|b1"}
@@ -94,7 +94,7 @@ def encode(value: object) -> bytes:
 
 
 def _planes(array: NDArray[Any]) -> bytes:
-    """Return the bytes of an array (m, ...): its columns one after another, split into planes."""
+    """Return the bytes of an array (m, ...), column by column, split into byte planes."""
     if not array.size:
         return b""
     columns = np.ascontiguousarray(array.reshape(len(array) if array.ndim else 1, -1).T)
@@ -102,7 +102,7 @@ def _planes(array: NDArray[Any]) -> bytes:
 
 
 def _array(data: bytes, dtype: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    """Return the array, read-only, of which `_planes` returned the bytes."""
+    """Return the read-only array from the bytes of `_planes`."""
     width, rows = np.dtype(dtype).itemsize, shape[0] if shape else 1
     if not math.prod(shape):
         return np.zeros(shape, dtype=dtype)
@@ -113,7 +113,7 @@ def _array(data: bytes, dtype: str, shape: tuple[int, ...]) -> NDArray[Any]:
 
 
 def _plain(value: Any, arrays: list[NDArray[Any]]) -> Any:
-    """Return a value as JSON has it; arrays are added to `arrays`."""
+    """Return a value as plain data for JSON; its arrays are appended to `arrays`."""
     if value is None or isinstance(value, bool | int | str):
         return value
     if isinstance(value, float):
@@ -143,13 +143,13 @@ def _plain(value: Any, arrays: list[NDArray[Any]]) -> Any:
         }
     name = type(value).__name__
     if name not in _TYPES:
-        raise TypeError(f"no attachment holds a {name}")
+        raise TypeError(f"an attachment cannot hold a {name}")
     names = [field.name for field in fields(value) if field.name not in _LEFT_OUT.get(name, ())]
     return {"type": name, **{name: _plain(getattr(value, name), arrays) for name in names}}
 
 
 def _parts(data: bytes) -> tuple[int, bytes, bytes]:
-    """Return the size of the arrays, the line of JSON and the frame of an attachment."""
+    """Return the size of the arrays, the line of JSON, and the zstd frame of an attachment."""
     first = data.find(b"\n", 0, 64)
     line = data.find(b"\n", first + 1, first + 1 + _JSON_LIMIT)
     size = data[len(_HEAD) : first]
@@ -159,30 +159,30 @@ def _parts(data: bytes) -> tuple[int, bytes, bytes]:
 
 
 def memory(data: bytes) -> int:
-    """Return the bytes of memory that an attachment may take once it is decoded, whatever it holds.
+    """Return an upper bound of the memory of a decoded attachment, bytes.
 
     Raises:
-        CodecError: When it is none of `encode`'s.
+        CodecError: If `encode` has not written it.
     """
     size, head, _ = _parts(data)
     return 2 * size + _MEMORY * len(head)
 
 
 def decode(data: bytes, scenario: Scenario) -> Any:
-    """Return the value that an attachment holds; sequences become tuples, arrays are read-only.
+    """Return the value of an attachment; sequences become tuples, arrays are read-only.
 
     Args:
-        data: The attachment.
-        scenario: Of the run: loads are those of its objects, plans are plans of it.
+        data: Attachment.
+        scenario: Scenario of the run, for its loads and plans.
 
     Raises:
-        CodecError: When the bytes are none of `encode`'s, or what they hold fits no type.
-        PushplanError: When an object cannot be of its fields.
+        CodecError: If `encode` has not written the bytes, or a value does not fit its type.
+        PushplanError: If an object cannot have its fields.
     """
     size, head, frame = _parts(data)
     try:
         if zstandard.frame_content_size(frame) != size:
-            raise CodecError(f"an attachment that states other than the {size} bytes that it holds")
+            raise CodecError(f"an attachment claims {size} bytes of arrays, but its data have another size")
         numbers = zstandard.ZstdDecompressor().decompress(frame, max_output_size=size) if size else b""
         told = json.loads(head)
         return _Decoder(_arrays(numbers, told["arrays"]), scenario).value(told["value"])
@@ -197,7 +197,7 @@ def _arrays(data: bytes, told: list[list[Any]]) -> list[NDArray[Any]]:
     for dtype, sides in told:
         shape = tuple(sides)
         if dtype not in _NUMBERS or len(shape) > 4 or not all(type(n) is int and n >= 0 for n in shape):
-            raise CodecError(f"an array of type {dtype!r} and shape {shape}")
+            raise CodecError(f"an array has the invalid type {dtype!r} or shape {shape}")
         end = at + math.prod(shape) * np.dtype(dtype).itemsize
         if end > len(data):
             raise CodecError(f"an array of shape {shape} is cut off")
@@ -207,13 +207,13 @@ def _arrays(data: bytes, told: list[list[Any]]) -> list[NDArray[Any]]:
 
 
 class _Decoder:
-    """Makes values of plain data."""
+    """Decoder of plain data."""
 
     def __init__(self, arrays: list[NDArray[Any]], scenario: Scenario) -> None:
         self._arrays, self._scenario = arrays, scenario
 
     def value(self, plain: Any) -> Any:
-        """Return the value that `_plain` made plain."""
+        """Return the value from the result of `_plain`."""
         if isinstance(plain, list):
             return tuple(self.value(one) for one in plain)
         if not isinstance(plain, dict):
@@ -248,19 +248,19 @@ _Key = tuple[tuple[str, ...], str, float, tuple[str, ...]]
 def load_of(
     scenario: Scenario, names: tuple[str, ...], face: str, offset: float, faces: tuple[str, ...] = ()
 ) -> Load:
-    """Return the load of some objects of a scenario, pushed at a place; the same object for the same place.
+    """Return the load of some objects of a scenario for a face and an offset; equal arguments give the same object.
 
     Args:
-        scenario: With the objects.
-        names: Of them, from the plate outward.
-        face: Through which the plate pushes the first one.
-        offset: Of the plate there, m.
-        faces: Through which each one is pushed, where they stand in a row.
+        scenario: Scenario with the objects.
+        names: Names of the objects, from the plate outward.
+        face: Face of the first object that the plate pushes.
+        offset: Offset of the plate on this face, m.
+        faces: Pushed face of each object of a row.
 
     Raises:
-        PushplanError: When there is no such load.
+        PushplanError: If there is no such load.
     """
-    known: dict[_Key, Load] = vars(scenario).setdefault("_loads_of_logs", {})  # each has stable sets of its own
+    known: dict[_Key, Load] = vars(scenario).setdefault("_loads_of_logs", {})  # loads cache their stable sets
     key = (names, face, offset, faces)
     if key not in known:
         known[key] = _load(scenario, *key)
@@ -276,7 +276,7 @@ def _load(scenario: Scenario, names: tuple[str, ...], face: str, offset: float, 
         base = scenario if scenario.task.one_load else scenario.alone(names[0])
         if face:
             load = Load.pushed_from(base, pushed_at(base.chain, face, offset), face, offset)
-        else:  # near which the plate stands at first, at no face
+        else:  # the initial load, near which the plate stands without a face
             load = Load.of(base)
             load = replace(load, links=tuple(replace(link, face="", offset=0.0) for link in load.links))
     if load.names != names:
@@ -287,8 +287,8 @@ def _load(scenario: Scenario, names: tuple[str, ...], face: str, offset: float, 
 def _in_row(scenario: Scenario, names: tuple[str, ...], faces: tuple[str, ...], offset: float) -> Load:
     """Return the load of objects in a row.
 
-    A load as measured, which closed loops plan for, names faces by its own frame: where objects have none of that
-    name any other one will do, as the log has the places of all bodies.
+    A measured load of a closed loop names faces in its own frame. If an object has no face of this name, any face is
+    used, because the log has the poses of all bodies.
     """
     members = []
     for name, face in zip(names, faces, strict=True):
@@ -306,9 +306,9 @@ def _in_row(scenario: Scenario, names: tuple[str, ...], faces: tuple[str, ...], 
 
 
 def _placed(load: Load, plate: FloatArray, places: FloatArray, ends: FloatArray, friction: FloatArray) -> Load:
-    """Return a load with plate (3,), objects (n, 3), contacts (n, 2, 2) and their friction (n,) as a log has them.
+    """Return a load with plate (3,), objects (n, 3), contacts (n, 2, 2) and their friction (n,) from a log.
 
-    It is the load itself where they are where the scenario has them, but for rounding.
+    If these equal the scenario's up to rounding, the load itself is returned.
     """
     chain = load.chain
     own = np.array([[contact.right, contact.left] for contact in chain.contacts])
@@ -340,10 +340,10 @@ def _hints(kind: type) -> dict[str, Any]:
 
 
 def _fits(value: Any, hint: Any) -> bool:
-    """Tell whether a value may be of a field with that annotation."""
+    """Return whether a value fits the annotation of a field."""
     origin, args = get_origin(hint), get_args(hint)
     alias = getattr(origin, "__value__", None)
-    if alias is not None:  # NumPy's arrays are aliases of their own from Python 3.12 on
+    if alias is not None:  # NumPy's array types are type aliases from Python 3.12 on
         return _fits(value, alias[args])
     if origin in (Union, UnionType):
         return any(_fits(value, one) for one in args)

@@ -1,4 +1,4 @@
-"""A film of a run (MP4): frames of the drawing from above, and under it the margins up to that time."""
+"""Export of a run as a film (MP4): the scene from above, and below it the margins over time."""
 
 from __future__ import annotations
 
@@ -44,36 +44,36 @@ STILL = 4.0
 """Length of the film of a run that was not executed, s."""
 
 WIDTH, HEIGHT, DPI = 1280, 960, 100
-"""Size of a picture, pixels; even, as video encoders want it."""
+"""Size of a picture, pixels; video encoders need even numbers."""
 
 _FLOOR, _PLOT, _HEAD = (0.02, 0.25, 0.96, 0.68), (0.05, 0.05, 0.92, 0.15), (0.02, 0.965)
-"""Left, bottom, width and height of the parts, left and middle of the title, as shares of the picture."""
+"""Left, bottom, width and height of floor and plot, and left and middle of the title, as shares of the picture."""
 
 Picture = NDArray[np.uint8]
-"""(height, width, 3): red, green, blue."""
+"""Picture (height, width, 3): red, green, blue."""
 
 
 def write_mp4(run: Run | RecordedRun, path: Path | str, rate: float = 1.0) -> None:
-    """Write a film of a run; of one that was not executed, a picture that says why.
+    """Write a film of a run; without an execution, a still picture with the reason.
 
     Args:
-        run: What to show.
-        path: The file.
+        run: Run to show.
+        path: Path of the film.
         rate: Simulated seconds in each second of the film, > 0.
 
     Raises:
-        MissingExtraError: When av is not installed.
-        OutputError: When the file cannot be written.
+        MissingExtraError: If av is not installed.
+        OutputError: If the file cannot be written.
     """
     av = optional("av", "a film", "av", "mp4")
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "run.mp4"
-        # Players can start before they have read its end.
+        # With `faststart`, players can start before they have read the end of the file.
         with av.open(str(target), "w", options={"movflags": "+faststart"}) as container:
-            how = {"crf": "20", "preset": "veryfast"}  # of flat colours, slower presets make no smaller film
+            how = {"crf": "20", "preset": "veryfast"}  # slower presets do not reduce the size of flat colours
             stream = container.add_stream("libx264", rate=Fraction(PICTURES_PER_SECOND), options=how)
             stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
-            stream.codec_context.thread_count = 1  # others may want the processors
+            stream.codec_context.thread_count = 1  # leave the other processors to other programs
             for picture in pictures(run, rate):
                 container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
             container.mux(stream.encode())
@@ -93,13 +93,13 @@ def pictures(run: Run | RecordedRun, rate: float = 1.0) -> Iterator[Picture]:
 
 
 class Still:
-    """What stands still in a film: the room from above, start and goals, the path; below, why nothing moves."""
+    """Fixed part of a film: room, start, goals and path from above; without an execution, the reason below."""
 
     def __init__(self, run: Run | RecordedRun) -> None:
         self.run = run
         self.scene = Scene.of(run.scenario, run.plan, run.execution, run.events)
         figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI, facecolor="white")
-        self.canvas: Any = FigureCanvasAgg(figure)  # whose methods have no types
+        self.canvas: Any = FigureCanvasAgg(figure)  # its methods are untyped
         self.floor, self.plot = figure.add_axes(_FLOOR), figure.add_axes(_PLOT)
         self._draw_floor(self.floor)
         figure.text(*_HEAD, cut(run.scenario.name, 60), color=INK, fontsize=15, va="center")
@@ -107,7 +107,7 @@ class Still:
             self._write_why(self.plot)
 
     def picture(self) -> Picture:
-        """Return the picture as it is drawn now."""
+        """Return the picture of the current drawing."""
         self.canvas.draw()
         return self._pixels()
 
@@ -140,7 +140,7 @@ class Still:
 
 
 class Film(Still):
-    """The pictures of a run that was executed: only what moves is drawn anew, over what stands still."""
+    """Pictures of an executed run; only the moving parts are redrawn, over the fixed part."""
 
     def __init__(self, run: Run | RecordedRun, execution: Execution, rate: float = 1.0) -> None:
         super().__init__(run)
@@ -189,7 +189,7 @@ class Film(Still):
         return self._pixels()
 
     def _place_contacts(self, sample: int, plate: FloatArray) -> None:
-        """Draw segment, friction cones and force of each contact that is closed as one line with gaps."""
+        """Draw segment, friction cones and force of each pushed contact as one line with gaps."""
         for line in self._lines:
             line.set_data([], [])
         ((load, _),) = pushed_at_samples(self.run, np.array([sample]))

@@ -1,9 +1,9 @@
-"""A layout for Foxglove and Lichtblick that shows a run: the scene from above, margins, planning, log.
+"""Layout of a run for Foxglove and Lichtblick: the scene from above, margins, planning, log.
 
-The default layout of these viewers shows no scene. Importing this one (layout menu, "import from file") sets up
-the panels for the topics of a run log, with one line in the plot for each contact of the run; of a run without a plan
-it shows the search tree, the path that comes nearest, and the reason. Keys are those of both viewers' sources;
-where they differ, both are written.
+The default layout of these viewers shows no scene. Import this one with "import from file" in the layout menu. It has
+panels for the topics of a run log, with one line in the plot for each contact. For a run without a plan it shows the
+search tree, the path that comes nearest to the goal, and the reason. If the keys of the two viewers differ, both are
+written.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ LAYOUT_FILE = "layout.json"
 """Name of the attachment that every log carries from its plan on."""
 
 _LINE_SHARE = 0.003
-"""Width of the path as a share of the longer side of what is shown."""
+"""Width of the path as a share of the longer side of the scene."""
 
 _RIM = 1.05
-"""What is seen over what has to be; the panel is taken to be at least as wide as high."""
+"""Size of the view over that of the scene, for a panel that is at least as wide as high."""
 
 
 def write_layout(run: Run | RecordedRun, path: Path | str) -> None:
     """Write the layout for `run` as a JSON file.
 
     Raises:
-        OutputError: When the file cannot be written.
+        OutputError: If the file cannot be written.
     """
     write_whole(path, layout_text(run.scenario, run.plan))
 
@@ -47,7 +47,7 @@ def layout_text(scenario: Scenario, plan: Plan | None) -> bytes:
 
 
 def layout(scenario: Scenario, plan: Plan | None) -> dict[str, Any]:
-    """Return the layout for a run as plain data: what `layout.json` arranges, with the run in it."""
+    """Return the layout for a run as plain data, from the template `layout.json`."""
     found: dict[str, Any] = json.loads(Path(__file__).with_name("layout.json").read_text("utf-8"))
     panels, solved = found["configById"], plan is not None and plan.solved
     view = Scene.of(scenario, plan).window
@@ -80,7 +80,7 @@ def _titled(title: str) -> dict[str, str]:
 
 
 def _contacts(scenario: Scenario, field: str, bounds: dict[str, str]) -> list[dict[str, Any]]:
-    """Return the lines of one number of every contact over time, and of its bounds."""
+    """Return the plot lines of a field of every contact, and of its bounds."""
     names = contact_names(scenario)
     lines = [
         _line(f"{schemas.MARGINS.name}.contacts[{k}].{field}", name, colour)

@@ -1,9 +1,9 @@
-"""MCAP files: the library's writer, and a reader in file order that trusts nothing in the file.
+"""MCAP files: the library's writer, and a sequential reader that does not trust the file.
 
-The reader never inflates more than a chunk states, nor a record beyond the limits below; checksums of chunks,
-attachments and the summary are compared, and the counts that the summary states; indexes are not used. What it finds
-wrong ends in one typed error with the byte offset; a file that was cut off is read up to its last whole record.
-A file below 100 MB takes less than 500 MB of memory and 10 s of a processor. The format: https://mcap.dev/spec.
+The reader never inflates more than a chunk claims, nor a record beyond the limits below. It checks the checksums of
+chunks, attachments and summary, and the counts of the summary; it does not use the indexes. Every defect ends in one
+typed error with the byte offset. A truncated file is read up to its last whole record. A file below 100 MB takes less
+than 500 MB of memory and 10 s of processor time. The format: https://mcap.dev/spec.
 """
 
 from __future__ import annotations
@@ -32,25 +32,25 @@ from pushplan.util.files import Output
 
 MAGIC = b"\x89MCAP0\r\n"
 
-NO_LOG = "not an MCAP file: this reads logs; `pushplan plan` and `check` read scenarios"
+NO_LOG = "not an MCAP file; this command reads logs, `pushplan plan` and `check` read scenarios"
 
 RECORD_LIMIT = 64 << 20
 """Largest record, and largest chunk once inflated, bytes; the writer's own chunks stay near 1 MiB."""
 
 TEXT_LIMIT = 1 << 20
-"""Longest metadata, bytes: it may be a hundred thousand short words."""
+"""Longest metadata, bytes, because it can hold a hundred thousand short fields."""
 
 _FREE_BYTES, _INFLATION, _MOST_BYTES = 64 << 20, 300, 1 << 30
-"""A file of s bytes may inflate to 64 MiB + 300 s bytes, and to the larger of 1 GiB and 10 s, ..."""
+"""A file of s bytes can inflate to at most 64 MiB + 300 s bytes, and to at most the larger of 1 GiB and 10 s."""
 
 _FREE_RECORDS, _BYTES_PER_RECORD, _BYTES_PER_OUTER_RECORD = 10_000, 40, 100
-"""... hold 10,000 + s/40 records in chunks and 10,000 + s/100 outside of them, which take longer to read, ..."""
+"""It can hold 10,000 + s/40 records in chunks and 10,000 + s/100 outside of them, which take longer to read."""
 
 _KEPT_BYTES = 192 << 20
-"""... and what is kept of it may take the larger of 192 MiB and 2 s bytes."""
+"""The retained contents can take the larger of 192 MiB and 2 s bytes."""
 
 _PREFIX, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<HIQQ")
-"""A record's kind and length; a message's channel, number, time of the log, time of publication."""
+"""Kind and length of a record; channel, number, log time and publication time of a message."""
 
 _COUNTED = {
     Opcode.MESSAGE: "message_count",
@@ -61,7 +61,7 @@ _COUNTED = {
 
 
 class Channel(NamedTuple):
-    """What is said of the messages of a topic: their encoding, and name, encoding and text of their schema."""
+    """Declaration of a topic: encoding of its messages, and name, encoding and text of their schema."""
 
     topic: str
     encoding: str
@@ -72,7 +72,7 @@ class Channel(NamedTuple):
 
 
 class Message(NamedTuple):
-    """A message: its number in the topic, times in ns; `offset` is the place of its chunk in the file."""
+    """A message with its number in the topic and times in ns; `offset` is that of its chunk in the file."""
 
     topic: str
     number: int
@@ -93,7 +93,7 @@ class Attachment:
 
 @dataclass(frozen=True)
 class Metadata:
-    """Words under a name."""
+    """A named metadata record of text fields."""
 
     name: str
     words: dict[str, str]
@@ -104,7 +104,7 @@ Item = Message | Attachment | Metadata
 
 
 class DamageError(Exception):
-    """Bytes that cannot be what they claim; `offset` counts from the beginning of the file."""
+    """Error of invalid bytes; `offset` counts from the beginning of the file."""
 
     def __init__(self, what: str, offset: int) -> None:
         self.what, self.offset = what, offset
@@ -112,29 +112,29 @@ class DamageError(Exception):
 
 
 def mcap_writer(file: Output, library: str) -> Writer:
-    """Return the library's writer onto `file`, begun."""
+    """Return the library's started writer for `file`."""
     writer = Writer(cast(IO[Any], file))
     writer.start("", library)
     return writer
 
 
 class McapFile:
-    """Reads one file once.
+    """Reader of one file, for one pass.
 
     Attributes:
-        path: The file.
-        recover: Read a damaged file up to the damage and tell it in `losses`, instead of raising an error.
-        size: Of the file, bytes; known once reading has begun.
-        losses: What could not be read, in words.
+        path: Path of the file.
+        recover: Whether a damaged file is read up to the damage, with a note in `losses`, instead of an error.
+        size: Size of the file, bytes; known once reading has begun.
+        losses: Descriptions of the parts that could not be read.
     """
 
     def __init__(self, path: Path, recover: bool = False, topics: Collection[str] | None = None) -> None:
         """Prepare to read.
 
         Args:
-            path: The file.
-            recover: See above.
-            topics: The topics whose messages are wanted; None for all.
+            path: Path of the file.
+            recover: Whether a damaged file is read up to the damage.
+            topics: Topics whose messages are read; None for all.
         """
         self.path, self.recover, self.size = path, recover, 0
         self.losses: list[str] = []
@@ -146,7 +146,7 @@ class McapFile:
 
     @property
     def channels(self) -> frozenset[Channel]:
-        """What the file has declared so far."""
+        """Channels that the file has declared so far."""
         none = records.Schema(0, b"", "", "")
         found = [(one, self._schemas.get(one.schema_id, none)) for one in self._channels.values()]
         return frozenset(
@@ -157,13 +157,13 @@ class McapFile:
         )
 
     def items(self) -> Iterator[Item]:
-        """Yield what the file holds.
+        """Yield the contents of the file.
 
         Raises:
-            RunLogError: When the file cannot be read, or is damaged and not to be recovered.
+            RunLogError: If the file cannot be read, or is damaged and `recover` is false.
         """
         try:
-            if not stat.S_ISREG(self.path.stat().st_mode):  # reading a pipe or a device might never end
+            if not stat.S_ISREG(self.path.stat().st_mode):  # a pipe or a device might never end
                 raise RunLogError(str(self.path), "not a file")
             with open(self.path, "rb") as stream:
                 self.size = os.fstat(stream.fileno()).st_size
@@ -177,20 +177,20 @@ class McapFile:
             self.lose(damage)
 
     def lose(self, damage: DamageError) -> None:
-        """Note that because of `damage` nothing is read from there on.
+        """Record that a damage ends the reading.
 
         Raises:
-            RunLogError: When the file is not to be recovered.
+            RunLogError: If `recover` is false.
         """
         if not self.recover:
             raise RunLogError(str(self.path), damage.what, damage.offset) from damage
         self.losses.append(f"everything from byte {damage.offset} on: {damage.what}")
 
     def require(self, there: bool, what: str, vital: bool = False) -> None:
-        """Note that `what` is missing unless it is `there`.
+        """Record that `what` is missing unless it is `there`.
 
         Raises:
-            RunLogError: When the file is not to be recovered, or cannot be without it.
+            RunLogError: If it is missing, and `recover` is false or it is `vital`.
         """
         if not there and (vital or not self.recover):
             raise RunLogError(str(self.path), f"the file ends without {what}", self.size)
@@ -198,17 +198,17 @@ class McapFile:
             self.losses.append(what)
 
     def keep(self, size: int, offset: int) -> None:
-        """Take `size` bytes of memory for what comes from `offset`.
+        """Count `size` bytes of memory for the contents at `offset`.
 
         Raises:
-            DamageError: When that is more than the file may take.
+            DamageError: If the total exceeds the limit for the file.
         """
         self._kept += size
         if self._kept > max(_KEPT_BYTES, 2 * self.size):
-            raise DamageError("the file holds more than fits the memory that its size allows", offset)
+            raise DamageError("the contents of the file exceed the memory limit for its size", offset)
 
     def _walk(self, stream: BinaryIO) -> Iterator[Item]:
-        """Yield the items of the file up to its end; raise DamageError where it is damaged."""
+        """Yield the items of the file up to its end; raise DamageError if it is damaged."""
         if stream.read(len(MAGIC)) != MAGIC:
             raise DamageError(NO_LOG, 0)
         checksum: int | None = None  # of the summary, once the data have ended
@@ -230,20 +230,20 @@ class McapFile:
                 stated = _parse(records.Footer, body, at).summary_crc
                 own = zlib.crc32(body[:16], zlib.crc32(_PREFIX.pack(Opcode.FOOTER, len(body)), checksum or 0))
                 if stated and stated != own:
-                    raise DamageError("the checksum of the summary does not fit", at)
+                    raise DamageError("the checksum of the summary is wrong", at)
             elif checksum is not None:
                 checksum = zlib.crc32(body, zlib.crc32(_PREFIX.pack(opcode, len(body)), checksum))
         at = stream.tell()
         if stream.read(len(MAGIC)) != MAGIC or stream.tell() != self.size:
-            raise DamageError("the file does not end where its footer says", at)
+            raise DamageError("the file does not end after its footer", at)
 
     def _record(self, opcode: int, body: bytes, at: int) -> Iterator[Item]:
-        """Take a record: yield what it says to others, keep declarations, check counts, skip the rest."""
+        """Process a record: yield its contents, store declarations, check counts, skip the rest."""
         if opcode == Opcode.ATTACHMENT:
             found = _parse(records.Attachment, body, at)
             (stated,) = struct.unpack("<I", body[-4:])
             if stated and zlib.crc32(memoryview(body)[:-4]) != stated:
-                raise DamageError(f"the checksum of attachment {found.name!r} does not fit", at)
+                raise DamageError(f"the checksum of attachment {found.name!r} is wrong", at)
             yield Attachment(found.name, found.data, at)
         elif opcode == Opcode.METADATA:
             if len(body) > TEXT_LIMIT:
@@ -258,7 +258,7 @@ class McapFile:
         elif opcode == Opcode.STATISTICS:
             counts = _parse(records.Statistics, body, at)
             if any(self._seen[kind] != getattr(counts, name) for kind, name in _COUNTED.items()):
-                raise DamageError("the file holds other records than its summary counts", at)
+                raise DamageError("the number of records differs from the summary", at)
 
     def _declare(self, opcode: int, body: bytes, at: int) -> None:
         self.keep(512 + len(body), at)
@@ -289,9 +289,9 @@ class McapFile:
             begin = end
 
     def _message(self, body: memoryview, at: int) -> Iterator[Message]:
-        """Yield the message in `body` if its topic is wanted."""
+        """Yield the message in `body` if its topic is requested."""
         if len(body) < _MESSAGE.size:
-            raise DamageError("a message without its number, channel and times", at)
+            raise DamageError("a message lacks its number, channel and times", at)
         identity, number, time, published = _MESSAGE.unpack_from(body)
         channel = self._channels.get(identity)
         if channel is None:
@@ -300,7 +300,7 @@ class McapFile:
             yield Message(channel.topic, number, time, published, bytes(body[_MESSAGE.size :]), at)
 
     def _inflate(self, chunk: records.Chunk, at: int) -> memoryview:
-        """Return the records in a chunk, one after another; what it states is checked before it is inflated."""
+        """Return the records of a chunk as one block; its claimed size is checked before it is inflated."""
         size = chunk.uncompressed_size
         self._inflated += size
         if size > RECORD_LIMIT:
@@ -326,18 +326,18 @@ class McapFile:
         if len(data) != size:
             raise DamageError(f"a chunk claims {size} bytes and holds {len(data)}", at)
         if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
-            raise DamageError("the checksum of a chunk does not fit", at)
+            raise DamageError("the checksum of a chunk is wrong", at)
         return memoryview(data)
 
 
 def metadata_of(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield name and words of each metadata up to the end of the data, or to where a file is cut short.
+    """Yield name and fields of each metadata record up to the end of the data, or of a truncated file.
 
-    Nothing else is read or checked: a millisecond where reading all takes a hundred.
+    Nothing else is read or checked, which takes a millisecond instead of a hundred.
 
     Raises:
-        DamageError: When the file is not MCAP or a metadata is damaged.
-        OSError: When the file cannot be read.
+        DamageError: If the file is not MCAP or a metadata record is damaged.
+        OSError: If the file cannot be read.
     """
     with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb", buffering=0) as stream:
         size, room = os.fstat(stream.fileno()).st_size, 4 * TEXT_LIMIT
@@ -351,7 +351,7 @@ def metadata_of(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
             if opcode == Opcode.METADATA:
                 room -= length
                 if room < 0:
-                    raise DamageError("more metadata than a log has", at)
+                    raise DamageError("the file holds more metadata than a log has", at)
                 words = _parse(records.Metadata, stream.read(length), at)
                 yield words.name, words.metadata
             else:
@@ -359,13 +359,13 @@ def metadata_of(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
 
 
 class _Exact(ReadDataStream):
-    """Reads a record's fields and never beyond its end."""
+    """Reader of a record's fields that never reads beyond its end."""
 
     def read(self, length: int) -> bytes:
-        """Return so many bytes.
+        """Return the next `length` bytes.
 
         Raises:
-            ValueError: When there are fewer.
+            ValueError: If fewer are left.
         """
         data = self._stream.read(length)
         if len(data) < length:
@@ -382,10 +382,10 @@ def _parse(kind: Any, body: bytes, at: int) -> Any:
 
 
 def _next_record(stream: BinaryIO, size: int) -> tuple[int, bytes]:
-    """Return kind and content of the record at which `stream` stands, in a file of `size` bytes."""
+    """Return kind and contents of the next record of `stream`, a file of `size` bytes."""
     at, prefix = stream.tell(), stream.read(_PREFIX.size)
     if not prefix:
-        raise DamageError("the file ends here, without a footer", at)
+        raise DamageError("the file ends without a footer", at)
     opcode, length = _PREFIX.unpack(prefix) if len(prefix) == _PREFIX.size else (0, size)
     if length > size - at - _PREFIX.size:
         raise DamageError("the file ends inside a record", at)

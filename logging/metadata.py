@@ -1,4 +1,4 @@
-"""The metadata of a run log: who wrote it, from what, and how it ended."""
+"""Metadata of a run log: versions and settings of the run, and its outcome."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from pushplan.scenario.model import Scenario
 from pushplan.util.names import AUTO
 
 FORMAT = 3
-"""Version of the log's format; logs of others are refused.
+"""Version of the log's format; logs with another version are refused.
 
-A new topic, or a new field of a message, needs no new number: `schemas.Topic` says since when a topic is there, and
-fields that a log lacks are not compared.
+A new topic, or a new field of a message, needs no new version: `schemas.Topic.since` states the revision of a topic,
+and fields that a log lacks are not compared.
 """
 
 RUN = "pushplan.run"
 PLANNING = "pushplan.planning"
 PROGRESS = "pushplan.progress"
-"""Followed by `.0000`, `.0001`, ...: what /planner/progress leaves out of improvements logged when found."""
+"""Prefix of `.0000`, `.0001`, ...: data of each improvement that /planner/progress does not have."""
 RESULT = "pushplan.result"
 DIGEST = "sha256"
-"""Field of `pushplan.result`: what all metadata and attachments of a run come to, see `Digest`."""
+"""Field of `pushplan.result` with the digest of all metadata and attachments, see `Digest`."""
 RECOVERY = "pushplan.recovery"
-"""In logs that were written from a damaged one: its name, and what of it was lost."""
+"""Metadata of a recovered log: the name of the damaged one, and its lost parts."""
 
 _NONE = "none"
 
@@ -45,13 +45,13 @@ _DEPENDENCIES = ("numpy", "scipy", "shapely", "ompl", "ruckig", "mcap", "protobu
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of pushplan, of what its results depend on, and of Python."""
+    """Return the versions of pushplan, of the packages that affect its results, and of Python."""
     known = {name: version_of(name) for name in ("pushplan", *_DEPENDENCIES)}
     return {"python": platform.python_version(), **known}
 
 
 def run_words(scenario: Scenario, settings: Mapping[str, object]) -> dict[str, str]:
-    """Return what is known when a run begins; `started_at` and `machine` differ from run to run."""
+    """Return the metadata of a run at its beginning; `started_at` and `machine` differ from run to run."""
     return {
         **{name: str(value) for name, value in settings.items()},
         "format": str(FORMAT),
@@ -67,18 +67,18 @@ def run_words(scenario: Scenario, settings: Mapping[str, object]) -> dict[str, s
 
 @cache
 def version_of(package: str) -> str:
-    """Return the version of an installed package, from the head of its metadata: parsing all of it takes long."""
+    """Return the version of an installed package from the head of its metadata, because parsing all of it is slow."""
     text = distribution(package).read_text("METADATA") or distribution(package).read_text("PKG-INFO") or ""
     return next((line[9:].strip() for line in text.splitlines() if line.startswith("Version: ")), "")
 
 
 def now() -> str:
-    """Return the wall-clock time, always in as many letters."""
+    """Return the wall-clock time as a text of constant length."""
     return datetime.now(UTC).isoformat(timespec="microseconds")
 
 
 def git_commit() -> str:
-    """Return the commit of the checkout that this package runs from, or an empty string."""
+    """Return the commit of the checkout of this package, or an empty string."""
     git = Path(__file__).resolve().parents[1] / ".git"
     try:
         head = (git / "HEAD").read_text().strip()
@@ -95,16 +95,16 @@ def git_commit() -> str:
 
 
 def exact(number: float) -> str:
-    """Return `number` in a text of fixed width that gives it back bit for bit."""
+    """Return `number` as a text of fixed width that preserves every bit."""
     return f"{number:.17e}"
 
 
 def settings_in(words: Mapping[str, str]) -> PlanSettings:
-    """Return what `pushplan.run` says was asked for besides the scenario: what ranks plans, and the margin.
+    """Return the settings in `pushplan.run` that are not in the scenario: cost and margin.
 
     Raises:
-        ValueError: When the margin is no number.
-        PlanningError: When there is no such setting.
+        ValueError: If the margin is not a number.
+        PlanningError: If a setting is invalid.
     """
     margin = words.get("margin", _NONE)
     chosen: Any = None if margin == _NONE else margin if margin == AUTO else float(margin)
@@ -112,7 +112,7 @@ def settings_in(words: Mapping[str, str]) -> PlanSettings:
 
 
 def planning_words(plan: Plan) -> dict[str, str]:
-    """Return what planning took: the one part of a plan that two runs with the same seed do not share."""
+    """Return the planning effort, the only part of a plan that differs between runs with the same seed."""
     first = plan.first_solution_s
     return {
         "planning_s": exact(plan.planning_s),
@@ -122,16 +122,16 @@ def planning_words(plan: Plan) -> dict[str, str]:
 
 
 def without_clock(plan: Plan) -> Plan:
-    """Return a plan without what it took."""
+    """Return a plan without its planning effort."""
     return replace(plan, planning_s=math.nan, first_solution_s=None, iterations=0)
 
 
 def with_clock(plan: Plan, words: Mapping[str, str]) -> Plan:
-    """Return a plan with what it took, as `planning_words` told it.
+    """Return a plan with its planning effort from `planning_words`.
 
     Raises:
-        KeyError: When a field is missing.
-        ValueError: When one is not a number.
+        KeyError: If a field is missing.
+        ValueError: If a field is not a number.
     """
     first = words["first_solution_s"]
     return replace(
@@ -143,7 +143,7 @@ def with_clock(plan: Plan, words: Mapping[str, str]) -> Plan:
 
 
 def result_words(run: RecordedRun) -> dict[str, str]:
-    """Return what a run comes to, as far as that follows from its plan and its execution."""
+    """Return the metadata of the result that follow from plan and execution."""
     words, numbers = dict[str, str](), dict[str, float | None]()
     if (plan := run.plan) is not None:
         words |= {**planning_words(plan), "solved": str(plan.solved).lower(), "reason": plan.reason}
@@ -161,22 +161,22 @@ def result_words(run: RecordedRun) -> dict[str, str]:
 
 
 class Digest:
-    """The digest of a run's attachments and metadata; it does not depend on their order, which other tools change."""
+    """Digest of a run's attachments and metadata; independent of their order, which other tools change."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
 
     def add(self, name: str, data: bytes, kind: bytes = b"attachment") -> None:
-        """Add an attachment: the lengths of kind, name and content, 8 bytes each, and all three."""
+        """Add the hash of an attachment: the lengths of kind, name and content, 8 bytes each, then all three."""
         parts = (kind, name.encode(), data)
         lengths = b"".join(len(part).to_bytes(8, "little") for part in parts)
         self._parts.append(hashlib.sha256(lengths + b"".join(parts)).digest())
 
     def add_words(self, name: str, words: Mapping[str, str]) -> None:
-        """Add metadata: JSON with sorted fields, without the digest."""
+        """Add a metadata record as JSON with sorted fields, without the digest."""
         told = {key: words[key] for key in sorted(words) if key != DIGEST}
         self.add(name, json.dumps(told).encode(), b"metadata")
 
     def hexdigest(self) -> str:
-        """Return the SHA-256 of the sorted SHA-256 of all that was added."""
+        """Return the SHA-256 of the sorted SHA-256 digests of all added parts."""
         return hashlib.sha256(b"".join(sorted(self._parts))).hexdigest()

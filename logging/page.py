@@ -1,6 +1,6 @@
-"""A run as one web page that plays it: the floor from above, and every contact's margin over time.
+"""Export of a run as one web page that plays it: the floor from above, and every contact's margin over time.
 
-The page holds everything it needs and asks the network for nothing.
+The page contains all data and scripts and makes no network requests.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ from pushplan.util.files import write_whole
 _COLOURS = ("GOAL", "NEAREST", "ALONE", "BLOCKING", "OBSTACLE_EDGE", "WALL")
 
 MOST_SAMPLES = 5_000
-"""Samples of an execution that the page holds, at most, beside the smallest margins."""
+"""Largest number of samples of an execution in the page, beside those with the smallest margins."""
 
 
 def write_html(run: Run | RecordedRun, path: Path | str) -> None:
     """Write the page of `run`.
 
     Raises:
-        OutputError: When the file cannot be written.
+        OutputError: If the file cannot be written.
     """
     write_whole(path, render(run).encode())
 
@@ -115,7 +115,7 @@ def _world(scenario: Scenario, scene: Scene) -> dict[str, Any]:
 
 
 def _contacts(scenario: Scenario, load: Load) -> list[dict[str, Any]]:
-    """Return segment, and friction cone at the origin, of each contact of a load, in the plate frame."""
+    """Return each contact of a load: segment in the plate frame, and friction cone at the origin."""
     names, size = list(scenario.poses), object_size(scenario)
     return [
         {
@@ -148,7 +148,7 @@ def _plan(run: Run | RecordedRun, scene: Scene) -> dict[str, Any]:
     else:
         count, travel = len(plan.pushes), sum(segment.path.cost for segment in plan.segments)
         pushes = f"{count} push{'es' if count > 1 else ''}, {plan.pushed_distance:.3f} m pushed"
-        facts.append(f"{pushes}, {travel:.3f} m driven in all, alone where dashed")
+        facts.append(f"{pushes}, {travel:.3f} m driven in total; dashed: without a load")
     if run.execution is not None:
         facts.append(run.execution.force_words(scenario.pusher.limits.force))
     facts = [fact for fact in facts if fact]
@@ -160,13 +160,13 @@ def _plan(run: Run | RecordedRun, scene: Scene) -> dict[str, Any]:
 
 
 def _steps(run: Run | RecordedRun) -> dict[str, Any]:
-    """Return the steps of the run in words, when they begin, and what else a worker asks."""
+    """Return the steps of the run with their times and texts, and a summary for the operator."""
     steps = steps_of(run)
     if not steps or run.execution is None:
         return {"steps": [], "summary": []}
     known = [(step.margin, k) for k, step in enumerate(steps) if step.margin is not None]
     x, y, heading = run.execution.poses[-1].tolist()
-    summary = [f"The whole takes {run.execution.t[-1]:.1f} s."]
+    summary = [f"The run takes {run.execution.t[-1]:.1f} s."]
     if known:
         margin, k = min(known)
         summary.append(f"Most likely to slip: step {k + 1}, contact {steps[k].contact}, margin {margin:.3f}.")
@@ -179,17 +179,17 @@ def _steps(run: Run | RecordedRun) -> dict[str, Any]:
 
 
 def _way(line: Line, leads: bool) -> dict[str, Any]:
-    """Return a part of the path, and the colours of its pieces: by margin where it pushes and leads to the goal."""
+    """Return a line of the path; the pieces of a push to the goal have colours by margin."""
     colours = piece_colours(line.margins) if line.pushes and leads else None
     return {"points": _plain(line.points), "alone": not line.pushes, "colours": colours}
 
 
 def _execution(scenario: Scenario, execution: Execution | None) -> dict[str, Any]:
-    """Samples by signal, object or contact, and column, null where nothing is pushed; which are shown as numbers."""
+    """Return the samples by signal, object or contact, and column (null without a push), and the numbers to show."""
     if execution is None or len(execution.t) == 0:
         nothing: dict[str, Any] = {"t": [], "margins": [[] for _ in scenario.poses]}
         return {"samples": nothing, "margin_range": [-0.05, 1.0], "largest_force": 1.0, "named": [], "read_out": []}
-    shown = viewed(execution)[:: math.ceil(len(viewed(execution)) / MOST_SAMPLES)]  # of very long ones less
+    shown = viewed(execution)[:: math.ceil(len(viewed(execution)) / MOST_SAMPLES)]  # fewer for very long executions
     worst = np.argmin(np.where(np.isnan(execution.margins), np.inf, execution.margins), axis=0)
     kept = np.union1d(shown, [0, len(execution.t) - 1, *worst])
     margins = execution.margins[kept]

@@ -1,4 +1,4 @@
-"""Reads a run log back into the objects that the run had; damaged and hostile files end in one typed error."""
+"""Reader of run logs; it restores the original objects, and damaged or hostile files end in one typed error."""
 
 from __future__ import annotations
 
@@ -28,28 +28,28 @@ from pushplan.scenario.model import Scenario
 from pushplan.util.files import PARTIAL
 
 _SCENARIO_MEMORY = 5
-"""Bytes of memory for each byte of a scenario's file: of a pressure map, its numbers as well."""
+"""Bytes of memory for each byte of a scenario's file, including the numbers of a pressure map."""
 
-_TWICE = "there are two of that name; two run logs in one file cannot be told apart"
+_TWICE = "the name is used twice; a file with two run logs cannot be read"
 
 _ITEM = 12 << 10
-"""Memory, in bytes, charged for each attachment, at least: reading one takes time."""
+"""Smallest memory that is counted for an attachment, bytes, because reading each one takes time."""
 
 
 def load_run(path: Path | str, *, recover: bool | None = None, messages: bool = False) -> RecordedRun:
     """Read the log of a run.
 
     Args:
-        path: The file.
-        recover: Read a damaged file up to the damage and list in `losses` what is lost. By default files whose name
-            ends in .partial are recovered and others are not.
-        messages: Keep what viewers see as well, for `verify`.
+        path: Path of the log.
+        recover: Whether a damaged file is read up to the damage, with the lost parts in `losses`. None recovers only
+            files whose name ends in .partial.
+        messages: Whether to keep the messages for viewers, too, for `verify`.
 
     Returns:
-        The run; every array as it was recorded, bit for bit.
+        The run; every array equals the recorded one bit for bit.
 
     Raises:
-        RunLogError: When the file is damaged (and not to be recovered), no run log, or of another format.
+        RunLogError: If the file is damaged (and not recovered), is not a run log, or has another format.
     """
     path = Path(path)
     damaged = path.name.endswith(PARTIAL) if recover is None else recover
@@ -61,11 +61,11 @@ def load_run(path: Path | str, *, recover: bool | None = None, messages: bool = 
 
 
 read_run = load_run
-"""The same, by its older name, which scripts use."""
+"""Older name of `load_run`, which scripts use."""
 
 
 class _Reading:
-    """Turns the items of a file, one after another, into a run."""
+    """Builds a run from the items of a file."""
 
     def __init__(self, file: McapFile) -> None:
         self._file = file
@@ -76,7 +76,7 @@ class _Reading:
         self._digest = metadata.Digest()
 
     def take(self, item: Item) -> None:
-        """Take the next item of the file."""
+        """Process the next item of the file."""
         try:
             match item:
                 case Message():
@@ -95,7 +95,7 @@ class _Reading:
             self._file.lose(DamageError(f"{name}: {error}", item.offset))
 
     def _take_attachment(self, item: Attachment) -> None:
-        if not item.name.startswith(writer.ATTACHMENTS):  # of whoever merged logs
+        if not item.name.startswith(writer.ATTACHMENTS):  # from another program, as in merged logs
             self._foreign.append(item.name)
             return
         if item.name in self._files:
@@ -114,16 +114,16 @@ class _Reading:
             raise ValueError(_TWICE)
         if item.name == metadata.RUN and item.words.get("format") != str(metadata.FORMAT):
             other, by = item.words.get("format"), item.words.get("version.pushplan", "?")
-            what = f"a run log of format {other}, by pushplan {by}; this version reads format {metadata.FORMAT}"
+            what = f"a run log of format {other} from pushplan {by}; this version reads format {metadata.FORMAT}"
             raise RunLogError(str(self._file.path), what, item.offset)
         self._digest.add_words(item.name, item.words)
         self._words[item.name] = item.words
 
     def finish(self) -> RecordedRun:
-        """Return the run, once the file has been read.
+        """Return the run after the whole file was read.
 
         Raises:
-            RunLogError: When something is missing that a run log has.
+            RunLogError: If a part of a run log is missing.
         """
         file = self._file
         file.require(metadata.RUN in self._words, f"the metadata {metadata.RUN!r} of a run log")
@@ -145,7 +145,7 @@ class _Reading:
         except RunLogError:
             raise
         except (CodecError, KeyError, ValueError, TypeError, PushplanError) as error:
-            raise RunLogError(str(file.path), f"what it holds is no run: {error}", file.size) from error
+            raise RunLogError(str(file.path), f"its contents are not a valid run: {error}", file.size) from error
         if plan is not None:
             plan = replace(plan, execution=execution, improvements=improvements)
         return RecordedRun(
@@ -166,21 +166,21 @@ class _Reading:
         )
 
     def _check_digest(self) -> None:
-        """Compare what was read with the digest in the result.
+        """Compare the contents with the digest in the result.
 
         Raises:
-            RunLogError: When they differ, and the file is not to be recovered.
+            RunLogError: If they differ and the file is not recovered.
         """
         stated = self._words.get(metadata.RESULT, {}).get(metadata.DIGEST)
         if metadata.RESULT in self._words and stated != self._digest.hexdigest():
-            what = "its attachments and metadata are not those that were written (their digest differs)"
+            what = "its attachments or metadata were changed after writing (their digest differs)"
             self._file.lose(DamageError(what, self._file.size))
 
     def _stated(self) -> tuple[Scenario, bool]:
-        """Return the scenario, and whether the resolved one differs from what its file and the settings come to.
+        """Return the scenario, and whether the resolved one differs from its file with the settings.
 
-        The file as the user wrote it counts, unless this version of pushplan fills its gaps differently from the
-        version that wrote the log; then the resolved one counts. Of a log to be recovered, either one will do.
+        The user's file takes precedence, unless this version of pushplan resolves it differently from the version
+        that wrote the log; then the resolved one does. For a recovered log, one of the two is enough.
         """
         names = [name for name in (writer.SCENARIO_FILE, writer.SCENARIO_JSON) if name in self._files]
         for name in (writer.SCENARIO_FILE, writer.SCENARIO_JSON):
@@ -188,20 +188,20 @@ class _Reading:
         scenario = self._parsed(names[0])
         if len(names) == 1 or scenario.to_json().encode() == self._files[writer.SCENARIO_JSON].data:
             return scenario, False
-        resolved = self._parsed(writer.SCENARIO_JSON)  # a name that is not stated is that of a file unknown here
+        resolved = self._parsed(writer.SCENARIO_JSON)  # a missing name is that of the original file
         scenario = replace(scenario, name=resolved.name)
         for known in (scenario, self._with_settings(scenario)):
             if known.to_json().encode() == self._files[writer.SCENARIO_JSON].data:
                 return known, False
-        # The resolved one names no map any more, its source does.
+        # The resolved scenario no longer names its map files, but its source does.
         return replace(resolved, source=scenario.source, attachments=scenario.attachments), True
 
     def _with_settings(self, scenario: Scenario) -> Scenario:
-        """Return a scenario as it was planned in."""
+        """Return a scenario with the settings of the run."""
         try:
             return metadata.settings_in(self._words.get(metadata.RUN, {})).applied(scenario)
         except (ValueError, PushplanError) as error:
-            raise RunLogError(str(self._file.path), f"its settings cannot be: {error}", self._file.size) from error
+            raise RunLogError(str(self._file.path), f"its settings are invalid: {error}", self._file.size) from error
 
     def _parsed(self, name: str) -> Scenario:
         text = self._files[name]
@@ -213,11 +213,11 @@ class _Reading:
         try:
             return scenario_from_text(text.data, self._file.path / name, referred)
         except ScenarioError as error:
-            what = f"the scenario in it is refused: {error}"
+            what = f"its scenario is invalid: {error}"
             raise RunLogError(str(self._file.path), what, text.offset) from error
 
     def _decoded(self, name: str) -> Any:
-        """Return the value of an attachment; None where there is none."""
+        """Return the value of an attachment; None if there is no such attachment."""
         found = self._files.get(name)
         try:
             return None if found is None else decode(found.data, self._scenario)
@@ -226,19 +226,19 @@ class _Reading:
             raise RunLogError(str(self._file.path), what, found.offset if found else 0) from error
 
     def _numbered(self, name: str, kind: type | Callable[[Any], bool]) -> list[Any]:
-        """Return the values of the attachments of a name and a number, as far as the numbers have no gap."""
+        """Return the values of the numbered attachments of a name, up to the first gap in the numbers."""
         found: list[Any] = []
         while (key := f"{name}{len(found):06d}.bin") in self._files:
             value = self._decoded(key)
             if not (isinstance(value, kind) if isinstance(kind, type) else kind(value)):
-                raise CodecError(f"the attachment {key!r} holds something else than its name says")
+                raise CodecError(f"the attachment {key!r} holds a value of another type")
             found.append(value)
         count = sum(key.startswith(name) for key in self._files)
         self._file.require(count == len(found), f"the attachment {name}{len(found):06d}.bin")
         return found
 
     def _execution(self) -> Execution | None:
-        """Return the execution as far as it has come, None when none has begun."""
+        """Return the recorded part of the execution; None without samples."""
         parts, end = self._numbered(writer.SAMPLES, _is_part), self._decoded(writer.END)
         self._file.require(end is not None or not parts, "the end of the execution")
         if not parts:
@@ -247,27 +247,27 @@ class _Reading:
         for part in parts:
             same = all(tuple(part[key]) == tuple(first[key]) for key in ("names", "judge", "arrays"))
             if not same or part["first"] != count:
-                raise CodecError(f"samples that do not follow sample {count - 1}")
+                raise CodecError(f"samples of the execution do not follow sample {count - 1}")
             count += len(part["arrays"]["t"])
         if tuple(first["names"]) != tuple(self._scenario.poses):
-            raise CodecError("an execution with other objects than the scenario's")
+            raise CodecError("the execution has other objects than the scenario")
         arrays = self._joined(Execution, [part["arrays"] for part in parts])
         loss, error = self._end(end, count)
         return Execution(first["names"], first["judge"], **arrays, loss=loss, goal_error=error)
 
     def _end(self, end: Any, count: int) -> tuple[StabilityLoss | None, tuple[float, float]]:
-        """Return the loss and the error at the goal; NaN where samples are missing."""
+        """Return the loss and the error at the goal; NaN if samples are missing."""
         if end is not None and end["samples"] == count:
             match end:
                 case {"loss": StabilityLoss() | None as loss, "goal_error": (float(position), float(angle))}:
                     return loss, (position, angle)
-            raise CodecError("the end of the execution holds something else")
+            raise CodecError("the end of the execution has invalid fields")
         if end is not None:
             self._file.require(False, f"samples {count} to {end['samples'] - 1} of the execution")
         return None, (math.nan, math.nan)
 
     def _feedback(self) -> Feedback | None:
-        """Return what a closed loop measured, noticed and planned; None where it is none."""
+        """Return measurements, events and replans of a closed loop; None for other runs."""
         measured: list[Measured] = self._numbered(writer.MEASURED, Measured)
         events = self._numbered(writer.EVENT, Event)
         replans: list[Replan] = self._numbered(writer.REPLAN, Replan)
@@ -278,7 +278,7 @@ class _Reading:
         return Feedback(Measured(**arrays), tuple(events), tuple(replans))
 
     def _joined(self, kind: type, parts: Sequence[Mapping[str, NDArray[Any]]]) -> dict[str, Any]:
-        """Return the series of a record, read-only, of which a log has parts."""
+        """Return the read-only series of a record, joined from the parts in the log."""
         count, arrays = sum(len(part["t"]) for part in parts), {}
         for name in parts[0]:
             values, signal = np.concatenate([part[name] for part in parts]), SIGNALS[kind][name]
@@ -290,19 +290,19 @@ class _Reading:
         return arrays
 
     def _trials(self) -> tuple[TrialEnd, ...]:
-        """Return how the plan ended in sampled worlds."""
+        """Return the outcomes of the Monte Carlo samples."""
         ends: list[TrialEnd] = self._numbered(writer.TRIAL, TrialEnd)
         names = list(self._scenario.poses)
         count = len(names)
         for k, end in enumerate(ends):
             shapes = end.errors.shape == (count, 2) and end.objects.shape == (count, 3)
             if end.sample != k or not shapes or end.object not in (names if end.contact else [""]):
-                raise CodecError(f"trial {k} is none of {count} objects, or of another sample")
+                raise CodecError(f"trial {k} has another number of objects than {count}, or another sample")
         return tuple(ends)
 
 
 def _is_line(value: Any) -> bool:
-    """Tell whether a value is time, level and text of a line."""
+    """Return whether a value is a log line: (time, level, text)."""
     match value:
         case (float(), str(level), str()):
             return level in schemas.LEVELS
@@ -310,7 +310,7 @@ def _is_line(value: Any) -> bool:
 
 
 def _is_part(value: Any) -> bool:
-    """Tell whether a value is a part of an execution."""
+    """Return whether a value is a part of an execution."""
     match value:
         case {"first": int(), "names": tuple(names), "judge": str(), "arrays": dict(arrays)}:
             return arrays.keys() <= SIGNALS[Execution].keys() and all(isinstance(name, str) for name in names)

@@ -1,4 +1,4 @@
-"""A run as its log has it."""
+"""A recorded run: the contents of a log."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ class LogLine(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RecordedRun:
-    """Everything that a run left in its log, as the objects that the run had.
+    """Contents of a log as the original objects of the run.
 
     Attributes:
-        path: The log.
-        scenario: What was asked.
-        plan: What was planned; None when the log ends before.
-        execution: What the simulator made of it; None when nothing was executed or the log ends before. Where the
-            log ends in the middle, its samples so far, and NaN for the goal error.
-        feedback: Of a closed loop: what it measured, noticed and planned on the way; else None.
-        trials: Of a plan that was tried in sampled worlds: how each of them ended.
-        improvements: Of the plan; seconds are NaN where the log does not say.
-        lines: The lines of /log.
-        other_scenario: Whether `scenario.json` says other than the scenario's file comes to; it counts then.
-        fields: The metadata by name: `pushplan.run`, `pushplan.planning`, `pushplan.result`,
+        path: Path of the log.
+        scenario: Scenario of the run.
+        plan: Plan; None if the log ends before it.
+        execution: Execution of the plan; None if nothing was executed or the log ends before it. If the log ends
+            during it, the samples so far, with a goal error of NaN.
+        feedback: Measurements, events and replans of a closed loop; else None.
+        trials: Outcomes of the Monte Carlo samples of trials.
+        improvements: Improvements of the plan; their seconds are NaN if the log does not have them.
+        lines: Lines of /log.
+        other_scenario: Whether `scenario.json` differs from the resolved scenario file; it then takes precedence.
+        fields: Metadata by name: `pushplan.run`, `pushplan.planning`, `pushplan.result`,
             and `pushplan.progress.0000` and so on for improvements.
-        losses: What of the file could not be read, in words; empty for a whole one.
-        foreign: Names of attachments and metadata that are not pushplan's, as merged logs have.
-        messages: What viewers see, as it stands in the file; empty where it was read without them.
-        channels: What the file declares messages to be.
+        losses: Descriptions of the parts that could not be read; empty for a whole file.
+        foreign: Names of attachments and metadata of other programs, as in merged logs.
+        messages: Messages for viewers from the file; empty if it was read without them.
+        channels: Declarations of the messages in the file.
     """
 
     path: Path
@@ -62,15 +62,15 @@ class RecordedRun:
 
     @property
     def log(self) -> Path:
-        """The log, as `plans.run.Run` calls it."""
+        """Path of the log, by the same name as in `plans.run.Run`."""
         return self.path
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """What happened, was noticed and was done in a closed loop."""
+        """Events of a closed loop."""
         return () if self.feedback is None else self.feedback.events
 
     @property
     def outcome(self) -> str:
-        """How the run ended; `cut off` when the log does not say."""
+        """Outcome of the run; `cut off` if the log has none."""
         return self.fields.get("pushplan.result", {}).get("outcome", "cut off")

@@ -1,4 +1,4 @@
-"""The log of a run as it grows, or is saved from damage; what hinders recording never hinders the run."""
+"""Recording of a run in its log, and recovery of damaged logs; a failed recording never stops the run."""
 
 from __future__ import annotations
 
@@ -25,39 +25,39 @@ from pushplan.scenario.model import Scenario
 from pushplan.util.stopwatch import Stopwatch
 
 Where = Path | str | Literal[False] | None
-"""A file, False for no log, or None for one in the folder of the recorded runs."""
+"""Destination of a log: a file, False for no log, or None for a file in the folder of recorded runs."""
 
 
 class IncompleteLogError(OutputError):
-    """A run is over, but its log could not be written to its end.
+    """Error of a finished run whose log is incomplete.
 
     Attributes:
-        run: What was done: a `Run`, a `ClosedLoopRun` or `Trials`.
-        partial: What was written of the log.
+        run: Result of the run: a `Run`, a `ClosedLoopRun` or `Trials`.
+        partial: Path of the incomplete log.
     """
 
     def __init__(self, error: OutputError, run: Any, partial: Path) -> None:
         self.run, self.partial = run, partial
         what = str(error).removeprefix(f"{error.path}: ")
-        super().__init__(error.path, f"{what}; what was written of the log is in {partial}")
+        super().__init__(error.path, f"{what}; the incomplete log is in {partial}")
 
 
 class Recording:
-    """Writes the log of a run: a context manager around it.
+    """Context manager that writes the log of a run.
 
-    Where the user has not named a file, whatever keeps the log from being written is told as a warning. Where he has,
-    it is raised at once when the log cannot be begun, and by `finished` otherwise.
+    If the user has not named a file, a write error becomes a warning. For a named file, an error at the start is
+    raised at once, and a later one by `finished`.
 
     Args:
-        scenario: What the run is about, with the settings of the plan.
-        settings: For the metadata, `seed` among them.
-        where: The log.
-        runs: Folder of the recorded runs, instead of the usual one.
-        message: Takes warnings; None for Python's own.
-        watch: Takes the time of the phase `logging`.
+        scenario: Scenario of the run, with the settings of the plan.
+        settings: Settings for the metadata, `seed` among them.
+        where: Destination of the log.
+        runs: Folder of the recorded runs; None for the usual one.
+        message: Receiver of warnings; None for Python's `warnings`.
+        watch: Stopwatch for the phase `logging`.
 
     Raises:
-        OutputError: When the log that is named cannot be begun.
+        OutputError: If the named log cannot be created.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class Recording:
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
-        """Do what writes the log; an error ends the recording, not the run."""
+        """Write to the log; an error ends the recording, not the run."""
         with self._watch("logging"):
             try:
                 yield
@@ -110,7 +110,7 @@ class Recording:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close a log that is not finished; a problem that was refused, or an error, is an outcome of its own."""
+        """Close an unfinished log; its outcome is `refused` for an error of pushplan and `failed` for others."""
         with self._writing():
             if self._writer is not None and isinstance(error, Exception):
                 refused = isinstance(error, PushplanError)
@@ -124,7 +124,7 @@ class Recording:
                 prune(self._path.parent, self._path)
 
     def write(self, part: Callable[[RunLogWriter], object]) -> None:
-        """Write a part of the log; when this returns, it outlives a kill."""
+        """Write a part of the log, which survives a kill from then on."""
         if self._writer is not None:
             with self._writing():
                 part(self._writer)
@@ -134,7 +134,7 @@ class Recording:
         self.write(lambda log: log.improved(improvement))
 
     def listening(self, observer: Observer) -> Observer:
-        """Return the observer; improvements that it is told are written as well."""
+        """Return an observer that also writes the improvements to the log."""
 
         def improved(improvement: Improvement) -> None:
             self.improved(improvement)
@@ -143,7 +143,7 @@ class Recording:
         return replace(observer, improved=improved)
 
     def end(self, plan: Plan, interrupted: bool = False) -> None:
-        """Write the plan and its execution, which are all that there is."""
+        """Write the plan and its execution, and finish the log."""
         self.write(lambda log: log.plan(plan))
         execution = plan.execution
         if execution is not None:
@@ -156,10 +156,10 @@ class Recording:
         self._writer = None
 
     def finished(self, plan: Plan) -> Run:
-        """Return the run, which is over.
+        """Return the finished run.
 
         Raises:
-            IncompleteLogError: When the log that is named could not be written.
+            IncompleteLogError: If the named log could not be written.
         """
         run = Run(plan.scenario, plan, plan.execution, self.log, self._watch.seconds)
         self.require_whole(run)
@@ -167,31 +167,31 @@ class Recording:
 
     @property
     def log(self) -> Path | None:
-        """The log; None where there is none, or it could not be written."""
+        """Path of the log; None without one, or if it could not be written."""
         return self._path if self._error is None else None
 
     def require_whole(self, done: object) -> None:
-        """Raise IncompleteLogError, which has what was `done`, when the log that is named could not be written."""
+        """Raise IncompleteLogError with the result `done` if the named log could not be written."""
         if self._named and self._error is not None and self._partial is not None:
             raise IncompleteLogError(self._error, done, self._partial)
 
 
 def recover(source: Path | str, target: Path | str) -> RecordedRun:
-    """Read what is whole of a log, write it as a new one, and return its run.
+    """Read the intact part of a damaged log, write it as a new log, and return its run.
 
-    The new log has the metadata of the run as it was, and says in `pushplan.recovery` what was lost; the messages are
-    made again.
+    The new log has the original metadata, and lists the lost parts in `pushplan.recovery`. Its messages are generated
+    again.
 
     Raises:
-        RunLogError: When too little is left of the log.
-        OutputError: When the new one is there already or cannot be written.
+        RunLogError: If too little is left of the log.
+        OutputError: If the new log already exists or cannot be written.
     """
     run = load_run(source, recover=True)
     log = RunLogWriter.create(target, run.scenario, {}, _run_words(run), new=True)
     try:
         _write(run, log)
         log.finish(run.outcome, _seconds(run))
-    except BaseException:  # the damaged one is still there
+    except BaseException:  # the damaged log still exists
         log.discard()
         raise
     return run
@@ -223,13 +223,13 @@ _WRITTEN = (metadata.RUN, metadata.PLANNING, metadata.RESULT, metadata.RECOVERY)
 
 
 def _run_words(run: RecordedRun) -> dict[str, str]:
-    """Return the metadata of the run as they were; of a lost scenario file the resolved one takes the place."""
+    """Return the original metadata of the run, with the hash of the resolved scenario if its file is lost."""
     words = run.fields.get(metadata.RUN) or metadata.run_words(run.scenario, {})
     return {**words, "scenario_sha256": hashlib.sha256(run.scenario.source).hexdigest()}
 
 
 def _seconds(run: RecordedRun) -> dict[str, float]:
-    """Return what the phases of the run took, as far as that is known."""
+    """Return the known durations of the phases of the run, s."""
     effort = set(run.fields.get(metadata.PLANNING, {}))
     words = run.fields.get(metadata.RESULT, {})
     return {

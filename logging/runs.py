@@ -1,4 +1,4 @@
-"""The folder of recorded runs: a log of each, named by its time; what they say of themselves; one size cap."""
+"""The folder of recorded runs: logs named by their time, a list of them, and a size limit."""
 
 from __future__ import annotations
 
@@ -16,37 +16,37 @@ from pushplan.logging.mcap_file import DamageError, metadata_of
 from pushplan.util.files import PARTIAL, is_being_written
 
 FOLDER, MEGABYTES = "PUSHPLAN_RUNS", "PUSHPLAN_RUNS_MB"
-"""Name the folder, and how much it may hold, in the environment."""
+"""Environment variables with the folder and its size limit, MB."""
 
 _MEGABYTES = 1000.0
-"""What the folder may hold where the environment does not say, MB."""
+"""Default size limit of the folder, MB."""
 
 RUNNING, CUT_OFF, DAMAGED = "running", "cut off", "damaged"
-"""Outcomes that no log states."""
+"""Outcomes that are not written in a log."""
 
 FILTERS = ("outcome", "scenario", "planner", "set", "seed")
 
-_RESULT = "pushplan.result"  # as in `messages.metadata`, which takes long to load
+_RESULT = "pushplan.result"  # as in `metadata`, which is slow to import
 
 _NAME = re.compile(r"\d{8}T\d{6}\.\d{3}Z-[\w.+-]+-seed-?\d+(-\d+)?\.mcap(\.partial)?", re.ASCII)
 
 
 class RunsError(PushplanError, ValueError):
-    """No recorded run is meant by what was written."""
+    """Error of a reference to a recorded run that does not exist."""
 
 
 def runs_folder(asked: Path | str | None = None) -> Path:
-    """Return the folder of the runs, whether it is there or not.
+    """Return the folder of the runs, even if it does not exist.
 
-    That is `asked`, else $PUSHPLAN_RUNS, else `pushplan/runs` in $XDG_STATE_HOME or in ~/.local/state.
+    It is `asked`, else $PUSHPLAN_RUNS, else `pushplan/runs` in $XDG_STATE_HOME or in ~/.local/state.
 
     Raises:
-        OutputError: When the user has no home.
+        OutputError: If the user has no home folder.
     """
     if asked or os.environ.get(FOLDER):
         return Path(asked or os.environ[FOLDER])
     state = os.environ.get("XDG_STATE_HOME", "")
-    if os.path.isabs(state):  # the specification: others are to be ignored
+    if os.path.isabs(state):  # the XDG specification ignores relative paths
         return Path(state, "pushplan", "runs")
     try:
         return Path.home() / ".local" / "state" / "pushplan" / "runs"
@@ -55,15 +55,15 @@ def runs_folder(asked: Path | str | None = None) -> Path:
 
 
 def new_log(folder: Path, scenario: str, seed: int) -> Path:
-    """Return a name for the log of a run that begins now; names in the order of time are in alphabetical order.
+    """Return a path for the log of a run that begins now; the alphabetical order of the names is that of time.
 
     Raises:
-        OutputError: When the folder is not there and cannot be made.
+        OutputError: If the folder cannot be created.
     """
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(str(folder), f"cannot make this folder: {error.strerror}") from error
+        raise OutputError(str(folder), f"cannot create this folder: {error.strerror}") from error
     now = datetime.now(UTC)
     plain = re.sub(r"[^\w.+-]+", "_", scenario, flags=re.ASCII)[:64] or "_"
     stem = f"{now:%Y%m%dT%H%M%S}.{now.microsecond // 1000:03d}Z-{plain}-seed{seed}"
@@ -76,10 +76,10 @@ def new_log(folder: Path, scenario: str, seed: int) -> Path:
 
 
 def recorded_logs(folder: Path) -> list[os.DirEntry[str]]:
-    """Return the logs that were recorded in a folder, oldest first; other files and links are none of ours.
+    """Return the recorded logs in a folder, oldest first; other files and links are ignored.
 
     Raises:
-        OSError: When the folder is there but cannot be read.
+        OSError: If the folder exists but cannot be read.
     """
     try:
         with os.scandir(folder) as entries:
@@ -92,15 +92,15 @@ def recorded_logs(folder: Path) -> list[os.DirEntry[str]]:
 
 
 def prune(folder: Path, newest: Path) -> None:
-    """Remove the oldest runs beyond the size cap, never `newest` nor one that is being written.
+    """Remove the oldest runs beyond the size limit, but never `newest` or a run that is being written.
 
     Raises:
-        OutputError: When the folder cannot be read or written, or the environment sets no size.
+        OutputError: If the folder cannot be read or written, or the limit in the environment is invalid.
     """
     stated, size = os.environ.get(MEGABYTES, ""), 0
     cap = number_in(stated) if stated else _MEGABYTES
     if cap is None or not (isfinite(cap) and cap > 0.0):
-        raise OutputError(MEGABYTES, f"'{stated}' is no limit; it must be a number above 0")
+        raise OutputError(MEGABYTES, f"'{stated}' is not a size limit; it must be a number of MB above 0")
     try:
         for entry in reversed(recorded_logs(folder)):
             size += entry.stat(follow_symlinks=False).st_size
@@ -116,19 +116,19 @@ def _is_running(log: os.DirEntry[str]) -> bool:
 
 @dataclass(frozen=True)
 class RunEntry:
-    """A recorded run.
+    """A recorded run; texts are empty if the log does not have them.
 
     Attributes:
         number: 1 for the last run, 2 for the one before, ...; None while it is being written.
-        path: Its log.
-        outcome: How it ended, `running`, `cut off` or `damaged`.
+        path: Path of its log.
+        outcome: Outcome of the run: how it ended, or `running`, `cut off` or `damaged`.
         scenario: Name of the scenario.
-        planner: Name of the planner; empty where the log does not say, here as below.
+        planner: Name of the planner.
         set: Name of the stable set.
-        seed: In words.
-        cost: Of its path, m; None without one.
-        started: When it began.
-        size: Of the log, bytes.
+        seed: Seed, as text.
+        cost: Cost of its path, m; None without one.
+        started: Start time; None if unknown.
+        size: Size of the log, bytes.
     """
 
     number: int | None
@@ -144,10 +144,10 @@ class RunEntry:
 
 
 def runs_of(folder: Path) -> list[RunEntry]:
-    """Return the runs recorded in a folder, the last one first.
+    """Return the recorded runs in a folder, the last one first.
 
     Raises:
-        RunsError: When the folder cannot be read.
+        RunsError: If the folder cannot be read.
     """
     try:
         logs = [(log, log.stat().st_size) for log in reversed(recorded_logs(folder))]
@@ -166,12 +166,12 @@ def run_numbered(folder: Path, number: int) -> Path:
     """Return the log of the last run (1), the one before (2), ...
 
     Raises:
-        RunsError: When there are not so many.
+        RunsError: If there are fewer runs.
     """
     runs = [log for log in reversed(recorded_logs(folder)) if not _is_running(log)]
     if not 1 <= number <= len(runs):
         raise RunsError(
-            f"{folder}: there is no run @{number}; {len(runs)} are recorded, the last one is @1"
+            f"{folder}: there is no run @{number}; {len(runs)} are recorded, the latest one is @1"
             if runs
             else f"{folder}: no run is recorded here yet"
         )
@@ -179,15 +179,15 @@ def run_numbered(folder: Path, number: int) -> Path:
 
 
 def chosen(runs: list[RunEntry], filters: list[str]) -> list[RunEntry]:
-    """Return the runs that fit all texts FIELD=PATTERN, where `*` stands for anything.
+    """Return the runs that match all filters FIELD=PATTERN, where `*` matches any text.
 
     Raises:
-        RunsError: When one is written wrongly.
+        RunsError: If a filter is invalid.
     """
     for text in filters:
         field, sign, pattern = text.partition("=")
         if not sign or field not in FILTERS:
-            raise RunsError(f"'{text}' is no filter; allowed: FIELD=PATTERN, FIELD one of {', '.join(FILTERS)}")
+            raise RunsError(f"'{text}' is not a filter; allowed: FIELD=PATTERN, FIELD one of {', '.join(FILTERS)}")
         runs = [run for run in runs if fnmatchcase(getattr(run, field), pattern)]
     return runs
 
@@ -198,7 +198,7 @@ def _entry(number: int | None, log: os.DirEntry[str], size: int) -> RunEntry:
     try:
         for name, group in metadata_of(Path(log.path)):
             if name == _RESULT:
-                words.pop("path_cost", None)  # of an improvement: the result has the last word
+                words.pop("path_cost", None)  # drop the cost of an improvement: only that of the result counts
             if name.startswith("pushplan."):
                 words |= group
     except (DamageError, OSError, ValueError):
@@ -216,7 +216,7 @@ def _entry(number: int | None, log: os.DirEntry[str], size: int) -> RunEntry:
 
 
 def number_in(text: str) -> float | None:
-    """Return the number that a text is, None where it is none."""
+    """Return the number in a text; None if it is not a number."""
     try:
         return float(text)
     except ValueError:

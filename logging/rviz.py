@@ -1,4 +1,4 @@
-"""What makes RViz (ROS 2) show a bag: the names of its frames, and a configuration that is written beside it."""
+"""RViz (ROS 2) view of a bag: the names of its frames, and a configuration beside the bag."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from pushplan.scenario.model import Scenario
 from pushplan.util.names import PUSHER
 
 _PIXELS, _VIEW = 2.0, 800.0
-"""Width of a line, pixels, in a view of so many pixels in which everything is seen."""
+"""Width of a line, and of a view of the whole scene, pixels."""
 
 
 class FrameNamesError(PushplanError, ValueError):
-    """Names of frames that cannot be used."""
+    """Error of frame names that cannot be used."""
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,9 @@ class Frames:
     """Names of the frames above the chain.
 
     Attributes:
-        map: The world's frame, in which scenarios are specified.
-        odom: In which the robot's motion is measured; here the same as `map`.
-        base: The robot's frame.
+        map: World frame, in which scenarios are specified.
+        odom: Odometry frame; here the same as `map`.
+        base: Frame of the robot.
     """
 
     map: str = "map"
@@ -43,7 +43,7 @@ class Frames:
         """Return the frames named `MAP,BASE` or `MAP,ODOM,BASE`.
 
         Raises:
-            FrameNamesError: When they are not two or three different names.
+            FrameNamesError: If they are not two or three different names.
         """
         names = [name.strip() for name in text.split(",")]
         if len(names) == 2:
@@ -55,23 +55,23 @@ class Frames:
         return cls(*names)
 
     def check(self, scenario: Scenario) -> None:
-        """Find out whether a run has a frame of one of these names.
+        """Check that a run has no frame with one of these names.
 
         Raises:
-            FrameNamesError: When it has.
+            FrameNamesError: If it has one.
         """
         taken = {CHAIN, PUSHER, *scenario.poses} & {self.map, self.odom, self.base}
         if taken:
-            raise FrameNamesError(f"the run has a frame {sorted(taken)[0]!r} already; name others with --frames")
+            raise FrameNamesError(f"the run already has a frame {sorted(taken)[0]!r}; choose others with --frames")
 
 
 def line_width(view: Window) -> float:
-    """Return the width of lines that are seen in a view of all of `view`, m."""
+    """Return a width of lines that is visible in a view of the whole scene, m."""
     return _PIXELS / _VIEW * float(view.size.max())
 
 
 def rviz_file(run: RecordedRun, frames: Frames) -> str:
-    """Return a configuration of RViz (ROS 2): the scene from above, all of it."""
+    """Return a configuration of RViz (ROS 2) with a view of the whole scene from above."""
     view = Scene.of(run.scenario, run.plan).window
     side = float(view.size.max())
     planned, smoothed = (

@@ -1,7 +1,7 @@
-"""The world of a run as viewers draw it: every shape once, fixed to its frame; `/tf` moves the frames.
+"""Scene of a run for viewers: every shape is sent once, fixed to its frame, and `/tf` moves the frames.
 
-Layers are a millimetre or less apart in height, so that they do not flicker. Messages that come at every sample
-(`contact_messages`, `frame_messages`) are made once and then changed in place: only numbers and stamps differ.
+Layers are at most a millimetre apart in height, which avoids flicker. Messages of every sample (`contact_messages`,
+`frame_messages`) are built once and then changed in place, because only numbers and time stamps differ.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ Primitive = TypeVar("Primitive", LinePrimitive, TriangleListPrimitive)
 
 
 def _colour(colour: str, opacity: float = 1.0) -> Color:
-    """Return a colour written `#rrggbb`."""
+    """Return the message of a colour `#rrggbb`."""
     r, g, b = (part / 255.0 for part in palette.red_green_blue(colour))
     return Color(r=r, g=g, b=b, a=opacity)
 
@@ -55,24 +55,24 @@ _WALL, _EDGE = _colour(palette.WALL), _colour(palette.INK)
 _START, _GOAL = _colour(palette.FAINT, 0.9), _colour(palette.GOAL, 0.9)
 _NEAREST, _TREE = _colour(palette.NEAREST), _colour(palette.TREE, 0.35)
 _UNKNOWN_OPACITY = 0.35
-"""Of what nothing is known of on a map: viewers have no hatching."""
+"""Opacity of unknown areas of a map, because viewers have no hatching."""
 
 
 def scene(scenario: Scenario) -> SceneUpdate:
-    """Return everything that a viewer has to draw for the scenario."""
+    """Return the scene of a scenario."""
     drawn = Scene.of(scenario)
     return SceneUpdate(entities=[*_standing(drawn), *_moving(drawn)])
 
 
 def tree(branches: FloatArray) -> SceneUpdate:
-    """Return the search tree, branches (q, 2, 3) in the world frame, as lines."""
+    """Return the search tree, with branches (q, 2, 3) in the world frame, as lines."""
     entity = _entity("tree", WORLD)
     entity.lines.append(_line(branches[:, :, :2].reshape(-1, 2), _Z_TREE, _TREE, LinePrimitive.LINE_LIST))
     return SceneUpdate(entities=[entity])
 
 
 def nearest(scenario: Scenario, plan: Plan) -> SceneUpdate:
-    """Return the path that comes nearest and all bodies at its end, where there is none to the goal."""
+    """Return the path that comes nearest to the goal, with all bodies at its end; empty if there is a plan."""
     if plan.segments or plan.nearest is None:
         return SceneUpdate()
     drawn, ghost = Scene.of(scenario, plan), _entity("nearest", WORLD)
@@ -118,7 +118,7 @@ def _body(name: str, frame: str, outline: FloatArray, z: float, paint: Color) ->
 
 
 def _add_body(entity: SceneEntity, outline: FloatArray, z: float, paint: Color) -> None:
-    """Add the inside of a simple polygon (v, 2) as triangles, and its edge."""
+    """Add the area of a simple polygon (v, 2) as triangles, and its edge."""
     entity.lines.append(_loop(outline, z, _EDGE))
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.Polygon(outline)))
     rings = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)
@@ -127,7 +127,7 @@ def _add_body(entity: SceneEntity, outline: FloatArray, z: float, paint: Color) 
 
 
 def _entity(name: str, frame: str) -> SceneEntity:
-    """Return an entity that stays until the end and moves with `frame`."""
+    """Return an entity without an end time that moves with `frame`."""
     return SceneEntity(id=name, frame_id=frame, frame_locked=True, timestamp=Timestamp())
 
 
@@ -139,7 +139,7 @@ def _loop(outline: FloatArray, z: float, paint: Color) -> LinePrimitive:
 def _line(
     points: FloatArray, z: float, paint: Color, kind: int = LinePrimitive.LINE_STRIP, pixels: float = _PIXELS
 ) -> LinePrimitive:
-    """Return a line through points (k, 2) at height `z`, m, of the same width at every zoom."""
+    """Return a line through points (k, 2) at height `z`, m, with the same width at every zoom."""
     primitive = LinePrimitive(
         type=kind,  # type: ignore[arg-type]
         pose=_identity(),
@@ -151,25 +151,25 @@ def _line(
 
 
 def _with_points(primitive: Primitive, points: FloatArray, z: float) -> Primitive:
-    """Return the primitive with points (k, 2) at height `z` added."""
+    """Add points (k, 2) at height `z` to a primitive and return it."""
     primitive.points.extend([Point3(x=x, y=y, z=z) for x, y in points.tolist()])
     return primitive
 
 
 def _identity() -> Pose:
-    """Return the pose of what stands in its frame's origin."""
+    """Return the identity pose."""
     return Pose(position=Vector3(), orientation=Quaternion(w=1.0))
 
 
 def contact_messages(shapes: Sequence[ContactShapes], count: int, instants: IntArray) -> Iterator[bytes]:
-    """Yield a serialised `SceneUpdate` for each of the `instants` (n,), ns, at which the `shapes` are.
+    """Yield a serialised `SceneUpdate` of the contacts for each instant.
 
-    An entity stands for each contact, and replaces the one before; the first message removes all others.
+    Each contact is an entity that replaces its predecessor; the first message removes all others.
 
     Args:
-        shapes: Of the contacts that are closed.
-        count: Of all contacts that there may be, for their palette.
-        instants: When.
+        shapes: Shapes of the pushed contacts.
+        count: Number of all contacts of the run, for their colours.
+        instants: Times, ns, (n,).
     """
     colours = palette.contact_colours(count)
     update = SceneUpdate(deletions=[SceneEntityDeletion(type=SceneEntityDeletion.ALL)])
@@ -195,7 +195,7 @@ def contact_messages(shapes: Sequence[ContactShapes], count: int, instants: IntA
 
 
 def _add_contact(update: SceneUpdate, shapes: ContactShapes, colour: str) -> None:
-    """Add an entity of cones, segment, and shaft and head of the arrow, as they are at first."""
+    """Add an entity with cones, segment, and shaft and head of the arrow at the first instant."""
     entity, paint = _entity(f"contact/{shapes.name}", PUSHER), _colour(colour)
     for corners in shapes.cones[0]:
         cone = TriangleListPrimitive(pose=_identity(), color=_colour(colour, _CONE_OPACITY))
@@ -209,7 +209,7 @@ def _add_contact(update: SceneUpdate, shapes: ContactShapes, colour: str) -> Non
 
 
 def placed(poses: FloatArray) -> FloatArray:
-    """Return what messages say of poses (..., 3) in the plane: x, y, and a quaternion's z and w (..., 4)."""
+    """Return planar poses (..., 3) as x, y, and z and w of a quaternion, (..., 4)."""
     half = 0.5 * poses[..., 2]
     return np.stack([poses[..., 0], poses[..., 1], np.sin(half), np.cos(half)], axis=-1)
 
@@ -217,16 +217,16 @@ def placed(poses: FloatArray) -> FloatArray:
 def frame_messages(
     scenario: Scenario, plates: FloatArray, objects: FloatArray, instants: IntArray
 ) -> Iterator[bytes]:
-    """Yield a serialised `FrameTransforms` of all frames for each of the `instants` (n,), ns.
+    """Yield a serialised `FrameTransforms` of all frames for each instant.
 
-    Every message carries all of them, so that any one suffices to place everything; those that never change keep the
-    time stamp 0 and cost next to nothing once compressed.
+    Every message has all frames, so that a single one is enough to place everything. Constant ones keep the time
+    stamp 0 and need almost no space after compression.
 
     Args:
-        scenario: Of the run.
-        plates: (n, 3) poses of the plate frame in the world.
-        objects: (n, k, 3) poses of all objects in the world, in the order of the scenario.
-        instants: When.
+        scenario: Scenario of the run.
+        plates: Poses of the plate frame in the world, (n, 3).
+        objects: Poses of all objects in the world, in the order of the scenario, (n, k, 3).
+        instants: Times, ns, (n,).
     """
     message = FrameTransforms()
     moving = [_transform(message, WORLD, name, np.zeros(3)) for name in (PUSHER, *scenario.poses)]

@@ -1,15 +1,14 @@
-"""Protobuf messages of a run log: Foxglove's where a viewer knows them, small ones of our own elsewhere.
+"""Protobuf messages of a run log: Foxglove's if a viewer knows them, and small own ones otherwise.
 
-The messages of our own (package `pushplan`) are declared in `_MESSAGES` and built here, so that no generated
-code has to be kept. Field numbers never change their meaning; new fields take new numbers. SI units, radians.
+The own messages (package `pushplan`) are declared in `_MESSAGES` and built here, without generated code. Field
+numbers never change their meaning; new fields get new numbers. Units are SI and radians.
 
-- `Plan`: what planning found, in numbers; or why nothing. `Segment`: a part of a plan; on its topic when it begins.
-- `Progress`: one improvement of the best path. `Costs`: all of them in one message, as plots of one number over
-  another want it.
-- `Margins`: how far every contact is from slipping. `Twist`, `Wrench` and so on: series of the plate (see `signals`).
-- `ExecutionEnd`: what the execution came to.
+- `Plan`: numbers of a plan, or the reason why there is none. `Segment`: a part of a plan, sent when it begins.
+- `Progress`: one improvement of the best path. `Costs`: all of them in one message, for a plot over iterations.
+- `Margins`: margin of every contact. `Twist`, `Wrench` and so on: series of the plate (see `signals`).
+- `ExecutionEnd`: result of the execution.
 
-Messages are for viewers: what a run is stands in the attachments of its log (see `store`).
+Messages are for viewers; the attachments of the log hold the run itself (see `codec`).
 """
 
 from __future__ import annotations
@@ -92,13 +91,13 @@ _SCALARS = {
 
 
 def _file_of(kind: str) -> str:
-    """Return the name of the file that declares a message of some full name."""
+    """Return the name of the file that declares a message with a full name."""
     known = {one.DESCRIPTOR.full_name: one.DESCRIPTOR.file.name for one in (Timestamp, Vector2)}
     return known.get(kind) or f"{kind.replace('.', '/')}.proto"
 
 
 def _file_descriptor(name: str) -> descriptor_pb2.FileDescriptorProto:
-    """Return the file of one message of our own: each has its own, so that a new one leaves the others as they are.
+    """Return the file of one own message; each has its own file, so that a new one does not change the others.
 
     A field is declared as `NUMBER [optional | repeated] TYPE NAME`.
     """
@@ -113,7 +112,7 @@ def _file_descriptor(name: str) -> descriptor_pb2.FileDescriptorProto:
             field.type_name = f".{kind}"
             if _file_of(kind) not in file.dependency:
                 file.dependency.append(_file_of(kind))
-        if label == ["optional"]:  # proto3 keeps the presence of a number in a oneof of its own
+        if label == ["optional"]:  # proto3 stores the presence of a number in a separate oneof
             field.proto3_optional = True
             field.oneof_index = len(message.oneof_decl)
             message.oneof_decl.add(name=f"_{title}")
@@ -121,7 +120,7 @@ def _file_descriptor(name: str) -> descriptor_pb2.FileDescriptorProto:
 
 
 _POOL = descriptor_pool.Default()
-for _name in _MESSAGES:  # what one uses stands before it
+for _name in _MESSAGES:  # messages stand behind those that they use
     _POOL.Add(_file_descriptor(_name))
 
 
@@ -145,9 +144,9 @@ class Topic:
     """A channel of the log.
 
     Attributes:
-        name: Of the topic.
-        message: What its messages are.
-        since: Revision of the topics that it came with: one more than `REVISION` was. Logs of earlier ones lack it.
+        name: Name of the topic.
+        message: Class of its messages.
+        since: Revision that introduced the topic: `REVISION` plus 1 at that time. Logs of earlier ones lack it.
     """
 
     name: str
@@ -162,7 +161,7 @@ class Topic:
 
     @property
     def schema(self) -> bytes:
-        """The declarations of the messages' type and of all that it uses, as a serialised FileDescriptorSet."""
+        """Declarations of the messages' type and its dependencies as a serialised FileDescriptorSet."""
         return _declarations(self.kind)
 
 
@@ -181,13 +180,13 @@ def _declarations(kind: str) -> bytes:
 
 
 def older(topic: Topic, schema: bytes) -> tuple[MessageClass | None, list[str]]:
-    """Return the type of a topic's messages by the declarations of an older log, and the fields that it lacks.
+    """Return the type of a topic's messages in an older log, and the names of the fields that it lacks.
 
-    The type is None where the declarations are no older ones: they have to be ours without some fields.
+    Older declarations are the current ones without some fields; for others the type is None.
 
     Args:
-        topic: As it is now.
-        schema: The log's declarations, as `Topic.schema`.
+        topic: Current topic.
+        schema: Declarations of the log, as in `Topic.schema`.
     """
     try:
         told = descriptor_pb2.FileDescriptorSet.FromString(schema)
@@ -216,7 +215,7 @@ def older(topic: Topic, schema: bytes) -> tuple[MessageClass | None, list[str]]:
 
 
 def _without(members: Any, kept: set[str]) -> None:
-    """Remove from texts, or declarations with a name, those that are not kept."""
+    """Remove all texts, or named declarations, that are not in `kept`."""
     for member in list(members):
         if (member if isinstance(member, str) else member.name) not in kept:
             members.remove(member)
@@ -243,14 +242,14 @@ REPLANS = Topic("/plan/replans", Plan)
 
 @cache
 def signal_topic(signal: Signal) -> Topic:
-    """Return the topic of a series that has one of its own; its message has the columns as fields.
+    """Return the own topic of a series; the fields of its message are the columns.
 
     Raises:
-        TypeError: When another message has the name.
+        TypeError: If another message has the same name.
     """
     name = signal.topic.rpartition("/")[2].title()
     if name in _MESSAGES:
-        raise TypeError(f"series {signal.name!r}: its topic needs another name, there is a message {name}")
+        raise TypeError(f"series {signal.name!r}: its topic needs another name; a message {name} already exists")
     numbers = (f"{k} double {column}" for k, column in enumerate(signal.columns, 3))
     _MESSAGES[name] = (_STAMP, "2 string frame_id", *numbers)
     _POOL.Add(_file_descriptor(name))
@@ -264,4 +263,4 @@ TOPICS = tuple(dict.fromkeys([*(one for one in list(vars().values()) if isinstan
 REVISION = max(
     [topic.since for topic in TOPICS] + [one.since for table in SIGNALS.values() for one in table.values()]
 )
-"""Of topics and series, which every log states."""
+"""Revision of topics and series, which every log states."""

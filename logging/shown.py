@@ -1,7 +1,7 @@
-"""What viewers get of a run: which samples, what contacts and frames are called, and the shapes of the contacts.
+"""Data of a run for viewers: selected samples, names of contacts and frames, and shapes of contacts.
 
-The shapes are segment, friction cone, and the force as an arrow that suits the objects. Every viewer draws these, all
-in the plate frame, and one contact in one colour.
+The shapes are the segment, the friction cone, and the force as an arrow that is scaled to the objects. Every viewer
+draws them in the plate frame, with one colour for each contact.
 """
 
 from __future__ import annotations
@@ -32,28 +32,28 @@ if TYPE_CHECKING:
     from pushplan.plans.run import Run
 
 WORLD, CHAIN = "world", "chain"
-"""Frames of every run, beside the plate's, `PUSHER`; each object adds one of its own name. `CHAIN` is that of the
-contact of a single push, fixed to the plate."""
+"""Frames of every run, beside the plate's, `PUSHER`; each object adds a frame with its name. `CHAIN` is the contact
+frame of a single push, fixed to the plate."""
 
 VIEW_RATE = 20.0
-"""Samples per second that viewers get of an execution."""
+"""Samples per second of an execution for viewers."""
 
 SMOOTHED_RATE = 10.0
-"""Poses per second of a timed path in pictures."""
+"""Poses per second of a timed path for viewers."""
 
 MOST_VIEWED = 12_000
-"""Samples and poses that viewers get, at most, so that logs of drives of hours are read within their limits: at the
-rates above that is 10 and 20 minutes."""
+"""Largest number of samples and poses for viewers, so that logs of several hours stay within the reader's limits; at
+the rates above it is reached after 10 and 20 minutes."""
 
 
 def contact_names(scenario: Scenario) -> list[str]:
-    """Return what the contact of each object is called: who pushes whom, or the object where that changes."""
+    """Return the name of each object's contact: pusher and object, or only the object if the pusher changes."""
     held = [load.chain.contact_name(k) for load in scenario.task.held for k in range(len(load.chain.contacts))]
     return held or list(scenario.poses)
 
 
 def parts_of(run: Run | RecordedRun) -> list[tuple[float, float, str]]:
-    """Return begin and end, s, and a name for each segment that was executed, in order: what is on a time line."""
+    """Return begin and end, s, and name of each executed segment, in order, for time lines."""
     execution, plan = run.execution, run.plan
     if execution is None or plan is None or len(execution.t) < 2:
         return []
@@ -69,19 +69,19 @@ def parts_of(run: Run | RecordedRun) -> list[tuple[float, float, str]]:
 
 
 def _begins(execution: Execution) -> list[int]:
-    """Return the first sample of each segment that was executed, in order."""
+    """Return the index of the first sample of each executed segment, in order."""
     return [0, *(np.flatnonzero(np.diff(execution.segment)) + 1).tolist()]
 
 
 @dataclass(frozen=True)
 class ShownStep:
-    """What a worker sees as one step: the robot drives to an object and pushes it, or pushes what it holds.
+    """One step for the operator: the robot drives to an object and pushes it, or pushes a held load.
 
     Attributes:
-        begin: Time, s.
-        end: Likewise.
-        words: What happens, in words.
-        margin: The smallest of a contact; None where none is known.
+        begin: Start time, s.
+        end: End time, s.
+        words: Description of the step.
+        margin: Smallest margin of a contact; None if none is known.
         contact: Name of that contact.
     """
 
@@ -93,7 +93,7 @@ class ShownStep:
 
 
 def steps_of(run: Run | RecordedRun) -> list[ShownStep]:
-    """Return the steps of an execution in order, as a person would tell them."""
+    """Return the steps of an execution in order."""
     execution, segments = run.execution, segments_of(run.plan, run.feedback)
     if execution is None or not segments or len(execution.t) < 2:
         return []
@@ -128,7 +128,7 @@ def steps_of(run: Run | RecordedRun) -> list[ShownStep]:
 
 
 def _in_words(scenario: Scenario, done: Sequence[Segment], later: Sequence[Segment]) -> str:
-    """Return what segments do, in words: how far the robot drives to what, and how far it pushes it where."""
+    """Return a description of segments: distances of transit and push, object, face and purpose."""
     pushes = [one for one in done if one.kind in (PUSH, CLOSE)]
     alone = sum(float(one.path.lengths @ np.hypot(*one.path.twists[:, :2].T)) for one in done if one.kind == TRANSIT)
     if not pushes or pushes[-1].load is None:
@@ -151,7 +151,7 @@ def _in_words(scenario: Scenario, done: Sequence[Segment], later: Sequence[Segme
 
 
 def pushed_at_samples(run: Run | RecordedRun, samples: IntArray) -> Iterator[tuple[Load | None, IntArray]]:
-    """Yield what is pushed, None for nothing, and the indices of the samples (n,) at which it is, in their order."""
+    """Yield each pushed load, None for nothing, with its indices into `samples` (n,), in order."""
     execution, segments = run.execution, segments_of(run.plan, run.feedback)
     owner = np.zeros(1, dtype=np.int64) if execution is None else execution.segment[samples]
     for part in np.split(np.arange(len(owner)), np.flatnonzero(np.diff(owner)) + 1):
@@ -163,20 +163,20 @@ def pushed_at_samples(run: Run | RecordedRun, samples: IntArray) -> Iterator[tup
 
 
 def smoothed_times(trajectory: Trajectory) -> FloatArray:
-    """Return the times (m,) at which a timed path is drawn, its end included, s."""
+    """Return the times (m,) of the drawn poses of a timed path, with its end, s."""
     step = max(1.0 / SMOOTHED_RATE, trajectory.duration / MOST_VIEWED)
     return np.append(np.arange(0.0, trajectory.duration, step), trajectory.duration)
 
 
 def viewed(execution: Execution) -> IntArray:
-    """Return the samples to show: the first of each 1/20 s and segment, the last, where each margin is smallest.
+    """Return the samples to show: the first of each 1/20 s and segment, the last, and those with smallest margins.
 
-    Of a long execution it is the first of each `MOST_VIEWED`th part.
+    For a long execution, it is the first sample of each `MOST_VIEWED`th part.
     """
     if len(execution.t) == 0:
         return np.zeros(0, dtype=np.int64)
     rate = min(VIEW_RATE, MOST_VIEWED / max(float(execution.t[-1]), 1.0))
-    frame = np.floor(execution.t * rate + 1e-6)  # t = 0.35 s is in frame 7, whatever its last bits say
+    frame = np.floor(execution.t * rate + 1e-6)  # t = 0.35 s is in frame 7 despite rounding errors
     first = np.flatnonzero(np.diff(frame, prepend=-1.0))
     begun = np.flatnonzero(np.diff(execution.segment, prepend=-1))
     margins = np.where(np.isnan(execution.margins), np.inf, execution.margins)
@@ -185,28 +185,29 @@ def viewed(execution: Execution) -> IntArray:
 
 
 def worst_contacts(execution: Execution) -> list[int]:
-    """Return the columns of the contacts with the smallest margins, at most six, in order; none never pushed."""
+    """Return the columns of the contacts with the smallest margins in order, at most six; only pushed ones count."""
     least = np.where(np.isnan(execution.margins), np.inf, execution.margins).min(axis=0, initial=np.inf)
     pushed = np.argsort(least, kind="stable")[: np.isfinite(least).sum()]
     return sorted(pushed[:6].tolist())
 
 
 _ARROW, _CONE, _HEAD = 0.9, 0.45, 0.3
-"""Length of the largest force's arrow and height of the cones, as shares of the size of an object (the root of its
-area); length of an arrow's head as a share of that of the longest arrow."""
+"""Length of the largest force's arrow and height of the cones, as shares of an object's size (the root of its area);
+length of an arrow's head as a share of the longest arrow."""
 
 
 @dataclass(frozen=True, eq=False)
 class ContactShapes:
-    """A contact at n instants, plate frame, m.
+    """Shapes of a contact at n instants in the plate frame, m.
 
     Attributes:
-        column: Of the object that is pushed, in an execution.
-        name: What the contact is called.
-        segment: (2, 2) right and left end.
-        cones: (n, c, 3, 2) triangles: one at the point of application, or one at either end where that is not known.
-        shafts: (n, 2, 2) from the point of application to the tip of the force's arrow; None where it is not known.
-        heads: (n, 3, 2) triangles at the tips, which are their first corners; None likewise.
+        column: Column of the pushed object in an execution.
+        name: Name of the contact.
+        segment: Right and left end, (2, 2).
+        cones: Triangles of the friction cones, (n, c, 3, 2): at the point of application, or at both ends if that is
+            not known.
+        shafts: Arrows of the force, from the point of application to the tip, (n, 2, 2); None if it is not known.
+        heads: Triangles of the arrow heads, tip first, (n, 3, 2); None if the force is not known.
     """
 
     column: int
@@ -218,7 +219,7 @@ class ContactShapes:
 
 
 def object_size(scenario: Scenario) -> float:
-    """Return the side of a square as large as the median object, m."""
+    """Return the side of a square with the area of the median object, m."""
     return math.sqrt(statistics.median(shapely.Polygon(obj.outline).area for obj in scenario.objects))
 
 
@@ -228,12 +229,12 @@ def longest_arrow(scenario: Scenario) -> float:
 
 
 def cone_height(contact: Contact, size: float) -> float:
-    """Return how tall the friction cone of a contact is drawn, m, where objects have a size, m."""
+    """Return the drawn height of a contact's friction cone, m, for an object size, m."""
     return min(_CONE * size, 0.5 * contact.length)
 
 
 def largest_force(execution: Execution | None) -> float:
-    """Return the size of the largest finite force of an execution, N; 1 where there is none."""
+    """Return the largest finite force of an execution, N; 1 without one."""
     if execution is None or execution.forces is None:
         return 1.0
     sizes = np.hypot(execution.forces[..., 0], execution.forces[..., 1])
@@ -241,7 +242,7 @@ def largest_force(execution: Execution | None) -> float:
 
 
 class LoadContacts:
-    """The contacts of loads, at rest or during an execution; arrows show shares of its largest force."""
+    """Shapes of the contacts of loads, at rest or during an execution; arrows are scaled to its largest force."""
 
     def __init__(self, scenario: Scenario, execution: Execution | None = None) -> None:
         self._names = list(scenario.poses)
@@ -249,7 +250,7 @@ class LoadContacts:
         self._execution, self._largest = execution, largest_force(execution)
 
     def at(self, load: Load, samples: IntArray | None = None) -> list[ContactShapes]:
-        """Return the contacts of a load at some `samples` (n,) of the execution; None stands for one at rest."""
+        """Return the contacts of a load at some `samples` (n,) of the execution; None for a load at rest."""
         shapes = []
         for i, (name, contact) in enumerate(zip(load.names, load.chain.contacts, strict=True)):
             column, tall = self._names.index(name), cone_height(contact, self._size)
@@ -265,7 +266,7 @@ class LoadContacts:
         return shapes
 
     def _forces(self, column: int, samples: IntArray | None) -> tuple[FloatArray, FloatArray] | None:
-        """Return where a force passes through a contact's segment (n,), as shares, and its arrow (n, 2), m."""
+        """Return point of application (n,), as a share of the segment, and arrow (n, 2), m, of a contact's force."""
         execution = self._execution
         if samples is None or execution is None or execution.forces is None or execution.lambdas is None:
             return None
@@ -277,9 +278,9 @@ class LoadContacts:
 def _with_force(
     contact: Contact, tall: float, shares: FloatArray, arrows: FloatArray, longest: float
 ) -> list[FloatArray]:
-    """Return cones, shafts and heads, as in `ContactShapes`, in the contact's frame.
+    """Return cones, shafts and heads, as in `ContactShapes`, in the contact frame.
 
-    The forces (n, 2), as arrows, m, pass through the contact's segment at `shares` (n,) of its length.
+    The arrows (n, 2), m, start at `shares` (n,) of the length of the contact segment.
     """
     ends = np.stack([contact.right, contact.left])
     points = ends[0] + shares[:, None] * (ends[1] - ends[0])

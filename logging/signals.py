@@ -1,7 +1,7 @@
-"""What a log holds sample by sample, of an execution and of measurements: one table, which everything else follows.
+"""Table of the sampled series in a log, of executions and of measurements.
 
 Each entry belongs to an array of `Execution` or `Measured`. Writer, reader, verification, messages, tables, the page
-and docs/logs.md take it from here. An array without an entry, or an entry that cannot be, is an error at import.
+and docs/logs.md use this table. An array without an entry, or an invalid entry, is an error at import.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pushplan.plans.run import Measured
 from pushplan.util.names import PUSHER
 
 MARGINS = "/margins"
-"""Topic of what is known of every contact."""
+"""Topic of margins, forces and further data of all contacts."""
 
 
 @dataclass(frozen=True)
@@ -27,17 +27,17 @@ class Signal:
     """A recorded series: an array whose first axis counts samples.
 
     Attributes:
-        name: Of the field of `Execution` or `Measured`.
-        quantity: In words, for reports.
+        name: Name of the field of `Execution` or `Measured`.
+        quantity: Name of the quantity in reports.
         unit: SI units of the columns.
-        columns: Of the table, behind `NAME.` for objects and contacts; two of a contact end in `_x` and `_y`.
-        of: Whose it is: arrays of objects and contacts have an axis of them behind that of the samples.
-        topic: On which viewers get it; empty for none.
-        frame: Of messages with the columns as fields, on a topic of its own; empty where `topics` makes others.
+        columns: Columns of the table, behind `NAME.` for objects and contacts; two of a contact end in `_x` and `_y`.
+        of: Owner of the series; arrays of objects and contacts have an axis of them behind that of the samples.
+        topic: Topic for viewers; empty for none.
+        frame: Frame of the messages on an own topic, with the columns as fields; empty if `topics` builds others.
         page: Whether the page has it; a single number of the plate is shown beside the time.
         decided: Whether it follows from scenario and plan, so that verification compares it.
-        since: Revision of the logs that it came with: one more than `schemas.REVISION` was.
-        dtype: Of the array.
+        since: Revision that introduced it: `schemas.REVISION` plus 1 at that time.
+        dtype: Type of the array.
     """
 
     name: str
@@ -85,25 +85,25 @@ _TABLE: dict[type, tuple[Signal, ...]] = {
     ),
 }
 SIGNALS = {kind: {signal.name: signal for signal in signals} for kind, signals in _TABLE.items()}
-"""The series by record and name. New ones come last: the fields of a contact's message are numbered in this order."""
+"""Series by record and name. New ones must be last, because the fields of a contact's message have this order."""
 
 
 def series_of(record: Execution | Measured) -> list[tuple[Signal, NDArray[Any]]]:
-    """Return the series that a record has, in the order of the table."""
+    """Return the series of a record, in the order of the table."""
     table = SIGNALS[Measured if isinstance(record, Measured) else Execution]
     return [(signal, getattr(record, name)) for name, signal in table.items() if getattr(record, name) is not None]
 
 
 def check_signals(kind: type, table: Mapping[str, Signal]) -> None:
-    """Raise TypeError where an array of a record has no entry, an entry no array, or an entry cannot be."""
+    """Raise TypeError if an array of a record has no entry, an entry has no array, or an entry is invalid."""
     arrays, latest = {field.name: field for field in fields(kind) if "array" in str(field.type).lower()}, 0
     for name in arrays.keys() ^ table.keys():
-        raise TypeError(f"series {name!r} has to be a field of {kind.__name__} and in logging/signals.py")
+        raise TypeError(f"series {name!r} must be a field of {kind.__name__} and in logging/signals.py")
     for name, one in table.items():
         if one.since < latest or (one.since and arrays[name].default is MISSING):
-            raise TypeError(f"series {name!r}: what came later stands last, and has the default None")
+            raise TypeError(f"series {name!r}: newer series must be last and have the default None")
         if (one.topic == MARGINS) != (one.of == "contact" and one.topic != "") or (one.frame and one.of != "plate"):
-            raise TypeError(f"series {name!r}: contacts are on {MARGINS}, and only the plate has topics of its own")
+            raise TypeError(f"series {name!r}: contacts must be on {MARGINS}, and only the plate can have own topics")
         latest = one.since
 
 

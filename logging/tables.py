@@ -1,4 +1,4 @@
-"""A run for other programs: its samples as a CSV table, its timed motion as JSON, every number in full precision."""
+"""Exports for other programs: samples as a CSV table, timed motion as JSON, all numbers in full precision."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from pushplan.util.arrays import FloatArray
 from pushplan.util.files import write_pieces, write_whole
 
 _AT_ONCE = 10_000
-"""Rows that exist as text in memory."""
+"""Largest number of rows in memory as text."""
 
 
 def write_csv(run: Run | RecordedRun, path: Path | str) -> None:
-    """Write the columns of `table` as CSV: a line of names, then a line a sample.
+    """Write the columns of `table` as CSV: a line of names, then a line for each sample.
 
     Raises:
-        PushplanError: When nothing was executed.
-        OutputError: When the file cannot be written.
+        PushplanError: If nothing was executed.
+        OutputError: If the file cannot be written.
     """
     columns = table(run)
     rows = np.column_stack(list(columns.values()))
@@ -46,14 +46,14 @@ def _lines(rows: Iterable[Iterable[object]]) -> bytes:
 
 
 def table(run: Run | RecordedRun) -> dict[str, FloatArray]:
-    """Return the columns (m,) by name; SI units, radians; NaN where an object is not pushed.
+    """Return the columns (m,) by name, in SI units and radians; NaN while an object is not pushed.
 
-    These are the columns of `signals.SIGNALS` that the run has: of the plate; then `base_x`, `base_y`, `base_theta`,
-    `base_vx`, `base_vy`, `base_omega` of the robot's base, in its own frame; then `O.x` and so on of each object O,
-    and `C.margin` and so on of each contact C.
+    These are the columns of `signals.SIGNALS` that the run has: first those of the plate; then `base_x`, `base_y`,
+    `base_theta`, `base_vx`, `base_vy`, `base_omega` of the robot's base, twists in its own frame; then `O.x` and so
+    on of each object O, and `C.margin` and so on of each contact C.
 
     Raises:
-        PushplanError: When nothing was executed.
+        PushplanError: If nothing was executed.
     """
     execution = run.execution
     if execution is None:
@@ -83,20 +83,20 @@ FORMAT = "pushplan-trajectory/2"
 
 
 def write_trajectory(run: Run | RecordedRun, path: Path | str) -> None:
-    """Write the document of `trajectory_document` as JSON, all numbers in full precision.
+    """Write the document of `trajectory_document` as JSON, with all numbers in full precision.
 
     Raises:
-        PushplanError: When there is no trajectory.
-        OutputError: When the file cannot be written.
+        PushplanError: If there is no trajectory.
+        OutputError: If the file cannot be written.
     """
     write_whole(path, (json.dumps(trajectory_document(run), allow_nan=False) + "\n").encode())
 
 
 def trajectory_document(run: Run | RecordedRun) -> dict[str, Any]:
-    """Return segments, trajectory and samples of plate and base as plain data; SI units, radians, angles run on.
+    """Return segments, trajectory and samples of plate and base as plain data, in SI units and unwrapped radians.
 
     Raises:
-        PushplanError: When there is no trajectory.
+        PushplanError: If there is no trajectory.
     """
     plan, scenario = run.plan, run.scenario
     if plan is None or plan.trajectory is None:

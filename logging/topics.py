@@ -1,7 +1,7 @@
-"""The messages of a log, made from the run that its attachments hold: what viewers draw, plot and list.
+"""Messages of a log for viewers, generated from the run in its attachments.
 
-At its full rate an execution would make the file several times larger and no picture smoother: viewers get some of
-its samples (`shown.viewed`). Nothing here depends on the clock: the same run gives the same bytes.
+Viewers get a selection of the samples (`shown.viewed`). The full rate of an execution would make the file several
+times larger without a visible gain. Nothing here depends on the clock: the same run gives the same bytes.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray, IntArray
 
 Sent = tuple[int, Topic, bytes]
-"""Time of the log, ns, topic and serialised message."""
+"""Log time, ns, topic, and serialised message."""
 
 
 def messages(run: RecordedRun) -> Iterator[Sent]:
-    """Yield all messages of a run in the order of time; of the same time, in the order of the parts below."""
+    """Yield all messages of a run in order of time; messages of the same time have the order of the parts below."""
     parts = _Messages(run)
     return merge(
         parts.beginning(),
@@ -55,7 +55,7 @@ def messages(run: RecordedRun) -> Iterator[Sent]:
 
 
 class _Messages:
-    """The parts of a run's messages, each in the order of time."""
+    """Messages of a run in several parts, each in order of time."""
 
     def __init__(self, run: RecordedRun) -> None:
         self._run, self._count = run, len(run.scenario.poses)
@@ -63,16 +63,16 @@ class _Messages:
         self._execution = execution if execution is not None and len(execution.t) else None
 
     def _sent(self, topic: Topic, time: float, message: MessageClass) -> Sent:
-        """Return a message at a simulated time, s, with that time in its field `timestamp` if it has one."""
+        """Return a message for a simulated time, s; its field `timestamp`, if any, is set to that time."""
         instant = round(NANO * time)
         if "timestamp" in message.DESCRIPTOR.fields_by_name:
             message.timestamp.FromNanoseconds(instant)
         return instant, topic, message.SerializeToString(deterministic=True)
 
     def beginning(self) -> Iterator[Sent]:
-        """Yield the scene, and where everything is at first."""
+        """Yield the scene and the initial poses."""
         scenario, now = self._run.scenario, np.zeros(1, dtype=np.int64)
-        if self._run.plan is not None and self._run.plan.segments:  # which say which place in a row each object has
+        if self._run.plan is not None and self._run.plan.segments:  # the plan decides the places of a row
             scenario = scenario.settled(self._run.plan.segments[-1].after)
         yield self._sent(schemas.SCENE, 0.0, scene(scenario))
         objects = np.stack(list(scenario.poses.values()))[None]
@@ -84,7 +84,7 @@ class _Messages:
                 yield 0, schemas.CONTACTS, data
 
     def planning(self) -> Iterator[Sent]:
-        """Yield what planning found."""
+        """Yield the results of planning."""
         run, plan = self._run, self._run.plan
         for point in run.improvements:
             message = schemas.Progress(iterations=point.iterations, cost=point.cost)
@@ -107,7 +107,7 @@ class _Messages:
             yield self._sent(schemas.PLAN_SMOOTHED, time, poses_in_world(smoothed))
 
     def segments(self) -> Iterator[Sent]:
-        """Yield the segments that were executed, each when it begins."""
+        """Yield the executed segments, each at its beginning."""
         plan, execution = self._run.plan, self._execution
         if plan is None or execution is None:
             return
@@ -134,14 +134,14 @@ class _Messages:
                 yield self._sent(schemas.SEGMENT, begin, message)
 
     def measured(self) -> Iterator[Sent]:
-        """Yield what a closed loop measured."""
+        """Yield the measurements of a closed loop."""
         feedback = self._run.feedback
         if feedback is not None:
             for time, poses in zip(feedback.measured.t.tolist(), feedback.measured.poses, strict=True):
                 yield self._sent(schemas.MEASURED, time, poses_in_world(poses))
 
     def samples(self) -> Iterator[Sent]:
-        """Yield what viewers see of the execution, sample by sample."""
+        """Yield the selected samples of the execution."""
         scenario, execution = self._run.scenario, self._execution
         if execution is None:
             return
@@ -161,14 +161,14 @@ class _Messages:
                 yield instant, topic, one
 
     def _contacts(self, execution: Execution, shown: IntArray, instants: IntArray) -> Iterator[bytes]:
-        """Yield the contacts that are closed, segment by segment."""
+        """Yield the pushed contacts, segment by segment."""
         drawn = LoadContacts(self._run.scenario, execution)
         for load, part in pushed_at_samples(self._run, shown):
             shapes = [] if load is None else drawn.at(load, shown[part])
             yield from contact_messages(shapes, self._count, instants[part])
 
     def events(self) -> Iterator[Sent]:
-        """Yield what a closed loop noticed and planned, an event before the plan of the same moment."""
+        """Yield events and replans of a closed loop; an event precedes a replan of the same time."""
         feedback = self._run.feedback
         if feedback is None:
             return
@@ -189,7 +189,7 @@ class _Messages:
                 yield from self._paths(plan, time)
 
     def end(self) -> Iterator[Sent]:
-        """Yield what the execution came to, unless its record breaks off."""
+        """Yield the result of the execution, unless its record is incomplete."""
         execution = self._execution
         if execution is None or math.isnan(execution.goal_error[0]):
             return
@@ -224,7 +224,7 @@ def poses_in_world(poses: FloatArray) -> PosesInFrame:
 
 
 def _filled(signal: Signal, values: FloatArray, instants: IntArray) -> Iterator[bytes]:
-    """Yield the message of a series (m, ...) of the plate for each instant (m,), ns."""
+    """Yield the messages of a series (m, ...) of the plate for instants (m,), ns."""
     message = schemas.signal_topic(signal).message(frame_id=signal.frame)
     for instant, row in zip(instants.tolist(), values.reshape(len(values), -1).tolist(), strict=True):
         for name, value in zip(signal.columns, row, strict=True):
@@ -236,7 +236,7 @@ def _filled(signal: Signal, values: FloatArray, instants: IntArray) -> Iterator[
 def _margin_messages(
     names: Sequence[str], execution: Execution, samples: IntArray, instants: IntArray
 ) -> Iterator[bytes]:
-    """Yield the state of every contact: margins and, where they are known, the force and where it acts."""
+    """Yield the state of all contacts: margins and, if known, the forces and their points of application."""
     message = schemas.Margins(contacts=[{"name": name} for name in names])
     entries = list(message.contacts)
     known = [(one, values) for one, values in series_of(execution) if one.topic == schemas.MARGINS.name]
@@ -262,7 +262,7 @@ def lines_of(
     feedback: Feedback | None,
     others: Sequence[LogLine],
 ) -> tuple[LogLine, ...]:
-    """Return the lines of /log in the order of time: those that follow from a run, and `others`."""
+    """Return the lines of /log in order of time: those that follow from a run, and `others`."""
     lines = list(others)
     if plan is not None:
         lines.append(LogLine(0.0, "info" if plan.solved else "warning", plan_sentence(plan)))
@@ -279,7 +279,7 @@ def lines_of(
 
 
 def plan_sentence(plan: Plan) -> str:
-    """Return the outcome of planning in a sentence."""
+    """Return the outcome of planning as a sentence."""
     who = f"{plan.planner} within the stable set {plan.stable_set}, seed {plan.seed}"
     if not plan.segments:
         return f"{who}: no plan: {'; '.join(plan.why_not)}"
@@ -293,13 +293,13 @@ def plan_sentence(plan: Plan) -> str:
 
 
 def execution_sentence(scenario: Scenario, execution: Execution) -> str:
-    """Return the outcome of an execution in a sentence."""
+    """Return the outcome of an execution as a sentence."""
     if execution.loss is not None:
         loss = execution.loss
         return f"contact {loss.contact} is lost at {loss.time:.3f} s (margin {loss.margin:.3g})"
     position, angle = execution.goal_error
     if math.isnan(position):
-        return f"the record of the execution breaks off behind sample {len(execution.t)}"
+        return f"the record of the execution ends early, after {len(execution.t)} samples"
     missed = f"executed; the goal is missed by {1e3 * position:.3g} mm and {math.degrees(angle):.3g} deg"
     force = execution.force_words(scenario.pusher.limits.force)
     return f"{missed}; the plate {force}" if force else missed

@@ -1,10 +1,13 @@
-"""Verifies a log: executes the recorded plan again, and makes every message again from what the log holds.
+"""Verification of a log: execute the recorded plan again, and generate every message again.
 
-Compared are, for every kind of log: the execution, sample by sample, with what a simulator makes of the recorded plan
-(where the log has its world: objects that slip move in one that it has not); every message, byte by byte and, where
-they differ, field by field, its times and its number, the order of all, and the schemas; every field of the metadata
-that follows from plan and execution. Reading has compared the digest of all attachments and metadata, measurements
-among them.
+For every kind of log, it compares:
+
+- the execution, sample by sample, with a new one of the recorded plan (if the log has its world; that of slipping
+  objects is not recorded);
+- every message byte by byte, and differing ones field by field, with times, numbers, order and schemas;
+- every field of the metadata that follows from plan and execution.
+
+The reader has already checked the digest of all attachments and metadata, and so of the measurements.
 """
 
 from __future__ import annotations
@@ -30,7 +33,7 @@ from pushplan.plans.execution import Execution
 from pushplan.util.arrays import FloatArray
 
 TOLERANCE = 1e-9
-"""Largest difference that counts as rounding, in SI units; of forces, per newton of the largest one."""
+"""Largest difference that counts as rounding, in SI units; for forces, relative to the largest one."""
 
 NOT_COMPARED = (
     "clock times, machine, versions and settings",
@@ -39,20 +42,20 @@ NOT_COMPARED = (
     "layout.json",
     "times and types of attachments, header and index of the file",
 )
-ELSEWHERE = "where the objects went (in a world that the log does not hold)"
-"""What verification takes as it is; `ELSEWHERE` where the execution cannot be made again."""
+ELSEWHERE = "object motion (in a world that the log does not hold)"
+"""Unverified parts of a log; `ELSEWHERE` if the execution cannot be repeated."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """A comparison of one quantity.
+    """Comparison of one quantity.
 
     Attributes:
-        quantity: What was compared.
-        difference: The largest difference found; infinite where one side has nothing to compare.
-        tolerance: What would still pass.
-        time: Simulated time of the largest difference, s; None where the quantity has no time.
-        what: The difference in words, where a number does not say it.
+        quantity: Compared quantity.
+        difference: Largest difference; infinite if one side is missing.
+        tolerance: Largest allowed difference.
+        time: Simulated time of the largest difference, s; None for a quantity without time.
+        what: Description of a difference that is not a number.
     """
 
     quantity: str
@@ -68,7 +71,7 @@ class Check:
 
     @property
     def text(self) -> str:
-        """The outcome in a sentence."""
+        """Outcome as a sentence."""
         if self.what:
             return f"{self.quantity}: {self.what}"
         at = "" if self.time is None else f" at {self.time:.3f} s"
@@ -81,9 +84,9 @@ class VerifyReport:
     """All comparisons of one run.
 
     Attributes:
-        checks: The comparisons.
-        versions: Packages that have other versions now than when the log was written, in words.
-        not_compared: What was taken as it is, in words.
+        checks: Comparisons.
+        versions: Packages whose versions differ from those in the log, as text.
+        not_compared: Unverified parts of the log, as text.
     """
 
     checks: tuple[Check, ...]
@@ -97,19 +100,19 @@ class VerifyReport:
 
     @property
     def mismatches(self) -> tuple[Check, ...]:
-        """The comparisons that are not."""
+        """Comparisons beyond their tolerance."""
         return tuple(check for check in self.checks if not check.matches)
 
 
 def verify(run: RecordedRun, execute: Callable[[RecordedRun], Execution | None]) -> VerifyReport:
-    """Compare a run, read with its messages, with what its plan leads to.
+    """Compare a recorded run with a new execution of its plan and with newly generated messages.
 
     Args:
-        run: As `load_run(path, messages=True)` returns it.
-        execute: Executes the plan of a run again; returns None where that cannot be done without its world.
+        run: Run from `load_run(path, messages=True)`.
+        execute: Function that executes the plan of a run again; it returns None if the world is not known.
 
     Raises:
-        PushplanError: When the recorded plan cannot be executed at all.
+        PushplanError: If the recorded plan cannot be executed.
     """
     checks: list[Check] = []
     said = {key: value for key, value in run.fields.get(metadata.RUN, {}).items() if key.startswith("version.")}
@@ -117,7 +120,7 @@ def verify(run: RecordedRun, execute: Callable[[RecordedRun], Execution | None])
     others = [(key, value, now.get(key, "")) for key, value in said.items() if value != now.get(key)]
     versions = tuple(f"{key.removeprefix('version.')} {value}, now {new}" for key, value, new in others)
     if run.other_scenario and not any(one.startswith("pushplan ") for one in versions):
-        what = "says other than the scenario's file comes to"
+        what = "differs from the resolved scenario file"
         checks.append(Check("scenario.json", math.inf, what=what))
     revision = number_in(run.fields.get(metadata.RUN, {}).get("topics", "")) or 0.0
     left_out: list[str] = []
@@ -129,7 +132,7 @@ def verify(run: RecordedRun, execute: Callable[[RecordedRun], Execution | None])
             checks += _compare_executions(run.execution, again, revision, left_out)
     records = (run.execution, None if run.feedback is None else run.feedback.measured)
     recorded = [signal for record in records if record is not None for signal, _ in series_of(record)]
-    left_out += [f"{signal.quantity} (the plan does not decide it)" for signal in recorded if not signal.decided]
+    left_out += [f"{signal.quantity} (it does not follow from the plan)" for signal in recorded if not signal.decided]
     checks += _compare_messages(run, revision, left_out)
     checks += _compare_words(run)
     return VerifyReport(tuple(checks), versions, (*NOT_COMPARED, *left_out))
@@ -145,9 +148,9 @@ def check_way(execution: Execution) -> Check:
 def _compare_executions(
     recorded: Execution, again: Execution, revision: float, left_out: list[str]
 ) -> Iterator[Check]:
-    """Compare two executions of the same plan; the recorded one may have lost its end.
+    """Compare two executions of the same plan; the recorded one can be truncated.
 
-    Series that the log lacks because its `revision` is older are added to `left_out`.
+    Series that an older log lacks (by its `revision`) are added to `left_out`.
     """
     cut = math.isnan(recorded.goal_error[0])
     count = min(len(recorded.t), len(again.t))
@@ -188,10 +191,10 @@ def series_check(
 
 
 def _compare_messages(run: RecordedRun, revision: float, left_out: list[str]) -> list[Check]:
-    """Compare the messages with those that the run leads to; of a log cut off, as far as it goes.
+    """Compare the messages with newly generated ones; those of a truncated log up to its end.
 
-    In the file topics may come in any order, as tools that rewrite logs leave them. What was not compared is added to
-    `left_out`.
+    The topics can have any order in the file, because tools that rewrite logs change it. Parts that are not compared
+    are added to `left_out`.
     """
     topics = {topic.name: topic for topic in schemas.TOPICS if topic.since <= revision}
     worst = {name: Check(name, 0.0) for name in topics}
@@ -210,7 +213,7 @@ def _compare_messages(run: RecordedRun, revision: float, left_out: list[str]) ->
         kind, missing = _kind_in(run, topic)
         left_out += [f"field {field} (the log has none)" for field in missing]
         if kind is None:
-            worst[f"{name} schema"] = Check(f"{name} schema", math.inf, what="declared as something else")
+            worst[f"{name} schema"] = Check(f"{name} schema", math.inf, what="declared differently")
         elif len(found) != len(wanted) and not (run.losses and len(found) < len(wanted)):
             worst[name] = Check(name, math.inf, what=f"{len(found)} messages instead of {len(wanted)}")
         else:
@@ -227,7 +230,7 @@ def _compare_messages(run: RecordedRun, revision: float, left_out: list[str]) ->
 
 
 def _kind_in(run: RecordedRun, topic: schemas.Topic) -> tuple[schemas.MessageClass | None, list[str]]:
-    """Return the messages' type as a log declares it, None where it is another one, and fields that it lacks."""
+    """Return the type of a topic's messages in a log, None if it is unknown, and the fields that it lacks."""
     declared = [channel for channel in run.channels if channel.topic == topic.name]
     ours = Channel(topic.name, "protobuf", topic.kind, "protobuf", topic.schema)
     if not declared or declared == [ours]:
@@ -238,7 +241,7 @@ def _kind_in(run: RecordedRun, topic: schemas.Topic) -> tuple[schemas.MessageCla
 
 
 def _raise(worst: dict[str, Check], check: Check) -> None:
-    """Keep the largest difference of each quantity; one that is no number counts as the largest."""
+    """Keep the check with the largest difference of each quantity; NaN counts as the largest."""
     before = worst.get(check.quantity)
     if before is None or not (math.isnan(before.difference) or check.difference <= before.difference):
         worst[check.quantity] = check
@@ -250,7 +253,7 @@ def _compare_fields(topic: str, kind: schemas.MessageClass, data: bytes, made: b
     except DecodeError:
         yield Check(topic, math.inf, time=time, what="a message that cannot be decoded")
         return
-    other.DiscardUnknownFields()  # which an older log's messages lack
+    other.DiscardUnknownFields()  # the messages of an older log lack them
     if data == other.SerializeToString(deterministic=True):
         return
     first, second = dict(_leaves(one, "")), dict(_leaves(other, ""))
@@ -263,11 +266,11 @@ def _compare_fields(topic: str, kind: schemas.MessageClass, data: bytes, made: b
         elif not numbers and a != b:
             yield Check(f"{topic} {name}", math.inf, time=time, what=f"{a!r:.60} instead of {b!r:.60}")
     if first == second:
-        yield Check(topic, math.inf, time=time, what="other bytes that say the same")
+        yield Check(topic, math.inf, time=time, what="other bytes with the same fields")
 
 
 def _leaves(message: Any, prefix: str) -> Iterator[tuple[str, Any]]:
-    """Yield dotted name and value of each field, and the number of each repeated one."""
+    """Yield dotted name and value of each field; repeated fields have an index."""
     for field, value in message.ListFields():
         repeated = not isinstance(value, str | bytes | int | float | ProtobufMessage)
         members = list(value) if repeated else [value]
@@ -280,10 +283,9 @@ def _leaves(message: Any, prefix: str) -> Iterator[tuple[str, Any]]:
 
 
 def _compare_words(run: RecordedRun) -> Iterator[Check]:
-    """Compare the metadata of the result with what the run comes to.
+    """Compare the metadata of the result with those of the run.
 
-    Numbers need not be the same bit by bit: margins of a log that grew were worked out for a few samples at a time,
-    and are rounded otherwise than those of all samples at once.
+    Numbers can differ by rounding: the margins of a growing log were computed for a few samples at a time.
     """
     said = run.fields.get(metadata.RESULT)
     if said is None:

@@ -1,12 +1,12 @@
-"""Writes the log of a run, so that a kill at any moment loses nothing that was known before.
+"""Writer of run logs; a kill at any moment loses nothing that was written before.
 
-A run is written as attachments, each when it is known: the scenario, every improvement of the path, the plan, every
-simulated second of the execution, what was measured and noticed. When the run is over, the messages for viewers are
-made from it (`topics`). The log grows as NAME.mcap.partial and becomes NAME.mcap when it is finished.
+A run is written as attachments as soon as each is known: the scenario, every improvement of the path, the plan, every
+simulated second of the execution, measurements and events. At the end, the messages for viewers are generated from it
+(`topics`). The log grows as NAME.mcap.partial and is renamed to NAME.mcap when it is finished.
 
-Two runs with the same seed write the same bytes, except in these fields of the metadata (as long in both, on one
-machine with the same versions): `started_at`, `finished_at`, `machine`, `git`, `sha256`, `iterations`, and times of
-the clock, `..._s`.
+Two runs with the same seed write the same bytes, except in these fields of the metadata: `started_at`, `finished_at`,
+`machine`, `git`, `sha256`, `iterations`, and clock times `..._s`. On one machine with the same versions, these have
+the same length in both.
 """
 
 from __future__ import annotations
@@ -39,34 +39,35 @@ from pushplan.util.arrays import FloatArray
 from pushplan.util.files import Output
 
 SCENARIO_FILE, SCENARIO_JSON, SCENARIO_FOLDER = "scenario.yaml", "scenario.json", "scenario/"
-"""Attachments: the scenario byte for byte; with everything resolved that it leaves open; the files it refers to."""
+"""Attachments: the scenario byte for byte; the resolved scenario; prefix of the files that it refers to."""
 
 PLAN, IMPROVEMENT, SAMPLES, END = "plan.bin", "improvement/", "execution/", "execution.bin"
-"""Attachments: the plan; followed by a number, an improvement of the path; likewise, a simulated second of the
-execution; what the execution came to."""
+"""Attachments: the plan; prefix of numbered improvements of the path; prefix of numbered seconds of the execution;
+its result."""
 
 MEASURED, EVENT, REPLAN, TRIAL, LINE = "measured/", "event/", "replan/", "trial/", "line/"
-"""Attachments, followed by a number: measurements, events, plans on the way, ends of trials, other lines of /log."""
+"""Prefixes of numbered attachments: measurements, events, replans, outcomes of trials, other lines of /log."""
 
 ENCODED = (PLAN, IMPROVEMENT, SAMPLES, END, MEASURED, EVENT, REPLAN, TRIAL, LINE)
-"""Of all of these, what `codec` encodes."""
+"""Attachments that `codec` encodes."""
 
 ATTACHMENTS = (SCENARIO_FILE, SCENARIO_JSON, SCENARIO_FOLDER, LAYOUT_FILE, *ENCODED)
-"""What names of attachments begin with."""
+"""Prefixes of the names of attachments."""
 
 _LATEST = 1 << 33
-"""Simulated time has to be before this, s."""
+"""Exclusive upper limit of simulated time, s."""
 
 _FEWEST = 40
-"""Samples of a part of the execution: of hours, sampled coarsely, a part for each second is more than is read."""
+"""Smallest number of samples in a part of the execution; a part for each second of several hours would exceed the
+reader's limits."""
 
 
 def _parts_of(t: FloatArray, ended: bool) -> Iterator[slice]:
-    """Yield the samples of each simulated second, or of several with `_FEWEST` of them, given their times (m,).
+    """Yield the samples of each simulated second, or of several seconds with at least `_FEWEST` samples.
 
     Args:
-        t: The times.
-        ended: Yield the rest, too, whatever its number.
+        t: Times of the samples, s, (m,).
+        ended: Whether to yield the rest, too, even if it is shorter.
     """
     begin = 0
     for cut in (np.flatnonzero(np.diff(np.floor(t))) + 1).tolist():
@@ -78,15 +79,15 @@ def _parts_of(t: FloatArray, ended: bool) -> Iterator[slice]:
 
 
 class RunLogWriter:
-    """A log being written: a context manager that never leaves half a file under the final name.
+    """Context manager that writes a log and never leaves an incomplete file under its final name.
 
     Example:
         >>> with RunLogWriter.create("run.mcap", scenario, {"seed": 1}) as log:
         ...     log.plan(plan(scenario, seed=1))
         ...     log.finish("solved")
 
-    Without `finish`, or with an exception inside, the file stays under `partial` and its metadata say why. Whatever
-    writes raises OutputError when the file cannot be written.
+    Without `finish`, or with an exception inside, the file stays under `partial`, and its metadata give the reason.
+    All methods that write raise OutputError if the file cannot be written.
     """
 
     def __init__(self, file: Output, scenario: Scenario) -> None:
@@ -110,14 +111,14 @@ class RunLogWriter:
         words: Mapping[str, str] | None = None,
         new: bool = False,
     ) -> Self:
-        """Begin a log: what the run starts from is written when this returns.
+        """Create a log and write the inputs of the run.
 
         Args:
-            path: Final name of the log. A file of that name is replaced when the log is finished, not before.
-            scenario: What the run is about, with the settings of the plan (`Planner.scenario`).
+            path: Final path of the log. An existing file is replaced only when the log is finished.
+            scenario: Scenario of the run, with the settings of the plan (`Planner.scenario`).
             settings: Names and values for the metadata `pushplan.run`: planner, set, seed, ...
-            words: The metadata `pushplan.run` of a run that is over; None for one that begins now.
-            new: Refuse a name that there is already.
+            words: Metadata `pushplan.run` of an earlier run; None for a run that begins now.
+            new: Whether to refuse an existing file.
         """
         file = Output(path, new=new)
         try:
@@ -134,11 +135,11 @@ class RunLogWriter:
 
     @property
     def partial(self) -> Path:
-        """Name of the file until it is finished."""
+        """Path of the file until it is finished."""
         return self._file.partial
 
     def _attach(self, name: str, data: bytes, media_type: str = MEDIA_TYPE) -> None:
-        """Write an attachment; when this returns, no kill can lose it."""
+        """Write an attachment, which survives a kill from then on."""
         self._digest.add(name, data)
         self._writer.add_attachment(0, 0, name, media_type, data)
 
@@ -150,26 +151,26 @@ class RunLogWriter:
         """Write a line to /log.
 
         Args:
-            level: One of `schemas.LEVELS`.
-            text: What to say; without wall-clock times, which would differ from run to run.
+            level: Level from `schemas.LEVELS`.
+            text: Text without wall-clock times, which would differ from run to run.
 
         Raises:
-            ValueError: When the level is none of them.
-            OutputError: When the file cannot be written.
+            ValueError: If the level is unknown.
+            OutputError: If the file cannot be written.
         """
         if level not in schemas.LEVELS:
-            raise ValueError(f"level {level!r} is none of {', '.join(schemas.LEVELS)}")
+            raise ValueError(f"the level is {level!r}; allowed: {', '.join(schemas.LEVELS)}")
         execution = self._run.execution
         time = 0.0 if execution is None or not len(execution.t) else float(execution.t[-1])
         self.line(LogLine(time, level, text))
 
     def line(self, line: LogLine) -> None:
-        """Write a line to /log as it is."""
+        """Write a complete line to /log."""
         self._others.append(line)
         self._numbered(LINE, (line.time, line.level, line.text))
 
     def note(self, name: str, words: Mapping[str, str]) -> None:
-        """Write metadata under a name that begins with `pushplan.`."""
+        """Write a metadata record; its name begins with `pushplan.`."""
         self._digest.add_words(name, words)
         self._writer.add_metadata(name, dict(words))
 
@@ -182,7 +183,7 @@ class RunLogWriter:
         self._run = replace(self._run, improvements=(*self._run.improvements, point))
 
     def plan(self, plan: Plan) -> None:
-        """Write what planning found, and what it took; improvements that `improved` has written are not repeated."""
+        """Write a plan and its planning effort; improvements that are already written are not repeated."""
         for point in plan.improvements[len(self._run.improvements) :]:
             self.improved(point)
         self.note(metadata.PLANNING, metadata.planning_words(plan))
@@ -191,14 +192,14 @@ class RunLogWriter:
         self._run = replace(self._run, plan=plan)
 
     def samples(self, execution: Execution) -> None:
-        """Write the simulated seconds of an execution that are over and not written yet.
+        """Write the finished simulated seconds of an execution that are not written yet.
 
         Args:
-            execution: As far as it has come; the samples that were written before are the same.
+            execution: Execution so far; its written samples must not change.
 
         Raises:
-            RunLogError: When times go back or are no numbers.
-            OutputError: When the file cannot be written.
+            RunLogError: If times go back or are not numbers.
+            OutputError: If the file cannot be written.
         """
         over = int(np.searchsorted(execution.t, np.floor(execution.t[-1]))) if len(execution.t) else 0
         self._write_samples(execution, over, ended=False)
@@ -206,11 +207,11 @@ class RunLogWriter:
             self._run = replace(self._run, execution=execution.until(self._samples))
 
     def execution(self, execution: Execution) -> None:
-        """Write what the simulator made of the plan, a simulated second at a time, as far as it is not written yet.
+        """Write the rest of an execution that is not written yet, in parts of a simulated second, and its result.
 
         Raises:
-            RunLogError: When times go back or are no numbers.
-            OutputError: When the file cannot be written.
+            RunLogError: If times go back or are not numbers.
+            OutputError: If the file cannot be written.
         """
         self._write_samples(execution, len(execution.t), ended=True)
         end = {"samples": len(execution.t), "goal_error": execution.goal_error, "loss": execution.loss}
@@ -218,7 +219,7 @@ class RunLogWriter:
         self._run = replace(self._run, execution=execution)
 
     def _write_samples(self, execution: Execution, end: int, ended: bool) -> None:
-        """Write the samples of an execution up to one, but for those that were written before."""
+        """Write the samples of an execution before `end` that are not written yet."""
         before = np.append(0.0, execution.t[:-1])
         wrong = np.flatnonzero(~((execution.t >= before) & (execution.t < _LATEST)))
         if len(wrong):
@@ -233,7 +234,7 @@ class RunLogWriter:
             self._samples = these.stop
 
     def feedback(self, feedback: Feedback) -> None:
-        """Write what a closed loop has measured, noticed, done and planned and is not written yet."""
+        """Write the new measurements, events and replans of a closed loop."""
         first, measured = self._measured, feedback.measured
         if len(measured.t) > first:
             new = {signal.name: values[first:] for signal, values in series_of(measured)}
@@ -248,18 +249,18 @@ class RunLogWriter:
             self._run = replace(self._run, feedback=feedback)
 
     def trial(self, end: TrialEnd) -> None:
-        """Write how the plan ended in a sampled world."""
+        """Write the outcome of a Monte Carlo sample."""
         self._numbered(TRIAL, end)
 
     def finish(self, outcome: str, seconds: Mapping[str, float] | None = None) -> None:
         """End the log and give it its final name.
 
         Args:
-            outcome: How the run ended, in a word: solved, unsolved, ...
-            seconds: Wall-clock time of each phase, for the metadata `pushplan.result`.
+            outcome: Outcome of the run in one word: solved, unsolved, ...
+            seconds: Wall-clock time of each phase, s, for the metadata `pushplan.result`.
 
         Raises:
-            OutputError: When the file cannot be written; what is there stays under `partial`.
+            OutputError: If the file cannot be written; the incomplete file stays under `partial`.
         """
         spent = {f"{phase}_s": metadata.exact(time) for phase, time in (seconds or {}).items()}
         self._end({"outcome": outcome, **spent})
@@ -277,7 +278,7 @@ class RunLogWriter:
         self._sequence[channel] += 1
 
     def _end(self, words: Mapping[str, str]) -> None:
-        """Write messages and result of the run."""
+        """Write the messages and the result of the run."""
         self._finished, run = True, self._run
         lines = lines_of(run.scenario, run.plan, run.execution, run.feedback, self._others)
         for instant, topic, data in messages(replace(run, lines=lines)):
@@ -298,11 +299,11 @@ class RunLogWriter:
         self.abandon(error)
 
     def discard(self) -> None:
-        """Remove the file, which was not finished."""
+        """Remove the unfinished file."""
         self._file.discard()
 
     def abandon(self, error: BaseException | None) -> None:
-        """Close the file; if it was not finished, say why in it, as far as that can be written, and leave it."""
+        """Close the file; an unfinished one stays, with the reason in its metadata if possible."""
         if not self._finished:
             words = {"outcome": "unfinished"}
             with contextlib.suppress(OutputError):  # nothing more can be written; the first error counts

@@ -75,7 +75,7 @@ def test_the_page_answers_what_a_worker_asks(browser: Any, tmp_path: Path) -> No
     first = there(there(run.plan).pushes[0].load).names[0]
     assert re.search(rf"drive [\d.]+ m to the \w+ face of {first}, push {first} [\d.]+ m to the goal", said)
     assert said.startswith("2 steps.")
-    assert f"The whole takes {end.t[-1]:.1f} s." in said
+    assert f"The run takes {end.t[-1]:.1f} s." in said
     least = np.nanmin(end.margins)
     assert f"margin {least:.3f}." in said
     assert f"ends at x {end.poses[-1, 0]:.2f} m, y {end.poses[-1, 1]:.2f} m" in said

@@ -192,7 +192,7 @@ def _log(plan: pushplan.Plan, execution: Execution, path: Path) -> Path:
 
 
 def test_a_signal_is_an_array_and_an_entry_in_the_table(tmp_path: Path, monkeypatch: Patch) -> None:
-    with pytest.raises(TypeError, match="'power' has to be a field of Geared and in logging/signals"):
+    with pytest.raises(TypeError, match="'power' must be a field of Geared and in logging/signals"):
         check_signals(Geared, SIGNALS[Execution])
     plan = pushplan.plan(pushplan.load_scenario("two-crates"), first=True, time_limit=60.0)
     done = _executed_with_power(plan.scenario, plan.segments, plan.stable_set)
@@ -220,18 +220,18 @@ def test_a_signal_is_an_array_and_an_entry_in_the_table(tmp_path: Path, monkeypa
     monkeypatch.setattr(schemas, "TOPICS", schemas.TOPICS[:-1])
     report = verify_log(_log(plan, replace(done, power=there(done.power) + 0.1), tmp_path / "measured.mcap"))
     assert report.matches
-    assert "power of the drive (the plan does not decide it)" in report.not_compared
+    assert "power of the drive (it does not follow from the plan)" in report.not_compared
 
 
 @pytest.mark.parametrize(
     ("name", "changes", "error"),
     [
-        ("margins", {"since": 1}, "has the default None"),
-        ("lambdas", {"since": 1}, "what came later stands last"),
-        ("objects", {"frame": "world"}, "only the plate has topics of its own"),
-        ("needed_forces", {"topic": "/margins"}, "contacts are on /margins"),
-        ("forces", {"topic": "/forces"}, "contacts are on /margins"),
-        ("twists", {"topic": "/plan/plan"}, "there is a message Plan"),
+        ("margins", {"since": 1}, "have the default None"),
+        ("lambdas", {"since": 1}, "newer series must be last"),
+        ("objects", {"frame": "world"}, "only the plate can have own topics"),
+        ("needed_forces", {"topic": "/margins"}, "contacts must be on /margins"),
+        ("forces", {"topic": "/forces"}, "contacts must be on /margins"),
+        ("twists", {"topic": "/plan/plan"}, "a message Plan already exists"),
     ],
 )
 def test_an_entry_that_cannot_be_is_refused(name: str, changes: dict[str, Any], error: str) -> None:

@@ -132,7 +132,7 @@ def test_the_log_of_a_sample_is_verified_in_its_world(trials: Trials, tmp_path: 
     write_trial(replace(trials, simulator=lambda plan, world: slip(plan, world)), 0, tmp_path / "other.mcap")
     report = verify_run(load_run(tmp_path / "other.mcap", messages=True))
     assert report.matches
-    assert "where the objects went (in a world that the log does not hold)" in report.not_compared
+    assert "object motion (in a world that the log does not hold)" in report.not_compared
 
 
 def test_the_command_tells_rates_draws_and_writes_the_worst(

@@ -56,7 +56,7 @@ FILES: dict[str, tuple[Callable[[], bytes], str]] = {
     "empty": (lambda: b"", "not an MCAP file"),
     "another kind": (lambda: b"%PDF-1.7" + bytes(99), "not an MCAP file"),
     "no end": (lambda: MAGIC + record(HEADER, text("") + text("")), "without a footer"),
-    "more behind the end": (lambda: mcap() + b"x", "does not end where its footer says"),
+    "more behind the end": (lambda: mcap() + b"x", "does not end after its footer"),
     "a record beyond the file": (lambda: MAGIC + record(METADATA, b"", 1 << 40), "ends inside a record"),
     "a chunk that claims exabytes": (lambda: mcap(chunk(ZEROS, 1 << 60)), "claims 1152921504606846976 bytes"),
     "a chunk that lies": (lambda: mcap(chunk(ZEROS, 1000)), "claims 1000 bytes and holds 33554432"),
@@ -66,7 +66,7 @@ FILES: dict[str, tuple[Callable[[], bytes], str]] = {
     "lz4 junk": (lambda: mcap(chunk(b"junk" * 9, 100, "lz4")), "damaged lz4 data"),
     "lz4 that lies": (lambda: mcap(chunk(lz4.frame.compress(bytes(32 << 20)), 1000, "lz4")), "claims 1000 bytes"),
     "lz4 cut short": (lambda: mcap(chunk(lz4.frame.compress(bytes(99))[:-9], 99, "lz4")), "and holds|lz4 data"),
-    "a wrong checksum": (lambda: mcap(chunk(b"1234", 4, "", 7)), "checksum of a chunk does not fit"),
+    "a wrong checksum": (lambda: mcap(chunk(b"1234", 4, "", 7)), "checksum of a chunk is wrong"),
     "a cut record in a chunk": (lambda: mcap(chunk(record(MESSAGE, b"", 99), 9, "")), "ends inside a record"),
     "a message of nobody": (lambda: mcap(chunk(TINY, len(TINY), "")), "channel 1, which is not declared"),
     "a million messages": (lambda: mcap(CHANNELS, *[MANY] * 5), "far more records than its size allows"),
@@ -172,7 +172,7 @@ def test_a_log_that_cannot_be_written_is_an_error_only_where_it_was_named(
     assert "this run is not recorded: the log: No space left" in told[0]
     with Recording(plan.scenario, {"seed": 1}, tmp_path / "run.mcap") as recording:
         recording.end(plan)
-    with pytest.raises(IncompleteLogError, match=r"what was written .*run\.mcap\.partial") as caught:
+    with pytest.raises(IncompleteLogError, match=r"incomplete log is in .*run\.mcap\.partial") as caught:
         recording.finished(plan)
     assert caught.value.run.plan is plan
 

@@ -77,7 +77,7 @@ def test_every_kind_of_log_is_verified_by_reading_it_once(kind: str, logs: dict[
     report = verify_log(logs[kind])
     assert [check.text for check in report.mismatches] == []
     assert report.versions == ()
-    assert ("measured pose (the plan does not decide it)" in report.not_compared) == (kind == "closed loop")
+    assert ("measured pose (it does not follow from the plan)" in report.not_compared) == (kind == "closed loop")
     expected = {"push", "multi-push", "rearrangement", "trial"}
     assert ({"pose", "margin", "goal error"} <= {check.quantity for check in report.checks}) == (kind in expected)
 
@@ -213,7 +213,7 @@ def test_a_resolved_scenario_that_contradicts_its_file_is_noticed_though_the_dig
         yield record
 
     report = verify_log(rewritten(logs["push"], tmp_path / "run.mcap", forged))
-    assert "scenario.json: says other than the scenario's file comes to" in [c.text for c in report.mismatches]
+    assert "scenario.json: differs from the resolved scenario file" in [c.text for c in report.mismatches]
 
 
 def test_a_log_cut_anywhere_is_read_to_there_or_refused(
