@@ -91,7 +91,7 @@ def test_a_limit_that_ends_while_the_problem_is_posed_is_an_ordinary_failure() -
     corner = np.array([[9.0, 9.0], [9.9, 9.0], [9.9, 9.3], [9.3, 9.3], [9.3, 9.9], [9.0, 9.9]])
     result = plan(replace(scenario, obstacles=(PolygonObstacle(corner),)), time_limit=1e-6)
     assert not result.solved
-    assert "the time limit ended while the problem was posed" in result.reason
+    assert "the time limit was reached during preparation" in result.reason
     assert [item.cause for item in result.diagnosis] == ["time"]
     assert (result.path, result.trajectory, result.improvements) == (None, None, ())
 

@@ -1,4 +1,4 @@
-"""Polygons as convex pieces, flat arrays of them for the core, and circles around points."""
+"""Cuts polygons into convex pieces, packs them into flat arrays for the core, and finds bounding circles."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from pushplan.errors import OutOfTimeError
 from pushplan.util.arrays import FloatArray, IntArray, frozen
 
 STRAIGHT = 1e-12
-"""A corner that stands out, or in, by less (m) is none."""
+"""Deviation from a straight line below which a point is not a corner, m."""
 
 
 def convex_pieces(outlines: Sequence[FloatArray], until: float = math.inf) -> Iterator[FloatArray]:
-    """Yield counter-clockwise convex polygons (k, 2) that cover simple polygons (v, 2), m, in their order.
+    """Yield counter-clockwise convex polygons (k, 2) that cover simple polygons (v, 2), m, in order.
 
     Raises:
-        OutOfTimeError: If a polygon is not likely to be cut up before `time.perf_counter` is `until`.
+        OutOfTimeError: If cutting a polygon would probably take longer than `until` (`time.perf_counter`).
     """
     if not len(outlines):
         return
@@ -36,14 +36,14 @@ def convex_pieces(outlines: Sequence[FloatArray], until: float = math.inf) -> It
             yield outline[bulge > STRAIGHT][:: 1 if left[i] else -1]
         elif time.perf_counter() + 1e-5 * len(outline) > until:  # cutting takes about 10 us a corner
             raise OutOfTimeError(
-                "the time limit ended while the problem was posed: no path was looked for; more time may help"
+                "the time limit was reached during preparation, before the search began; more time may help"
             )
         else:
             yield from _cut(outline)
 
 
 def _cut(outline: FloatArray) -> list[FloatArray]:
-    """Convex pieces of a polygon that is not convex (Hertel and Mehlhorn 1983)."""
+    """Return the convex pieces of a non-convex polygon (Hertel and Mehlhorn 1983)."""
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.Polygon(outline)))
     rings = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)[:, :3]
     points, origin = np.unique(rings.reshape(-1, 2).copy().view(np.complex128), return_inverse=True)
@@ -54,7 +54,7 @@ def _cut(outline: FloatArray) -> list[FloatArray]:
 
 
 def _twins(origin: IntArray, corners: int) -> IntArray:
-    """The edge (3 t,) that runs along each edge of triangles the other way, or -1; edge i begins at origin[i]."""
+    """Return the opposite half-edge (3 t,) of each triangle edge, or -1; edge i begins at origin[i]."""
     end = origin.reshape(-1, 3)[:, [1, 2, 0]].ravel()
     key, reverse = origin * corners + end, end * corners + origin
     order = np.argsort(key)
@@ -68,7 +68,7 @@ def flatten(polygons: Sequence[FloatArray]) -> Shapes:
 
 
 def joined(polygons: Sequence[FloatArray]) -> tuple[FloatArray, IntArray]:
-    """Return the corners (v, 2) of polygons one after another, and where each begins (q + 1,)."""
+    """Return the concatenated corners (v, 2) of polygons, and the start index of each polygon (q + 1,)."""
     corners = np.concatenate(polygons) if len(polygons) else np.zeros((0, 2))
     return corners, np.cumsum([0, *(len(polygon) for polygon in polygons)])
 
@@ -80,7 +80,7 @@ def bounding_circle(points: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=1024)
 def _circle_around(corners: bytes) -> FloatArray:
-    points = np.frombuffer(corners).reshape(-1, 2)  # kept: the same bodies are asked for again and again
+    points = np.frombuffer(corners).reshape(-1, 2)  # cached, because the same bodies occur often
     circle = shapely.minimum_bounding_circle(shapely.MultiPoint(points))
     center = shapely.get_coordinates(circle.centroid)[0]
     return frozen(np.append(center, np.linalg.norm(points - center, axis=1).max()), (3,), "circle")

@@ -1,4 +1,4 @@
-"""Simple polygons: areas, overlaps, how deep two penetrate, and the segments along which they touch."""
+"""Simple polygons: area moments, symmetries, penetration depths and contact segments."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pushplan.geometry.se2 import rotate
 from pushplan.util.arrays import FloatArray, frozen
 
 MOST_SYMMETRIES = 12
-"""Turns that are looked at."""
+"""Largest order of rotational symmetry that is checked."""
 
 
 class AreaMoments(NamedTuple):
@@ -58,7 +58,7 @@ def area_moments(outline: FloatArray) -> AreaMoments:
 
 
 def symmetries(outline: FloatArray) -> list[FloatArray]:
-    """Return the motions (3,) that take a simple polygon onto itself, no motion first: turns about its centroid."""
+    """Return the rotations about the centroid that map a simple polygon to itself: motions (3,), identity first."""
     centroid, count = area_moments(outline).centroid, len(outline)
     corners, same = outline - centroid, 1e-9 * np.ptp(outline)
     for n in range(min(count, MOST_SYMMETRIES), 1, -1):
@@ -70,7 +70,7 @@ def symmetries(outline: FloatArray) -> list[FloatArray]:
 
 
 def convex_hull(points: FloatArray) -> FloatArray:
-    """Return the corners (h, 2) of the convex hull of (k, 2) points, counter-clockwise; h may be 1 or 2."""
+    """Return the counter-clockwise corners (h, 2) of the convex hull of points (k, 2); h can be 1 or 2."""
     hull = shapely.MultiPoint(points).convex_hull
     if isinstance(hull, shapely.Polygon):
         corners = shapely.get_coordinates(hull)[:-1]
@@ -79,14 +79,14 @@ def convex_hull(points: FloatArray) -> FloatArray:
 
 
 SAME_POINT = 1e-6
-"""Corners nearer to each other than this are the same point, m."""
+"""Distance below which two corners are the same point, m."""
 
 LEAST_AREA = 1e-6
 """Area below which a polygon counts as a line, m^2."""
 
 
 def find_flaw(corners: FloatArray) -> str | None:
-    """Return what is wrong with the polygon of the corners (v, 2), or None; corners count from 0."""
+    """Return a phrase on the error of a polygon with corners (v, 2), indexed from 0; None if it is valid."""
     lengths = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
     if lengths.min() < SAME_POINT:
         i = int(lengths.argmin())
@@ -100,7 +100,7 @@ def find_flaw(corners: FloatArray) -> str | None:
 
 
 def _crossing(corners: FloatArray) -> str:
-    """Return which two edges of an invalid polygon meet, and where."""
+    """Return a phrase with the two edges of an invalid polygon that meet, and their meeting point."""
     ends = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
     edges = np.array([shapely.LineString(pair) for pair in ends], dtype=object)
     count = len(edges)
@@ -110,17 +110,17 @@ def _crossing(corners: FloatArray) -> str:
         if len(hits):
             x, y = shapely.get_coordinates(shapely.intersection(edges[i], edges[hits[0]]))[0]
             return f"the edges after corners [{i}] and [{hits[0]}] cross at ({x:.6g}, {y:.6g})"
-    return "an edge runs back along the one before"
+    return "an edge runs back along the previous one"
 
 
 _MOST_WORK = 100_000
-"""Pairs of triangles times directions that are looked at for outlines that are not convex."""
+"""Largest number of pairs of triangles times directions that is checked for non-convex outlines."""
 
 
 def overlap_depth(fixed: FloatArray, moving: FloatArray) -> float:
-    """Return the shortest translation (m) along an edge's normal that parts two outlines (v, 2).
+    """Return the shortest translation (m) along an edge's normal that separates two outlines (v, 2).
 
-    This is the penetration depth of convex outlines, and an upper bound of it for others; 0 when they overlap by
+    It is the penetration depth of convex outlines, an upper bound of the depth for others, and 0 if they overlap by
     less than `TOUCH`.
     """
     first, second = shapely.Polygon(fixed), shapely.Polygon(moving)
@@ -137,7 +137,7 @@ def overlap_depth(fixed: FloatArray, moving: FloatArray) -> float:
 
 
 def exit_distance(fixed: FloatArray, moving: FloatArray, direction: FloatArray) -> float:
-    """Return how far (m) `moving` has to go along the unit `direction` until it overlaps `fixed` no more."""
+    """Return the distance (m) that `moving` must travel along the unit `direction` to separate from `fixed`."""
     return _exit_distance(_triangles(fixed), _triangles(moving), direction)
 
 
@@ -148,7 +148,7 @@ def outward_normals(outlines: FloatArray) -> FloatArray:
 
 
 def _longest_first(outline: FloatArray) -> FloatArray:
-    """Return the outward unit normals of a counter-clockwise outline's edges, those of the longest first."""
+    """Return the outward unit normals of a counter-clockwise outline's edges, longest edge first."""
     lengths = np.linalg.norm(_axes(outline), axis=1)
     return outward_normals(outline)[np.argsort(-lengths, kind="stable")]
 
@@ -160,7 +160,7 @@ def _triangles(outline: FloatArray) -> FloatArray:
 
 
 def _exit_distance(fixed: FloatArray, moving: FloatArray, direction: FloatArray) -> float:
-    """Follow the shifts at which any two triangles overlap, from 0 to the first one at which none do."""
+    """Return the smallest shift at which no two triangles overlap, from the intervals in which pairs overlap."""
     low, high = _overlapping_shifts(fixed, moving, direction)
     reached = 0.0
     for begin, end in sorted(zip(low, high, strict=True)):
@@ -172,9 +172,10 @@ def _exit_distance(fixed: FloatArray, moving: FloatArray, direction: FloatArray)
 def _overlapping_shifts(
     fixed: FloatArray, moving: FloatArray, direction: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the ends of the intervals of shifts along `direction` at which a pair of triangles overlaps.
+    """Return the ends of the intervals of shifts along `direction` at which pairs of triangles overlap.
 
-    Convex bodies are apart exactly if they are along a normal of one of their edges (separating axes).
+    Convex bodies are separate if and only if they are separate along a normal of one of their edges (separating
+    axes).
     """
     low = np.full((len(fixed), len(moving)), -np.inf)
     high = np.full((len(fixed), len(moving)), np.inf)
@@ -193,7 +194,7 @@ def _overlapping_shifts(
 def _clip(
     low: FloatArray, high: FloatArray, speed: FloatArray, least: FloatArray, most: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Keep the shifts t with least < t speed < most."""
+    """Return the intervals of shifts t reduced to least < t speed < most."""
     still = abs(speed) < 1e-12
     safe = np.where(still, 1.0, speed)
     a, b = np.minimum(least / safe, most / safe), np.maximum(least / safe, most / safe)
@@ -204,7 +205,7 @@ def _clip(
 
 
 def _axes(outlines: FloatArray) -> FloatArray:
-    """Return the outward edge normals (..., v, 2), not scaled, of counter-clockwise outlines (..., v, 2)."""
+    """Return the unscaled outward edge normals (..., v, 2) of counter-clockwise outlines (..., v, 2)."""
     edges = np.roll(outlines, -1, axis=-2) - outlines
     return np.stack([edges[..., 1], -edges[..., 0]], axis=-1)
 
@@ -217,11 +218,11 @@ SHORTEST_CONTACT = 1e-4
 
 
 def find_touch(first: FloatArray, second: FloatArray) -> FloatArray | None:
-    """Return along which segments two counter-clockwise outlines (v, 2) in one frame touch, or None if they do not.
+    """Return the segments (k, 2, 2) along which two counter-clockwise outlines (v, 2) touch; None if they do not.
 
-    Segments (k, 2, 2), one per straight line, go from right to left of the normal that points from the first outline
-    into the second, m; there are none where the outlines touch at points only. Pieces of contact on one straight line
-    count as one segment from end to end: forces at the ends of that segment span the forces of all of them.
+    Segments run from right to left of the normal from the first outline into the second, m. The array is empty if the
+    outlines touch only at points. Pieces of contact on a straight line are one segment from end to end, because
+    forces at the ends of this segment span the forces of all pieces.
     """
     if _gap(first, second) > TOUCH:
         return None
@@ -230,18 +231,18 @@ def find_touch(first: FloatArray, second: FloatArray) -> FloatArray | None:
 
 
 def _gap(first: FloatArray, second: FloatArray) -> float:
-    """Return the distance of two outlines, or a lower bound of it that is above `TOUCH`."""
+    """Return the distance of two outlines, or a lower bound above `TOUCH`."""
     low, high = first.min(axis=0) - second.max(axis=0), second.min(axis=0) - first.max(axis=0)
     apart = float(max(low.max(), high.max()))
     return apart if apart > TOUCH else float(shapely.distance(shapely.Polygon(first), shapely.Polygon(second)))
 
 
 def _shared_pieces(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return the parts (k, 2, 2) of edges of `first` on which edges of `second` lie, facing the other way."""
+    """Return the parts (k, 2, 2) of edges of `first` that coincide with opposite edges of `second`."""
     begin, edge = first, np.roll(first, -1, axis=0) - first
     length = np.linalg.norm(edge, axis=1)
     along = edge / length[:, None]
-    ends = np.stack([np.roll(second, -1, axis=0), second])  # reversed, so that facing edges run the same way
+    ends = np.stack([np.roll(second, -1, axis=0), second])  # reversed, so that opposite edges have the same direction
     offset = ends[:, None] - begin[:, None]  # (2, edges of first, edges of second, 2)
     s = np.einsum("efgi,fi->efg", offset, along)
     h = along[:, None, 0] * offset[..., 1] - along[:, None, 1] * offset[..., 0]
@@ -255,7 +256,7 @@ def _shared_pieces(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def _lines(pieces: FloatArray) -> list[FloatArray]:
-    """Group pieces (k, 2, 2) that lie on one straight line and face the same way."""
+    """Group pieces (k, 2, 2) that are on a straight line and have the same direction."""
     groups: list[list[FloatArray]] = []
     for piece in pieces:
         home = next((group for group in groups if _aligned(group[0], piece)), None)
@@ -268,7 +269,7 @@ def _lines(pieces: FloatArray) -> list[FloatArray]:
 
 
 def _aligned(first: FloatArray, second: FloatArray) -> bool:
-    """Return whether the ends of both pieces lie on one line, to 2 `TOUCH`, and the pieces run the same way."""
+    """Return whether two pieces are on a line, within 2 `TOUCH`, and have the same direction."""
     ends = np.concatenate([first, second])
     direction = ends[np.argmax(np.linalg.norm(ends - first[0], axis=1))] - first[0]
     direction = direction / np.linalg.norm(direction)
@@ -277,7 +278,7 @@ def _aligned(first: FloatArray, second: FloatArray) -> bool:
 
 
 def _hull(line: FloatArray) -> FloatArray:
-    """Return the outermost ends (2, 2) of pieces on one line, in the direction in which they run."""
+    """Return the outermost ends (2, 2) of pieces on a line, in their direction."""
     ends = line.reshape(-1, 2)
     s = (ends - ends[0]) @ (ends[1] - ends[0])
     return ends[[int(s.argmin()), int(s.argmax())]]

@@ -9,7 +9,7 @@ from pushplan.util.arrays import FloatArray
 
 
 def wrap_angle(angle: ArrayLike) -> FloatArray:
-    """Return `angle` shifted by turns into [-pi, pi), rad."""
+    """Return `angle` shifted by multiples of 2 pi into [-pi, pi), rad."""
     return (np.asarray(angle, dtype=np.float64) + np.pi) % (2.0 * np.pi) - np.pi
 
 
@@ -19,13 +19,13 @@ def pose_error(pose: FloatArray, goal: FloatArray) -> tuple[float, float]:
 
 
 def pose_errors(poses: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Return the distance (m) and the angle (rad) between poses (n, 3) and others, (n, 2)."""
+    """Return the distances (m) and absolute angles (rad) between two arrays of poses (n, 3), (n, 2)."""
     off = poses - wanted
     return np.column_stack([np.hypot(off[:, 0], off[:, 1]), np.abs(wrap_angle(off[:, 2]))])
 
 
 def rotate(angle: ArrayLike, vectors: ArrayLike) -> FloatArray:
-    """Turn (..., 2) `vectors` counter-clockwise by `angle` (...), rad."""
+    """Rotate vectors (..., 2) counter-clockwise by angles (...), rad."""
     vectors = np.asarray(vectors, dtype=np.float64)
     c, s = np.cos(angle), np.sin(angle)
     x, y = c * vectors[..., 0] - s * vectors[..., 1], s * vectors[..., 0] + c * vectors[..., 1]
@@ -35,15 +35,15 @@ def rotate(angle: ArrayLike, vectors: ArrayLike) -> FloatArray:
 
 
 def transform_points(pose_a_b: ArrayLike, points_b: ArrayLike) -> FloatArray:
-    """Map (..., 2) points from frame b to frame a, given b's pose (3,) in a."""
+    """Map points (..., 2) from frame b to frame a, with the pose (3,) of b in a."""
     pose = np.asarray(pose_a_b, dtype=np.float64)
     return pose[:2] + rotate(pose[2], points_b)
 
 
 def compose(pose_a_b: ArrayLike, pose_b_c: ArrayLike) -> FloatArray:
-    """Return the pose(s) (..., 3) of c in a, from b in a and c in b."""
+    """Return the pose(s) (..., 3) of c in a, from the poses of b in a and of c in b."""
     first, second = np.asarray(pose_a_b, dtype=np.float64), np.asarray(pose_b_c, dtype=np.float64)
-    if first.ndim == 1 and second.ndim == 1:  # as numbers, which take a fifth of the time that arrays take
+    if first.ndim == 1 and second.ndim == 1:  # plain numbers take a fifth of the time of arrays
         (x, y, theta), (u, v, turn) = first.tolist(), second.tolist()
         c, s = float(np.cos(theta)), float(np.sin(theta))
         return np.array([x + (c * u - s * v), y + (s * u + c * v), theta + turn])
@@ -56,7 +56,7 @@ def compose(pose_a_b: ArrayLike, pose_b_c: ArrayLike) -> FloatArray:
 
 
 def chained(start: FloatArray, steps: FloatArray) -> FloatArray:
-    """Return the poses (m + 1, 3) from `start` (3,) on, each in the frame of the one before it at steps (m, 3)."""
+    """Return the poses (m + 1, 3) that begin at `start` (3,); each step (m, 3) is relative to the previous pose."""
     poses = np.empty((len(steps) + 1, 3))
     poses[0], poses[1:, 2] = start, steps[:, 2]
     np.cumsum(poses[:, 2], out=poses[:, 2])
@@ -76,18 +76,18 @@ def inverse(pose_a_b: ArrayLike) -> FloatArray:
 
 
 def relative(pose_a_b: ArrayLike, pose_a_c: ArrayLike) -> FloatArray:
-    """Return the pose(s) (..., 3) of c in b, from both in a."""
+    """Return the pose(s) (..., 3) of c in b, from the poses of both in a."""
     return compose(inverse(pose_a_b), pose_a_c)
 
 
 def twist_of(pose_a_b: ArrayLike, twists_a: ArrayLike) -> FloatArray:
-    """Return the body twists (..., 3) in frame b of a body that moves with twists (..., 3) in its frame a.
+    """Return the body twists (..., 3) of a body in its frame b, from its twists in its frame a.
 
     The origin of b, at (x, y) in a, moves with (vx - omega y, vy + omega x).
 
     Args:
-        pose_a_b: (3,) pose of b in a.
-        twists_a: (..., 3) body twists in a.
+        pose_a_b: Pose (3,) of b in a.
+        twists_a: Body twists (..., 3) in a.
     """
     (x, y, theta), v = np.asarray(pose_a_b, dtype=np.float64), np.asarray(twists_a, dtype=np.float64)
     linear = v[..., :2] + v[..., 2:] * np.array([-y, x])
@@ -97,7 +97,8 @@ def twist_of(pose_a_b: ArrayLike, twists_a: ArrayLike) -> FloatArray:
 def exp(twist: ArrayLike) -> FloatArray:
     """Return the pose(s) (..., 3) reached from the origin by the body twist(s) (..., 3) in unit time.
 
-    The angle is not wrapped. With phi = omega: x = (sin phi / phi) vx - ((1 - cos phi) / phi) vy, and likewise y.
+    With phi = omega: x = (sin phi / phi) vx - ((1 - cos phi) / phi) vy and
+    y = ((1 - cos phi) / phi) vx + (sin phi / phi) vy. The angle is not wrapped.
     """
     v = np.asarray(twist, dtype=np.float64)
     half = 0.5 * v[..., 2]
@@ -125,5 +126,5 @@ def log(pose: ArrayLike) -> FloatArray:
 
 
 def between(begin: ArrayLike, end: ArrayLike, share: ArrayLike) -> FloatArray:
-    """Return the pose(s) (..., 3) a share of the way from `begin` to `end`, at a constant twist."""
+    """Return the pose(s) (..., 3) at a share of the motion with a constant twist from `begin` to `end`."""
     return compose(begin, exp(np.asarray(share) * log(relative(begin, end))))

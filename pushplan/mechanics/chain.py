@@ -1,9 +1,9 @@
-"""A chain (or tree) of objects in contact, carried by one pusher: sections 3 and 4.1 of Harada et al. 2006.
+"""A chain (or tree) of objects in contact, pushed by one pusher: sections 3 and 4.1 of Harada et al. 2006.
 
-Frames: the *chain frame* has its origin at the midpoint of the pusher's contact with the first object, +x
-along the push normal, +y to the left. Objects are listed from the pusher outward; `objects[i]` is pushed
-through `contacts[i]`. The paper counts the other way round (its object 1 is the farthest one). For collision checks
-and pictures all bodies, plate and robot included, move as one.
+The origin of the *chain frame* is the midpoint of the pusher's contact with the first object, +x is the push normal,
++y is to the left. Objects are listed from the pusher outward; `objects[i]` is pushed through `contacts[i]`. The paper
+counts in the opposite order: its object 1 is the farthest one. For collision checks and pictures, all bodies
+including plate and robot move as one.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from pushplan.util.arrays import FloatArray, frozen
 from pushplan.util.names import DEFAULT_CONTACT_LIMITS, PUSHER, ROBOT
 
 SEAM = 1e-7
-"""Bodies this close (m) count as one: they touch along lines that rounding may open."""
+"""Distance (m) up to which bodies count as one, because rounding can open the line along which they touch."""
 
 
 class BodyKind(Enum):
-    """What a body is; objects alone rest on the floor and are pushed."""
+    """Kind of a body; only objects rest on the floor and are pushed."""
 
     ROBOT = "robot"
     PLATE = "plate"
@@ -45,8 +45,8 @@ class Body:
 
     Attributes:
         name: `robot`, `pusher` (the plate) or the object's name.
-        kind: What it is.
-        outline: (v, 2) simple polygon in the chain frame, m, counter-clockwise.
+        kind: Kind of the body.
+        outline: Simple polygon (v, 2) in the chain frame, m, counter-clockwise.
     """
 
     name: str
@@ -55,18 +55,18 @@ class Body:
 
 
 def as_one(bodies: Iterable[Body]) -> BaseGeometry:
-    """Return what the bodies cover together, in the chain frame."""
+    """Return the union of the bodies in the chain frame."""
     outlines = [shapely.Polygon(body.outline) for body in bodies]
     return shapely.union_all(outlines).buffer(SEAM, join_style="mitre").buffer(-SEAM, join_style="mitre")
 
 
 def area_at(bodies: Iterable[Body], pose: FloatArray) -> BaseGeometry:
-    """Return what bodies cover together with their frame at a pose (3,) in the world."""
+    """Return the union of the bodies in the world, with their frame at a pose (3,)."""
     return shapely.transform(as_one(bodies), lambda corners: se2.transform_points(pose, corners))
 
 
 def outline_of_all(bodies: Iterable[Body]) -> FloatArray:
-    """Return one polygon (v, 2) around all bodies, counter-clockwise; where they are apart, their convex hull."""
+    """Return one counter-clockwise polygon (v, 2) around all bodies; their convex hull if they are separate."""
     shape = as_one(bodies)
     around = shape if isinstance(shape, shapely.Polygon) else shape.convex_hull
     ring = shapely.Polygon(shapely.get_exterior_ring(around))  # without holes between the bodies
@@ -77,7 +77,7 @@ GRAVITY = 9.80665
 """Standard gravity, m/s^2."""
 
 PLATE = -1
-"""Index that stands for the pusher's plate where an object's index is expected."""
+"""Index of the pusher's plate in place of an object's index."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,13 +86,13 @@ class PushedObject:
 
     Attributes:
         name: Unique name.
-        outline: (v, 2) simple polygon in the object's own frame, m, counter-clockwise.
-        mass: kg, > 0.
-        floor_friction: Coefficient between the object and the floor, >= 0.
-        support: How the load rests on the floor, in the object's own frame.
-        pose_chain: (3,) pose (x, y, theta) of the object's frame in the chain frame.
-        center_height: Height of its centre of mass above the floor, m; None where it is not stated: inertia then
-            moves no load.
+        outline: Simple polygon (v, 2) in the object's own frame, m, counter-clockwise.
+        mass: Mass, kg, > 0.
+        floor_friction: Friction coefficient between the object and the floor, >= 0.
+        support: Load distribution on the floor, in the object's own frame.
+        pose_chain: Pose (3,) (x, y, theta) of the object's frame in the chain frame.
+        center_height: Height of the centre of mass above the floor, m; None if it is not known, so that inertia does
+            not shift the load.
     """
 
     name: str
@@ -109,26 +109,26 @@ class PushedObject:
 
     @cached_property
     def outline_chain(self) -> FloatArray:
-        """(v, 2) outline in the chain frame, m."""
+        """Outline (v, 2) in the chain frame, m."""
         return transform_points(self.pose_chain, self.outline)
 
     @property
     def friction_load(self) -> float:
-        """Floor friction coefficient times weight, N: the force that a pure translation has to overcome."""
+        """Floor friction coefficient times weight, N: the force of a pure translation."""
         return self.floor_friction * self.mass * GRAVITY
 
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """A line contact through which `pushed` is moved.
+    """A line contact through which one body pushes an object.
 
     Attributes:
-        right: (2,) end point of the segment to the right of the normal, chain frame, m.
-        left: (2,) end point to the left of the normal, chain frame, m.
-        friction: Coefficient of friction, >= 0.
-        pushed: Index of the object that the contact moves.
-        pusher: Index of the object that pushes, or `PLATE`.
-        height: Least and largest height above the floor at which its force may act, m; None for the pusher's
+        right: End point (2,) of the segment to the right of the normal, in the chain frame, m.
+        left: End point (2,) of the segment to the left of the normal, in the chain frame, m.
+        friction: Friction coefficient, >= 0.
+        pushed: Index of the pushed object.
+        pusher: Index of the pushing object, or `PLATE`.
+        height: Lowest and highest height above the floor at which the force can act, m; None for the pusher's
             `contact_height`.
     """
 
@@ -152,12 +152,12 @@ class Contact:
 
     @cached_property
     def tangent(self) -> FloatArray:
-        """(2,) unit vector from the right end to the left end."""
+        """Unit vector (2,) from the right end to the left end."""
         return (self.left - self.right) / self.length
 
     @cached_property
     def normal(self) -> FloatArray:
-        """(2,) unit vector from the pushing into the pushed body."""
+        """Unit normal (2,) from the pushing to the pushed body."""
         tangent = self.tangent
         return np.array([tangent[1], -tangent[0]])
 
@@ -168,20 +168,20 @@ LimitName = Literal["speed", "acceleration", "angular_speed", "angular_accelerat
 
 @dataclass(frozen=True)
 class Limits:
-    """What the pusher's motion may not exceed; lengths refer to the origin of the chain frame. SI units.
+    """Limits of the pusher's motion, in SI units; translations are those of the chain frame's origin.
 
-    A pair (least, most) around 0 holds another bound for either sign, a number the same for both.
+    A number is the limit for both signs. A pair (least, most) around 0 has a limit for each sign.
 
     Attributes:
-        speed: Like the next two, of the chain frame's origin; of a pair, the least bounds motion backwards.
-        acceleration: See `speed`; of a pair, the least bounds its magnitude while the speed falls.
-        jerk: See `speed`.
-        angular_speed: Like the next two, of the turning.
-        angular_acceleration: See `angular_speed`.
-        angular_jerk: See `angular_speed`.
-        contact: Whether no contact may slip through inertia either, one of `names.CONTACT_LIMITS`.
-        force: Largest force `|F_xy|` with which the plate pushes, N.
-        breakaway: Factor, >= 1, by which static friction on the floor exceeds that of sliding, as a push begins.
+        speed: Limit of the speed; the least of a pair limits backward motion.
+        acceleration: Limit of the acceleration; the least of a pair limits braking.
+        jerk: Limit of the jerk.
+        angular_speed: Limit of the angular speed.
+        angular_acceleration: Limit of the angular acceleration.
+        angular_jerk: Limit of the angular jerk.
+        contact: Whether inertia limits the motion so that no contact slips, one of `names.CONTACT_LIMITS`.
+        force: Largest force `|F_xy|` of the plate, N.
+        breakaway: Ratio, >= 1, of static and sliding floor friction at the beginning of a push.
     """
 
     speed: Limit = 0.2
@@ -195,18 +195,18 @@ class Limits:
     breakaway: float = 1.3
 
     def both(self, name: LimitName) -> tuple[float, float]:
-        """Return the largest magnitudes of what is negative and of what is positive."""
+        """Return the largest magnitudes of negative and of positive values."""
         limit: Limit = getattr(self, name)
         return (-limit[0], limit[1]) if isinstance(limit, tuple) else (limit, limit)
 
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """What twists the robot behind the plate can make.
+    """Drive of the robot, which limits its twists.
 
     Attributes:
         kind: `omnidirectional`, `differential` or `car`.
-        axle: (3,) pose in the chain frame of the (rear) axle's middle, +x forward; None if omnidirectional.
+        axle: Pose (3,) of the (rear) axle's middle in the chain frame, +x forward; None if omnidirectional.
         min_radius: Smallest turning radius of the axle's middle, m (`car` only).
     """
 
@@ -215,10 +215,10 @@ class Drive:
     min_radius: float = 0.0
 
     def turning_centres(self, far: float) -> FloatArray:
-        """Return what it can turn about: two segments (2, 2, 2) of the axle's line, to `far` (m) from its middle.
+        """Return the possible centres of rotation: two segments (2, 2, 2) of the axle's line in the chain frame.
 
-        They are in the chain frame, to the left and to the right; of an omnidirectional drive, which can turn about
-        any point, there are none: (0, 2, 2).
+        The segments, to the left and to the right, extend to `far` (m) from the axle's middle. For an omnidirectional
+        drive, which can turn about any point, the array is empty: (0, 2, 2).
         """
         if self.axle is None:
             return np.zeros((0, 2, 2))
@@ -229,7 +229,7 @@ class Drive:
 
     @property
     def turning_words(self) -> str:
-        """What it can turn about, for the key of a picture; empty where that is any point."""
+        """Legend entry for the possible centres of rotation; empty if every point is possible."""
         if self.axle is None:
             return ""
         tightest = f", radius from {self.min_radius:.3g} m" if self.min_radius else ""
@@ -241,16 +241,16 @@ class Pusher:
     """The plate and the robot that carries it.
 
     Attributes:
-        outline: (v, 2) plate in the chain frame, m, counter-clockwise.
-        friction: Coefficient between the plate and the objects it touches.
-        contact_height: Height above the floor of the forces of contacts that do not state their own, or least and
-            largest one, m.
-        drive: What twists the robot can make.
-        limits: What its motion may not exceed.
-        footprint: Outlines (v, 2) of the robot's parts in the chain frame, m, counter-clockwise; none where the robot
-            is not stated. They may overlap the plate and one another.
-        base: (3,) pose in the chain frame of the robot's base, the frame that path followers steer; by default the
-            drive's axle, and the chain frame itself where there is none.
+        outline: Outline (v, 2) of the plate in the chain frame, m, counter-clockwise.
+        friction: Friction coefficient between the plate and the objects that it touches.
+        contact_height: Height, or lowest and highest height, above the floor of the forces of contacts without their
+            own height, m.
+        drive: Drive of the robot.
+        limits: Limits of the motion.
+        footprint: Outlines (v, 2) of the robot's parts in the chain frame, m, counter-clockwise; empty if the robot
+            has no given shape. They can overlap the plate and each other.
+        base: Pose (3,) of the robot's base in the chain frame, the frame that path followers steer; None for the
+            drive's axle, or the chain frame if there is no axle.
     """
 
     outline: FloatArray
@@ -270,22 +270,22 @@ class Pusher:
 
     @property
     def base_pose(self) -> FloatArray:
-        """(3,) `base`, or what stands for it."""
+        """Pose (3,) of the base in the chain frame: `base` or its default."""
         if self.base is not None:
             return self.base
         return np.zeros(3) if self.drive.axle is None else self.drive.axle
 
     @property
     def plate_pose(self) -> FloatArray:
-        """(3,) pose of the plate's frame in the chain frame: the middle of its front edge, +x along the push."""
+        """Pose (3,) of the plate's frame in the chain frame: the middle of its front edge, +x along the push."""
         low, high = self.outline.min(axis=0), self.outline.max(axis=0)
         return np.array([high[0], 0.5 * (low[1] + high[1]), 0.0])
 
     @property
     def wheels_pose(self) -> FloatArray:
-        """(3,) pose in the chain frame of what wheels move: the axle's middle, else the base, else the plate's frame.
+        """Pose (3,) of the frame of the odometry in the chain frame: the axle's middle, else base or plate frame.
 
-        Errors of odometry are constants of that frame; of another one they change with the turns.
+        Errors of the odometry are constant in this frame; in another frame they change with turns.
         """
         if self.drive.axle is not None:
             return self.drive.axle
@@ -294,12 +294,12 @@ class Pusher:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Objects and the contacts that carry them; a tree is allowed, a loop is not.
+    """Objects and the contacts that push them; a tree is allowed, a loop is not.
 
     Attributes:
-        objects: From the pusher outward.
-        contacts: `contacts[i]` pushes `objects[i]`; its `pusher` is an earlier object or `PLATE`.
-        pusher: The plate.
+        objects: Objects from the pusher outward.
+        contacts: Contacts; `contacts[i]` pushes `objects[i]`, and its `pusher` is an earlier object or `PLATE`.
+        pusher: Plate and robot.
 
     Raises:
         ChainError: If the contacts do not form a tree in this order.
@@ -322,12 +322,12 @@ class Chain:
                 )
 
     def __repr__(self) -> str:
-        """Say what it is in a line."""
+        """Return one line with the objects' names."""
         return f"<Chain of {', '.join(obj.name for obj in self.objects)}>"
 
     @cached_property
     def bodies(self) -> tuple[Body, ...]:
-        """All that moves with the chain, from behind to the front: the robot's parts, the plate, the objects."""
+        """All bodies that move with the chain, from the rear to the front: robot parts, plate, objects."""
         return (
             *(Body(ROBOT, BodyKind.ROBOT, part) for part in self.pusher.footprint),
             Body(PUSHER, BodyKind.PLATE, self.pusher.outline),
@@ -336,45 +336,45 @@ class Chain:
 
     @cached_property
     def carried(self) -> tuple[Body, ...]:
-        """Those of `bodies` that the robot carries wherever it goes: its own parts and the plate."""
+        """Bodies that always move with the robot: its own parts and the plate."""
         return tuple(body for body in self.bodies if body.kind is not BodyKind.OBJECT)
 
     @cached_property
     def places(self) -> FloatArray:
-        """(n, 3) poses of the objects' own frames in the chain frame."""
+        """Poses (n, 3) of the objects' own frames in the chain frame."""
         return frozen([obj.pose_chain for obj in self.objects], (None, 3), "places of the objects")
 
     @cached_property
     def contact_heights(self) -> FloatArray:
-        """(n, 2) least and largest height above the floor at which each contact's force may act, m."""
+        """Lowest and highest heights (n, 2) above the floor at which each contact's force can act, m."""
         own = self.pusher.contact_height
         heights = [own if contact.height is None else contact.height for contact in self.contacts]
         return frozen([np.broadcast_to(height, 2) for height in heights], (None, 2), "contact heights")
 
     @property
     def contact_height(self) -> float:
-        """The height of all contacts, m.
+        """The common height of all contacts, m.
 
         Raises:
-            SupportError: If they have several, or intervals.
+            SupportError: If the heights differ or are intervals.
         """
         heights = self.contact_heights
         if (heights != heights[0, 0]).any():
             raise SupportError(
-                f"the contacts are at heights from {heights.min():.6g} to {heights.max():.6g} m, for which loads "
-                "have no closed form: this needs one height for all, as a number; the sets 'ecof' and 'robust' do not"
+                f"the contacts are at heights from {heights.min():.6g} to {heights.max():.6g} m; this computation "
+                "needs a single number for all contacts; the sets 'ecof' and 'robust' do not"
             )
         return float(heights[0, 0])
 
     def at_floor(self) -> Chain:
-        """Return the chain pushed at the floor: no load moves."""
+        """Return the chain with all contacts at the floor, so that no load shifts."""
         contacts = tuple(replace(contact, height=None) for contact in self.contacts)
         objects = tuple(replace(obj, center_height=None) for obj in self.objects)
         return replace(self, objects=objects, contacts=contacts, pusher=replace(self.pusher, contact_height=0.0))
 
     @property
     def loads_known(self) -> bool:
-        """Whether the load distribution under every object is known, so that contact forces are."""
+        """Whether the load distribution under every object is known, and with it the contact forces."""
         return all(obj.support.known for obj in self.objects)
 
     @cached_property
@@ -386,8 +386,8 @@ class Chain:
     def characteristic_length(self) -> float:
         """Distance from the chain frame's origin to the farthest point of any object, m.
 
-        Moments are divided by it and angular velocities multiplied, so that margins and the twist sphere
-        are dimensionless.
+        Moments are divided by this length and angular velocities multiplied by it, so that margins and the twist
+        sphere are dimensionless.
         """
         points = np.concatenate([obj.outline_chain for obj in self.objects])
         return float(np.max(np.linalg.norm(points, axis=1)))
@@ -398,7 +398,7 @@ class Chain:
         return next(contact.pushed for contact in self.contacts if contact.pusher == PLATE)
 
     def contact_name(self, k: int) -> str:
-        """Return a name for contact `k`: who pushes, and whom."""
+        """Return the name of contact `k`: the pushing and the pushed body."""
         contact = self.contacts[k]
         pushing = PUSHER if contact.pusher == PLATE else self.objects[contact.pusher].name
         return f"{pushing}-{self.objects[contact.pushed].name}"
@@ -424,10 +424,10 @@ class Inertia(NamedTuple):
 
 
 def inertia_of(obj: PushedObject) -> Inertia:
-    """Return the mass properties of an object of even density over its outline.
+    """Return the mass properties of an object with uniform density over its outline.
 
-    The centre of mass is the centre of the load at rest. Where a support model puts it off the outline's
-    centroid, the moment of inertia is that of the outline shifted to this centre.
+    The centre of mass is the centre of the load at rest. If this is not the outline's centroid, the moment of inertia
+    is that of the outline shifted to this centre.
     """
     moments = area_moments(obj.outline)
     center = transform_points(obj.pose_chain, obj.support.center)
@@ -435,7 +435,7 @@ def inertia_of(obj: PushedObject) -> Inertia:
 
 
 class InertiaTable(NamedTuple):
-    """The objects of a chain: masses (n,), centres (n, 2) in the chain frame, moments of inertia (n,)."""
+    """Masses (n,), centres (n, 2) in the chain frame and moments of inertia (n,) of a chain's objects, SI units."""
 
     mass: FloatArray
     center: FloatArray

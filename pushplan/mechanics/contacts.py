@@ -1,4 +1,4 @@
-"""Contacts: cones, friction centres (ECOF, COF), what each has to carry, and how far it is from slip."""
+"""Contacts: friction cones, friction centres (ECOF, COF), transmitted wrenches, and margins against slip."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from pushplan.util.arrays import BoolArray, FloatArray, frozen
 
 
 def friction_cone(contact: Contact, apex: FloatArray, tall: float) -> FloatArray:
-    """Return triangles (..., 3, 2) from `apex` (..., 2) on: the directions of force that friction allows there.
+    """Return friction cones as triangles (..., 3, 2) with a corner at `apex` (..., 2).
 
     Args:
-        contact: The contact; the cone opens along its normal, by its friction coefficient to either side.
+        contact: Contact with the normal and the friction coefficient of the cone.
         apex: Points in the chain frame, m.
         tall: Height of the triangles, m.
     """
@@ -35,7 +35,7 @@ _ROUNDING = 1e-12
 
 
 def carried_objects(chain: Chain) -> BoolArray:
-    """Return (n, n) whether contact k carries object i: the paper's objects 1..k."""
+    """Return whether contact k carries object i, (n, n): the paper's objects 1..k."""
     n = len(chain.objects)
     carried = np.eye(n, dtype=np.bool_)
     for i in reversed(range(n)):
@@ -46,15 +46,15 @@ def carried_objects(chain: Chain) -> BoolArray:
 
 
 def common_centers(carried: BoolArray, loads: FloatArray, centers: FloatArray) -> FloatArray:
-    """Return the centre of friction (n, 2) of the objects that each contact carries, m.
+    """Return the centres of friction (n, 2) of the objects that each contact carries, m.
 
-    G_k = sum of F_i g_i / sum of F_i. Where no carried object has any floor friction, the plain mean stands
-    in; no force acts there.
+    The centre is G_k = sum of F_i g_i / sum of F_i. If no carried object has floor friction, there is no force, and
+    the mean of the centres is returned.
 
     Args:
         carried: See `carried_objects`.
-        loads: (n,) friction loads F_i = mu_i m_i g, N.
-        centers: (n, 2) centres g_i, m.
+        loads: Friction loads F_i = mu_i m_i g (n,), N.
+        centers: Centres g_i (n, 2), m.
     """
     weights = np.where(carried, loads, 0.0)
     total = weights.sum(axis=1, keepdims=True)
@@ -63,14 +63,14 @@ def common_centers(carried: BoolArray, loads: FloatArray, centers: FloatArray) -
 
 
 def center_range(loads: FloatArray, centers: FloatArray) -> FloatArray:
-    """Return the corners (v, 2) of all centres of friction that some objects can have together, m.
+    """Return the corners (v, 2) of the region of possible common centres of friction of some objects, m.
 
-    A corner is farthest in some direction: the objects farther than it in that direction have their largest
-    load, the others their least. The normals of the edges found so far say where to look for more.
+    A corner is the farthest centre in some direction: the objects farther in that direction have their largest load,
+    the others their smallest. The normals of the known edges are the directions in which more corners are searched.
 
     Args:
-        loads: (m, 2) least and largest friction load of every object, N.
-        centers: (m, 2) centres of the objects, m.
+        loads: Smallest and largest friction loads (m, 2) of the objects, N.
+        centers: Centres of friction (m, 2) of the objects, m.
     """
     if loads[:, 1].sum() == 0.0:
         return np.asarray(centers.mean(axis=0)[None], dtype=np.float64)
@@ -101,33 +101,33 @@ def friction_wrench(obj: PushedObject, twists: ArrayLike, contact_height: float 
     """Return the wrench (k, 3) of the floor friction on an object about the chain frame's origin: N, N, N m.
 
     Args:
-        obj: The object; its load must be known.
-        twists: (k, 3) body twists in the chain frame; only their directions matter.
-        contact_height: Height of the contact forces above the floor, m; shifts the load.
+        obj: Object with a known load.
+        twists: Body twists (k, 3) in the chain frame; only their directions matter.
+        contact_height: Height of the contact forces above the floor, which shifts the load, m.
 
     Raises:
-        PushplanError: On twists that are zero, not finite or not (k, 3).
-        SupportError: If the load is not known, or the push at that height could lift a part of the object.
+        PushplanError: If twists are zero, not finite or not (k, 3).
+        SupportError: If the load is not known, or the push at that height can lift a part of the object.
     """
     packed = pack_object(obj, contact_height)
     return -contacts.object_wrenches_of(packed, checked_twists(twists))
 
 
 def ecof(obj: PushedObject, cor: ArrayLike, sense: int = +1, contact_height: float = 0.0) -> FloatArray:
-    """Return the effective centre of friction (2,): the point of friction's line of action nearest the COR.
+    """Return the effective centre of friction (2,): the point on the friction force's line of action nearest the COR.
 
     `ECOF - c = m_c (f_y, -f_x) / |f|^2` with the wrench (f, m_c) about the COR c (Harada et al. 2006,
     appendix).
 
     Args:
-        obj: The object; its load must be known.
-        cor: (2,) centre of rotation in the chain frame, m.
-        sense: +1 or -1; matters only when a push height shifts the load.
+        obj: Object with a known load.
+        cor: Centre of rotation (2,) in the chain frame, m.
+        sense: +1 or -1; relevant only if a push height shifts the load.
         contact_height: See `friction_wrench`.
 
     Raises:
-        UndefinedEcofError: If the friction force vanishes, as for a COR at the COF of a symmetric load.
-        SupportError: As `friction_wrench`.
+        UndefinedEcofError: If the friction force vanishes, for example for a COR at the COF of a symmetric load.
+        SupportError: See `friction_wrench`.
     """
     c = frozen(cor, (2,), "centre of rotation")
     fx, fy, moment = friction_wrench(obj, twists_about(c, sense)[None], contact_height)[0]
@@ -135,28 +135,28 @@ def ecof(obj: PushedObject, cor: ArrayLike, sense: int = +1, contact_height: flo
     if np.hypot(fx, fy) <= 1e-12 * obj.friction_load:
         raise UndefinedEcofError(
             f"the friction force on {obj.name!r} vanishes for a rotation about ({c[0]:.6g}, {c[1]:.6g}), "
-            f"so that it has no line of action; its COF is at ({cof(obj)[0]:.6g}, {cof(obj)[1]:.6g})"
+            f"so it has no line of action; the COF is at ({cof(obj)[0]:.6g}, {cof(obj)[1]:.6g})"
         )
     return np.asarray(c + about_cor * np.array([fy, -fx]) / (fx * fx + fy * fy), dtype=np.float64)
 
 
 def cof(obj: PushedObject) -> FloatArray:
-    """Return the centre of friction (2,) in the chain frame, m; mu is even, so the centre of pressure."""
+    """Return the centre of friction (2,) in the chain frame, m: the centre of pressure, because mu is uniform."""
     return transform_points(obj.pose_chain, obj.support.center)
 
 
 @dataclass(frozen=True, eq=False)
 class ContactState:
-    """The n contacts at m twists, with known loads; all in the chain frame.
+    """State of n contacts at m twists, for known loads, in the chain frame.
 
     Attributes:
-        margins: (m, n) smallest sine of the angle between the contact's wrench and a facet of its cone.
-        friction_margins: (m, n) angle from the force to the nearer edge of the friction cone, rad; negative
-            outside, and minus the friction angle where there is no force.
-        lambdas: (m, n) where the force passes through the segment, 0 at the right end, 1 at the left end;
-            infinite where it is parallel to the segment or there is none.
-        forces: (m, n, 2) force on the pushed body, N.
-        wrenches: (m, n, 3) that force with its moment about the chain frame's origin, N, N m.
+        margins: Smallest sine (m, n) of the angle between the contact's wrench and a facet of its cone.
+        friction_margins: Angle (m, n) from the force to the nearer edge of the friction cone, rad; negative outside,
+            and minus the friction angle if there is no force.
+        lambdas: Position (m, n) of the force's line of action on the segment, 0 at the right end and 1 at the left
+            end; infinite if the force is zero or parallel to the segment.
+        forces: Force (m, n, 2) on the pushed body, N.
+        wrenches: Wrench (m, n, 3) of this force about the chain frame's origin, N, N m.
     """
 
     margins: FloatArray
@@ -170,11 +170,11 @@ def contact_state(chain: Chain, twists: ArrayLike) -> ContactState:
     """Return the state of the contacts of `chain` at body twists (m, 3) in the chain frame.
 
     Args:
-        chain: Objects and contacts; the loads must be known.
-        twists: Only their directions matter.
+        chain: Objects with known loads, and contacts.
+        twists: Body twists; only their directions matter.
 
     Raises:
-        PushplanError: On twists that are zero, not finite or not (m, 3).
+        PushplanError: If twists are zero, not finite or not (m, 3).
         SupportError: If a load is not known.
     """
     arrays = pack_chain(chain)

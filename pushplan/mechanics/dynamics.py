@@ -1,16 +1,16 @@
-"""Inertia: the contact conditions of moving chains, and the force with which the plate pushes them, at worst.
+"""Inertia: the contact conditions of moving chains, and the largest force with which the plate pushes them.
 
-The plate transmits what all objects together ask for, F = sum_i f_i + m_i a_i, f_i being what slides object i over
-the floor. Where loads or frictions are intervals, f_i is linear in the friction load F_i and in the parts of it, so
-that |F|, a convex function of them, is largest at a corner of what they may be. While no two f_i are more than 90 deg
-apart, that is the one with all F_i at their largest: d|F| / dF_i = f_i . F / (F_i |F|) >= 0. So a disc bounds F,
+The plate transmits the force F = sum_i f_i + m_i a_i, where f_i is the force that slides object i over the floor. If
+loads or frictions are intervals, f_i is linear in the friction load F_i and in its distribution. |F| is convex in
+them, so it is largest at a corner of their region. If no two f_i are more than 90 deg apart, this is the corner with
+all F_i at their largest: d|F| / dF_i = f_i . F / (F_i |F|) >= 0. Therefore a disc bounds F:
 
-    |F - sum_i mid(F_i) w_i| <= sum_i half(F_i) |w_i| + max(F_i) r_i,
+    |F - sum_i mid(F_i) w_i| <= sum_i half(F_i) |w_i| + max(F_i) r_i
 
-w_i being what a unit load asks for and r_i by how much its parts may change that; where all f_i point the same way,
-the corner is on its edge. No pressure makes friction larger than the friction load, which bounds |F| as well and is
-exact for translations. Where only the centre of a load is known, all of it may rest there, so that no turn, but one
-about it, takes less: the sum of the friction loads stands for |F|.
+w_i is the force for a unit load, and r_i the largest change of it by the load distribution. If all f_i are parallel,
+the corner is on the edge of the disc. Friction never exceeds the friction load, which is another bound of |F|, exact
+for translations. If only the centre of a load is known, all of it can rest there. Only a rotation about this centre
+takes less force, so the sum of the friction loads is used as |F|.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ from pushplan.util.arrays import FloatArray, frozen
 class DynamicRows:
     """The contact conditions along one twist: alpha + beta s'' + gamma s'^2 > 0 for every entry, for s'' >= 0.
 
-    Where s'' < 0 it is alpha - beta_down s'' + gamma s'^2; beta_down = -beta where all masses are numbers.
+    For s'' < 0 they are alpha - beta_down s'' + gamma s'^2 > 0; beta_down = -beta if all masses are plain numbers.
 
     Attributes:
-        alpha: (n, 4) quasi-static part for the contacts' facets, N; see `packed.contact_rows`.
-        beta: (n, 4) per unit of s''.
-        gamma: (n, 4) per unit of s'^2.
-        beta_down: (n, 4) per unit of -s''.
+        alpha: Quasi-static part (n, 4) for the contacts' facets, N; see `packed.contact_rows`.
+        beta: Part (n, 4) per unit of s''.
+        gamma: Part (n, 4) per unit of s'^2.
+        beta_down: Part (n, 4) per unit of -s''.
     """
 
     alpha: FloatArray
@@ -65,11 +65,11 @@ class DynamicRows:
 
 
 class Wrenches(NamedTuple):
-    """What is known of the wrenches of n contacts at m instants.
+    """Bounds of the wrenches of n contacts at m instants.
 
     Attributes:
-        rows: (m, n, 4) least value g . w of every facet, N.
-        size: (m, n) largest |w|, moments divided by the chain's characteristic length, N.
+        rows: Smallest value (m, n, 4) of g . w for every facet, N.
+        size: Largest |w| (m, n), with moments divided by the chain's characteristic length, N.
     """
 
     rows: FloatArray
@@ -77,43 +77,43 @@ class Wrenches(NamedTuple):
 
     @property
     def margins(self) -> FloatArray:
-        """(m, n) least sine of the angle between a wrench and a facet; 0 where there is no wrench."""
+        """Smallest sine (m, n) of the angle between a wrench and a facet; 0 if there is no wrench."""
         some = self.size > 0.0
         return np.where(some, self.rows.min(axis=2) / np.where(some, self.size, 1.0), 0.0)
 
     def plus(self, other: Wrenches) -> Wrenches:
-        """Return what is known of the sums with others."""
+        """Return bounds of the sums with other wrenches."""
         return Wrenches(self.rows + other.rows, self.size + other.size)
 
     def less(self, lost: FloatArray) -> Wrenches:
-        """Return those with rows that are less by up to (m, n, 4), N."""
+        """Return bounds whose rows are reduced by `lost` (m, n, 4), N."""
         return Wrenches(self.rows - lost, self.size + lost.max(axis=2))
 
 
 class MotionConditions(ABC):
-    """Conditions on twists and their rates that are linear in what the floor and what inertia ask for."""
+    """Conditions on twists and their rates that are linear in the wrenches of floor friction and inertia."""
 
     @abstractmethod
     def quasi_static(self, twists: FloatArray) -> Wrenches:
-        """Return what the floor asks for at body twists (m, 3), none of them zero."""
+        """Return the wrenches of floor friction at nonzero body twists (m, 3)."""
 
     @abstractmethod
     def rows_of_inertia(self, sliding: FloatArray, twists: FloatArray, rates: FloatArray) -> Wrenches:
-        """Return what inertia adds at twists (m, 3) and their time derivatives, objects sliding with `sliding`."""
+        """Return the wrenches of inertia at twists (m, 3) with rates (m, 3); objects slide with `sliding` (m, 3)."""
 
     def rows(self, twist: ArrayLike, margin: float = 0.0) -> DynamicRows:
         """Return the rows along a constant body twist (3,) per unit of s.
 
         Args:
-            twist: In the chain frame.
-            margin: The rows are positive only where the contacts' margins exceed this: from g . w > margin |w|
-                with the size of w at most the sum of the sizes of its three parts, so that they stay linear.
+            twist: Body twist in the chain frame.
+            margin: Required margin of the contacts. Its condition is g . w > margin |w|. To keep the rows linear,
+                |w| is replaced by the sum of the sizes of its three parts, which is an upper bound.
         """
         xi = checked_twists(np.asarray(twist, dtype=np.float64)[None])
         return DynamicRows(*(rows[0] for rows in self.rows_along(xi, margin)))
 
     def rows_along(self, twists: FloatArray, margin: float = 0.0) -> tuple[FloatArray, ...]:
-        """Return the arrays (m, n, 4) of `rows`, in the order of its attributes, along checked twists (m, 3)."""
+        """Return the arrays (m, n, 4) of `DynamicRows`, in its order, along checked twists (m, 3)."""
         still = np.zeros_like(twists)
         motions = ((still, twists), (twists, still), (still, -twists))
         parts = (self.quasi_static(twists), *(self.rows_of_inertia(twists, *motion) for motion in motions))
@@ -122,18 +122,18 @@ class MotionConditions(ABC):
 
 @dataclass(frozen=True, eq=False)
 class ContactDynamics(MotionConditions):
-    """A chain's contact conditions with inertia, ready to be asked many times.
+    """A chain's contact conditions with inertia, prepared for many evaluations.
 
     Attributes:
         chain: Objects and contacts.
-        worst_case: Take every quasi-static row as the least over all pressures with the centres of the loads
+        worst_case: Whether every quasi-static row is the smallest over all pressures with the centres of the loads
             (see the stable set `robust`), so that loads need not be known.
-        interval: The chain whose masses, loads and floor frictions are intervals; every row is then the least
-            for any of them. None where they are numbers. Where pushes above the floor, or inertia, move loads, any
-            pressure with the centres that these allow counts (`mechanics.heights`).
+        interval: Chain with intervals of masses, loads and floor frictions; every row is then the smallest for all
+            their values. None for plain numbers. If pushes above the floor or inertia shift loads, every pressure
+            with the possible centres is covered (`mechanics.heights`).
 
     Raises:
-        SupportError: If a load is not known, unless the worst case is asked for.
+        SupportError: If a load is not known and `worst_case` is False.
     """
 
     chain: Chain
@@ -141,11 +141,11 @@ class ContactDynamics(MotionConditions):
     interval: IntervalChain | None = None
 
     def __post_init__(self) -> None:
-        _ = self.packed if self.exact else self.loads  # raise where loads are not known or tip
+        _ = self.packed if self.exact else self.loads  # raises if loads are not known or can tip
 
     @cached_property
     def packed(self) -> contacts.PackedChain:
-        """The chain as arrays; the loads have to be known."""
+        """The chain as arrays; the loads must be known."""
         return pack_chain(self.chain)
 
     @cached_property
@@ -155,25 +155,25 @@ class ContactDynamics(MotionConditions):
 
     @cached_property
     def facets(self) -> FloatArray:
-        """(n, 4, 3) unit facets g of the contacts, g . (f_x, f_y, m / length)."""
+        """Unit facets g (n, 4, 3) of the contacts, with rows g . (f_x, f_y, m / length)."""
         return chain_rows(self.chain)
 
     @cached_property
     def loads(self) -> uncertain.PackedLoads:
-        """The chain as arrays of what its loads may be."""
+        """The chain with its possible loads as arrays."""
         if self.worst_case:
             return pack_centred(self.chain, self.interval)
         return pack_loads(self.chain, self.interval)
 
     @cached_property
     def interval_inertia(self) -> IntervalInertia:
-        """What inertia asks for where masses or loads are intervals."""
+        """The wrenches of inertia for intervals of masses or loads."""
         assert self.interval is not None
         return IntervalInertia(self.interval)
 
     @cached_property
     def exact(self) -> bool:
-        """Whether wrenches are known, not only bounds of them."""
+        """Whether the wrenches themselves are known, and not only bounds of them."""
         return not self.worst_case and self.interval is None and not counts_by_centre(self.chain)
 
     @cached_property
@@ -181,13 +181,13 @@ class ContactDynamics(MotionConditions):
         return inertia_shifts(self.chain, self.interval)
 
     def rows_of_inertia(self, sliding: FloatArray, twists: FloatArray, rates: FloatArray) -> Wrenches:
-        """Return what inertia adds, loads that it moves included, where objects slide with twists (m, 3)."""
+        """Return the wrenches of inertia, including its shifts of loads; objects slide with `sliding` (m, 3)."""
         if self.exact:
             return self._exactly(self.inertia_wrenches(twists, rates, sliding))
         return self.inertia(twists, rates).less(self._lost(sliding, twists, rates))
 
     def _lost(self, sliding: FloatArray, twists: FloatArray, rates: FloatArray) -> FloatArray:
-        """Return what loads that inertia moves take from the rows (m, n, 4) of objects that slide with twists, N."""
+        """Return the reduction of the rows (m, n, 4) by loads that inertia shifts, N."""
         if not self._inertia_shifts.any():
             return np.zeros((1, 1, 4))
         forces = contacts.inertia_per_object(self.table, twists, rates)[..., :2]
@@ -195,7 +195,7 @@ class ContactDynamics(MotionConditions):
         return np.asarray(np.einsum("mkji,mi->mkj", self._solved(sliding)[2], moved), dtype=np.float64)
 
     def _solved(self, twists: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return least rows, sizes and slopes; what is asked for the same twists again, as timing does, is kept."""
+        """Return smallest rows, sizes and slopes; the last result is kept, because timing repeats twists."""
         for asked, found in self._last:
             if np.array_equal(asked, twists):
                 return found
@@ -210,7 +210,7 @@ class ContactDynamics(MotionConditions):
         return []
 
     def quasi_static(self, twists: FloatArray) -> Wrenches:
-        """Return what the contacts transmit without inertia at body twists (m, 3), none of them zero."""
+        """Return the wrenches without inertia at nonzero body twists (m, 3)."""
         if not self.exact and self._inertia_shifts.any():
             return Wrenches(*self._solved(twists)[:2])
         owner, first = sphere.directions(twists, self.chain.characteristic_length)
@@ -224,12 +224,12 @@ class ContactDynamics(MotionConditions):
         return Wrenches(*uncertain.rows_of(self.loads, twists))
 
     def floor_wrenches(self, twists: FloatArray) -> FloatArray:
-        """Return what the contacts transmit without inertia (m, n, 3) at twists (m, 3) where loads are known."""
+        """Return the wrenches (m, n, 3) without inertia at twists (m, 3), for known loads."""
         length = self.chain.characteristic_length
         return by_direction(lambda v: contacts.wrenches_of(self.packed, v), twists, length)
 
     def inertia(self, twists: FloatArray, rates: FloatArray) -> Wrenches:
-        """Return what the masses add to the contacts' wrenches; see `inertia_wrenches`."""
+        """Return the wrenches that accelerate the masses; see `inertia_wrenches`."""
         if self.interval is None:
             return self._exactly(self.mass_wrenches(twists, rates))
         return Wrenches(*self.interval_inertia.rows(twists, rates))
@@ -237,14 +237,15 @@ class ContactDynamics(MotionConditions):
     def inertia_wrenches(
         self, twists: FloatArray, rates: FloatArray, sliding: FloatArray | None = None
     ) -> FloatArray:
-        """Return what inertia adds to the wrench of each contact (m, n, 3), about the chain frame's origin.
+        """Return the contribution of inertia to each contact's wrench (m, n, 3), about the chain frame's origin.
 
-        That is what moves the masses, and what loads change that it moves on the floor; they must be known for that.
+        It consists of the wrenches that accelerate the masses, and the change of friction by loads that inertia
+        shifts. For the latter the loads must be known.
 
         Args:
-            twists: (m, 3) body twists V.
-            rates: (m, 3) their time derivatives dV/dt.
-            sliding: (m, 3) twists with which the objects slide over the floor, if not V.
+            twists: Body twists V (m, 3).
+            rates: Time derivatives dV/dt (m, 3).
+            sliding: Twists (m, 3) with which the objects slide over the floor; None for V.
         """
         wrenches = self.mass_wrenches(twists, rates)
         if not self._arms.any():
@@ -256,40 +257,40 @@ class ContactDynamics(MotionConditions):
 
     @cached_property
     def _arms(self) -> FloatArray:
-        """(n,) by how much objects are pushed above their centre of mass, m; 0 where its height is not stated."""
+        """Heights of the push above the centres of mass (n,), m; 0 for centres of unknown height."""
         height = self.chain.contact_height
         objects = self.chain.objects
         return np.array([0.0 if o.center_height is None else height - o.center_height for o in objects])
 
     def mass_wrenches(self, twists: FloatArray, rates: FloatArray) -> FloatArray:
-        """Return what moves the masses alone (m, n, 3); see `inertia_wrenches`."""
+        """Return the wrenches (m, n, 3) that accelerate the masses, without load shifts; see `inertia_wrenches`."""
         return self._with_carried(contacts.inertia_per_object(self.table, twists, rates))
 
     def _with_carried(self, wrenches: FloatArray) -> FloatArray:
-        """Add to what each object has (m, n, 3), in place, that of all objects that its contact carries."""
+        """Add to each object's wrench (m, n, 3), in place, the wrenches of all objects that its contact carries."""
         for k, contact in reversed([*enumerate(self.chain.contacts)]):
             if contact.pusher != PLATE:
                 wrenches[:, contact.pusher] += wrenches[:, k]
         return wrenches
 
     def _exactly(self, wrenches: FloatArray) -> Wrenches:
-        """Facet values G . w of transmitted wrenches (m, n, 3), and their sizes."""
+        """Return the facet values G . w of wrenches (m, n, 3), and their sizes."""
         return Wrenches(*contacts.facet_rows(self.facets, wrenches, self.chain.characteristic_length))
 
     def margins(self, twists: ArrayLike, rates: ArrayLike, floor: FloatArray | None = None) -> FloatArray:
         """Return the margin (m, n) of each contact while the chain moves and accelerates; see `dynamic_margins`.
 
-        Where loads are not known or intervals, it is a lower bound of the margin for all that they may be.
+        For unknown loads and intervals, it is a lower bound of the margin for all possible values.
 
         Args:
-            twists: (m, 3) body twists.
-            rates: (m, 3) their time derivatives.
-            floor: (m, n, 3) what the contacts transmit at the twists without inertia (`contact_state`), if known.
+            twists: Body twists (m, 3).
+            rates: Time derivatives (m, 3) of the twists.
+            floor: Wrenches (m, n, 3) of the contacts without inertia (`contact_state`); None to compute them.
         """
         v = checked_twists(twists)
         dv = np.ascontiguousarray(rates, dtype=np.float64)
         if dv.shape != v.shape or not np.isfinite(dv).all():
-            raise PushplanError(f"rates have shape {dv.shape}; they must be finite and like twists: {v.shape}")
+            raise PushplanError(f"rates have shape {dv.shape}; they must be finite and have the shape {v.shape}")
         if self.exact:
             wrenches = self.floor_wrenches(v) if floor is None else floor
             return contacts.contact_margins_of(self.packed, wrenches + self.inertia_wrenches(v, dv))
@@ -300,72 +301,72 @@ def dynamic_rows(chain: Chain, twist: ArrayLike) -> DynamicRows:
     """Return the contact conditions of `chain` along a constant body twist (3,), inertia included.
 
     Args:
-        chain: The loads must be known.
-        twist: In the chain frame, per unit of the path parameter s; its size is the unit of s.
+        chain: Chain with known loads.
+        twist: Body twist in the chain frame per unit of the path parameter s; its size defines the unit of s.
 
     Raises:
-        PushplanError: On a twist that is zero, not finite or not (3,).
+        PushplanError: If the twist is zero, not finite or not (3,).
         SupportError: If a load is not known.
     """
     return ContactDynamics(chain).rows(twist)
 
 
 def dynamic_margins(chain: Chain, twists: ArrayLike, rates: ArrayLike) -> FloatArray:
-    """Return the margin (m, n) of each contact of a chain in motion; > 0 exactly where the contact holds.
+    """Return the margin (m, n) of each contact of a chain in motion; the contact holds if and only if it is > 0.
 
-    The sine of the angle between the contact's wrench, inertia included, and the nearest facet of its cone: at
-    rates and speeds towards zero the margin of the quasi-static sets.
+    The margin is the sine of the angle between the contact's wrench, including inertia, and the nearest facet of its
+    cone. For small speeds and rates it approaches the margin of the quasi-static sets.
 
     Args:
-        chain: The loads must be known.
-        twists: (m, 3) body twists in the chain frame, m/s and rad/s; none zero.
-        rates: (m, 3) their time derivatives, m/s^2 and rad/s^2.
+        chain: Chain with known loads.
+        twists: Nonzero body twists (m, 3) in the chain frame, m/s and rad/s.
+        rates: Time derivatives (m, 3) of the twists, m/s^2 and rad/s^2.
 
     Raises:
-        PushplanError: On twists that are zero, not finite or not (m, 3), or rates unlike them.
+        PushplanError: If twists are zero, not finite or not (m, 3), or rates have another shape.
         SupportError: If a load is not known.
     """
     return ContactDynamics(chain).margins(twists, rates)
 
 
 DIRECTIONS = 32
-"""In which a force is compared with a limit, so that the comparison is linear; a multiple of 4."""
+"""Number of directions in which a force is compared with a limit, to keep the conditions linear; a multiple of 4."""
 
 _ANGLES = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
 _UNIT = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
 _INSCRIBED = float(np.cos(np.pi / DIRECTIONS))
-"""Every force of size 1 reaches at least this far in one of the directions: up to 0.5 % of a limit stay unused."""
+"""Smallest value of a unit force's largest component along these directions: up to 0.5 % of a limit stay unused."""
 
 
 @dataclass(frozen=True, eq=False)
 class PushForce:
-    """The largest `|F_xy|` (N) with which the plate pushes a load, over all that its loads and frictions may be.
+    """The largest force `|F_xy|` (N) of the plate on a load, over all possible loads and frictions.
 
     Attributes:
-        dynamics: Of the load; tells what is known of it.
+        dynamics: Dynamics of the load.
     """
 
     dynamics: ContactDynamics
 
     @cached_property
     def most_friction(self) -> float:
-        """Sum of the friction loads, the largest of intervals: no push at constant twist takes more, N."""
+        """Sum of the largest friction loads, N: an upper bound of the force at a constant twist."""
         own = self.dynamics
         if own.interval is not None:
             return float(own.interval.loads[:, 1].sum())
         return float(sum(obj.friction_load for obj in own.chain.objects))
 
     def steady(self, twists: FloatArray) -> FloatArray:
-        """Return the force (m,) of pushing slowly at body twists (m, 3) in the chain frame, none of them zero."""
+        """Return the force (m,) of slow pushes with nonzero body twists (m, 3) in the chain frame, N."""
         return np.asarray(np.minimum(_largest(self.against_floor(twists)), self.most_friction))
 
     def moving(self, twists: FloatArray, rates: FloatArray, known: FloatArray | None = None) -> FloatArray:
-        """Return the force (m,) at body twists (m, 3), none of them zero, with their time derivatives (m, 3).
+        """Return the force (m,) of pushes with inertia, N.
 
         Args:
-            twists: V.
-            rates: dV/dt.
-            known: (m, n, 3) what the contacts transmit at the twists without inertia, if known.
+            twists: Nonzero body twists V (m, 3).
+            rates: Time derivatives dV/dt (m, 3).
+            known: Wrenches (m, n, 3) of the contacts without inertia; None to compute them.
         """
         own = None if known is None or not self.dynamics.exact else self._on_plate(known)
         floor = self.against_floor(twists) if own is None else own
@@ -373,7 +374,7 @@ class PushForce:
         return np.asarray(np.minimum(_largest(floor + inertia), self.most_friction + _largest(inertia)))
 
     def against_floor(self, twists: FloatArray) -> FloatArray:
-        """Return what floor friction asks for as discs (m, 3): middle x, y and radius, N."""
+        """Return the forces against floor friction as discs (m, 3): centre x, y and radius, N."""
         own = self.dynamics
         if own.exact:
             return self._on_plate(own.floor_wrenches(twists))
@@ -383,14 +384,14 @@ class PushForce:
         return by_direction(lambda v: uncertain.forces_of(own.loads, v), twists, length)
 
     def against_inertia(self, twists: FloatArray, rates: FloatArray) -> FloatArray:
-        """Return likewise what inertia asks for (m, 3)."""
+        """Return the forces against inertia as discs (m, 3): centre x, y and radius, N."""
         own = self.dynamics
         if own.interval is not None:
             return own.interval_inertia.forces(twists, rates)
         return self._on_plate(own.mass_wrenches(twists, rates))
 
     def _on_plate(self, wrenches: FloatArray) -> FloatArray:
-        """Return the force (m, 3) of the plate, known, given the wrenches of contacts (m, n, 3)."""
+        """Return the plate's force from the contacts' wrenches (m, n, 3), as discs (m, 3) of radius 0, N."""
         plate = [k for k, contact in enumerate(self.dynamics.chain.contacts) if contact.pusher == PLATE]
         return np.asarray(wrenches[:, plate].sum(axis=1) * [1.0, 1.0, 0.0])
 
@@ -401,29 +402,29 @@ def _largest(discs: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class ForceConditions(MotionConditions):
-    """That the plate need not push with more than a force; rows are grouped in fours, like those of contacts.
+    """Condition that the plate's force does not exceed a limit; rows come in groups of four, like those of contacts.
 
     Attributes:
-        force: Of the load.
-        limit: N.
+        force: Force that the load takes.
+        limit: Largest force of the plate, N.
     """
 
     force: PushForce
     limit: float
 
     def quasi_static(self, twists: FloatArray) -> Wrenches:
-        """Return what the floor's friction leaves of the limit."""
+        """Return the part of the limit that floor friction does not use."""
         reach = _reach(self.force.against_floor(twists))
         return _rows(_INSCRIBED * self.limit - np.minimum(reach, self.force.most_friction))
 
     def rows_of_inertia(self, sliding: FloatArray, twists: FloatArray, rates: FloatArray) -> Wrenches:
-        """Return what inertia takes of it."""
-        del sliding  # friction is no larger where inertia moves loads
+        """Return the part of the limit that inertia uses, as negative rows."""
+        del sliding  # loads that inertia shifts do not increase friction
         return _rows(-_reach(self.force.against_inertia(twists, rates)))
 
 
 def _reach(discs: FloatArray) -> FloatArray:
-    """Return how far discs (m, 3) reach in the directions (m, 32), N."""
+    """Return the extent of discs (m, 3) in the 32 directions (m, 32), N."""
     return np.asarray(discs[:, :2] @ _UNIT.T + discs[:, 2:])
 
 

@@ -1,7 +1,7 @@
-"""Faces of the objects that the plate can push from, and the chain that it pushes from each of them.
+"""Faces of the objects that the plate can push, and the chain for each of them.
 
-Objects that touch one another are a stack. Stacks side by side are held together by the plate alone: driven up to
-along the normal of faces that lie on one line, it touches all of them at once, and pushes all or none.
+Objects that touch each other form a stack. Stacks side by side touch only the plate. If their faces are on one line,
+the plate approaches along the normal, touches all stacks at once, and pushes all or none.
 """
 
 from __future__ import annotations
@@ -22,25 +22,26 @@ from pushplan.util.arrays import FloatArray
 from pushplan.util.names import FACES
 
 SAME_DIRECTION = math.radians(1.0)
-"""Outward normals that differ by less are in the direction that a face is named by."""
+"""Largest angle between an outward normal and the direction of a face's name, rad."""
 
 PARALLEL = 1e-6
-"""Faces of an object whose directions differ by less (rad) are opposite: others would be flush with neither."""
+"""Largest angle (rad) between opposite faces; with a larger one, a flush row is not possible."""
 
 _NORMALS = dict(zip(FACES, (math.pi, 0.0, 0.5 * math.pi, -0.5 * math.pi), strict=True))
 
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """A place of the plate on a face.
+    """A position of the plate at a face.
 
     Attributes:
-        touched: Indices of the objects: one of each stack.
-        face: What the face is called: one of `names.FACES` or the angle of its outward normal, in deg; where there
-            are several objects, after the names of its own.
-        offset: Of the plate's middle from that of the face, to the left of the push, m.
-        plate: (3,) pose of the plate's frame in the chain frame of the scenario.
-        contact: (3,) pose there of the middle of the contact with the first object touched, +x along the push.
+        touched: Indices of the touched objects, one of each stack.
+        face: Name of the face: one of `names.FACES` or the angle of its outward normal in deg; for several objects,
+            the names of the touched ones come first.
+        offset: Offset of the plate's middle from the middle of the face, to the left of the push, m.
+        plate: Pose (3,) of the plate's frame in the chain frame of the scenario.
+        contact: Pose (3,) of the middle of the contact with the first touched object in this chain frame, +x along
+            the push.
     """
 
     touched: tuple[int, ...]
@@ -53,12 +54,12 @@ class Place:
 def places(
     chain: Chain, faces: Sequence[str | float] | None = None, offsets: Sequence[float] = (0.0,)
 ) -> Iterator[Place]:
-    """Yield the places that the plate may take, so that it touches one object of each stack along one line.
+    """Yield the allowed positions of the plate, in which it touches one object of each stack along one line.
 
     Args:
-        chain: The objects; where the plate is now does not matter.
-        faces: Names of `names.FACES` and angles of outward normals in the chain frame, rad; None stands for all.
-        offsets: Of the plate's middle from the middle of the face, to the left of the push, m.
+        chain: Chain with the objects; its current plate position is ignored.
+        faces: Names in `names.FACES` and angles of outward normals in the chain frame, rad; None for all.
+        offsets: Offsets of the plate's middle from the middle of the face, to the left of the push, m.
     """
     plate = chain.pusher.outline - [chain.pusher.outline[:, 0].max(), chain.pusher.outline[:, 1].mean()]
     outlines, found = [obj.outline_chain for obj in chain.objects], stacks(chain)
@@ -80,13 +81,14 @@ def places(
 
 @dataclass(frozen=True, eq=False)
 class Through:
-    """A face of an object through which it is pushed, and the one opposite, through which it pushes another.
+    """A face at which an object is pushed, and the opposite face, which pushes the next object.
 
     Attributes:
-        face: What the first one is called in the object's own frame.
-        entry: (3,) pose in that frame of the first one's middle, +x into the object.
-        length: Of the first one, m.
-        exit: (3,) pose there of the other one's middle, +x out of the object; None where there is none.
+        face: Name of the pushed face in the object's own frame.
+        entry: Pose (3,) of the pushed face's middle in the object's frame, +x into the object.
+        length: Length of the pushed face, m.
+        exit: Pose (3,) of the opposite face's middle in the object's frame, +x out of the object; None if there is no
+            such face.
     """
 
     face: str
@@ -96,16 +98,16 @@ class Through:
 
     @property
     def across(self) -> FloatArray | None:
-        """(3,) pose of `exit` in the frame `entry`."""
+        """Pose (3,) of `exit` in the frame `entry`; None without an exit."""
         return None if self.exit is None else se2.relative(self.entry, self.exit)
 
 
 def ways_through(outline: FloatArray, faces: Sequence[str | float] | None = None) -> tuple[Through, ...]:
-    """Return the faces of an outline (v, 2) by which an object may be pushed, with those opposite.
+    """Return the faces at which an object can be pushed, with their opposite faces.
 
     Args:
-        outline: In the object's own frame, counter-clockwise, m.
-        faces: As in `places`.
+        outline: Outline (v, 2) in the object's own frame, counter-clockwise, m.
+        faces: See `places`.
     """
     wanted = None if faces is None else tuple(faces)
     return _ways_through(np.asarray(outline, dtype=np.float64).tobytes(), wanted)
@@ -138,16 +140,16 @@ def _each_way_through(outline: FloatArray, faces: tuple[str | float, ...] | None
 
 
 def pushed_at(chain: Chain, face: str | float, offset: float = 0.0) -> Chain:
-    """Return the chain that the plate pushes from another face.
+    """Return the chain that is pushed at another face.
 
     Args:
-        chain: The objects, and the plate and robot that push them.
-        face: A name that `Place.face` has, one of `names.FACES`, or the angle of the outward normal in the chain
+        chain: Objects, plate and robot.
+        face: Name of the form `Place.face`, one of `names.FACES`, or the angle of the outward normal in the chain
             frame, rad.
-        offset: Of the plate's middle from that of the face, to the left of the push, m.
+        offset: Offset of the plate's middle from the middle of the face, to the left of the push, m.
 
     Raises:
-        ChainError: If there is no such face, or more than one; see `pushed_from` too.
+        ChainError: If there is no such face or more than one, or for the reasons in `pushed_from`.
     """
     found = [
         place
@@ -161,19 +163,19 @@ def pushed_at(chain: Chain, face: str | float, offset: float = 0.0) -> Chain:
     if len(found) != 1:
         allowed = ", ".join(dict.fromkeys(place.face for place in places(chain, None, (offset,))))
         what = f"{len(found)} faces are called {face!r}" if found else f"no face is called {face!r}"
-        raise ChainError(f"{what} where the plate fits with the offset {offset:.6g} m; there are: {allowed}")
+        raise ChainError(f"{what}; allowed with the offset {offset:.6g} m: {allowed}")
     return pushed_from(chain, found[0])
 
 
 def pushed_from(chain: Chain, place: Place) -> Chain:
-    """Return the chain with the plate at another place: its frame is that of the contact there.
+    """Return the chain with the plate at another position; the chain frame is that of the new contact.
 
-    The objects stand where they stood, in an order in which each one is pushed by the plate or by one before it.
-    Contacts between two objects keep friction and height whoever pushes; so does the plate's with an object that it
-    touches now, and the plate's own friction and height hold at any other.
+    The objects keep their poses, and are ordered so that each is pushed by the plate or an earlier object. Contacts
+    between objects keep friction and height in both directions. The same holds for an object that the plate already
+    touches; for other objects, the plate's own friction and height are used.
 
     Raises:
-        ChainError: If the robot's footprint overlaps an object there, or touches one beside the plate.
+        ChainError: If the robot's footprint overlaps an object, or touches one beside the plate.
     """
     order = carried_from(chain, place.touched)
     into = se2.inverse(place.contact)
@@ -187,7 +189,7 @@ def pushed_from(chain: Chain, place: Place) -> Chain:
 
 
 def pusher_at(pusher: Pusher, sideways: float) -> Pusher:
-    """Return the plate with its frame at (0, `sideways`, 0) in the chain frame, the robot with it."""
+    """Return the plate and robot with the plate's frame at (0, `sideways`, 0) in the chain frame."""
     plate = np.array([0.0, sideways, 0.0])
 
     def moved(pose: FloatArray) -> FloatArray:
@@ -215,27 +217,27 @@ def _contact(chain: Chain, order: Sequence[int], objects: Sequence[PushedObject]
     outline = pusher.outline if pushing == PLATE else objects[pushing].outline_chain
     touch = find_touch(outline, objects[k].outline_chain)
     if touch is None or len(touch) != 1:
-        raise ChainError(f"{objects[k].name!r} is not pushed along one line there")
+        raise ChainError(f"{objects[k].name!r} is not pushed along a single line at this face")
     mu = friction[order[pushing]] if before else friction.get(PLATE, pusher.friction)
     return Contact(touch[0][0], touch[0][1], mu, k, pushing, height.get(order[pushing] if before else PLATE))
 
 
 def _require_clear(pusher: Pusher, objects: Sequence[PushedObject]) -> None:
-    """Raise ChainError where the robot itself would push an object."""
+    """Raise ChainError if the robot itself would push an object."""
     plate = shapely.Polygon(pusher.outline).buffer(TOUCH, join_style="mitre")
     for part in pusher.footprint:
         for obj in objects:
             depth = overlap_depth(obj.outline_chain, part)
             if depth > 0.0:
-                raise ChainError(f"the robot overlaps {obj.name!r} there by {1e3 * depth:.3g} mm")
+                raise ChainError(f"the robot overlaps {obj.name!r} by {1e3 * depth:.3g} mm at this face")
             touch = find_touch(part, obj.outline_chain)
             beside = [] if touch is None else [shapely.difference(shapely.LineString(s), plate) for s in touch]
             if any(line.length > SHORTEST_CONTACT for line in beside):
-                raise ChainError(f"the robot touches {obj.name!r} beside the plate there, which alone may push")
+                raise ChainError(f"the robot touches {obj.name!r} beside the plate; only the plate may push")
 
 
 def stacks(chain: Chain) -> list[list[int]]:
-    """Return the objects' indices by stack: those that touch one another, whether the plate is there or not."""
+    """Return the objects' indices by stack; a stack consists of objects that touch each other."""
     left, found = set(range(len(chain.objects))), []
     while left:
         found.append(carried_from(chain, (min(left),)))
@@ -244,7 +246,7 @@ def stacks(chain: Chain) -> list[list[int]]:
 
 
 def carried_from(chain: Chain, touched: tuple[int, ...]) -> list[int]:
-    """Return the objects' indices in an order in which each one touches one before it, but for those `touched`."""
+    """Return the objects' indices, the `touched` ones first, so that each other object touches an earlier one."""
     neighbours: dict[int, set[int]] = {i: set() for i in range(len(chain.objects))}
     for contact in chain.contacts:
         if contact.pusher != PLATE:
@@ -259,7 +261,7 @@ def carried_from(chain: Chain, touched: tuple[int, ...]) -> list[int]:
 def _abreast(
     begin: FloatArray, end: FloatArray, outlines: list[FloatArray], others: list[list[int]]
 ) -> FloatArray | None:
-    """Return the ends (2, 2) of a face together with those of other stacks on its line, None where one has none."""
+    """Return the ends (2, 2) of a face joined with all other stacks' faces on its line; None if a stack has none."""
     along = (end - begin) / np.linalg.norm(end - begin)
     across = np.array([along[1], -along[0]])
     points = [begin, end]
@@ -278,18 +280,18 @@ def _abreast(
 
 
 def _edges(outline: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield the ends of the faces of a counter-clockwise outline (v, 2), neighbouring edges on one line as one."""
+    """Yield the ends of the faces of a counter-clockwise outline (v, 2); collinear adjacent edges are one face."""
     edge = np.roll(outline, -1, axis=0) - outline
     edge /= np.linalg.norm(edge, axis=1, keepdims=True)
     before = np.roll(edge, 1, axis=0)
-    # The sine of the angle between neighbouring edges; up to rounding they are one face.
+    # Sine of the angle between adjacent edges; if it is a rounding error, they are one face.
     corner = np.flatnonzero(np.abs(before[:, 0] * edge[:, 1] - before[:, 1] * edge[:, 0]) > 1e-9)
     for begin, end in zip(corner, np.roll(corner, -1), strict=True):
         yield outline[begin], outline[end]
 
 
 def _outward(begin: FloatArray, end: FloatArray) -> float:
-    """Angle of the outward normal of an edge of a counter-clockwise outline."""
+    """Return the angle of the outward normal of an edge of a counter-clockwise outline, rad."""
     x, y = end - begin
     return math.atan2(-x, y)
 
@@ -302,7 +304,7 @@ def _is_asked_for(normal: float, faces: Sequence[str | float] | None) -> bool:
 
 
 def face_name(normal: float) -> str:
-    """Return what a face with its outward normal at an angle (rad) is called."""
+    """Return the name of a face by the angle of its outward normal, rad."""
     for name, angle in _NORMALS.items():
         if abs(float(se2.wrap_angle(normal - angle))) < SAME_DIRECTION:
             return name
@@ -315,9 +317,9 @@ def _named(chain: Chain, touched: list[int], normal: float) -> str:
 
 
 def _contacts(plate: FloatArray, found: list[list[int]], outlines: list[FloatArray]) -> dict[int, FloatArray]:
-    """Return the middles (2,) of the plate's contacts by object; empty unless it is one line on one of each stack."""
+    """Return the middles (2,) of the plate's contacts by object; empty unless it has one line contact per stack."""
     around = shapely.Polygon(plate)
-    # The plate keeps 1 mm from objects that it does not touch.
+    # The plate must keep 1 mm from objects that it does not touch.
     near = [i for i, outline in enumerate(outlines) if around.distance(shapely.Polygon(outline)) < 1e-3]
     touched = [[i for i in stack if i in near] for stack in found]
     if any(overlap_depth(plate, outline) > TOUCH for outline in outlines) or any(len(t) != 1 for t in touched):

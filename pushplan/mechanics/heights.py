@@ -1,20 +1,20 @@
-"""Pushes above the floor: how far they, and inertia, move the centres of the loads, and whether all objects stand.
+"""Pushes above the floor: the shifts of the loads' centres by heights and inertia, and the check against tipping.
 
 Moments about the floor give the centre of pressure c_i of object i with the weight N_i:
 
-    N_i c_i = N_i g_i + h_i F_i - sum over what it pushes of h_j F_j - z_i m_i a_i,
+    N_i c_i = N_i g_i + h_i F_i - sum over the pushed objects j of h_j F_j - z_i m_i a_i
 
-F_i the force through the contact that pushes it, at the height h_i, F_j those through which it pushes others, z_i the
-height of its centre of mass, a_i its acceleration. With Newton's F_i = w_i + sum F_j + m_i a_i, w_i what the floor's
-friction takes,
+F_i is the force of the contact that pushes the object at the height h_i, and F_j are the forces with which it pushes
+others. z_i is the height of its centre of mass, a_i its acceleration and w_i its floor friction. With Newton's law
+F_i = w_i + sum F_j + m_i a_i, this becomes
 
     c_i = g_i + h_i w_i / N_i + sum (h_i - h_j) F_j / N_i + (h_i - z_i) a_i / g.
 
-The first part is the shift h mu along the friction of the object itself; the others are bounded. Only with equal
-heights, and without inertia, the forces of what is in front cancel: otherwise a difference in height is multiplied by
-all of them. How the pressure then spreads, and whether a part of the object lifts, is left open: any pressure p >= 0
-with that centre may be the real one (`core/centred.hpp`), the partly lifted one of an elastic floor too. An object
-would tip where no such pressure exists: where the centre leaves the hull of its support.
+The first shift is h mu along the object's own friction; the others are bounded. The forces of the pushed objects
+cancel only for equal heights without inertia; a difference in height multiplies all of them. The pressure
+distribution remains unknown, as does whether a part of the object lifts: the sets cover every pressure p >= 0 with
+this centre (`core/centred.hpp`), including the partly lifted one of an elastic floor. An object can tip if no such
+pressure exists, which means that the centre is outside the hull of its support.
 """
 
 from __future__ import annotations
@@ -33,24 +33,24 @@ from pushplan.mechanics.support import FeetSupport
 from pushplan.util.arrays import FloatArray, frozen
 
 CELLS_MISS = (0.03, 0.012)
-"""Share, and part of the load, added to what a pressure that is off changes for what varies inside cells; sums over
-30 times as many cells stay below (`tests/sets/test_interval_sets.py`)."""
+"""Additions, as a share and as a part of the load, to the effect of an uncertain pressure for its variation inside
+cells. Sums over 30 times as many cells stay below these bounds (`tests/sets/test_interval_sets.py`)."""
 
 _HALVINGS, _ROUNDING = 40, 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class LoadArea:
-    """Any pressure with a given centre, in the chain frame.
+    """All pressures with a given centre, in the chain frame.
 
     Attributes:
-        points: (m, 2) feet, or the corners of a convex polygon, counter-clockwise, m.
-        solid: Whether the whole polygon may carry load, or only its corners.
-        center: (2,) centre of the load at rest, m.
-        shift: Least h mu (m): by how much a push at height h moves that centre, against the friction force, when
-            the whole load slides in one direction.
-        more: How much more it may be, m.
-        drift: (2,) how far the centre may be elsewhere along x and y, whatever the friction, m.
+        points: Feet (m, 2), or the corners of a convex polygon, counter-clockwise, m.
+        solid: Whether the whole polygon can carry load, and not only its corners.
+        center: Centre (2,) of the load at rest, m.
+        shift: Smallest h mu, m: the shift of this centre against the friction force, for a push at the height h and
+            a translation of the object.
+        more: Largest addition to `shift`, m.
+        drift: Largest shifts (2,) of the centre along x and y from other causes than friction, m.
     """
 
     points: FloatArray
@@ -67,20 +67,20 @@ class LoadArea:
 
     @property
     def reach(self) -> float:
-        """Farthest that the centre may be from `center` without inertia, m."""
+        """Largest distance of the load's centre from `center` without inertia, m."""
         return self.shift + self.more + float(np.hypot(*self.drift))
 
 
 def load_areas(chain: Chain, interval: IntervalChain | None = None, off: bool = False) -> tuple[LoadArea, ...]:
-    """Return where the load of every object may rest: its feet, or the convex hull of its support.
+    """Return the area that can carry each object's load: its feet, or the convex hull of its support.
 
     Args:
-        chain: Objects and contacts; a load that is known counts by its centre alone.
-        interval: The chain with intervals of masses, floor frictions and loads; None where they are numbers.
-        off: Whether pressures that are off put the centre elsewhere, too, as load fractions in intervals do.
+        chain: Objects and contacts; for known loads, only the centre is used.
+        interval: Chain with intervals of masses, floor frictions and loads; None for plain numbers.
+        off: Whether uncertain pressures shift the centre, as intervals of load fractions do.
 
     Raises:
-        TippingError: If a push at the contact heights could tip an object.
+        TippingError: If a push at the contact heights can tip an object.
     """
     areas = _areas(chain, interval, off)
     if loads_move(chain):
@@ -89,15 +89,15 @@ def load_areas(chain: Chain, interval: IntervalChain | None = None, off: bool = 
 
 
 def loads_move(chain: Chain) -> bool:
-    """Whether pushes above the floor, or inertia, move loads."""
+    """Return whether pushes above the floor or inertia shift loads."""
     return bool(chain.contact_heights.any()) or any(obj.center_height is not None for obj in chain.objects)
 
 
 def is_pressed(chain: Chain) -> bool:
-    """Whether loads shift in the one way that has a closed form.
+    """Return whether the shifts of the loads have a closed form.
 
-    That is for one height of all contacts at which no part of an object with a known load lifts, wherever it moves
-    and with the largest acceleration that the pusher's limits admit.
+    This requires the same height for all contacts. In addition, no part of an object with a known load may lift, for
+    any motion and the largest acceleration that the pusher's limits allow.
     """
     heights = chain.contact_heights
     height = float(heights[0, 0])
@@ -112,9 +112,9 @@ def is_pressed(chain: Chain) -> bool:
 
 
 def counts_by_centre(chain: Chain, interval: IntervalChain | None = None) -> bool:
-    """Whether of each load the centre alone is counted, so that heights, and loads that inertia moves, are tolerated.
+    """Return whether only the centre of each load is used, which covers all heights and shifts by inertia.
 
-    So they are where a load that moves has no closed form, or one of the chain's numbers is an interval.
+    This is necessary if a shifted load has no closed form, or if a number of the chain is an interval.
     """
     if not chain.loads_known or not loads_move(chain):
         return False
@@ -128,9 +128,9 @@ def counts_by_centre(chain: Chain, interval: IntervalChain | None = None) -> boo
 
 
 def inertia_shifts(chain: Chain, interval: IntervalChain | None = None) -> FloatArray:
-    """Return by how much (n, n) an acceleration of object k moves the load of object i at most, m per m/s^2.
+    """Return the largest shift (n, n) of the load of object i by an acceleration of object k, m per m/s^2.
 
-    Objects whose centre of mass has no stated height stand as they are whatever moves.
+    The load of an object whose centre of mass has no known height does not shift.
     """
     heights, mass, carried = chain.contact_heights, _masses(chain, interval), carried_objects(chain)
     found = np.zeros((len(chain.objects), len(chain.objects)))
@@ -145,10 +145,10 @@ def inertia_shifts(chain: Chain, interval: IntervalChain | None = None) -> Float
 
 
 def tipping_room(chain: Chain, interval: IntervalChain | None = None, off: bool = False) -> FloatArray | None:
-    """Return by how much (n,) loads could move on, m, before their objects tip; None where nothing moves loads.
+    """Return the reserve (n,) of the loads' centres against tipping, m; None if nothing shifts loads.
 
-    That is from the farthest that heights, intervals, and the largest acceleration that the pusher's limits admit can
-    put their centres, `off` as for `load_areas`; below 0 where an object could tip.
+    The reserve is the distance from the edge of the support for the worst shift by heights, intervals and the largest
+    acceleration that the pusher's limits allow. It is negative if an object can tip. See `load_areas` for `off`.
     """
     return _spare(chain, interval, _areas(chain, interval, off)) if loads_move(chain) else None
 
@@ -157,7 +157,7 @@ def tipping_room(chain: Chain, interval: IntervalChain | None = None, off: bool 
 
 
 def _areas(chain: Chain, interval: IntervalChain | None, off: bool) -> tuple[LoadArea, ...]:
-    """Return the load areas, whether objects stand or not."""
+    """Return the load areas without a check against tipping."""
     friction = (
         np.array([[obj.floor_friction] * 2 for obj in chain.objects]) if interval is None else interval.floor_friction
     )
@@ -181,10 +181,10 @@ def _areas(chain: Chain, interval: IntervalChain | None, off: bool) -> tuple[Loa
 
 
 def _pushed_back(chain: Chain, interval: IntervalChain | None, i: int) -> tuple[FloatArray, FloatArray]:
-    """Return the least and the largest (2,) of sum (h_i - h_j) F_j / N_i over what object i pushes, m.
+    """Return the smallest and largest (2,) sum of (h_i - h_j) F_j / N_i over the objects that object i pushes, m.
 
-    F_j is in the friction cone of its contact, which is what the contact conditions demand, and at most as large as
-    the friction of all that it carries.
+    By the contact conditions, F_j is in the friction cone of its contact. It is at most the friction of all objects
+    that the contact carries.
     """
     heights, mass, carried = chain.contact_heights, _masses(chain, interval), carried_objects(chain)
     loads = np.array([obj.friction_load for obj in chain.objects]) if interval is None else interval.loads[:, 1]
@@ -201,7 +201,7 @@ def _pushed_back(chain: Chain, interval: IntervalChain | None, i: int) -> tuple[
 
 
 def _step(heights: FloatArray, i: int, j: int) -> FloatArray:
-    """Return the least and the largest difference in height of the contacts that push objects i and j, m."""
+    """Return the smallest and largest difference in height of the contacts that push objects i and j, m."""
     return np.array([heights[i, 0] - heights[j, 1], heights[i, 1] - heights[j, 0]])
 
 
@@ -210,7 +210,7 @@ def _masses(chain: Chain, interval: IntervalChain | None) -> FloatArray:
 
 
 def _load_error(obj: PushedObject, i: int, interval: IntervalChain, off: bool) -> FloatArray:
-    """Return how far (2,) an uncertain load puts the centre elsewhere along the axes of the chain frame, m."""
+    """Return the largest shifts (2,) of the centre by an uncertain load along the axes of the chain frame, m."""
     spans, share = interval.fractions.get(i), interval.pressures.get(i, 0.0)
     if spans is not None and isinstance(obj.support, FeetSupport) and obj.support.fractions is not None:
         places = transform_points(obj.pose_chain, obj.support.positions)
@@ -226,7 +226,7 @@ def _load_error(obj: PushedObject, i: int, interval: IntervalChain, off: bool) -
 
 
 def _most(values: FloatArray, parts: FloatArray) -> float:
-    """Return the largest sum of p_j v_j over parts p_j in intervals (k, 2) that sum to 0: a fractional knapsack."""
+    """Return the largest sum of p_j v_j for p_j in intervals (k, 2) with sum 0: a fractional knapsack problem."""
     order = np.argsort(-values)
     low, width = parts[order, 0], parts[order, 1] - parts[order, 0]
     filled = np.clip(-low.sum() - np.concatenate([[0.0], np.cumsum(width)[:-1]]), 0.0, width)
@@ -237,7 +237,7 @@ def _most(values: FloatArray, parts: FloatArray) -> float:
 
 
 def _require_standing(chain: Chain, interval: IntervalChain | None, off: bool, areas: tuple[LoadArea, ...]) -> None:
-    """Raise TippingError unless every load's centre stays in the hull of its support, wherever it may move."""
+    """Raise TippingError if a load's centre can leave the hull of its support."""
     spare = _spare(chain, interval, areas)
     i = int(spare.argmin())
     if spare[i] >= -_ROUNDING:
@@ -249,15 +249,15 @@ def _require_standing(chain: Chain, interval: IntervalChain | None, off: bool, a
         fits = (_spare(lower, interval, _areas(lower, interval, off)) >= -_ROUNDING).all()
         low, high = (share, high) if fits else (low, share)
     height = float(chain.contact_heights[i, 1])
-    possible = f"up to {1e3 * low * height:.4g} mm can be planned" if low > 0.0 else "no height can be planned"
+    possible = f"heights up to {1e3 * low * height:.4g} mm" if low > 0.0 else "no height"
     raise TippingError(
-        f"a push at {1e3 * height:.4g} mm could tip {chain.objects[i].name!r}: its load's centre may move "
-        f"{-1e3 * spare[i]:.4g} mm out of its support; {possible}"
+        f"a push at the height {1e3 * height:.4g} mm could tip {chain.objects[i].name!r}: the centre of its load can "
+        f"be {-1e3 * spare[i]:.4g} mm outside its support; allowed: {possible}"
     )
 
 
 def _most_shifted(chain: Chain, interval: IntervalChain | None) -> FloatArray:
-    """Return how far (n,) inertia moves loads with the largest acceleration that the pusher's limits admit, m."""
+    """Return the shifts (n,) of the loads by the largest acceleration that the pusher's limits allow, m."""
     limits = chain.pusher.limits
     speed, push, turn, spin = (
         max(limits.both(name)) for name in ("speed", "acceleration", "angular_speed", "angular_acceleration")
@@ -268,7 +268,7 @@ def _most_shifted(chain: Chain, interval: IntervalChain | None) -> FloatArray:
 
 
 def _scaled(chain: Chain, share: float) -> Chain:
-    """Return the chain with all contact heights times a share."""
+    """Return the chain with all contact heights multiplied by a share."""
     contacts = tuple(
         replace(contact, height=(share * low, share * high))
         for contact, (low, high) in zip(chain.contacts, chain.contact_heights, strict=True)
@@ -277,9 +277,9 @@ def _scaled(chain: Chain, share: float) -> Chain:
 
 
 def _spare(chain: Chain, interval: IntervalChain | None, areas: tuple[LoadArea, ...]) -> FloatArray:
-    """Return by how much (n,) loads could move on before their centres leave the supports, m; negative outside.
+    """Return the distances (n,) of the loads' centres from the edges of the supports, m; negative outside.
 
-    Inertia counts with the largest acceleration that the pusher's limits admit.
+    They include the shift by the largest acceleration that the pusher's limits allow.
     """
     leaning = _most_shifted(chain, interval)
     spare = np.zeros(len(areas))

@@ -1,4 +1,4 @@
-"""Chains whose loads and frictions are only known to lie in intervals."""
+"""Chains with intervals of loads and frictions."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from pushplan.mechanics.support import FRACTION_TOLERANCE, FeetSupport
 from pushplan.util.arrays import FloatArray, frozen
 
 Range = tuple[float, float]
-"""Least and largest value."""
+"""Lowest and highest value."""
 
 
 @dataclass(frozen=True, eq=False)
 class IntervalChain:
-    """A chain of which some numbers are intervals; every combination of values in them may be the real one.
+    """A chain in which some numbers are intervals; every combination of their values is possible.
 
     Attributes:
-        chain: Everything that is known; its contacts have the lowest friction of their intervals.
-        mass: (n, 2) least and largest mass of every object, kg.
-        floor_friction: (n, 2) least and largest coefficient between every object and the floor.
-        fractions: (k, 2) least and largest part of the weight on each foot, by the object's index.
-        pressures: Share by which a known pressure may be off at any place, its total kept, by the object's index.
+        chain: Chain with nominal values; its contacts have the lowest friction of their intervals.
+        mass: Lowest and highest masses (n, 2) of the objects, kg.
+        floor_friction: Lowest and highest friction coefficients (n, 2) between the objects and the floor.
+        fractions: Lowest and highest fractions (k, 2) of the weight on each foot, by the object's index.
+        pressures: Uncertainty of a known pressure at any point with a fixed total, as a share, by the object's index.
     """
 
     chain: Chain
@@ -44,21 +44,21 @@ class IntervalChain:
         fractions: Mapping[str, Sequence[Range]] | None = None,
         pressures: Mapping[str, float] | None = None,
     ) -> IntervalChain:
-        """Return `chain` with intervals for some of its numbers, each by the object's name.
+        """Return a chain with intervals for some of its numbers, each by the object's name.
 
         Args:
-            chain: Where no interval is given, its value holds.
-            mass: kg, > 0.
-            floor_friction: >= 0.
-            contact_friction: >= 0; of the contact through which the object is pushed.
-            fractions: One interval for each foot, with numbers between 0 and 1.
-            pressures: From 0 to 1; of objects whose load is known, and not on feet.
+            chain: Chain with the values of all numbers without an interval.
+            mass: Intervals of masses, kg, > 0.
+            floor_friction: Intervals of floor friction coefficients, >= 0.
+            contact_friction: Intervals of the friction of the contact that pushes the object, >= 0.
+            fractions: Intervals of load fractions, one for each foot, between 0 and 1.
+            pressures: Shares from 0 to 1, for objects with a known load that is not on feet.
 
         Raises:
             ChainError: If no object has a name.
-            PushplanError: On an interval that is empty or outside what is allowed.
-            SupportError: On fractions for an object without feet, for another number of feet, or that cannot
-                sum to 1, and on a pressure's share for feet or an unknown load.
+            PushplanError: If an interval is empty or outside the allowed range.
+            SupportError: If fractions are given for an object without feet or for another number of feet, or cannot
+                sum to 1, or if a share is given for feet or an unknown load.
         """
         masses = [[obj.mass, obj.mass] for obj in chain.objects]
         frictions = [[obj.floor_friction, obj.floor_friction] for obj in chain.objects]
@@ -83,7 +83,7 @@ class IntervalChain:
         )
 
     def carried_by(self, chain: Chain) -> IntervalChain:
-        """Return the intervals of the same objects, by their names, in a chain that is pushed from another face."""
+        """Return the intervals of the same objects, matched by name, in a chain that is pushed at another face."""
         order = [self.chain.index_of(obj.name) for obj in chain.objects]
         fractions = {k: self.fractions[i] for k, i in enumerate(order) if i in self.fractions}
         pressures = {k: self.pressures[i] for k, i in enumerate(order) if i in self.pressures}
@@ -91,7 +91,7 @@ class IntervalChain:
 
     @property
     def loads(self) -> FloatArray:
-        """(n, 2) least and largest friction load mu m g of every object, N."""
+        """Lowest and highest friction loads mu m g (n, 2) of the objects, N."""
         return np.asarray(self.floor_friction * self.mass * GRAVITY, dtype=np.float64)
 
 
@@ -99,7 +99,7 @@ def _span(span: Range, what: str, least: float = 0.0) -> list[float]:
     """Return an interval as a list.
 
     Raises:
-        PushplanError: Unless `least` <= low <= high, both finite.
+        PushplanError: If not `least` <= low <= high, with both finite.
     """
     low, high = float(span[0]), float(span[1])
     if not (least <= low <= high and np.isfinite(high)):
@@ -121,24 +121,24 @@ def _fractions(chain: Chain, name: str, spans: Sequence[Range]) -> FloatArray:
 
 
 def _share(chain: Chain, name: str, share: float) -> float:
-    """Return the share by which the pressure under an object may be off."""
+    """Return the uncertainty of the pressure under an object, as a share."""
     support = chain.objects[chain.index_of(name)].support
     if isinstance(support, FeetSupport) or not support.known:
-        raise SupportError(f"{name!r} has no known pressure that could be off; feet have load fractions")
+        raise SupportError(f"{name!r} has no known pressure; for feet, give intervals of load fractions")
     if not 0.0 <= share <= 1.0:
-        raise PushplanError(f"the pressure under {name!r} is off by {share:.6g}; allowed: a share from 0 to 1")
+        raise PushplanError(f"the uncertainty of the pressure under {name!r} is {share:.6g}; allowed: from 0 to 1")
     return float(share)
 
 
 def fractions_within(spans: FloatArray, whose: str = "") -> FloatArray:
-    """Return load fractions (k,) that sum to 1, at the same share of each of the intervals (k, 2).
+    """Return load fractions (k,) that sum to 1, all at the same relative position in their intervals (k, 2).
 
     Raises:
         SupportError: If no fractions in the intervals sum to 1.
     """
     low, high = spans.sum(axis=0)
     if not low - FRACTION_TOLERANCE <= 1.0 <= high + FRACTION_TOLERANCE:
-        raise SupportError(f"load fractions{whose} sum to between {low:.6g} and {high:.6g}; 1 must be possible")
+        raise SupportError(f"the load fractions{whose} sum to {low:.6g} to {high:.6g}; a sum of 1 must be possible")
     share = float(np.clip((1.0 - low) / (high - low), 0.0, 1.0)) if high > low else 0.0
     fractions = spans[:, 0] + share * (spans[:, 1] - spans[:, 0])
     return np.asarray(fractions / fractions.sum(), dtype=np.float64)

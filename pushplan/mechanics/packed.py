@@ -1,4 +1,4 @@
-"""A chain as arrays for the core: loads, contacts, and series of the floor's wrench far from a body."""
+"""Packs a chain into arrays for the core: loads, contacts, and series of the floor wrench for far CORs."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from pushplan.mechanics.support import UniformSupport
 from pushplan.util.arrays import ComplexArray, FloatArray
 
 ORDER = contacts.ORDER
-"""Highest power kept of the series."""
+"""Highest power in the series."""
 _PAIRS = [(m, h) for m in range(ORDER + 1) for h in reversed(range((ORDER - m) // 2 + 1))]
-"""Powers m of the direction e, and h of r^2, in the order in which they are added up."""
+"""Powers m of the direction e and h of r^2, in the order of summation."""
 WEIGHTS = ((0, 0), (0, 1), (1, 0), (0, 2), (1, 1))
-"""Powers (of z, of conj z) of the factors that the integrals of v / |v| are taken with."""
+"""Powers of z and conj z in the weights of the integrals of v / |v|."""
 
 
 _gauss_rule = cache(np.polynomial.legendre.leggauss)
-"""Nodes and weights (count,) on [-1, 1]."""
+"""Function that returns Gauss nodes and weights (count,) on [-1, 1]."""
 
 
 def complex_moments(outline: FloatArray, order: int) -> ComplexArray:
-    """Return M (order + 1, order + 1), M[p, q] the integral of z^p conj(z)^q over a polygon, p + q <= order.
+    """Return M (order + 1, order + 1): M[p, q] is the integral of z^p conj(z)^q over a polygon, for p + q <= order.
 
-    Exact: a function homogeneous of degree k integrates to sum_e d_e (its edge integral) / (k + 2), and Gauss
-    quadrature integrates polynomials along edges exactly.
+    The integral of a homogeneous function of degree k is the sum over edges e of d_e times its edge integral, divided
+    by k + 2. Gauss quadrature is exact for the polynomials along edges.
     """
     z = outline[:, 0] + 1j * outline[:, 1]
     step = np.roll(z, -1) - z
@@ -45,7 +45,7 @@ def complex_moments(outline: FloatArray, order: int) -> ComplexArray:
 
 
 def _binomials(upper: float) -> FloatArray:
-    """Return `upper` over 0 ... ORDER (ORDER + 1,)."""
+    """Return the binomial coefficients of `upper` over 0 ... ORDER (ORDER + 1,)."""
     k = np.arange(ORDER)
     return np.cumprod(np.append(1.0, (upper - k) / (k + 1.0)))
 
@@ -55,15 +55,15 @@ _FACTORS = np.outer(_binomials(0.5), _binomials(-0.5))
 _AHEAD, _BACK = _FACTORS[_M + _H, _H], np.where(_M > 0, _FACTORS[_H, _M + _H], 0.0)
 _A, _B = np.array(WEIGHTS).T[:, :, None]
 _P, _Q, _P_BACK, _Q_BACK = _M + _H + _A, _H + _B, _H + _A, _M + _H + _B
-"""Coefficients, and powers of z and conj z, of the columns with p - q = m and with p - q = -m."""
+"""Powers of z and conj z in the columns with p - q = m and with p - q = -m."""
 
 
 def series_coefficients(outline: FloatArray, radius: float) -> ComplexArray:
     """Return the coefficients (5, contacts.TERMS) of (kappa radius)^p conj(kappa radius)^q, kappa = i omega / v0.
 
-    Row w holds the series of the integral of v / |v| times z^a conj(z)^b with (a, b) = WEIGHTS[w], for v0 > 0; for
-    each of _PAIRS two columns, sum and difference of the coefficients with p - q = m and p - q = -m. `outline` is
-    about the anchor point.
+    Row w is the series of the integral of v / |v| times z^a conj(z)^b with (a, b) = WEIGHTS[w], for v0 > 0. Each of
+    _PAIRS has two columns: the sum and the difference of the coefficients with p - q = m and p - q = -m. `outline` is
+    relative to the anchor point.
     """
     moments = complex_moments(outline / radius, ORDER + 2) * radius**2
     scale = np.array([radius ** (a + b) for a, b in WEIGHTS])[:, None]
@@ -73,10 +73,10 @@ def series_coefficients(outline: FloatArray, radius: float) -> ComplexArray:
 
 @lru_cache(maxsize=8)
 def pack_chain(chain: Chain) -> contacts.PackedChain:
-    """Return the arrays of `chain`; every set and judge of a plan asks for the same.
+    """Return the arrays of `chain`; they are cached, because all sets and checks of a plan use them.
 
     Raises:
-        SupportError: If a load is not known, contacts have several heights, or a push at theirs could lift a part
+        SupportError: If a load is not known, contacts have several heights, or a push at their height can lift a part
             of an object.
     """
     pushers = [contact.pusher for contact in chain.contacts]
@@ -94,25 +94,25 @@ def pack_objects(objects: Sequence[PushedObject], contact_height: float = 0.0) -
 
 
 def chain_rows(chain: Chain) -> FloatArray:
-    """Return `contact_rows` (n, 4, 3) of all contacts, moments divided by the chain's characteristic length."""
+    """Return `contact_rows` (n, 4, 3) of all contacts, with moments divided by the chain's characteristic length."""
     return np.array([contact_rows(contact, chain.characteristic_length) for contact in chain.contacts])
 
 
 def contact_rows(contact: Contact, length: float) -> FloatArray:
-    """Return the unit facets (4, 3) of the wrenches that a contact transmits: the paper's [C1] and [C2].
+    """Return the unit facets (4, 3) of the wrenches that a contact can transmit: the paper's [C1] and [C2].
 
     Args:
-        contact: Its force acts on the pushed body, moments are about the chain frame's origin.
-        length: Characteristic length by which the moments are divided, m.
+        contact: Contact whose force acts on the pushed body; moments are about the chain frame's origin.
+        length: Characteristic length that divides the moments, m.
     """
     return contact_facets(contact.right, contact.left, np.asarray(contact.friction), length)
 
 
 def contact_facets(right: FloatArray, left: FloatArray, friction: FloatArray, length: float) -> FloatArray:
-    """Return `contact_rows` (..., 4, 3) of contacts with ends (..., 2) and coefficients of friction (...).
+    """Return `contact_rows` (..., 4, 3) of contacts with ends (..., 2) and friction coefficients (...).
 
-    Forces at the two ends of the segment span the cone of these wrenches, and its facets are: the two sides
-    of the friction cone, no tipping about the right end, no tipping about the left end.
+    Forces at the two ends of the segment span the cone of the wrenches. Its facets are the two sides of the friction
+    cone, no rotation about the right end, and no rotation about the left end.
     """
     along = left - right
     tangent = along / np.sqrt((along * along).sum(axis=-1, keepdims=True))
@@ -150,7 +150,7 @@ def _pack(
 
 
 def _pack_support(obj: PushedObject, height: float) -> tuple[int, list[float], FloatArray, ComplexArray]:
-    """Return kind, row of `objects`, parts and series of one object."""
+    """Return kind, `objects` row, parts and series of one object; see `contacts.PackedChain`."""
     support, turn = obj.support, float(obj.pose_chain[2])
     spread, shift = _Spread.of(obj), height * obj.floor_friction
     _require_pressed(obj, spread, height)
@@ -171,13 +171,13 @@ def _pack_support(obj: PushedObject, height: float) -> tuple[int, list[float], F
 
 
 class _Spread(NamedTuple):
-    """How a load is spread over the k corners of a polygon, or over k points, in the chain frame's directions.
+    """Distribution of a load over the k corners of a polygon, or over k points, along the axes of the chain frame.
 
     Attributes:
-        base: (k,) pressure per weight at the corners, 1/m^2, or load fractions of points.
-        stiffness: (k,) how much each takes of a load that a push shifts.
-        offsets: (k, 2) from the stiffness' centre, m.
-        second: (2, 2) second moments of the stiffness.
+        base: Pressure per weight (k,) at the corners, 1/m^2, or load fractions (k,) of points.
+        stiffness: Share (k,) of each in a load that a push shifts.
+        offsets: Offsets (k, 2) from the centre of the stiffness, m.
+        second: Second moments (2, 2) of the stiffness.
     """
 
     base: FloatArray
@@ -187,10 +187,10 @@ class _Spread(NamedTuple):
 
     @classmethod
     def of(cls, obj: PushedObject) -> _Spread:
-        """Return that of a known load.
+        """Return the distribution of a known load.
 
         Raises:
-            SupportError: If it is not known.
+            SupportError: If the load is not known.
         """
         support, turn = obj.support, float(obj.pose_chain[2])
         if isinstance(support, UniformSupport):
@@ -199,7 +199,7 @@ class _Spread(NamedTuple):
             return cls(base, np.ones(len(corners)), corners, rotation @ support.moments.second @ rotation.T)
         if not support.known:
             raise SupportError(
-                f"the load under {obj.name!r} is unknown; this needs known loads: give load fractions or a pressure, "
+                f"the load under {obj.name!r} is unknown, but must be known here: give load fractions or a pressure, "
                 f"or use the stable set 'stable' or 'robust'"
             )
         positions, fractions, stiffness = support.point_loads
@@ -208,16 +208,16 @@ class _Spread(NamedTuple):
 
     @property
     def highest_push(self) -> float:
-        """The largest h mu (m) by which a push may shift the load any way, no part of it turning negative."""
+        """Largest shift h mu (m) of the load by a push in any direction that keeps all its parts positive."""
         values = np.linalg.eigvalsh(self.second)
         if values[0] <= 1e-12 * values[1]:
-            return 0.0  # on a line
+            return 0.0  # all points are on a line
         lever = np.linalg.norm(np.linalg.solve(self.second, self.offsets.T), axis=0) * self.stiffness
         return float(np.min(self.base / np.maximum(lever, 1e-300)))
 
 
 def push_room(obj: PushedObject, height: float) -> float:
-    """Return by how much more (m) a push at a height could shift the load of an object before a part of it lifts.
+    """Return the further shift (m) of an object's load by a push at a height before a part of the object lifts.
 
     Raises:
         SupportError: If the load is not known.
@@ -226,9 +226,9 @@ def push_room(obj: PushedObject, height: float) -> float:
 
 
 def _edges(corners: FloatArray) -> FloatArray:
-    """Return the edges (e, 5) of a counter-clockwise polygon about the anchor, those of length 0 left out.
+    """Return the edges (e, 5) of a counter-clockwise polygon around the anchor, without edges of length 0.
 
-    Their columns are t_x, t_y, n . p, t . p and length, p being an edge's first vertex.
+    The columns are t_x, t_y, n . p, t . p and the length, where p is the first vertex of the edge.
     """
     step = np.roll(corners, -1, axis=0) - corners
     length = np.hypot(step[:, 0], step[:, 1])
@@ -240,16 +240,16 @@ def _edges(corners: FloatArray) -> FloatArray:
 
 
 def _require_pressed(obj: PushedObject, spread: _Spread, height: float) -> None:
-    """Raise SupportError if the load's shift, up to h mu in any direction, could make a pressure negative."""
+    """Raise SupportError if a shift of the load by h mu in any direction can make a pressure negative."""
     if height * obj.floor_friction == 0.0:
         return
     highest = spread.highest_push / obj.floor_friction
     if highest == 0.0:
         raise SupportError(
-            f"the support points of {obj.name!r} lie on a line: a push at height {height:.6g} m would tip it"
+            f"the support points of {obj.name!r} are on a line: a push at height {height:.6g} m would tip it"
         )
     if height > highest:
         raise SupportError(
-            f"a push at height {height:.6g} m could lift a part of {obj.name!r}: the load's centre moves by up "
-            f"to {height * obj.floor_friction:.6g} m; the contact height must be at most {highest:.6g} m"
+            f"a push at height {height:.6g} m could lift a part of {obj.name!r}: the load's centre shifts by up "
+            f"to {height * obj.floor_friction:.6g} m; allowed: a contact height up to {highest:.6g} m"
         )

@@ -1,8 +1,8 @@
-"""Chains that are not what a plan believes: another friction, mass or load, objects slid along a contact or turned.
+"""Chains that differ from the plan's model: other friction, mass or load, and slid or turned objects.
 
-Robustness, simulated worlds, Monte Carlo samples, measured chains and the closed loop's caution all use these. What
-moves objects comes in two forms: for many sizes at once (`slide`, `turn`: a `Motion`), and as the chain of one size
-(`slid`, `turned`). All contacts of such a chain are flush again.
+Robustness, simulated worlds, Monte Carlo samples, measured chains and the closed loop's cautious model use these.
+Displacements exist for many sizes at once (`slide`, `displace`: a `Motion`), and as the chain of one size (`slid`).
+All contacts of a displaced chain are flush.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ PARALLEL = 1e-3
 """Largest angle between a contact and the edges that it lies on, rad."""
 
 NEAR = 4.0 * TOUCH
-"""Largest distance of an edge from the contact's line, taken where the edge is nearest to the contact's middle, m."""
+"""Largest distance of an edge from the contact's line, at the point of the edge nearest the contact's middle, m."""
 
 _NOWHERE = 1e6
-"""Right end of a contact without a segment, m; its left end is at minus that."""
+"""Right end of a contact without a segment, m; its left end is at minus this value."""
 
 
 def with_objects(chain: Chain, index: int | None, **changes: Any) -> Chain:
-    """Return the chain with other attributes of one object, or of all; a callable is given the object."""
+    """Return the chain with changed attributes of one object or of all; a callable gets the object."""
     objects = list(chain.objects)
     for i in range(len(objects)) if index is None else (index,):
         values = {key: value(objects[i]) if callable(value) else value for key, value in changes.items()}
@@ -42,7 +42,7 @@ def with_objects(chain: Chain, index: int | None, **changes: Any) -> Chain:
 
 
 def with_contact_friction(chain: Chain, factor: float, index: int | None = None) -> Chain:
-    """Return the chain with the friction of one contact, or of all and the plate's own, times `factor`."""
+    """Return the chain with the friction of one contact, or of all contacts and the plate, multiplied by `factor`."""
     which = range(len(chain.contacts)) if index is None else (index,)
     contacts = tuple(
         replace(contact, friction=factor * contact.friction) if k in which else contact
@@ -53,42 +53,42 @@ def with_contact_friction(chain: Chain, factor: float, index: int | None = None)
 
 
 def with_floor_friction(chain: Chain, factor: float, index: int | None = None) -> Chain:
-    """Return the chain with the floor friction of one object, or of all, times `factor`."""
+    """Return the chain with the floor friction of one object, or of all, multiplied by `factor`."""
     return with_objects(chain, index, floor_friction=lambda obj: factor * obj.floor_friction)
 
 
 def with_mass(chain: Chain, factor: float, index: int | None = None) -> Chain:
-    """Return the chain with the mass of one object, or of all, times `factor`."""
+    """Return the chain with the mass of one object, or of all, multiplied by `factor`."""
     return with_objects(chain, index, mass=lambda obj: factor * obj.mass)
 
 
 def with_leaning_load(chain: Chain, direction: ArrayLike, share: float, index: int | None = None) -> Chain:
-    """Return the chain with the load of one object, or of all, leaning to one side; see `Support.leaning`.
+    """Return the chain with the load of one object, or of all, shifted to one side; see `Support.leaning`.
 
     Args:
         chain: Objects with known loads.
-        direction: (2,) unit vector in the chain frame.
-        share: By which the outermost load is larger on that side and smaller on the other.
-        index: Of the object; None for all.
+        direction: Unit vector (2,) in the chain frame.
+        share: Increase of the outermost load on that side, and decrease on the other, as a share.
+        index: Index of the object; None for all.
 
     Raises:
-        PushplanError: If there is no direction.
-        SupportError: If a load is not known, or would be negative somewhere.
+        PushplanError: If the direction is zero.
+        SupportError: If a load is not known, or would be negative at a point.
     """
     e = frozen(direction, (2,), "direction of a leaning load")
     if not e.any():
-        raise PushplanError("the direction of a leaning load is zero; allowed: (x, y) of some length")
+        raise PushplanError("the direction of a leaning load is zero; allowed: a nonzero vector (x, y)")
     return with_objects(chain, index, support=lambda obj: obj.support.leaning(rotate(-obj.pose_chain[2], e), share))
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Objects that stand elsewhere, and the contacts that they have there, for q sizes of one change.
+    """Displaced objects and their contacts, for q sizes of one displacement.
 
     Attributes:
-        poses: (q, n, 3) motions of the chain frame that take each object from where it belongs to where it is.
-        ends: (q, n, 2, 2) right and left end of every contact, m.
-        lengths: (q, n) of the contacts along their line, m; not positive where nothing is left of one.
+        poses: Displacements (q, n, 3) of the objects, as motions in the chain frame.
+        ends: Right and left end (q, n, 2, 2) of every contact, m.
+        lengths: Lengths (q, n) of the contacts along their lines, m; not positive if a contact is lost.
     """
 
     poses: FloatArray
@@ -99,11 +99,11 @@ class Motion:
         """Return the chain of the first size.
 
         Raises:
-            ChainError: If a contact is left without a segment.
+            ChainError: If a contact is lost.
         """
         if (self.lengths[0] < SHORTEST_CONTACT).any():
             k = int(self.lengths[0].argmin())
-            raise ChainError(f"object {chain.objects[k].name!r} has slid off what pushes it")
+            raise ChainError(f"object {chain.objects[k].name!r} has slid off the body that pushes it")
         objects = tuple(
             replace(obj, pose_chain=compose(pose, obj.pose_chain)) if pose.any() else obj
             for obj, pose in zip(chain.objects, self.poses[0], strict=True)
@@ -118,17 +118,17 @@ class Motion:
 
 
 def displace(chain: Chain, slides: FloatArray, turns: FloatArray) -> Motion:
-    """Return every object slid by (q, n), m (see `slide`), and then turned by (q, n), rad.
+    """Return all objects slid by (q, n), m (see `slide`), and then turned by (q, n), rad.
 
-    It turns about its contact's middle, with all that it carries. The contact itself stays flush: the face of the
-    object is not as square to it as the plan believes.
+    An object turns about its contact's middle, together with all objects that it carries. The contact remains flush:
+    the displacement is an error of the angle between the object's frame and its face.
 
     Raises:
         ChainError: If a contact does not lie on edges of both bodies.
     """
     slid = slide(chain, slides)
     poses, ends, carried = slid.poses, slid.ends, carried_objects(chain)
-    for k in reversed(range(len(chain.contacts))):  # what is carried first: a turn takes all of it along
+    for k in reversed(range(len(chain.contacts))):  # carried objects first, because a turn moves them along
         size = turns[:, k]
         if not size.any():
             continue
@@ -142,9 +142,9 @@ def displace(chain: Chain, slides: FloatArray, turns: FloatArray) -> Motion:
 
 
 def slide(chain: Chain, slides: FloatArray) -> Motion:
-    """Return every object slid along the contact that pushes it, with all that it carries, to the left by (q, n), m.
+    """Return all objects slid along the contacts that push them, with all that they carry, to the left by (q, n), m.
 
-    A contact is the overlap of the edges that lie on its line.
+    A contact is the overlap of the edges on its line.
 
     Raises:
         ChainError: If a contact does not lie on edges of both bodies.
@@ -168,10 +168,10 @@ def slide(chain: Chain, slides: FloatArray) -> Motion:
 
 
 def aside_slides(chain: Chain, distances: FloatArray) -> FloatArray:
-    """Return the slides (q, n), m, for which every object stands aside by its distance (q, n), m, to the left.
+    """Return the slides (q, n), m, that displace every object to the left by its own distance (q, n), m.
 
-    Nothing of what it carries does. A carried object that leans on a contact of another direction follows along its
-    normal until it touches.
+    The objects that it carries are not displaced with it. If a carried object has a contact in another direction, it
+    follows along the contact's normal until it touches.
     """
     slides = distances.copy()
     for k, contact in enumerate(chain.contacts):
@@ -185,7 +185,7 @@ def slid(chain: Chain, slides: Sequence[float] | FloatArray) -> Chain:
     """Return the chain of `slide` by (n,), m.
 
     Raises:
-        ChainError: If a contact is left without a segment.
+        ChainError: If a contact is lost.
     """
     return slide(chain, np.atleast_2d(np.asarray(slides, dtype=np.float64))).applied(chain)
 
@@ -197,9 +197,9 @@ def contact_ends(chain: Chain) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def contact_edges(chain: Chain, k: int) -> tuple[FloatArray, FloatArray]:
-    """Return the edges (a, 2) and (b, 2) of the pushing and the pushed body on the line of contact k.
+    """Return the edges (a, 2) of the pushing body and (b, 2) of the pushed body on the line of contact k.
 
-    They are intervals of the coordinate from the contact's right end to its left end, m.
+    The edges are intervals of the coordinate from the contact's right end to its left end, m.
 
     Raises:
         ChainError: If the contact does not lie on edges of both bodies.
@@ -216,7 +216,7 @@ def contact_edges(chain: Chain, k: int) -> tuple[FloatArray, FloatArray]:
 
 
 def overlap(pushing: FloatArray, pushed: FloatArray, slides: FloatArray) -> FloatArray:
-    """Return the right and left end (q, 2) of what edges (a, 2) and others (b, 2) slid by (q,) have in common, m."""
+    """Return the right and left end (q, 2) of the overlap of edges (a, 2) with edges (b, 2) slid by (q,), m."""
     low = np.maximum(pushing[:, None, None, 0], pushed[None, :, None, 0] + slides)
     high = np.minimum(pushing[:, None, None, 1], pushed[None, :, None, 1] + slides)
     touching = high - low > TOUCH
@@ -226,7 +226,7 @@ def overlap(pushing: FloatArray, pushed: FloatArray, slides: FloatArray) -> Floa
 
 
 def _edges_along(outline: FloatArray, contact: Contact, sense: float) -> FloatArray:
-    """Return the edges (a, 2) of a counter-clockwise outline on the contact's line that run its way (+1) or back."""
+    """Return the edges (a, 2) of a counter-clockwise outline along the contact's line, or against it for sense -1."""
     s, away = ((outline - contact.right) @ axis for axis in (contact.tangent, contact.normal))
     run, rise = (np.roll(values, -1) - values for values in (s, away))
     kept = (sense * run > 0.0) & (np.abs(rise) <= PARALLEL * np.abs(run))

@@ -1,4 +1,4 @@
-"""The sphere of twist directions: longitude is the direction, latitude the rotation."""
+"""The sphere of twist directions: longitude is the direction of translation, latitude the share of rotation."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ POLE = np.pi / 2.0
 
 @dataclass(frozen=True, eq=False)
 class Meridians:
-    """Stable intervals of latitude, one row each; a longitude has none, one or several rows.
+    """Stable intervals of latitude, one per row; a longitude has none, one or several rows.
 
     Attributes:
-        longitude: (k,) rad, in increasing order.
-        lower: (k,) rad; the margin at both ends exceeds the one asked for.
-        upper: (k,) rad, >= lower.
+        longitude: Longitudes (k,) in increasing order, rad.
+        lower: Lower ends (k,), rad; the margin at both ends exceeds the required one.
+        upper: Upper ends (k,), rad, >= lower.
     """
 
     longitude: FloatArray
@@ -40,11 +40,11 @@ class Meridians:
 
 
 class TurningRadii(NamedTuple):
-    """Smallest distances from the origin to a stable COR, m; infinite where no turn of that sense is stable.
+    """Smallest distances from the origin to a stable COR, m; infinite if no turn of that sense is stable.
 
     Attributes:
-        left: Of the counter-clockwise turns.
-        right: Of the clockwise turns.
+        left: Radius of counter-clockwise turns.
+        right: Radius of clockwise turns.
     """
 
     left: float
@@ -69,7 +69,7 @@ def angles_of(twists: ArrayLike, length: float) -> tuple[FloatArray, FloatArray]
 def twists_about(cors: ArrayLike, sense: int) -> FloatArray:
     """Return the twists (..., 3) with omega = `sense`, +1 or -1, about centres of rotation (..., 2).
 
-    v = -omega J c.
+    The velocity of the origin is v = -omega J c.
     """
     if sense not in (1, -1):
         raise PushplanError(f"sense is {sense}; it must be +1 (counter-clockwise) or -1 (clockwise)")
@@ -81,7 +81,7 @@ def checked_twists(twists: ArrayLike) -> FloatArray:
     """Return `twists` as a contiguous (k, 3) float array.
 
     Raises:
-        PushplanError: On another shape, a number that is not finite, or a zero twist.
+        PushplanError: If the shape is another, a number is not finite, or a twist is zero.
     """
     v = np.ascontiguousarray(numbers(twists, "twists"))
     if v.ndim != 2 or v.shape[1] != 3:
@@ -90,21 +90,21 @@ def checked_twists(twists: ArrayLike) -> FloatArray:
         raise PushplanError("a twist holds a number that is not finite")
     resting = ~columns_of(v).any(axis=0)
     if resting.any():
-        raise PushplanError(f"twist {int(resting.argmax())} is zero; only the direction of a motion is stable or not")
+        raise PushplanError(f"twist {int(resting.argmax())} is zero; allowed: nonzero twists")
     return v
 
 
 WORTHWHILE = 0.7
-"""Share of directions among twists from which on copying takes as long as working out every one."""
+"""Share of distinct directions above which copying results takes as long as computing all of them."""
 
 
 def by_direction(values: Callable[[FloatArray], FloatArray], twists: FloatArray, length: float) -> FloatArray:
-    """Return what `values` returns (m, ...) for twists (m, 3), asked once for neighbours of one direction.
+    """Return `values` (m, ...) of twists (m, 3), computed once for adjacent twists of the same direction.
 
     Args:
-        values: Depends on the directions of twists only.
-        twists: None of them zero.
-        length: By which angular velocities are multiplied to be compared with the others, m.
+        values: Function that depends only on the directions of twists.
+        twists: Nonzero twists (m, 3).
+        length: Characteristic length that multiplies angular velocities in the comparison, m.
     """
     owner, first = sphere.directions(twists, length)
     if len(first) > WORTHWHILE * len(twists):

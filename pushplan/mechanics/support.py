@@ -1,6 +1,6 @@
-"""How an object's load rests on the floor: the pressure under it, as far as it is known.
+"""Supports: the load distribution of an object on the floor, known or unknown.
 
-All lengths are metres in the object's own frame; pressures and loads are fractions of the object's weight.
+All lengths are in metres in the object's own frame; pressures and loads are fractions of the object's weight.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from pushplan.geometry.polygon import AreaMoments, area_moments, convex_hull, si
 from pushplan.util.arrays import FloatArray, frozen
 
 FRACTION_TOLERANCE = 1e-6
-"""By how much the load fractions of the feet may miss 1 in sum."""
+"""Largest error of the sum of the feet's load fractions."""
 
 CELLS = 100
-"""Squares that have the area of a support, from which its cells are cut."""
+"""Number of squares with the area of a support; they define the grid of its cells."""
 
 _ROUNDING = 1e-12
 
@@ -34,9 +34,9 @@ class PointLoads(NamedTuple):
     """A known load on k points.
 
     Attributes:
-        positions: (k, 2) m.
-        fractions: (k,) part of the weight on each, summing to 1.
-        stiffness: (k,) share in carrying a load that a push above the floor shifts, summing to 1.
+        positions: Points (k, 2), m.
+        fractions: Fractions (k,) of the weight on each point, with sum 1.
+        stiffness: Shares (k,) of each point in a load that a push above the floor shifts, with sum 1.
     """
 
     positions: FloatArray
@@ -45,46 +45,46 @@ class PointLoads(NamedTuple):
 
 
 class Support(ABC):
-    """What mechanics and simulators need to know about a load on the floor.
+    """Interface of mechanics and simulators to a load on the floor.
 
-    A support model of your own gives its `center`, `hull` and, where its load is known, `point_loads`: everything
-    else follows from these. A pressure on a whole polygon has a closed form in `friction.packed`.
+    A user's support model provides `center`, `hull` and, if its load is known, `point_loads`; everything else follows
+    from these. A pressure on a whole polygon has a closed form in `mechanics.packed`.
     """
 
     @property
     @abstractmethod
     def center(self) -> FloatArray:
-        """(2,) centre of pressure of the object at rest, m."""
+        """Centre of pressure (2,) of the object at rest, m."""
 
     @property
     def known(self) -> bool:
-        """Whether the distribution of the load is known, not only its centre."""
+        """Whether the load distribution is known, and not only its centre."""
         return True
 
     @property
     @abstractmethod
     def hull(self) -> FloatArray:
-        """(h, 2) corners of the convex hull of all points that may carry load, counter-clockwise, m."""
+        """Corners (h, 2) of the convex hull of all points that can carry load, counter-clockwise, m."""
 
     @property
     def carriers(self) -> tuple[FloatArray, bool]:
-        """Points (k, 2) that may carry load, m, and whether all of the convex polygon with these corners may."""
+        """Points (k, 2) that can carry load, m, and whether the whole convex polygon with these corners can."""
         return self.hull, len(self.hull) > 2
 
     @property
     def point_loads(self) -> PointLoads:
-        """The load as points, where that is exact.
+        """The load on points, if it is exactly that.
 
         Raises:
-            SupportError: Where it is not known, or a pressure on a whole polygon.
+            SupportError: If the load is not known, or is a pressure on a whole polygon.
         """
-        raise SupportError("the load is not known, or does not rest on points")
+        raise SupportError("the load is not known, or is not on points")
 
     def cells(self) -> tuple[FloatArray, FloatArray]:
-        """Return the load's centre in every cell (m, 2) of a coarse grid, m, and parts (m,) of it, which sum to 1.
+        """Return the load's centre (m, 2) in every cell of a coarse grid, m, and its part (m,) there, with sum 1.
 
-        Closely enough to say what a pressure that is a little off does: few points stay what they are, many are
-        gathered in the cells of a grid, and a polygon is cut by one into pieces with their exact parts of the load.
+        The grid is fine enough for the effect of small pressure errors. Few points are kept as they are, many are
+        collected in cells. A polygon is cut into cells with their exact parts of the load.
 
         Raises:
             SupportError: If the load is not known.
@@ -93,13 +93,13 @@ class Support(ABC):
         return _gathered(positions, fractions)
 
     def lean(self, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return e . (x - g) / h (k,) at corners or points x, and what it is a share of there: see `leaning`.
+        """Return e . (x - g) / h (k,) at corners or points x, and the load (k,) that it is a share of; see `leaning`.
 
         Raises:
             SupportError: If the load is not known.
         """
         if not self.known:
-            raise SupportError("a load that is not known cannot be shifted to one side")
+            raise SupportError("an unknown load cannot be shifted to one side")
         positions = self.point_loads.positions
         return _scaled((positions - self.center) @ direction), np.ones(len(positions))
 
@@ -110,18 +110,18 @@ class Support(ABC):
         return float(np.min(headroom[lost > 0.0] / lost[lost > 0.0], initial=np.inf))
 
     def leaning(self, direction: FloatArray, share: float) -> Support:
-        """Return the load with p(x) + share e . (x - g) / h in place of p(x), its centre moved with it.
+        """Return the load with p(x) + share e . (x - g) / h in place of p(x), and with the centre that follows.
 
-        h is the largest of e . (x - g) in size under it, so that the outermost load changes by share: on a polygon
-        by one of the mean pressure, and g is the centroid; on points by one of each point's load, and g their centre.
-        What rests on one line across e cannot lean: it stays as it is.
+        h is the largest |e . (x - g)|, so that the outermost load changes by the share. On a polygon it is a share of
+        the mean pressure, and g is the centroid. On points it is a share of each point's load, and g is their centre.
+        A load on a line perpendicular to e does not change.
 
         Args:
-            direction: (2,) unit vector e in the object's own frame.
-            share: May be negative.
+            direction: Unit vector e (2,) in the object's own frame.
+            share: Change of the outermost load, as a share; can be negative.
 
         Raises:
-            SupportError: If the load is not known, or would be negative somewhere.
+            SupportError: If the load is not known, or would be negative at a point.
         """
         lean, _ = self.lean(direction)
         positions, fractions, _ = self.point_loads
@@ -130,16 +130,17 @@ class Support(ABC):
 
 @dataclass(frozen=True, eq=False)
 class UniformSupport(Support):
-    """Even pressure on a polygon, or the affine pressure whose centre is the given centre of mass.
+    """Uniform pressure on a polygon, or the affine pressure whose centre is the given centre of mass.
 
-    p(x) = a + b . (x - centroid) with a = 1 / area and b = (second moments)^-1 (center_of_mass - centroid).
+    The pressure is p(x) = a + b . (x - centroid) with a = 1 / area and
+    b = (second moments)^-1 (center_of_mass - centroid).
 
     Attributes:
-        outline: (v, 2) simple polygon, convex or not, m; stored counter-clockwise.
-        center_of_mass: (2,) m; None stands for the centroid.
+        outline: Simple polygon (v, 2), convex or not, m; stored counter-clockwise.
+        center_of_mass: Centre of mass (2,), m; None for the centroid.
 
     Raises:
-        SupportError: If the polygon is not simple or the pressure would be negative somewhere on it.
+        SupportError: If the polygon is not simple, or the pressure would be negative at a point of it.
     """
 
     outline: FloatArray
@@ -165,7 +166,7 @@ class UniformSupport(Support):
 
     @cached_property
     def gradient(self) -> FloatArray:
-        """(2,) gradient b of the pressure of a unit load, 1/m^3."""
+        """Gradient b (2,) of the pressure of a unit load, 1/m^3."""
         if self.center_of_mass is None:
             return np.zeros(2)
         offset = self.center_of_mass - self.moments.centroid
@@ -173,12 +174,12 @@ class UniformSupport(Support):
 
     @property
     def center(self) -> FloatArray:
-        """(2,) centre of pressure, m."""
+        """Centre of pressure (2,), m."""
         return self.moments.centroid if self.center_of_mass is None else self.center_of_mass
 
     @cached_property
     def hull(self) -> FloatArray:
-        """(h, 2) convex hull of the outline, m."""
+        """Convex hull (h, 2) of the outline, m."""
         return convex_hull(self.outline)
 
     def cells(self) -> tuple[FloatArray, FloatArray]:
@@ -195,11 +196,11 @@ class UniformSupport(Support):
         return points, np.asarray(loads / loads.sum(), dtype=np.float64)
 
     def _relative_pressure(self, points: FloatArray) -> FloatArray:
-        """Return the pressure at points (k, 2) as a share of the mean."""
+        """Return the pressure (k,) at points (k, 2) as a share of the mean pressure."""
         return np.asarray(1.0 + self.moments.area * (points - self.moments.centroid) @ self.gradient)
 
     def lean(self, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """See `Support.lean`: of the mean pressure, at the corners."""
+        """See `Support.lean`: shares of the mean pressure, at the corners."""
         arms = self.outline - self.moments.centroid
         return _scaled(arms @ direction), self._relative_pressure(self.outline)
 
@@ -215,13 +216,13 @@ class FeetSupport(Support):
     """A load on points.
 
     Attributes:
-        positions: (k, 2) feet, m.
-        fractions: (k,) part of the weight on each foot, > 0, summing to 1; None when unknown.
-        center_of_mass: (2,) m; needed when the fractions are unknown, and only then.
+        positions: Feet (k, 2), m.
+        fractions: Fractions (k,) of the weight on each foot, > 0, with sum 1; None if unknown.
+        center_of_mass: Centre of mass (2,), m; required if the fractions are unknown, and None otherwise.
 
     Raises:
-        SupportError: On loads that are not positive or do not sum to 1, on a centre outside the feet, or when
-            both or neither of `fractions` and `center_of_mass` are given.
+        SupportError: If loads are not positive or do not sum to 1, if the centre is outside the feet, or if both or
+            neither of `fractions` and `center_of_mass` are given.
     """
 
     positions: FloatArray
@@ -242,10 +243,10 @@ class FeetSupport(Support):
 
     @property
     def center(self) -> FloatArray:
-        """(2,) centre of the load, m."""
+        """Centre of the load (2,), m."""
         if self.fractions is not None:
             return self.fractions @ self.positions
-        assert self.center_of_mass is not None  # __post_init__ saw to it
+        assert self.center_of_mass is not None  # __post_init__ has checked this
         return self.center_of_mass
 
     @property
@@ -255,17 +256,17 @@ class FeetSupport(Support):
 
     @cached_property
     def hull(self) -> FloatArray:
-        """(h, 2) convex hull of the feet, m."""
+        """Convex hull (h, 2) of the feet, m."""
         return convex_hull(self.positions)
 
     @property
     def carriers(self) -> tuple[FloatArray, bool]:
-        """The feet alone."""
+        """The feet, without the area between them."""
         return self.positions, False
 
     @property
     def point_loads(self) -> PointLoads:
-        """The feet, which share a load that shifts evenly."""
+        """The feet, which share a shifting load equally."""
         if self.fractions is None:
             return super().point_loads
         return PointLoads(self.positions, self.fractions, np.full(len(self.positions), 1.0 / len(self.positions)))
@@ -276,8 +277,8 @@ class PressureMapSupport(Support):
     """A measured pressure distribution as many points with loads.
 
     Attributes:
-        points: (k, 2) m.
-        fractions: (k,) part of the weight on each point, > 0, summing to 1.
+        points: Points (k, 2), m.
+        fractions: Fractions (k,) of the weight on each point, > 0, with sum 1.
     """
 
     points: FloatArray
@@ -291,12 +292,13 @@ class PressureMapSupport(Support):
 
     @classmethod
     def from_bytes(cls, data: bytes, path: str) -> PressureMapSupport:
-        """Read a CSV table with the columns x, y (m) and pressure (any unit, >= 0); messages call it `path`.
+        """Read a CSV table with the columns x, y (m) and pressure (any unit, >= 0); `path` is its name in messages.
 
-        Every row stands for an equal area: the pressures are scaled to sum to 1. Rows with pressure 0 are left out.
+        Every row represents the same area, and the pressures are scaled to the sum 1. Rows with pressure 0 are
+        ignored.
 
         Raises:
-            SupportError: With file and line, when a value is not allowed.
+            SupportError: If a value is invalid; the message has file and line.
         """
         rows = parse_pressure_map(data, path)
         loaded = rows[rows[:, 2] > 0.0]
@@ -306,17 +308,17 @@ class PressureMapSupport(Support):
 
     @property
     def center(self) -> FloatArray:
-        """(2,) centre of pressure, m."""
+        """Centre of pressure (2,), m."""
         return self.fractions @ self.points
 
     @cached_property
     def hull(self) -> FloatArray:
-        """(h, 2) convex hull of the loaded points, m."""
+        """Convex hull (h, 2) of the loaded points, m."""
         return convex_hull(self.points)
 
     @property
     def point_loads(self) -> PointLoads:
-        """The points, which take their parts of a load that shifts, too."""
+        """The points, which share a shifting load in proportion to their own."""
         return PointLoads(self.points, self.fractions, self.fractions)
 
     def leaning(self, direction: FloatArray, share: float) -> PressureMapSupport:
@@ -329,11 +331,11 @@ class UnknownSupport(Support):
     """Any pressure on a polygon that has the given centre.
 
     Attributes:
-        outline: (v, 2) simple polygon, m; stored counter-clockwise.
-        center_of_mass: (2,) m; None stands for the centroid of the outline.
+        outline: Simple polygon (v, 2), m; stored counter-clockwise.
+        center_of_mass: Centre of mass (2,), m; None for the centroid of the outline.
 
     Raises:
-        SupportError: If the polygon is not simple or the centre lies outside its convex hull.
+        SupportError: If the polygon is not simple, or the centre is outside its convex hull.
     """
 
     outline: FloatArray
@@ -347,22 +349,22 @@ class UnknownSupport(Support):
 
     @cached_property
     def center(self) -> FloatArray:
-        """(2,) centre of pressure, m."""
+        """Centre of pressure (2,), m."""
         return area_moments(self.outline).centroid if self.center_of_mass is None else self.center_of_mass
 
     @property
     def known(self) -> bool:
-        """False."""
+        """Always False."""
         return False
 
     @cached_property
     def hull(self) -> FloatArray:
-        """(h, 2) convex hull of the outline, m."""
+        """Convex hull (h, 2) of the outline, m."""
         return convex_hull(self.outline)
 
 
 def _gathered(points: FloatArray, fractions: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the loads of points (k, 2) in each cell of a grid, at their centres; few points as they are."""
+    """Return the centres and loads of points (k, 2) by cells of a grid; few points are returned unchanged."""
     if len(points) <= CELLS:
         return points, fractions
     x, y = _grid(points, float(np.prod(np.ptp(points, axis=0))))
@@ -375,7 +377,7 @@ def _gathered(points: FloatArray, fractions: FloatArray) -> tuple[FloatArray, Fl
 
 
 def _grid(points: FloatArray, area: float) -> tuple[FloatArray, FloatArray]:
-    """Return the lines x (m,) and y (n,) of a grid of about square cells that covers points (k, 2)."""
+    """Return the lines x (m,) and y (n,) of a grid of nearly square cells that covers points (k, 2)."""
     low, size = points.min(axis=0), np.ptp(points, axis=0)
     side = max(float(np.sqrt(area / CELLS)), float(size.max()) / 400)
     counts = np.maximum(np.ceil(size / side), 1.0).astype(np.int64)
@@ -384,7 +386,7 @@ def _grid(points: FloatArray, area: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _scaled(along: FloatArray) -> FloatArray:
-    """Return coordinates (k,) as shares of the largest one; 0 where everything lies on one line across them."""
+    """Return coordinates (k,) as shares of the largest one; 0 if all coordinates are 0."""
     reach = float(np.abs(along).max())
     return along / reach if reach > 1e-9 else np.zeros_like(along)
 
@@ -405,17 +407,17 @@ def _fractions(fractions: FloatArray, count: int) -> FloatArray:
 
 
 def _require_inside(point: FloatArray, hull: FloatArray, name: str) -> None:
-    """Raise SupportError unless `point` lies in the convex `hull`, to rounding."""
+    """Raise SupportError if `point` is outside the convex `hull` by more than rounding errors."""
     distance = shapely.MultiPoint(hull).convex_hull.distance(shapely.Point(point))
     if distance > 1e-12 * float(np.abs(hull).max()):
-        raise SupportError(f"center_of_mass {_point(point)} lies outside {name}")
+        raise SupportError(f"center_of_mass {_point(point)} is outside {name}")
 
 
 def parse_pressure_map(data: bytes, path: str) -> FloatArray:
     """Return the (k, 3) rows x (m), y (m), pressure (>= 0) of a CSV file with those three named columns.
 
     Raises:
-        SupportError: With `path` and line, when a value is not allowed.
+        SupportError: If a value is invalid; the message has `path` and line.
     """
     try:
         reader = csv.reader(io.StringIO(data.decode("utf-8"), newline=""))
@@ -425,7 +427,7 @@ def parse_pressure_map(data: bytes, path: str) -> FloatArray:
     if sorted(header) != ["pressure", "x", "y"]:
         raise SupportError(f"{path}:1: the header is {','.join(header)!r}; it must name x, y and pressure")
     order = [header.index(name) for name in ("x", "y", "pressure")]
-    numbers = array("d")  # not a list of lists: a map of 16 MB would take 600
+    numbers = array("d")  # a list of lists takes 600 MB for a map of 16 MB
     try:
         for cells in filter(None, reader):
             numbers.extend(_map_row(path, reader.line_num, cells, order))

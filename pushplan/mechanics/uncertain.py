@@ -1,7 +1,7 @@
-"""Chains whose loads and frictions are only known within bounds, as the arrays that the core works on.
+"""Packs chains with uncertain loads and frictions into arrays for the core.
 
-What adding inertia asks for is linear in the masses in the same way: the mass of an object whose load is uncertain is
-taken to lie where its load is.
+The wrenches of inertia are linear in the masses in the same way. The mass of an object with an uncertain load is
+assumed to be distributed like its load.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from pushplan.mechanics.support import FeetSupport
 from pushplan.util.arrays import FloatArray, IntArray
 
 _AT_ONCE = 1 << 20
-"""Numbers in the table of what inertia asks for on points, at most."""
+"""Largest size of the table of inertia wrenches at points, in numbers."""
 
 _GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
 
 def pack_loads(chain: Chain, interval: IntervalChain | None) -> uncertain.PackedLoads:
-    """Return a chain as arrays, loads by their centres alone where pushes or inertia move them, else as stated.
+    """Return a chain as arrays; loads that pushes or inertia shift are reduced to their centres.
 
     Raises:
         SupportError: See `pack_intervals` and `pack_centred`.
@@ -41,9 +41,9 @@ def pack_loads(chain: Chain, interval: IntervalChain | None) -> uncertain.Packed
     return pack_intervals(interval)
 
 
-@lru_cache(maxsize=16)  # sets, judges and limits of one plan all ask for the same
+@lru_cache(maxsize=16)  # sets, checks and limits of a plan all use the same arrays
 def pack_intervals(interval: IntervalChain) -> uncertain.PackedLoads:
-    """Return a chain with intervals as arrays: feet, cells of pressures that may be off, and known loads.
+    """Return a chain with intervals as arrays: feet, cells of uncertain pressures, and known loads.
 
     Raises:
         SupportError: See `packed.pack_chain`.
@@ -52,12 +52,12 @@ def pack_intervals(interval: IntervalChain) -> uncertain.PackedLoads:
 
 
 def pack_centred(chain: Chain, interval: IntervalChain | None = None, off: bool = False) -> uncertain.PackedLoads:
-    """Return a chain as arrays, of every load the centre alone.
+    """Return a chain as arrays, with every load reduced to its centre.
 
-    Loads on feet in intervals stay what they are where nothing moves them. What is `off`: see `heights.load_areas`.
+    Loads on feet with intervals are kept if nothing shifts them. See `heights.load_areas` for `off`.
 
     Raises:
-        SupportError: If a push at the contact heights could tip an object.
+        SupportError: If a push at the contact heights can tip an object.
     """
     loads = np.array([[obj.friction_load, obj.friction_load] for obj in chain.objects])
     areas: list[LoadArea | None] = list(load_areas(chain, interval, off))
@@ -70,7 +70,7 @@ def pack_centred(chain: Chain, interval: IntervalChain | None = None, off: bool 
 def _pack(
     chain: Chain, loads: FloatArray, interval: IntervalChain | None, areas: Sequence[LoadArea | None]
 ) -> uncertain.PackedLoads:
-    """Return the arrays; objects with an area count by its centre alone."""
+    """Return the arrays; only the centre of the load is used for objects with an area."""
     n = len(chain.objects)
     known: list[PushedObject] = []
     unit, points, total, miss = np.full(n, -1), list[FloatArray](), np.ones(n), np.zeros((n, 2))
@@ -113,7 +113,7 @@ def _pack(
 
 
 def _center(area: LoadArea | None) -> list[float]:
-    """Return a row of `PackedLoads.centers`; the nudge points inside, in the direction of no diagonal."""
+    """Return a row of `PackedLoads.centers`; its small offset points inside, but along no diagonal."""
     if area is None:
         return [0.0] * 8
     weights = 1.0 + (np.arange(1, len(area.points) + 1) * _GOLDEN) % 1.0
@@ -122,7 +122,7 @@ def _center(area: LoadArea | None) -> list[float]:
 
 
 def _firsts(groups: Sequence[Sized]) -> IntArray:
-    """Return where each group begins in all of them together, and where the last one ends."""
+    """Return the index at which each group begins in their concatenation, and the index of the end."""
     return np.cumsum([0, *map(len, groups)])
 
 
@@ -134,16 +134,16 @@ def _unit(obj: PushedObject) -> PushedObject:
 
 
 def _nothing() -> PushedObject:
-    """Return an object that stands for none: the core takes no empty chain."""
+    """Return a dummy object, because the core does not accept an empty chain."""
     foot = np.zeros((1, 2))
     return PushedObject("nothing", foot, 1.0, 1.0 / GRAVITY, FeetSupport(foot, np.ones(1)), np.zeros(3))
 
 
 class IntervalInertia:
-    """What inertia asks for in the worst case over masses, and loads, in intervals.
+    """Wrenches of inertia in the worst case over intervals of masses and loads.
 
-    On feet with intervals the mass lies on these, with what they lack of its moment of inertia (or have too much)
-    added at the intervals' middles.
+    The mass of an object on feet with intervals is distributed on the feet. Its moment of inertia is corrected at the
+    middles of the intervals.
     """
 
     def __init__(self, interval: IntervalChain) -> None:
@@ -164,23 +164,23 @@ class IntervalInertia:
         self._points = InertiaTable(np.ones(len(places)), places, np.concatenate(moments))
 
     def rows(self, twists: FloatArray, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the least that inertia adds to the rows (m, n, 4), and its largest wrenches (m, n), N.
+        """Return the smallest contribution of inertia to the rows (m, n, 4), and its largest wrenches (m, n), N.
 
         Args:
-            twists: (m, 3) body twists in the chain frame.
-            rates: (m, 3) their time derivatives.
+            twists: Body twists (m, 3) in the chain frame.
+            rates: Time derivatives (m, 3) of the twists.
         """
         parts = self._wrenches(twists, rates)
         found = [uncertain.inertia_rows_of(self._packed, self._masses, *part) for part in parts]
         return np.concatenate([rows for rows, _ in found]), np.concatenate([size for _, size in found])
 
     def forces(self, twists: FloatArray, rates: FloatArray) -> FloatArray:
-        """Return the forces (m, 3) on all objects together, as of `core.uncertain.forces_of`."""
+        """Return the total forces (m, 3) on all objects as discs; see `core.uncertain.forces_of`."""
         parts = self._wrenches(twists, rates)
         return np.concatenate([uncertain.inertia_forces_of(self._packed, self._masses, *part) for part in parts])
 
     def _wrenches(self, twists: FloatArray, rates: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """Yield what 1 kg of each object, and on each point, asks for, some motions at a time."""
+        """Yield the wrenches of 1 kg of each object and of 1 kg at each point, for a few motions at a time."""
         step = max(_AT_ONCE // (3 * max(len(self._points.mass), 1)), 1)
         for i in range(0, max(len(twists), 1), step):
             v, dv = twists[i : i + step], rates[i : i + step]

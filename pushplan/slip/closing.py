@@ -1,7 +1,7 @@
-"""Whether a contact closes: what is held is pushed straight at an object that does not stand quite where it should.
+"""Simulates whether a contact closes: held objects are pushed straight at an object with a pose error.
 
-Pushed squarely, an object turns until it is flush with what pushes it. How far it may be off for that depends on
-sizes, loads and frictions, so it is simulated.
+An object that is pushed squarely turns until it is flush with the pushing body. The pose error for which this works
+depends on sizes, loads and frictions, so it is simulated.
 """
 
 from __future__ import annotations
@@ -18,37 +18,38 @@ from pushplan.slip.simulator import SlipSimulator
 from pushplan.slip.world import World
 
 OFF = (3e-3, np.radians(2.0))
-"""So far the object may stand to the side (m), and be turned (rad)."""
+"""Simulated pose errors of the object: lateral offset (m) and angle (rad)."""
 
 FRICTION = (0.8, 1.2)
-"""What frictions of contacts are multiplied by, and the object's friction with the floor is divided by."""
+"""Factors on all contact friction; the object's floor friction is divided by them."""
 
 FLUSH = np.radians(0.2)
-"""An object that is turned by less against what pushes it is flush with it, rad."""
+"""Largest angle between flush faces, rad."""
 
 KEPT = 1e-3
-"""What is held may move by so much on the plate, m."""
+"""Largest allowed motion of held objects on the plate, m."""
 
 STEP = 4e-3
-"""Coarse, m: of 210 random rows of two and three boxes, half of which do not close, all end as with half of it."""
+"""Simulation step, m. For 210 random rows of two and three boxes, half of which do not close, half the step gives the
+same results."""
 
 
 def closes(chain: Chain, gap: float, push: float, other_friction: float) -> bool:
-    """Return whether the last object of a chain becomes flush with those before it, though it stands off.
+    """Return whether the last object of a chain becomes flush with the others in spite of a pose error.
 
-    Simulated with the object off by `OFF` to either side and turned either way, with both frictions of `FRICTION`. A
-    load that is not known is taken as an even one.
+    The simulations combine offsets and turns of `OFF` in both directions with both factors of `FRICTION`. An unknown
+    load is assumed to be uniform.
 
     Args:
-        chain: All objects flush in a row, the one that is closed onto last; its frame is the plate's.
-        gap: How far from it the others begin, m.
-        push: How far all are pushed on after they have met, m.
-        other_friction: Between objects that are not in contact in the chain.
+        chain: All objects flush in a row, the standing object last; the chain frame is the plate's frame.
+        gap: Initial distance of the others from the last object, m.
+        push: Length of the push after they have met, m.
+        other_friction: Friction coefficient between objects that are not in contact in the chain.
     """
     objects = [_known(obj) for obj in chain.objects]
     last = len(objects) - 1
     held = replace(chain, objects=tuple(objects[:-1]), contacts=chain.contacts[:last])
-    # The last one stands by itself: its contact in that chain is with the plate, which does not touch it.
+    # The last object stands alone: its chain needs a contact with the plate, which does not touch it.
     alone = replace(objects[-1], pose_chain=np.zeros(3))
     one = replace(chain, objects=(alone,), contacts=(replace(chain.contacts[0], pushed=0),))
     plate = np.array([-gap, 0.0, 0.0])
@@ -71,6 +72,6 @@ def _known(obj: PushedObject) -> PushedObject:
 
 
 def _is_flush(simulator: SlipSimulator, chain: Chain) -> bool:
-    """Return whether all objects are as in a chain now, but for where the last one is along the face."""
+    """Return whether the objects have their poses of the chain, except for the last one's position along the face."""
     errors = se2.pose_errors(se2.relative(simulator.plate_pose, simulator.object_poses), chain.places)
     return bool((errors[:-1, 0] < KEPT).all() and errors[-1, 1] < FLUSH)

@@ -1,7 +1,7 @@
-"""Any known support as a few feet with exact loads: what a simulated object stands on.
+"""Replaces a known support by a few feet for simulation.
 
-A pressure is replaced by a positive quadrature that has all its moments up to a degree (Tchakaloff's theorem:
-(d + 1)(d + 2) / 2 of any points that have them are enough; found as a non-negative least-squares solution).
+A pressure is replaced by a positive quadrature with the same moments up to a degree d. By Tchakaloff's theorem,
+(d + 1)(d + 2) / 2 points are sufficient; they are found as a non-negative least-squares solution.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ class Rule(NamedTuple):
 
 
 def polygon_rule(outline: FloatArray, order: int) -> Rule:
-    """Return a rule of total weight = area on a simple polygon (v, 2), exact for polynomials of degree 2 order - 2.
+    """Return a rule on a simple polygon (v, 2) that is exact for polynomials of degree 2 order - 2.
 
-    Horizontal lines through the corners cut the polygon into trapezoids; each takes order x order Gauss points.
+    The total weight is the area. Horizontal lines through the corners cut the polygon into trapezoids with
+    order x order Gauss points each.
     """
     levels = np.unique(outline[:, 1])
     parts = [_slab(outline, low, high, order) for low, high in itertools.pairwise(levels) if high > low]
@@ -37,7 +38,7 @@ def polygon_rule(outline: FloatArray, order: int) -> Rule:
 
 
 def _slab(outline: FloatArray, low: float, high: float, order: int) -> Rule:
-    """Return the rule between two neighbouring levels of the corners."""
+    """Return the rule between two adjacent levels of the corners."""
     node, weight = leggauss(order)
     y = low + 0.5 * (high - low) * (node + 1.0)
     sides = _crossings(outline, low, high, y)
@@ -48,7 +49,7 @@ def _slab(outline: FloatArray, low: float, high: float, order: int) -> Rule:
 
 
 def _crossings(outline: FloatArray, low: float, high: float, y: FloatArray) -> FloatArray:
-    """Return where the edges that cross the slab meet the heights `y` (m,): (2 t, m), from left to right."""
+    """Return the x coordinates (2 t, m) at which the edges that cross the slab meet the heights `y` (m,), sorted."""
     begin, end = outline, np.roll(outline, -1, axis=0)
     crossing = np.minimum(begin[:, 1], end[:, 1]) <= low
     crossing &= np.maximum(begin[:, 1], end[:, 1]) >= high
@@ -59,10 +60,10 @@ def _crossings(outline: FloatArray, low: float, high: float, y: FloatArray) -> F
 
 
 DEGREE = 9
-"""Degree up to which the feet have the moments of the pressure that they stand for."""
+"""Degree up to which the feet have the moments of the pressure."""
 
 _CANDIDATES = 12
-"""Gauss points along each side of a trapezoid that the feet are chosen from."""
+"""Number of Gauss points along each side of a trapezoid, from which the feet are chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +71,9 @@ class Feet:
     """Points under an object.
 
     Attributes:
-        positions: (k, 2) in the object's own frame, m.
-        fractions: (k,) part of the weight on each while nothing is pushed, summing to 1.
-        stiffness: (k,) share in carrying a load that shifts, summing to 1.
+        positions: Feet (k, 2) in the object's own frame, m.
+        fractions: Fractions (k,) of the weight on each foot at rest, with sum 1.
+        stiffness: Shares (k,) of each foot in a load that shifts, with sum 1.
     """
 
     positions: FloatArray
@@ -87,14 +88,14 @@ class Feet:
 
 
 def feet_of(support: Support, degree: int = DEGREE) -> Feet:
-    """Return the feet that stand for a support; known loads on points as they are.
+    """Return the feet that represent a support; known loads on points are kept.
 
     Raises:
         SupportError: If the loads are not known.
     """
     if not support.known:
         raise SupportError(
-            "a physics simulation needs to know how the load rests on the floor: give a pressure, load fractions or "
+            "a physics simulation needs a known load distribution on the floor: give a pressure, load fractions or "
             "a pressure map"
         )
     if isinstance(support, UniformSupport):
@@ -102,7 +103,7 @@ def feet_of(support: Support, degree: int = DEGREE) -> Feet:
     positions, fractions, stiffness = support.point_loads
     if not isinstance(support, PressureMapSupport):
         return Feet(positions, fractions, stiffness)
-    rule = compressed(Rule(positions, fractions), degree)  # a pressure in as many points as it was measured in
+    rule = compressed(Rule(positions, fractions), degree)  # a pressure map has many points
     return Feet(rule.points, rule.weights, rule.weights)
 
 
@@ -116,7 +117,7 @@ def _feet_of_polygon(support: UniformSupport, degree: int) -> Feet:
 
 @lru_cache(maxsize=64)
 def _rule_of(outline: bytes, degree: int) -> Rule:
-    """Return the few points that stand for an outline (v, 2), as bytes: objects of one kind are many."""
+    """Return the points that represent an outline (v, 2) given as bytes; cached, as many objects share an outline."""
     return compressed(polygon_rule(np.frombuffer(outline).reshape(-1, 2), _CANDIDATES), degree)
 
 
@@ -124,7 +125,7 @@ def compressed(rule: Rule, degree: int) -> Rule:
     """Return a rule on at most (degree + 1)(degree + 2) / 2 of the points with the same moments up to `degree`.
 
     Raises:
-        SupportError: If rounding keeps the moments from being met.
+        SupportError: If rounding errors do not allow the moments to be met.
     """
     low, high = rule.points.min(axis=0), rule.points.max(axis=0)
     scaled = (2.0 * rule.points - low - high) / np.maximum(high - low, 1e-300)
@@ -133,10 +134,10 @@ def compressed(rule: Rule, degree: int) -> Rule:
     total = float(rule.weights.sum())
     if len(rule.weights) <= len(moments):
         return rule
-    from scipy.optimize import nnls  # half a second, and plans of rows alone need it
+    from scipy.optimize import nnls  # takes 0.5 s to load and is needed only for plans of rows
 
     weights, residual = nnls(moments, moments @ rule.weights / total)
     if residual > 1e-9:
-        raise SupportError(f"no feet have the moments of the pressure: {residual:.2g} is left over")
+        raise SupportError(f"no feet have the moments of the pressure: the residual is {residual:.2g}")
     kept = weights > 0.0
     return Rule(rule.points[kept], total * weights[kept])

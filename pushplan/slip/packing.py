@@ -1,4 +1,4 @@
-"""From worlds and fingers to the bodies, convex pieces and pairs of pieces that `core.slip` pushes about."""
+"""Converts worlds to the bodies, convex pieces and pairs of pieces that `core.slip` simulates."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray, IntArray
 
 QUADRATURE = 13
-"""Degree up to which the points under a polygon have the moments of its pressure: at most 105 points."""
+"""Degree up to which the points under a polygon have the moments of its pressure; at most 105 points."""
 _ON_OUTLINE = 1e-9
-"""Distance (m) from the outline up to which the middle of a piece's edge is on it."""
+"""Largest distance of an edge's middle from the outline for an edge on the outline, m."""
 
 
 class Piece(NamedTuple):
-    """A convex piece of a body: its number, corners (k, 2) in its frame, whether edges are outline, rounding (m)."""
+    """A convex piece: index of its body, corners (k, 2) in the body's frame, mask of outline edges, rounding (m)."""
 
     body: int
     corners: FloatArray
@@ -37,7 +37,7 @@ class Piece(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """Two pieces that may touch: their numbers, the chain's contact that this is, or -1, coefficient of friction."""
+    """Two pieces that can touch: their indices, index of the chain's contact or -1, and friction coefficient."""
 
     a: int
     b: int
@@ -46,13 +46,13 @@ class Pair(NamedTuple):
 
 
 class Bodies(NamedTuple):
-    """What can be pushed, and all that it meets: objects, then the pusher, then what stands still.
+    """All bodies of a world: objects, then the pusher, then fixed bodies.
 
     Attributes:
-        objects: Those of the held chain first.
-        outlines: Number of a body and corners (k, 2) in its frame, of all that is bounded by edges alone.
-        pieces: Convex pieces of all bodies, circles and walls included.
-        pairs: Which of these may touch.
+        objects: Objects, those of the held chain first.
+        outlines: Index of the body and corners (k, 2) in its frame, for all polygons.
+        pieces: Convex pieces of all bodies, including circles and walls.
+        pairs: Pairs of pieces that can touch.
     """
 
     objects: list[PushedObject]
@@ -65,9 +65,9 @@ def bodies_of(world: World, chain: Chain | None = None) -> Bodies:
     """Return all bodies of a world.
 
     Args:
-        world: All objects, the pusher, and what stands still.
-        chain: What the plate holds: its contacts are told of, and the pusher is in its frame. None for nothing; the
-            pusher is in the plate frame then.
+        world: World with objects, pusher and fixed bodies.
+        chain: Chain that the plate holds, whose contacts are reported and whose frame is that of the pusher. None if
+            the plate holds nothing; the pusher is then in the plate frame.
     """
     held = () if chain is None else chain.objects
     names = [obj.name for obj in held]
@@ -86,7 +86,7 @@ def bodies_of(world: World, chain: Chain | None = None) -> Bodies:
 
 
 def pack_world(world: World, chain: Chain | None = None) -> slip.World:
-    """Return what can be pushed of a world, with objects in its order; see `bodies_of`.
+    """Return a world for the core, with the objects in the world's order; see `bodies_of`.
 
     Raises:
         SupportError: If the load under an object is not known, or it has no friction with the floor.
@@ -98,9 +98,9 @@ def pack_world(world: World, chain: Chain | None = None) -> slip.World:
 
 
 def push_heights(chain: Chain, objects: Sequence[PushedObject]) -> FloatArray:
-    """Return the heights (n,) above the floor at which objects are pushed, m: of intervals the middle.
+    """Return the heights (n,) above the floor at which objects are pushed, m: the middles of intervals.
 
-    Those that are not in the chain are pushed by the plate, at the height of contacts that state none.
+    Objects outside the chain are pushed by the plate at its contact height.
     """
     own = dict(zip((obj.name for obj in chain.objects), chain.contact_heights.mean(axis=1), strict=True))
     others = float(np.mean(chain.pusher.contact_height))
@@ -115,15 +115,15 @@ def pack_bodies(
     heights: ArrayLike = 0.0,
     order: IntArray | None = None,
 ) -> slip.World:
-    """Return what is made of objects and of all pieces, theirs included.
+    """Return the world of the core for objects and pieces.
 
     Args:
-        objects: Whose feet stand on the floor; where they are does not matter.
-        pieces: Of objects, pusher and what stands still, numbered as in `slip.World`.
-        pairs: Which of them may touch.
+        objects: Objects whose feet stand on the floor; their poses are ignored.
+        pieces: Pieces of objects, pusher and fixed bodies, numbered as in `slip.World`.
+        pairs: Pairs of pieces that can touch.
         length: Characteristic length, m.
-        heights: (n,) at which objects are pushed, or one for all, m: each load leans by its own.
-        order: (n,) the numbers that the objects have outside; None for the same ones.
+        heights: Heights (n,) at which objects are pushed, or one for all, m; they shift the loads.
+        order: External indices (n,) of the objects; None if they are the same.
 
     Raises:
         SupportError: If the load under an object is not known, or it has no friction with the floor.
@@ -145,7 +145,7 @@ def pack_bodies(
 
 
 def half_extent(chain: Chain) -> float:
-    """Return half of the largest distance between two points of the objects, about, m: the unit of moments."""
+    """Return half of the diagonal of the objects' bounding box, m: the unit of moments."""
     points = np.concatenate([obj.outline_chain for obj in chain.objects])
     return 0.5 * float(np.linalg.norm(np.ptp(points, axis=0)))
 
@@ -159,11 +159,11 @@ def _feet(obj: PushedObject, height: float) -> tuple[FloatArray, list[float], Fl
     """Return feet, load and centre of an object; see `slip.World`."""
     if not obj.floor_friction > 0.0:
         raise SupportError(
-            f"{obj.name!r} has no friction with the floor: nothing would stop it; floor friction must be > 0"
+            f"{obj.name!r} has no floor friction, so nothing would stop it; floor friction must be > 0"
         )
     if not obj.support.known:
         raise SupportError(
-            f"the load under {obj.name!r} is unknown; simulating slip needs known loads: give load fractions or a "
+            f"the load under {obj.name!r} is unknown; the slip simulation needs known loads: give load fractions, a "
             f"pressure, or a world with a support (World.with_support)"
         )
     feet = _quadrature(obj.support)
@@ -176,7 +176,7 @@ def _feet(obj: PushedObject, height: float) -> tuple[FloatArray, list[float], Fl
 
 
 def _round_and_walls(world: World, body: int) -> list[Piece]:
-    """Return the pieces of what stands still and has no outline: circles and walls."""
+    """Return the pieces of fixed bodies without an outline: circles and walls."""
     circles = (one for one in world.obstacles if isinstance(one, CircleObstacle))
     found = [Piece(body, circle.center[None], np.ones(1), circle.radius) for circle in circles]
     area = world.workspace
@@ -189,7 +189,7 @@ def _round_and_walls(world: World, body: int) -> list[Piece]:
 
 
 def cut(body: int, outline: FloatArray) -> list[Piece]:
-    """Return the convex pieces of an outline, and which of their edges lie on it."""
+    """Return the convex pieces of an outline, with the mask of their edges on the outline."""
     return [Piece(body, *piece) for piece in _pieces(np.asarray(outline, dtype=np.float64).tobytes())]
 
 
@@ -207,7 +207,7 @@ def _pieces(corners: bytes) -> tuple[tuple[FloatArray, FloatArray], ...]:
 
 
 def _corner_rows(piece: Piece) -> FloatArray:
-    """Return x, y, outward normal of the edge that begins there, and whether that is outline (k, 5)."""
+    """Return rows (k, 5): corner x, y, outward normal of the edge that begins there, whether it is on the outline."""
     edge = np.roll(piece.corners, -1, axis=0) - piece.corners
     length = np.maximum(np.linalg.norm(edge, axis=1), 1e-300)
     return np.column_stack([piece.corners, edge[:, 1] / length, -edge[:, 0] / length, piece.outer])
@@ -224,7 +224,7 @@ def _circle(piece: Piece) -> FloatArray:
 
 
 def _pairs(world: World, chain: Chain | None, names: Sequence[str], pieces: Sequence[Piece]) -> list[Pair]:
-    """Return which pieces may touch; those of the chain's contacts come first."""
+    """Return the pairs of pieces that can touch, those of the chain's contacts first."""
     n = len(names)
     contacts = () if chain is None else chain.contacts
     contact_of = {(c.pusher if c.pusher >= 0 else n, c.pushed): k for k, c in enumerate(contacts)}

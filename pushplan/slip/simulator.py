@@ -1,6 +1,6 @@
-"""The slip step: objects on the floor, whose contacts may slip, and a plate that moves among them.
+"""Simulator of objects on the floor with slipping contacts, and a plate that moves among them.
 
-Quasi-static: only paths count, not how fast they are driven.
+The simulation is quasi-static: the result depends on the path of the plate, but not on its speed.
 """
 
 from __future__ import annotations
@@ -18,34 +18,35 @@ from pushplan.util.arrays import FloatArray, frozen, numbers
 from pushplan.util.names import FARTHEST
 
 STEP = 1e-3
-"""How far the fastest corner of plate and stacked objects moves in a step at most, m."""
+"""Largest motion of any corner of plate and stacked objects in a step, m."""
 
 
 class SlipSimulator:
-    """Objects on the floor and a plate that moves among them; it can be moved on at any time.
+    """Simulates objects on the floor and a plate that moves among them, move by move.
 
-    The plate is moved in the frame of the chain that it holds (see `hold`), which it does from the beginning in a
-    world where it is in contact; in the plate frame else.
+    Motions of the plate are given in the frame of the chain that it holds (see `hold`). If it holds nothing, they are
+    given in the plate frame. In a world with the plate in contact, it holds the chain from the beginning.
 
     Attributes:
-        world: What it began as.
+        world: Initial world.
         step: Longest step, see `STEP`.
-        jammed: No motion of the objects satisfied all contacts and balances; nothing moves any more until `place`.
-        stalled: In the last move the plate would have had to push with more than `robot.limits.force`, and stood.
-        chain: What is held: its contacts are told of; None while the plate is alone.
+        jammed: Whether no motion of the objects satisfied all contacts and force balances; nothing moves until
+            `place`.
+        stalled: Whether the plate stopped in the last move, because it needed more than `robot.limits.force`.
+        chain: Held chain, whose contacts are reported; None while the plate holds nothing.
     """
 
     def __init__(self, world: World, plate_pose: ArrayLike | None = None, step: float = STEP) -> None:
         """Place plate and objects.
 
         Args:
-            world: Where the objects are, and all that they meet.
-            plate_pose: (3,) pose of the frame that the plate is moved in; None for where it is in the world.
-            step: How far the fastest corner moves in a step at most, m.
+            world: World with objects, plate and fixed bodies.
+            plate_pose: Pose (3,) of the frame in which the plate is moved; None for its pose in the world.
+            step: Largest motion of any corner in a step, m.
 
         Raises:
-            PushplanError: If the step is no length.
-            SupportError: If the load under an object is not known, or it has no friction with the floor.
+            PushplanError: If the step is not a positive length.
+            SupportError: If the load under an object is not known, or it has no floor friction.
         """
         if not 0.0 < step < np.inf:
             raise PushplanError(f"step is {step}; it must be finite and > 0")
@@ -57,7 +58,7 @@ class SlipSimulator:
         self.place(world.object_poses, first if plate_pose is None else plate_pose)
 
     def hold(self, chain: Chain | None) -> None:
-        """Hold a chain, with objects and frictions as they are in the world, or nothing; the plate stays there."""
+        """Hold a chain with the objects and frictions of the world, or nothing; the plate does not move."""
         objects, plate = self.object_poses, se2.compose(self.plate_pose, self.plate_in_frame)
         self.chain = chain
         self._packed = pack_world(self.world, chain)
@@ -65,11 +66,11 @@ class SlipSimulator:
 
     @property
     def plate_in_frame(self) -> FloatArray:
-        """(3,) pose of the plate frame in the frame that the plate is moved in."""
+        """Pose (3,) of the plate frame in the frame in which the plate is moved."""
         return np.zeros(3) if self.chain is None else self.chain.pusher.plate_pose
 
     def place(self, object_poses: ArrayLike, plate_pose: ArrayLike) -> None:
-        """Put objects (n, 3) and plate (3,) somewhere else in the world, at rest and without contact forces."""
+        """Set the poses of objects (n, 3) and plate (3,) in the world, at rest and without contact forces."""
         objects = frozen(object_poses, (len(self.world.objects), 3), "poses of the objects")
         plate = frozen(plate_pose, (3,), "pose of the plate")
         self._simulation = core.Simulation(self._packed, objects, plate)
@@ -77,12 +78,12 @@ class SlipSimulator:
 
     @property
     def object_poses(self) -> FloatArray:
-        """(n, 3) poses of the objects' own frames in the world."""
+        """Poses (n, 3) of the objects' own frames in the world."""
         return self._simulation.object_poses
 
     @property
     def plate_pose(self) -> FloatArray:
-        """(3,) pose in the world of the frame that the plate is moved in."""
+        """Pose (3,) in the world of the frame in which the plate is moved."""
         return self._simulation.plate_pose
 
     @property
@@ -92,30 +93,30 @@ class SlipSimulator:
 
     def move(self, twist: ArrayLike, duration: float) -> core.Trace:
         """Move the plate with a constant body twist (3,), in steps of at most `step`."""
-        with np.errstate(invalid="ignore"):  # 0 for an infinite time, which is refused as no number
+        with np.errstate(invalid="ignore"):  # 0 times infinity is NaN, which `frozen` refuses
             motion = frozen(numbers(twist, "twist") * duration, (3,), "motion of the plate")
         way = float(np.hypot(motion[0], motion[1])) + self.reach * abs(float(motion[2]))
         if not (way <= FARTHEST and duration >= 0.0):
             raise PushplanError(
-                f"a move of {way:.3g} m in {duration} s; allowed: {FARTHEST:g} m, and time that goes on"
+                f"the move is {way:.3g} m in {duration} s; allowed: up to {FARTHEST:g} m, in a time of at least 0 s"
             )
         count = max(1, int(np.ceil(way / self.step)))
         return self.follow(np.tile(motion / count, (count, 1)))
 
     def follow(self, motions: FloatArray) -> core.Trace:
-        """Move the plate by body twists times time (m, 3), one step each; after a jam or stall the rest is not done.
+        """Move the plate by body twists times time (m, 3), one step each, until a jam or stall.
 
         Returns:
-            The trace of the steps that were made; a jam or a stall is its last one. Columns are those of the world's
+            The trace of the simulated steps, with a jam or stall as the last one. Its columns follow the world's
             objects.
 
         Raises:
-            PushplanError: If more bodies touch at once than there is room for.
+            PushplanError: If there are more contacts at once than the simulator can handle.
         """
         trace = self._simulation.march(motions[:0] if self.jammed else motions, self._limit)
         if (trace.end == core.CROWDED).any():
             raise PushplanError(
-                f"more than {self._packed.room} contacts at once: that is more than the simulator has room for"
+                f"there are more than {self._packed.room} contacts at once, the limit of the simulator"
             )
         self.jammed = self.jammed or bool(((trace.end == core.JAMMED) | (trace.end == core.UNSOLVED)).any())
         self.stalled = bool((trace.end == core.STALLED).any())

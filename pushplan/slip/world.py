@@ -1,4 +1,4 @@
-"""A world that a plan is executed in; it need not be what the plan believes."""
+"""The simulated world in which a plan is executed; it can differ from the plan's model."""
 
 from __future__ import annotations
 
@@ -20,27 +20,26 @@ from pushplan.scenario.parts import Obstacle, Workspace
 from pushplan.util.arrays import FloatArray, frozen
 
 MOST_FACTOR = 1e6
-"""Largest coefficient of friction, and factor of what a world has."""
+"""Largest friction coefficient, and largest factor of the `with_...` methods."""
 
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """What a plan meets: bodies, loads, frictions, where the objects stand, and what else they may touch.
+    """The bodies, loads, frictions and poses that a plan is executed with.
 
     The `with_...` methods return changed copies; without a name they change all objects or contacts.
 
     Attributes:
-        chain: The objects as they are, and the contacts that they are stacked on with their real friction.
-        start: (3,) pose of the chain frame in the world at the beginning.
-        offsets: (n, 3) by what the objects stand off their places in the chain: x, y in the chain frame (m) and the
-            turn about the origin of the object's own frame (rad).
-        obstacles: What objects touch when they come there.
-        workspace: Its sides are walls that objects touch; None for no walls.
-        other_friction: Coefficient of friction where bodies touch that are not stacked on one another: two objects,
-            or an object and an obstacle or wall. Where the plate or the robot is one of them, it is the pusher's.
-        plate: (3,) pose of the plate frame in the world at the beginning; None where the plate is in contact with the
-            chain.
-        beside: Objects that stand apart from the chain, each with a contact that the plate may push it through.
+        chain: Objects with their real properties, and their contacts with the real friction.
+        start: Start pose (3,) of the chain frame in the world.
+        offsets: Pose errors (n, 3) of the objects in the chain: x, y in the chain frame (m) and the turn about the
+            origin of the object's own frame (rad).
+        obstacles: Obstacles that objects can touch.
+        workspace: Rectangle whose sides are walls that objects can touch; None for no walls.
+        other_friction: Friction coefficient of bodies that are not stacked on each other: two objects, or an object
+            and an obstacle or wall. Contacts with the plate or the robot have the pusher's friction.
+        plate: Start pose (3,) of the plate frame in the world; None if the plate is in contact with the chain.
+        beside: Objects that stand apart from the chain, each with a contact for the plate.
     """
 
     chain: Chain
@@ -75,7 +74,7 @@ class World:
 
     @classmethod
     def from_scenario(cls, scenario: Scenario) -> World:
-        """Return the world as the scenario states it; of intervals, the middle of loads and the lowest friction."""
+        """Return the world of a scenario, with the middles of load intervals and the lowest friction."""
         first, *beside = (cls.from_chain(load.chain, load.start) for load in scenario.loads)
         rows = [goal for goal in scenario.task.goals if isinstance(goal, Row)]
         return replace(
@@ -88,31 +87,31 @@ class World:
         )
 
     def require(self, scenario: Scenario) -> None:
-        """Refuse a world that plans of a scenario cannot be executed in.
+        """Check that plans of a scenario can be executed in this world.
 
         Raises:
-            PushplanError: If it has other objects, or the plate is in contact in one of them only.
+            PushplanError: If the objects differ, or the plate is in contact in only one of the two.
         """
         wanted = tuple(scenario.poses)
         if self.names != wanted:
             raise PushplanError(
-                f"the world has the objects {', '.join(self.names)}, and the plan {', '.join(wanted)}; "
-                "World.from_scenario(scenario) makes one that fits"
+                f"the world has the objects {', '.join(self.names)}, but the plan has {', '.join(wanted)}; "
+                "World.from_scenario(scenario) creates a world that fits"
             )
         if (self.plate is None) != bool(scenario.task.held):
             raise PushplanError(
-                f"the plan is a {scenario.kind}, and the world says otherwise of where the plate is at the "
-                "beginning; World.from_scenario(scenario) makes one that fits"
+                f"the plan is a {scenario.kind}, but the plate's start in the world does not fit it; "
+                "World.from_scenario(scenario) creates a world that fits"
             )
 
     @property
     def stacks(self) -> tuple[World, ...]:
-        """The chain, and all that stands beside it."""
+        """The chain and all separate objects, as worlds of their own."""
         return (replace(self, beside=()), *self.beside)
 
     @cached_property
     def objects(self) -> tuple[PushedObject, ...]:
-        """All objects; the order of poses and columns."""
+        """All objects, in the order of poses and columns."""
         return (*self.chain.objects, *(obj for one in self.beside for obj in one.objects))
 
     @cached_property
@@ -122,14 +121,14 @@ class World:
 
     @cached_property
     def object_poses(self) -> FloatArray:
-        """(n, 3) poses of all objects' own frames in the world at the beginning."""
+        """Start poses (n, 3) of all objects' own frames in the world."""
         own = compose(self.start, self.chain.places + self.offsets)
         return frozen(
             [*own, *(pose for one in self.beside for pose in one.object_poses)], (None, 3), "poses of objects"
         )
 
     def friction(self, pusher: str | None, pushed: str) -> float:
-        """Return the coefficient between two objects, or the plate (None) and an object, wherever they touch."""
+        """Return the friction coefficient between two objects, or between the plate (None) and an object."""
         for one in (self, *self.beside):
             names = [obj.name for obj in one.chain.objects]
             for contact in one.chain.contacts:
@@ -141,7 +140,7 @@ class World:
         return self.other_friction
 
     def pushed(self, chain: Chain) -> Chain:
-        """Return a chain that a plan pushes, with its objects and frictions as they are here."""
+        """Return a chain of a plan with the objects and frictions of this world."""
         own = dict(zip(self.names, self.objects, strict=True))
         objects = tuple(replace(own[obj.name], pose_chain=obj.pose_chain) for obj in chain.objects)
         frictions = (
@@ -152,11 +151,11 @@ class World:
         return replace(chain, objects=objects, contacts=tuple(contacts))
 
     def with_contact_friction(self, factor: float, name: str | None = None) -> World:
-        """Return the world with the friction of contacts times `factor`.
+        """Return the world with the friction of contacts multiplied by `factor`.
 
         Args:
-            factor: >= 0.
-            name: Of the object that is pushed through the contact; None for all contacts, other ones included.
+            factor: Factor, >= 0.
+            name: Name of the object that the contact pushes; None for all contacts, including `other_friction`.
         """
         _require_factor(factor, least=0.0)
 
@@ -167,12 +166,12 @@ class World:
         return self._changed(name, changed)
 
     def with_floor_friction(self, factor: float, name: str | None = None) -> World:
-        """Return the world with the friction between floor and objects times `factor`, > 0."""
+        """Return the world with the floor friction of objects multiplied by `factor`, > 0."""
         _require_factor(factor)
         return self._with_chain(name, lambda chain, i: perturb.with_floor_friction(chain, factor, i))
 
     def with_mass(self, factor: float, name: str | None = None) -> World:
-        """Return the world with masses times `factor`, > 0."""
+        """Return the world with masses multiplied by `factor`, > 0."""
         _require_factor(factor)
         return self._with_chain(name, lambda chain, i: perturb.with_mass(chain, factor, i))
 
@@ -181,11 +180,11 @@ class World:
         return self._with_chain(name, lambda chain, i: perturb.with_objects(chain, i, support=support))
 
     def with_load_shifted(self, direction: ArrayLike, share: float, name: str | None = None) -> World:
-        """Return the world with loads that lean towards `direction`; see `mechanics.perturb.with_leaning_load`."""
+        """Return the world with loads shifted towards `direction`; see `mechanics.perturb.with_leaning_load`."""
         return self._with_chain(name, lambda chain, i: perturb.with_leaning_load(chain, direction, share, i))
 
     def with_offset(self, offset: ArrayLike, name: str | None = None) -> World:
-        """Return the world with `offset` (3,) added to that of objects; see `offsets`."""
+        """Return the world with `offset` (3,) added to the `offsets` of objects."""
 
         def changed(one: World, i: int | None) -> World:
             offsets = np.array(one.offsets)
@@ -209,7 +208,7 @@ class World:
         return self._changed(name, lambda one, i: replace(one, chain=change(one.chain, i)))
 
     def _changed(self, name: str | None, change: Callable[[World, int | None], World]) -> World:
-        """Return the world with a change of the object that has a name, or of every stack."""
+        """Return the world with a change of the named object, or of every stack."""
         if name is None:
             stacks = [change(one, None) for one in self.stacks]
         elif name in self.names:
@@ -224,7 +223,7 @@ class World:
 
 
 def _others(chain: Chain) -> float:
-    """Return the least friction of contacts between objects, or the pusher's where there is one object only."""
+    """Return the lowest friction of contacts between objects; for a single object, that of the pusher."""
     between = [contact.friction for contact in chain.contacts if contact.pusher >= 0]
     return min(between, default=chain.pusher.friction)
 

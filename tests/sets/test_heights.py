@@ -165,7 +165,7 @@ def test_what_is_in_the_set_holds_in_every_world(make_chain: ChainMaker, what: s
 @pytest.mark.parametrize("name", ["ecof", "robust", "translation", "stable"])
 def test_what_could_tip_is_refused_with_the_height_that_is_possible(make_chain: ChainMaker, name: str) -> None:
     with pytest.raises(
-        SupportError, match=r"a push at 200 mm could tip 'box0'.*up to [\d.]+ mm can be planned"
+        SupportError, match=r"a push at the height 200 mm could tip 'box0'.*allowed: heights up to [\d.]+ mm"
     ) as refused:
         stable_set_over(cubes(make_chain, [(0.1, 0.2)], z=0.05), name)
     possible = 1e-3 * float(re.findall(r"up to ([\d.]+) mm", str(refused.value))[0])
