@@ -199,7 +199,7 @@ class _Spread(NamedTuple):
             return cls(base, np.ones(len(corners)), corners, rotation @ support.moments.second @ rotation.T)
         if not support.known:
             raise SupportError(
-                f"the load under {obj.name!r} is unknown, but must be known here: give load fractions or a pressure, "
+                f"the load under {obj.name!r} is unknown; it must be known here: give load fractions or a pressure, "
                 f"or use the stable set 'stable' or 'robust'"
             )
         positions, fractions, stiffness = support.point_loads
@@ -251,5 +251,5 @@ def _require_pressed(obj: PushedObject, spread: _Spread, height: float) -> None:
     if height > highest:
         raise SupportError(
             f"a push at height {height:.6g} m could lift a part of {obj.name!r}: the load's centre shifts by up "
-            f"to {height * obj.floor_friction:.6g} m; allowed: a contact height up to {highest:.6g} m"
+            f"to {height * obj.floor_friction:.6g} m; the contact height must be at most {highest:.6g} m"
         )

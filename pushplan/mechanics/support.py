@@ -99,7 +99,7 @@ class Support(ABC):
             SupportError: If the load is not known.
         """
         if not self.known:
-            raise SupportError("an unknown load cannot be shifted to one side")
+            raise SupportError("a load that is not known cannot be shifted to one side")
         positions = self.point_loads.positions
         return _scaled((positions - self.center) @ direction), np.ones(len(positions))
 
