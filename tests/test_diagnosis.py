@@ -1,6 +1,7 @@
 """Why it failed: every cause, nothing called impossible that is possible, the nearest path kept."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,13 @@ from pushplan.planners.problem import build_problem
 from pushplan.plans.diagnosis import CAUSES, Diagnosis
 from pushplan.plans.plan import Plan
 from pushplan.scenario.builders import box, build_scenario, plate
-from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_text
+from pushplan.scenario.file import (
+    example_names,
+    example_text,
+    load_scenario,
+    scenario_from_document,
+    scenario_from_text,
+)
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import PolygonObstacle
 from pushplan.sets.named import stable_set
@@ -62,7 +69,7 @@ def test_a_limit_that_preparing_uses_up_is_told_as_such() -> None:
 
 def test_walls_all_around_are_proven_to_leave_no_way() -> None:
     result = short(plain(scenario_from_text(WALL)))
-    assert result.reason == "obstacles and walls separate the start from the goal: no passage joins them"
+    assert result.reason == "the chain cannot pass: obstacles and walls close every way from start to goal"
     (found,) = result.diagnosis
     assert (found.cause, found.proven) == ("gap", True)
 
@@ -208,3 +215,47 @@ def test_no_stable_motion_of_the_axle_turns_tighter(carts: Scenario, drive: Driv
     of_set = stable.turning_radii(margin)
     assert radii.left >= of_set.left * (1.0 - 1e-9)
     assert radii.right >= of_set.right * (1.0 - 1e-9)
+
+
+def _behind_a_door(width: float, start: float, goal: float, several: bool) -> dict[str, Any]:
+    """Return a room that a wall with a door divides, for a box of 0.2 m and a robot of 0.3 m on the left."""
+    walls = [[[2.0, y0], [2.1, y0], [2.1, y1], [2.0, y1]] for y0, y1 in ((0, 1.5 - width / 2), (1.5 + width / 2, 3))]
+    other = {"name": "other", "shape": {"box": [0.2, 0.2]}, "mass": 1.0, "pose": [1.0, 2.5, 0.0]}
+    return {
+        "format": "pushplan/1",
+        "name": "door",
+        "floor": {"friction": 0.3},
+        "objects": [{"name": "box", "shape": {"box": [0.2, 0.2]}, "mass": 1.0, "pose": [start, 1.5, 0.0]}]
+        + [other] * several,
+        "goals": {"box": [goal, 1.5, 0.0]} | ({"other": [0.5, 2.5, 0.0]} if several else {}),
+        "contacts": {"friction": 0.5},
+        "pusher": {"width": 0.3, "friction": 0.5},
+        "robot": {"footprint": {"box": [0.3, 0.3], "pose": [-0.18, 0.0, 0.0]}, "start": [0.4, 0.7, 0.0]},
+        "workspace": {"x": [0.0, 4.0], "y": [0.0, 3.0]},
+        "obstacles": [{"polygon": wall} for wall in walls],
+        "clearance": 0.02,
+    }
+
+
+@pytest.mark.parametrize("several", [False, True])
+@pytest.mark.parametrize(
+    ("width", "start", "goal", "reason"),
+    [
+        (0.18, 1.0, 3.2, "'box' cannot pass: the widest passage from start to goal is 180 mm wide, and 'box' needs"),
+        (0.25, 1.0, 3.2, "the robot cannot pass: the widest passage to the goal of 'box' is 250 mm wide, and the"),
+        (0.25, 3.0, 1.0, "the robot cannot pass: the widest passage to"),
+        (0.0, 1.0, 3.2, "'box' cannot pass: obstacles and walls close every way from start to goal"),
+        (0.40, 1.0, 3.2, ""),
+    ],
+)
+def test_a_door_that_objects_apart_or_the_robot_cannot_pass_is_told_with_its_width(
+    width: float, start: float, goal: float, reason: str, several: bool
+) -> None:
+    scenario = scenario_from_document(_behind_a_door(width, start, goal, several))
+    found = plan(scenario, seed=1, iterations=40, time_limit=600.0, first=True)
+    assert reason in found.reason
+    assert found.solved == (not reason)
+    if reason:
+        assert found.blocking == {0, 1}
+    if reason and several:
+        assert list(found.undelivered) == ["box"]

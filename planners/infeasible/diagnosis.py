@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from pushplan.core.problem import Problem
@@ -21,7 +22,7 @@ from pushplan.mechanics.chain import as_one
 from pushplan.planners.controls import straight_pushes
 from pushplan.planners.infeasible.pockets import boxed_in_faults
 from pushplan.planners.infeasible.turning import turning_faults
-from pushplan.planners.infeasible.ways import between, grown, largest_disc, reached, room
+from pushplan.planners.infeasible.ways import Disc, between, grown, largest_disc, reached, room
 from pushplan.plans.diagnosis import Diagnosis
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import CircleObstacle, PolygonObstacle
@@ -167,19 +168,21 @@ def passage_faults(scenario: Scenario, headings: FloatArray) -> Iterator[list[Di
         scenario: The problem.
         headings: (k, 2) directions of straight pushes, chain frame.
     """
-    disc = largest_disc(scenario.chain.bodies)
+    disc, passages = largest_disc(scenario.chain.bodies), Passages(scenario)
     needed = disc.radius + scenario.clearance - CLEARANCE_ROOM
-    ends = [disc.at(pose) for pose in (scenario.start, scenario.goal.pose_chain)]
+    start, goal = (disc.at(pose) for pose in (scenario.start, scenario.goal.pose_chain))
 
-    def joined(radius: float, within: float = 1e-6) -> bool:  # m, because ends can lie on an edge
-        near = [shapely.distance(shapely.get_parts(room(scenario, radius)), end) <= within for end in ends]
-        return bool((near[0] & near[1]).any())
+    def joined(radius: float, within: float = WITHIN) -> bool:
+        return passages.join(radius, start, [goal], within)
 
     if not joined(needed):
-        between = _between(scenario, needed, ends, 1e-6)
+        between = passages.between(needed, start, [goal], WITHIN)
         yield [replace(_proven(2.0 * disc.radius, 2.0 * needed, None), blocking=between)]
-        widest = yield from _widest(joined, 0.0, needed)
-        yield [replace(_proven(2.0 * disc.radius, 2.0 * needed, 2.0 * widest), blocking=between)]
+        found = [0.0]
+        for widest in _widest(joined, 0.0, needed):
+            found.append(widest)
+            yield []
+        yield [replace(_proven(2.0 * disc.radius, 2.0 * needed, 2.0 * found[-1]), blocking=between)]
         return
     yield []
     swept, reach = _swept_width(scenario, headings), _reach(scenario)
@@ -187,28 +190,77 @@ def passage_faults(scenario: Scenario, headings: FloatArray) -> Iterator[list[Di
     if wanted <= needed or joined(wanted, reach):
         return
     yield []
-    widest = yield from _widest(lambda r: joined(r, reach), needed, wanted)
-    guess = _guess(swept, 2.0 * wanted, 2.0 * widest)
-    yield [replace(guess, blocking=_between(scenario, wanted, ends, reach))]
+    found = [needed]
+    for widest in _widest(lambda r: joined(r, reach), needed, wanted):
+        found.append(widest)
+        yield []
+    guess = _guess(swept, 2.0 * wanted, 2.0 * found[-1])
+    yield [replace(guess, blocking=passages.between(wanted, start, [goal], reach))]
 
 
-def _between(scenario: Scenario, radius: float, ends: Sequence[shapely.Point], within: float) -> tuple[int, ...]:
-    """Return the obstacles that separate two ends: those that bound a disc's reachable regions from both."""
-    free = room(scenario, radius)
-    one, other = (reached(free, end, within) for end in ends)
-    return between(grown(scenario.obstacles, radius), one, other)
+class Passages:
+    """Connected free regions for the centres of discs among the fixed obstacles of a scenario, kept by radius."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        self._parts: dict[float, NDArray[np.object_]] = {}
+
+    def _near(self, radius: float, ends: Sequence[shapely.Point], within: float) -> NDArray[np.bool_]:
+        """Return which regions (r,) are within a distance (m) of any of the ends."""
+        if radius not in self._parts:
+            self._parts[radius] = shapely.get_parts(room(self._scenario, radius))
+        parts = self._parts[radius]
+        return np.asarray(np.any([shapely.distance(parts, end) <= within for end in ends], axis=0))
+
+    def join(self, radius: float, start: shapely.Point, ends: Sequence[shapely.Point], within: float) -> bool:
+        """Return whether a disc with a radius (m) can move from a start to any of the ends, or near them."""
+        return bool((self._near(radius, [start], within) & self._near(radius, ends, within)).any())
+
+    def between(
+        self, radius: float, start: shapely.Point, ends: Sequence[shapely.Point], within: float
+    ) -> tuple[int, ...]:
+        """Return the obstacles that separate a start from all ends: those that bound the regions of both."""
+        free = room(self._scenario, radius)
+        other = shapely.union_all([reached(free, end, within) for end in ends])
+        return between(grown(self._scenario.obstacles, radius), reached(free, start, within), other)
+
+    def fault(
+        self,
+        who: str,
+        disc: Disc,
+        start: shapely.Point,
+        ends: Sequence[shapely.Point],
+        within: float = 1e-6,
+        where: str = "from start to goal",
+    ) -> Diagnosis | None:
+        """Return the proof that a body cannot pass to any of the ends that have room for its disc; None without one.
+
+        Args:
+            who: Name of the body in the text.
+            disc: A disc inside it.
+            start: Centre of the disc at the start.
+            ends: Centres of the disc at the ends.
+            within: Distance from an end that suffices, m.
+            where: Description of the way.
+        """
+        needed = disc.radius + self._scenario.clearance - CLEARANCE_ROOM
+        ends = [end for end in ends if self._near(needed, [end], within).any()]
+        if not ends or self.join(needed, start, ends, within):
+            return None
+        *_, widest = _widest(lambda radius: self.join(radius, start, ends, within), 0.0, needed)
+        fault = _proven(2.0 * disc.radius, 2.0 * needed, 2.0 * widest, who, where)
+        return replace(fault, blocking=self.between(needed, start, ends, within))
 
 
-def _widest(joined: Callable[[float], bool], low: float, high: float) -> Generator[list[Diagnosis], None, float]:
-    """Return the largest radius that is `joined`, by bisection to half the resolution.
+def _widest(joined: Callable[[float], bool], low: float, high: float) -> Iterator[float]:
+    """Yield ever better estimates of the largest radius that is `joined`, by bisection to half the resolution.
 
-    The lower end is joined (or 0), the upper end is not. An empty list is yielded after each check.
+    The lower end is joined (or 0), the upper end is not.
     """
     while high - low > 0.5 * RESOLUTION:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if joined(middle) else (low, middle)
-        yield []
-    return 0.5 * (low + high)
+        yield 0.5 * (low + high)
 
 
 def _swept_width(scenario: Scenario, headings: FloatArray) -> float:
@@ -223,17 +275,19 @@ def _reach(scenario: Scenario) -> float:
     return 2.0 * float(shapely.minimum_bounding_radius(as_one(scenario.chain.bodies)))
 
 
-def _proven(width: float, needed: float, passage: float | None) -> Diagnosis:
+def _proven(
+    width: float, needed: float, passage: float | None, who: str = "the chain", where: str = "from start to goal"
+) -> Diagnosis:
     """Return the proven diagnosis, without the passage's width if it is unknown."""
-    chain = f"the chain needs at least {_mm(needed)} (a disc of {_mm(width)} that fits into it, plus clearance)"
+    chain = f"{who} needs at least {_mm(needed)} (a disc of {_mm(width)} that fits into it, plus clearance)"
     if passage is None:
-        text = f"the chain cannot pass: no passage from start to goal is wide enough, and {chain}"
+        text = f"{who} cannot pass: no passage {where} is wide enough, and {chain}"
         return Diagnosis("gap", text, True, {"disc": width, "needed": needed})
     numbers = {"passage": passage, "disc": width, "needed": needed}
     if passage < RESOLUTION:
-        text = "obstacles and walls separate the start from the goal: no passage joins them"
+        text = f"{who} cannot pass: obstacles and walls close every way {where}"
         return Diagnosis("gap", text, True, numbers)
-    text = f"the chain cannot pass: the widest passage from start to goal is {_mm(passage)} wide, and {chain}"
+    text = f"{who} cannot pass: the widest passage {where} is {_mm(passage)} wide, and {chain}"
     return Diagnosis("gap", text, True, numbers)
 
 
@@ -292,16 +346,20 @@ def beyond_reach(
     centers = {name: [*np.asarray(shapely.points(xy))] for name, xy in places.items()}
     if not any(_any_in(among, points) for points in centers.values()):
         every = [point for points in centers.values() for point in points]
-        text = "the robot is boxed in: it cannot reach any allowed face of an object"
+        narrow = Passages(scenario).fault("the robot", disc, start, every, WITHIN, "to an allowed face of an object")
+        why = "it cannot reach any allowed face of an object" if narrow is None else narrow.text
+        text = f"the robot is boxed in: {why}"
         if not _any_in(open_floor, every):
             text = "the robot has no room before any allowed face of an object"
         return {"": Diagnosis("boxed in", text, True, blocking=_parting(scenario, radius, free, among, every))}
     found = {}
+    passages = Passages(scenario)
     for name in needed:
         if not _any_in(alone, centers[name]):
-            text = f"'{name}' cannot be reached: walls and obstacles block the robot's way to all of its faces"
+            narrow = passages.fault("the robot", disc, start, centers[name], WITHIN, "to its faces")
+            why = "no face has room for the robot" if narrow is None else narrow.text
             parting = _parting(scenario, radius, free, alone, centers[name])
-            found[name] = Diagnosis("boxed in", text, True, blocking=parting)
+            found[name] = Diagnosis("boxed in", f"'{name}' cannot be reached: {why}", True, blocking=parting)
     return found
 
 

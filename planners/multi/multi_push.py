@@ -13,8 +13,8 @@ from pushplan.core.collision import SLACK, separations
 from pushplan.errors import EmptyStableSetError, PlanningError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import area_at
-from pushplan.planners.infeasible.diagnosis import beyond_reach
-from pushplan.planners.infeasible.ways import near_to
+from pushplan.planners.infeasible.diagnosis import Passages, beyond_reach
+from pushplan.planners.infeasible.ways import largest_disc, near_to
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes
 from pushplan.planners.multi.graph import PushSequence
 from pushplan.planners.multi.room import AHEAD, Contact, PushRoom, Query
@@ -115,12 +115,31 @@ class MultiPushSearch(TaskSearch):
         rooms = {level: replace(room, scenario=scenario) for level, room in self._rooms.items()}
         return MultiPushSearch(scenario, self.modes, rooms)
 
-    def plates_before(self, load: FloatArray) -> FloatArray:
-        """Return the plate poses (k, 3) before the approach to each contact, with the load at a pose (3,)."""
+    def plates_before(self, load: FloatArray, away: float | None = None) -> FloatArray:
+        """Return the plate poses (k, 3) at a distance behind each contact, m, with the load at a pose (3,).
+
+        Without a distance, it is that of the approach.
+        """
         pushes, plate = self.scenario.transport, self.scenario.chain.pusher.plate_pose
         robots = [se2.compose(mode.place.contact, mode.robot) for mode in self.modes]
-        before = se2.compose(se2.compose(load, np.array(robots)), [-pushes.approach, 0.0, 0.0])
+        behind = pushes.approach if away is None else away
+        before = se2.compose(se2.compose(load, np.array(robots)), [-behind, 0.0, 0.0])
         return np.asarray(se2.compose(before, plate))
+
+    def cut_off(self, passages: Passages) -> Diagnosis | None:
+        """Return a proof that the load or the robot cannot pass the fixed obstacles to a goal; None without one."""
+        scenario = self.scenario
+        chain, name = scenario.chain, scenario.load.name
+        goals = scenario.goals[name]
+        within = max(g.position_tolerance + g.angle_tolerance * chain.reach for g in goals)
+        own, robot = largest_disc(chain.bodies[len(chain.carried) :]), largest_disc(chain.carried)
+        into = se2.inverse(chain.pusher.plate_pose)
+        last = np.concatenate([self.plates_before(goal.pose_chain, 0.0) for goal in goals])
+        ends = [robot.at(pose) for pose in se2.compose(last, into)]
+        begin = robot.at(se2.compose(scenario.plate_start, into))
+        return passages.fault(
+            f"'{name}'", own, own.at(scenario.start), [own.at(goal.pose_chain) for goal in goals], within
+        ) or passages.fault("the robot", robot, begin, ends, within, f"to the goal of '{name}'")
 
     def search(self, question: Question, budget: Budget, observer: Observer) -> Outcome:
         """Return the best plan found; see `TaskSearch.search`."""
@@ -171,11 +190,11 @@ class MultiPushSearch(TaskSearch):
         return "; ".join(reason.text for reason in _reasons(room, query, found))
 
     def _proof(self) -> Diagnosis | None:
-        """Return a proof that the robot cannot reach the load; None without one."""
+        """Return a proof that the robot cannot reach the load or bring it to a goal; None without one."""
         scenario = self.scenario
         outlines = [se2.transform_points(scenario.start, obj.outline_chain) for obj in scenario.chain.objects]
         proofs = beyond_reach(scenario, {"load": outlines}, {"load": self.plates_before(scenario.start)})
-        return proofs.get("")
+        return proofs.get("") or self.cut_off(Passages(scenario))
 
     def segments(self, room: PushRoom, sequence: PushSequence, before: Poses) -> Segments:
         """Return the segments of a push sequence, without timing.

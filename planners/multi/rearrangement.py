@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from pushplan.errors import PlanningError
-from pushplan.planners.infeasible.diagnosis import beyond_reach
+from pushplan.planners.infeasible.diagnosis import Passages, beyond_reach
 from pushplan.planners.multi.multi_push import MultiPushSearch, least_margins, plan_cost
 from pushplan.planners.multi.order import Order
 from pushplan.planners.multi.transfers import Piece, Situation, Transfer
@@ -106,13 +106,19 @@ class RearrangementSearch(TaskSearch):
         )
 
     def _proofs(self, now: Situation) -> dict[str, Diagnosis]:
-        """Return proofs that the robot cannot reach a needed object, by name, or any object at all, by ""."""
+        """Return proofs that a needed object cannot be reached or brought to its goal, by name.
+
+        The name "" stands for a proof that the robot cannot reach any object at all.
+        """
         pieces = dict(zip((piece.name for piece in self.pieces), self.pieces, strict=True))
         poses = dict(zip(pieces, now.poses, strict=True))
         outlines = {name: [one.outline for one in piece.obstacles(poses[name])] for name, piece in pieces.items()}
         faces = {name: piece.search.plates_before(poses[name]) for name, piece in pieces.items()}
         needed = [self.pieces[k].name for k in sorted(now.left)]
-        return beyond_reach(self.pieces[0].search.scenario, outlines, faces, needed)
+        scenario = self.pieces[0].search.scenario
+        found, passages = beyond_reach(scenario, outlines, faces, needed), Passages(scenario)
+        cut_off = {name: pieces[name].search.cut_off(passages) for name in needed if not found.keys() & {"", name}}
+        return found | {name: fault for name, fault in cut_off.items() if fault is not None}
 
     def _take(self, transfers: tuple[Transfer, ...], looked_at: int, improvements: Improvements) -> Segments:
         """Return the segments of some transfers in order."""
