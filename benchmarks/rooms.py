@@ -97,7 +97,7 @@ def _apart(
     found: list[list[float]] = []
     while len(found) < count:
         place = random.uniform(0.5, side - 0.5, 2).tolist()
-        if all(math.dist(place, other) >= least for other in (*found, *others, [0.25, 0.25])):
+        if all(math.dist(place, other) >= least for other in (*found, *others, [0.25, 0.25], [0.6, 0.6])):
             found.append(place)
     return found
 
