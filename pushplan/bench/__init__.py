@@ -1,1 +1,1 @@
-"""Benchmarks: suites of push problems, run in bulk, stored and reported."""
+"""Benchmarks: suites of push problems, their execution, results and reports."""

@@ -1,1 +1,1 @@
-"""The commands of the command line, one module each, those that few need in `more`."""
+"""Commands of the command line, one module each; rarely used ones are in `more`."""

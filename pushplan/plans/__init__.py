@@ -1,1 +1,1 @@
-"""What plans, their executions and the runs of both are made of."""
+"""Data types of plans, executions and runs."""

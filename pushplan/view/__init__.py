@@ -1,1 +1,1 @@
-"""A window to play with: a scenario in a browser, its poses dragged, its plan shown at once."""
+"""Interactive window: a scenario in a browser, where dragging its poses updates the plan."""

@@ -1,4 +1,4 @@
-"""What a draft leads to, worked out in a thread: its plan and stable set, or what is wrong with it in words."""
+"""Answers to drafts, computed in a thread: plan and stable set, or the errors as text."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from pushplan.sets.stable_set import StableSet
 from pushplan.view.draft import ROBOT, Draft
 
 SEARCH = {"push": 0.5, "multi-push": 2.0, "rearrangement": 5.0}
-"""Time limit of a search for the first plan, s: most are found in milliseconds, an order of objects in seconds."""
+"""Time limit of the search for a first plan, s. Most take milliseconds, an order of objects takes seconds."""
 
 SHORTENING = 0.02
-"""For which a first path of a single push is shortened before it is shown, s: it has detours else."""
+"""Time limit of shortening the first path of a single push, s; without it, the path has detours."""
 
 POLISHING = {"push": 0.6, "multi-push": 1.5, "rearrangement": 5.0}
 """Time limit of the search for better plans, s."""
@@ -30,15 +30,15 @@ POLISHING = {"push": 0.6, "multi-push": 1.5, "rearrangement": 5.0}
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What there is to show of a draft.
+    """Answer to a draft.
 
     Attributes:
-        draft: Which.
-        scenario: The draft as a scenario; None when it is none.
-        stable: The set that a single push was planned in; None where there is none, or several.
-        plan: None when it cannot be asked for.
-        findings: What is wrong, or why there is no plan, in sentences; empty when there is a plan.
-        stage: How far the work has come: `path`, `timed` or `polished`.
+        draft: The draft.
+        scenario: The draft as a scenario; None if it is not valid.
+        stable: Stable set of a single push; None for other scenarios and invalid drafts.
+        plan: Plan, solved or not; None if the draft cannot be planned.
+        findings: Errors, or reasons why there is no plan, as sentences; empty with a plan.
+        stage: Stage of the work: `path`, `timed` or `polished`.
     """
 
     draft: Draft
@@ -55,14 +55,14 @@ class Answer:
 
 
 class Answers:
-    """Answers drafts of one scenario; contacts, stable sets and compiled code are kept as long as the load is.
+    """Answers drafts of one scenario; contacts, stable sets and compiled code are cached while the load is the same.
 
     Args:
-        scenario: With which all begins.
-        message: Called with sentences for the user about what takes long.
+        scenario: Initial scenario.
+        message: Function that receives messages for the user.
 
     Raises:
-        EmptyStableSetError: When no pusher twist keeps every contact.
+        EmptyStableSetError: If no pusher twist keeps every contact.
     """
 
     def __init__(self, scenario: Scenario, message: Callable[[str], None] | None = None) -> None:
@@ -71,13 +71,13 @@ class Answers:
         self._slides = Draft.of(scenario).slides
 
     def ask(self, draft: Draft, stage: str, stop: Callable[[], bool] | None = None) -> Answer:
-        """Return the answer of a stage, as far as there is one; else why not.
+        """Return the answer of a stage.
 
         Args:
-            draft: Which.
-            stage: `path` for the first plan, checked but not timed, in a tenth of the time of a timed one; `timed`
-                for the first plan, timed and executed, with what it tolerates; `polished` for a better one.
-            stop: Ends the search when it says so.
+            draft: The draft.
+            stage: `path` for the first plan, validated but not timed, which takes a tenth of the time; `timed` for
+                the first plan with timing, execution and robustness; `polished` for an improved plan.
+            stop: Function that returns whether to stop the search.
         """
         try:
             scenario = draft.scenario()
@@ -109,7 +109,7 @@ class Answers:
         return Answer(draft, scenario, stable, plan, tuple(plan.why_not), stage)
 
     def _for(self, draft: Draft, scenario: Scenario) -> Planner:
-        """Return what plans for the draft's load in its room; where objects stand apart, all is prepared again."""
+        """Return a planner for the draft, reusing the preparation of the same load."""
         if not scenario.task.one_load:
             return Planner(scenario, observer=self._observer)
         if not np.array_equal(self._slides, draft.slides):
@@ -122,10 +122,11 @@ Question = TypeVar("Question")
 
 
 class Worker(Generic[Question]):
-    """A thread that answers the question asked last, however fast questions come.
+    """A thread that answers the latest question and drops older ones.
 
     Args:
-        answer: Called in the thread with a question, and with a function that says whether there is a newer one.
+        answer: Function that is called in the thread with a question, and with a function that returns whether there
+            is a newer one.
     """
 
     def __init__(self, answer: Callable[[Question, Callable[[], bool]], None]) -> None:
@@ -138,30 +139,30 @@ class Worker(Generic[Question]):
         self._thread.start()
 
     def ask(self, question: Question) -> None:
-        """Put a question in the place of the one that waits."""
+        """Replace the waiting question."""
         with self._changed:
             self._waiting = [question]
             self._changed.notify()
 
     def end(self) -> None:
-        """Let the thread end after what it is at."""
+        """End the thread after its current answer."""
         with self._changed:
             self._ended = True
             self._changed.notify()
         self._thread.join()
 
     def outdated(self) -> bool:
-        """Whether there is a newer question than the one in work."""
+        """Return whether there is a newer question than the current one."""
         return bool(self._waiting) or self._ended
 
     def idle(self, seconds: float) -> bool:
-        """Let other threads work for a while, and return whether there is no newer question then."""
+        """Wait for some seconds or a newer question; return whether there is none."""
         with self._changed:
             return not self._changed.wait_for(self.outdated, seconds)
 
     @property
     def alive(self) -> bool:
-        """Whether questions are still answered."""
+        """Whether the thread still answers questions."""
         return self._thread.is_alive()
 
     def _work(self) -> None:
@@ -173,5 +174,5 @@ class Worker(Generic[Question]):
                         return
                     question = self._waiting.pop()
                 self._answer(question, self.outdated)
-        except BaseException as error:  # told to the user by whoever waits
+        except BaseException as error:  # `Window.wait` raises it
             self.failure = error

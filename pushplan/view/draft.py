@@ -1,4 +1,4 @@
-"""A scenario whose poses are being changed: what was dragged, and the scenario that comes of it."""
+"""Drafts: scenarios whose poses the user changes by dragging."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ from pushplan.scenario.parts import CircleObstacle, Obstacle, PolygonObstacle
 from pushplan.util.arrays import FloatArray, frozen
 
 START, GOAL, ROBOT = "start", "goal", "robot"
-"""What is dragged of one load: its chain frame at start and goal, and the plate where it is not in contact.
+"""Keys of the dragged frames of one load: its chain frame at start and goal, and the plate if it is not in contact.
 
-Where several objects stand apart, `start/NAME` and `goal/NAME` are an object's own frame; `obstacle/K` is one.
+For several objects, `start/NAME` and `goal/NAME` are an object's own frame. `obstacle/K` is an obstacle.
 """
 
 MOST_DRAGGED = 40
-"""Obstacles up to which each can be dragged; those of a map stand still."""
+"""Largest number of obstacles that can be dragged; with more, as in maps, they are fixed."""
 
 _TOUCHING = 1e-6
-"""Distance from the plate's front at which a corner still lies on it, m."""
+"""Largest distance of a corner from the plate's front that counts as contact, m."""
 
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """Where things were dragged to; it need not be a scenario that can be planned in.
+    """A scenario with dragged poses; it need not be valid.
 
     Attributes:
-        original: The scenario that all began with.
-        poses: (3,) of everything that can be dragged, in the world, by key. That of `start` stays with the plate;
-            obstacles began unturned in their middles; several goals of one thing move together.
-        slides: (n,) how far each object of a load in contact was moved to the left along its contact, with all that
-            it carries, m; none otherwise.
+        original: Initial scenario.
+        poses: Poses (3,) of all dragged frames in the world, by key. `start` moves with the plate. The frames of
+            obstacles start unrotated at their centres. All goals of one object or load move together.
+        slides: (n,) displacements of the objects of a load in contact to the left along their contacts, m; each also
+            moves the objects that it pushes. Empty for other loads.
     """
 
     original: Scenario
@@ -54,7 +54,7 @@ class Draft:
 
     @classmethod
     def of(cls, scenario: Scenario) -> Self:
-        """Return a scenario with nothing moved yet."""
+        """Return the draft of a scenario before any move."""
         poses: dict[str, FloatArray] = {}
         task = scenario.task
         if task.one_load:
@@ -71,12 +71,12 @@ class Draft:
         return cls(scenario, poses, np.zeros(sum(len(load.names) for load in task.held)))
 
     def moved(self, key: str, pose: FloatArray) -> Self:
-        """Return the draft with something elsewhere."""
+        """Return the draft with another pose of a frame."""
         same = np.array_equal(pose, self.poses[key])
         return self if same else replace(self, poses={**self.poses, key: np.asarray(pose, dtype=np.float64)})
 
     def slid(self, index: int, slide: float) -> Self:
-        """Return the draft with an object elsewhere along its contact."""
+        """Return the draft with another displacement of an object along its contact."""
         if slide == self.slides[index]:
             return self
         slides = self.slides.copy()
@@ -85,9 +85,9 @@ class Draft:
 
     @property
     def shifts(self) -> FloatArray:
-        """(n, 2) how far every object was moved in the chain frame: by itself, and by what carries it, m."""
+        """(n, 2) displacements of the objects in the chain frame, m, including those of their pushing objects."""
         shifts = np.zeros((len(self.slides), 2))
-        for i in range(len(self.slides)):  # what carries comes first
+        for i in range(len(self.slides)):  # pushing objects come before pushed ones
             contact = self.original.chain.contacts[i]
             carried = shifts[contact.pusher] if contact.pusher != PLATE else 0.0
             shifts[i] = carried + self.slides[i] * contact.tangent
@@ -95,9 +95,9 @@ class Draft:
 
     @property
     def frame(self) -> FloatArray:
-        """(2,) where the chain frame has come in the original one: to the middle of the plate's new contact, m.
+        """(2,) position of the new chain frame, the middle of the plate's new contact, in the original one, m.
 
-        The plate stays where it is; of an object that hangs over its end only a part touches it.
+        The plate does not move. Only a part of an object that overhangs the plate's end touches it.
         """
         aside = float(self.shifts[0, 1]) if len(self.slides) else 0.0
         if aside == 0.0:
@@ -110,12 +110,12 @@ class Draft:
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
-        """What is in the way, where it was dragged to."""
+        """Obstacles at their dragged poses."""
         each = enumerate(self.original.obstacles)
         return tuple(_moved(obstacle, self.poses[f"obstacle/{k}"]) for k, obstacle in each)
 
     def document(self) -> dict[str, Any]:
-        """Return the draft in the form of a scenario file, nothing left open."""
+        """Return the draft as the complete document of a scenario file."""
         document = self.original.resolved()
         if self.original.task.one_load:
             self._move_load(document)
@@ -152,7 +152,7 @@ class Draft:
         """Return the draft as a scenario.
 
         Raises:
-            ScenarioError: With everything found wrong.
+            ScenarioError: If it is not valid, with all errors.
         """
         return scenario_from_document(self.document(), self.original.path, self.original.attachments)
 
@@ -165,7 +165,7 @@ class Draft:
 def _moved(obstacle: Obstacle, place: FloatArray) -> Obstacle:
     began = obstacle.box.mean(axis=0)
     if np.array_equal(place, [*began, 0.0]):
-        return obstacle  # to the last bit
+        return obstacle  # exactly the same numbers
     if isinstance(obstacle, CircleObstacle):
         return CircleObstacle(place[:2], obstacle.radius)
     return PolygonObstacle(se2.transform_points(place, obstacle.outline - began), obstacle.unknown)

@@ -1,4 +1,4 @@
-"""What the panel of the window says, as HTML: the plan in numbers, or what is wrong; the stable set."""
+"""HTML of the window's panel: the numbers of the plan, or the errors, and the stable set."""
 
 from __future__ import annotations
 
@@ -24,28 +24,28 @@ _RULES = """<style>
 [data-mantine-color-scheme="dark"] .pushplan-set span { filter: brightness(1.6); }
 @media (max-width: 576px) { #pushplan-answer { height: calc(4 * 1.45em); } .pushplan-set { display: none; } }
 </style>"""
-"""The plan's height does not change, so that nothing below it jumps; on phones the floor needs the room."""
+"""The answer has a fixed height, so that nothing below it jumps; it is smaller on phones."""
 
 
 def help_html(draft: Draft) -> str:
-    """Return the line that says what can be dragged."""
+    """Return the line about what the user can drag."""
     what = ["start", "goal"] if START in draft.poses else ["objects", "goals"]
     what += ["robot"] * (ROBOT in draft.poses)
     if 0 < len(draft.original.obstacles) <= MOST_DRAGGED:
         what.append("obstacles")
     slides = ", slide objects along their contacts" if len(draft.slides) else ""
-    said = f"Drag {', '.join(what[:-1])} and {what[-1]}, turn them by the arcs{slides}."
+    said = f"Drag {', '.join(what[:-1])} and {what[-1]}, turn them with the arcs{slides}."
     return f'{_RULES}<div style="{_STYLE};color:{GREY}">{said}</div>'
 
 
 def answer_html(answer: Answer, number: int, milliseconds: float, dropped: bool) -> str:
-    """Return what is said of an answer.
+    """Return the HTML of an answer.
 
     Args:
-        answer: What.
-        number: Counts answers; with the other `data-` it lets scripts of the page wait for an answer.
-        milliseconds: That it took.
-        dropped: What was dragged has been let go.
+        answer: The answer.
+        number: Number of the answer; scripts wait for it and the other `data-` attributes.
+        milliseconds: Time for the answer, ms.
+        dropped: Whether the user has dropped the dragged body.
     """
     data = f'data-number="{number}" data-stage="{answer.stage}" data-dropped="{str(dropped).lower()}"'
     if answer.solved:
@@ -70,11 +70,11 @@ def _plan(answer: Answer, milliseconds: float) -> str:
             at = f"{', '.join(push.pushed)} at its {push.pushed_load.face} face"
             rows.append((f"push {k}", f"{at}, {push.cost:.2f} m"))
     if plan.min_margin is not None:
-        rows.append(("least margin", f"{plan.min_margin:.3f} ({MARGIN_WORDS})"))
+        rows.append(("smallest margin", f"{plan.min_margin:.3f} ({MARGIN_WORDS})"))
     if plan.force_words:
         rows.append(("force", plan.force_words))
     if plan.duration is not None:
-        rows.append(("drive", f"{plan.duration:.1f} s"))
+        rows.append(("duration", f"{plan.duration:.1f} s"))
     if plan.robustness is not None:
         rows.append(("robustness", plan.robustness_words))
     rows += [("note", note) for note in plan.notes]
@@ -82,11 +82,11 @@ def _plan(answer: Answer, milliseconds: float) -> str:
     return "".join(f"<div><b>{name}</b>: {escape(text)}</div>" for name, text in rows)
 
 
-_STAGES = {"path": "first plan", "timed": "first plan, timed", "polished": "polished"}
+_STAGES = {"path": "first plan", "timed": "first plan, timed", "polished": "improved plan"}
 
 
 def stable_set_html(stable: StableSet | None) -> str:
-    """Return a picture of the stable centres of rotation in the chain frame, x to the right as in `plot_plan`."""
+    """Return an SVG of the stable centres of rotation in the chain frame, with x to the right as in `plot_plan`."""
     if stable is None:
         return ""
     window = default_window(stable.chain, [stable])

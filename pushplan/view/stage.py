@@ -1,4 +1,4 @@
-"""What is seen in the window: the drawing model of a draft and its plan, drawn with viser."""
+"""Contents of the window: the scene of a draft and its plan, drawn with viser."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ from pushplan.view.draft import GOAL, MOST_DRAGGED, ROBOT, START, Draft
 from pushplan.view.tone import of_body, of_line
 
 _HEIGHT = 0.04
-"""Of all bodies in the picture, m."""
+"""Height of all bodies, m."""
 _PLAYED = 0.002
-"""Height of bodies that play the plan above those that stand, m."""
+"""Height of the bodies that play the plan above the other bodies, m."""
 _CELL = 0.5
-"""Between the lines of the floor, m."""
+"""Distance between the lines of the floor, m."""
 _GRID = "#bcc1c7"
-"""Of these lines, on light and on dark ground: the server does not know which it is."""
+"""Colour of these lines for light and dark backgrounds: the server does not know which one is used."""
 _FLOOR = 10.0
-"""Half the side of the floor of a room without walls, m."""
+"""Half side of the floor without walls, m."""
 _AMBIENT, _SUN = 5.0, 4.4
-"""Strengths of the lights, in viser's measure; `tone.LIGHT` is measured with them."""
+"""Intensities of the lights in viser's units; `tone.LIGHT` was measured with them."""
 _OUTLINES = 12
-"""Places along a single push at which the chain is outlined."""
+"""Number of outlines of the chain along a single push."""
 
 Moved = Callable[[FloatArray, bool], None]
-"""Called with the pose (3,) of a handle, and whether it was let go."""
+"""Function that receives the pose (3,) of a handle, and whether the user has dropped it."""
 
 
 class Stage:
-    """What is seen of a draft and its plan.
+    """Drawn contents of the window: a draft and its plan.
 
     Args:
-        scene: The scene of a viser server.
-        draft: What is shown at first.
+        scene: Scene of a viser server.
+        draft: Initial draft.
 
     Attributes:
-        handle_size: Length of the arrows that things are dragged by, m.
+        handle_size: Length of the arrows of handles, m.
     """
 
     def __init__(self, scene: Any, draft: Draft) -> None:
@@ -54,8 +54,8 @@ class Stage:
         self._obstacles: list[tuple[Any, str]] = []
         self.handle_size = 0.8 * max(load.chain.reach for load in draft.original.loads)
         scene.set_up_direction("+z")
-        # Without a graphics card shadows cost most of the time; viser's lights, standard material and grid cost
-        # half of the rest (a picture took 44 ms, and takes 26, on two cores).
+        # Without a graphics card, shadows take most of the time. Replacing viser's lights, standard material and grid
+        # reduces a picture further, from 44 to 26 ms (two cores).
         scene.configure_default_lights(enabled=False)
         scene.add_light_ambient("/lights/ambient", intensity=_AMBIENT)
         scene.add_light_directional("/lights/sun", intensity=_SUN, position=(-0.5, -0.8, 2.0))
@@ -72,22 +72,22 @@ class Stage:
         axes: tuple[bool, bool, bool] = (True, True, False),
         arrows: bool = True,
     ) -> None:
-        """Add handles that drag what hangs under `name` along some axes, which arrows show or not."""
+        """Add handles that drag all children of `name` along some axes, with or without arrows."""
         controls = self._scene.add_transform_controls(
             name, scale=self.handle_size, active_axes=axes, disable_axes=not arrows, depth_test=False, **_placed(pose)
         )
 
-        async def update(event: Any) -> None:  # on the server's loop, so that the order of events is kept
+        async def update(event: Any) -> None:  # async runs on the server's loop and keeps the order of events
             now = _pose(event.target)
-            if np.isfinite(now).all():  # whatever a page may send
+            if np.isfinite(now).all():  # a page can send any value
                 moved(now, event.phase == "end")
 
         controls.on_update(update)
         self._handles[name] = controls, moved
 
     def _dragged_itself(self, mesh: Any, name: str) -> None:
-        """Let a body be dragged with the mouse; what it hangs under goes with it."""
-        if name not in self._handles:  # one of the many obstacles of a map
+        """Make a body draggable with the mouse; its parent frame moves with it."""
+        if name not in self._handles:  # a fixed obstacle of a map
             return
         controls, moved = self._handles[name]
         held: dict[str, FloatArray] = {}
@@ -106,7 +106,7 @@ class Stage:
         mesh.on_drag(drag)
 
     def draw_obstacles(self, draft: Draft) -> None:
-        """Draw each obstacle under its own frame."""
+        """Draw each obstacle as a child of its own frame."""
         for k, one in enumerate(Scene.of(draft.original).obstacles):
             key = f"obstacle/{k}"
             place = Draft.of(draft.original).poses[key]
@@ -118,14 +118,14 @@ class Stage:
             self._obstacles.append((mesh, colour))
 
     def tint(self, blocking: frozenset[int]) -> None:
-        """Tint the obstacles with these indices, which are in the way of a plan, and no others."""
+        """Tint only the obstacles with these indices, which are in the way of a plan."""
         for k, (mesh, colour) in enumerate(self._obstacles):
             wanted = of_body(palette.BLOCKING if k in blocking else colour)
             if mesh.color != wanted:
                 mesh.color = wanted
 
     def draw_bodies(self, draft: Draft, scene: Scene) -> None:
-        """Draw bodies and goals under what they are dragged by, and those that play the plan."""
+        """Draw bodies and goals as children of their handles, and the bodies that play the plan."""
         for k, (body, pose) in enumerate(zip(scene.bodies, scene.start, strict=True)):
             key = _key_of(draft, body.name, body.kind)
             local = se2.relative(draft.poses[key], pose)
@@ -134,7 +134,7 @@ class Stage:
             self._body(f"/played/{k}/body", body.outline, body.colour, z=_PLAYED)
         for k, goal in enumerate(scene.goals):
             known = [name for name in (GOAL, f"{GOAL}/{goal.name}", f"{GOAL}/row") if name in draft.poses]
-            key = known[0] if known else f"{GOAL}/{goal.name}"  # of a row at a wall, which no pose says
+            key = known[0] if known else f"{GOAL}/{goal.name}"  # the goal of a row at a wall has no pose
             outline = se2.transform_points(se2.inverse(draft.poses.get(key, np.zeros(3))), goal.outline)
             tinted = palette.mixed(goal.colour, palette.GOAL, 0.5)
             self._dragged_itself(self._body(f"/{key}/body{k}", outline, tinted, opacity=0.5), f"/{key}")
@@ -142,7 +142,7 @@ class Stage:
             self._lines(f"/{key}/edge{k}", ring, [palette.GOAL] * len(ring), 3.0)
 
     def draw_plan(self, scene: Scene | None) -> None:
-        """Draw the plate's path, and outlines of what it leads along; None stands for no plan."""
+        """Draw the plate's path and the outlines of the bodies along it; None removes them."""
         lines: Sequence[Line] = () if scene is None else scene.lines
         for kind, width in ((True, 4.0), (False, 2.0)):
             chosen = [line for line in lines if line.pushes is kind and len(line.points) > 1]
@@ -159,7 +159,7 @@ class Stage:
         self._lines("/plan/outlines", edges, [palette.PATH] * len(edges), 1.0)
 
     def show_played(self, poses: FloatArray | None) -> None:
-        """Put the bodies that play the plan to poses (b, 3), or take them away."""
+        """Show the bodies that play the plan at poses (b, 3); None hides them."""
         for k, frame in enumerate(self._played):
             frame.visible = poses is not None
             if poses is not None:
@@ -168,7 +168,7 @@ class Stage:
 
     @property
     def played(self) -> FloatArray | None:
-        """Where the bodies that play the plan are, (b, 3); None when nothing is played."""
+        """(b, 3) poses of the bodies that play the plan; None if nothing is played."""
         return np.array([_pose(frame) for frame in self._played]) if self._played[0].visible else None
 
     def _lines(
@@ -179,7 +179,7 @@ class Stage:
             segments, colours = np.zeros((1, 2, 2)), [palette.FAINT]
         points = np.concatenate([segments, np.full((*segments.shape[:2], 1), z)], axis=2).astype(np.float32)
         paints = np.repeat(np.array([of_line(one) for one in colours], dtype=np.uint8)[:, None], 2, axis=1)
-        if name in self._drawn:  # made anew, the browser compiles its shader again: 50 ms without a graphics card
+        if name in self._drawn:  # new lines would compile a shader in the browser: 50 ms without a graphics card
             drawn = self._drawn[name]
             drawn.points, drawn.colors, drawn.visible = points, paints, visible
             return
@@ -219,7 +219,7 @@ def _key_of(draft: Draft, name: str, kind: BodyKind) -> str:
 
 
 def _along(scene: Scene) -> list[FloatArray]:
-    """Return the outlines of the bodies along a single push, or of what each of several pushes has moved."""
+    """Return the outlines of the bodies along a single push, or of the moved objects after each of several pushes."""
     if len(scene.rests) > 1 or len(scene.t) == 1:
         return [
             body.at(pose)
@@ -232,7 +232,7 @@ def _along(scene: Scene) -> list[FloatArray]:
 
 
 def _grid(low: FloatArray, high: FloatArray) -> FloatArray:
-    """Return lines (k, 2, 2) half a metre apart over a rectangle."""
+    """Return the grid lines (k, 2, 2) over a rectangle, `_CELL` apart."""
     lines = []
     for axis in (0, 1):
         for at in np.arange(np.ceil(low[axis] / _CELL), np.floor(high[axis] / _CELL) + 1) * _CELL:
@@ -243,7 +243,7 @@ def _grid(low: FloatArray, high: FloatArray) -> FloatArray:
 
 
 def _solid(outline: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return vertices (v, 3) and triangles (f, 3) of a simple polygon made as high as bodies are."""
+    """Return vertices (v, 3) and triangles (f, 3) of a simple polygon extruded to `_HEIGHT`."""
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.Polygon(outline)))
     rings = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)[:, :3]
     points, index = np.unique(rings.reshape(-1, 2), axis=0, return_inverse=True)
@@ -252,13 +252,13 @@ def _solid(outline: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _placed(pose: FloatArray) -> dict[str, Any]:
-    """Return a pose in the plane in viser's words."""
+    """Return a planar pose as viser's position and quaternion."""
     half = 0.5 * float(pose[2])
     return {"position": (float(pose[0]), float(pose[1]), 0.0), "wxyz": (np.cos(half), 0.0, 0.0, np.sin(half))}
 
 
 def _pose(node: Any) -> FloatArray:
-    """Return the pose (3,) in the plane of something in the scene."""
+    """Return the planar pose (3,) of a node of the scene."""
     w, _, _, z = node.wxyz
     angle = float(se2.wrap_angle(2.0 * np.arctan2(z, w)))
     return np.array([node.position[0], node.position[1], angle])

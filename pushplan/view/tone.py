@@ -1,8 +1,8 @@
-"""What viser has to be told so that a colour is seen as it is drawn everywhere else.
+"""Colours for viser that look the same as in all other viewers.
 
-The window's colours go through the filmic curve of three.js (ACES, S. Hill's fit), which makes them pale: a matrix, a
-quotient of quadratic polynomials for each channel, another matrix. Here it is inverted. Vertices of lines have linear
-colours, bodies the colours that light leaves. Tests look at these numbers where the window's extra is missing.
+The window's colours pass through the filmic curve of three.js (ACES, S. Hill's fit), which makes them pale: a matrix,
+a quotient of quadratic polynomials for each channel, another matrix. This module inverts the curve. Lines have linear
+colours; the colours of bodies depend on the lights. It does not import viser, so tests run without it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pushplan.drawing.palette import red_green_blue
 from pushplan.util.arrays import FloatArray
 
 LIGHT = 3.0
-"""Times as bright as its colour is a body's top under the lights of the window; measured on its pixels."""
+"""Brightness of a body's top under the window's lights, as a multiple of its colour; measured on pixels."""
 
 EXPOSURE = 1.0 / 0.6
 INTO = np.array([[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]])
@@ -23,18 +23,18 @@ CURVE = (0.0245786, 0.000090537, 0.983729, 0.4329510, 0.238081)
 
 
 def of_line(colour: str) -> tuple[int, int, int]:
-    """Return the parts, 0 to 255, of the colour of a line that shall be seen in a colour `#rrggbb`."""
+    """Return red, green and blue, 0 to 255, for a line that appears in a colour `#rrggbb`."""
     return _parts(_before_curve(colour))
 
 
 def of_body(colour: str) -> tuple[int, int, int]:
-    """Return the parts, 0 to 255, of the colour of a body that shall be seen in a colour `#rrggbb` from above."""
+    """Return red, green and blue, 0 to 255, for a body that appears in a colour `#rrggbb` from above."""
     lit = np.clip(_before_curve(colour) / LIGHT, 0.0, 1.0)
     return _parts(np.where(lit <= 0.0031308, 12.92 * lit, 1.055 * lit ** (1.0 / 2.4) - 0.055))
 
 
 def _before_curve(colour: str) -> FloatArray:
-    """Return the linear light (3,) that the curve turns into a colour."""
+    """Return the linear light (3,) that the curve maps to a colour."""
     share = np.array(red_green_blue(colour)) / 255.0
     seen = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     y, (a, b, c, d, e) = np.linalg.solve(OUT, seen), CURVE

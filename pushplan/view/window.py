@@ -1,4 +1,4 @@
-"""The window: a server, what its handles and buttons do, and the plan that follows every move."""
+"""The window: a server with handles and buttons, and a new plan after every move."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ if TYPE_CHECKING:
     from pushplan.view.stage import Stage
 
 LARGEST_MESSAGE = 1 << 16
-"""What a browser may send at once, bytes; a dragged pose takes some hundred."""
+"""Largest message from a browser, bytes; a dragged pose needs a few hundred."""
 
 _THEME = b"""<script>
 window.__VISER_EMBED_CONFIG__ = { darkMode: matchMedia("(prefers-color-scheme: dark)").matches };
 </script>"""
-"""Asks the browser, which alone knows, whether the window shall be dark; viser's own setting is one for all."""
+"""Sets dark mode from the browser's preference; viser itself has only one setting for all browsers."""
 
 
 def serve(port: int, label: str) -> Any:
-    """Start a server of viser on this machine that heeds its own page only, and return it.
+    """Start and return a viser server on this machine that accepts only requests of its own page.
 
     Raises:
-        MissingExtraError: When viser is not installed.
+        MissingExtraError: If viser is not installed.
     """
     viser = optional("viser", "the window", "viser", "view")
     from viser import _messages
@@ -50,20 +50,20 @@ def serve(port: int, label: str) -> Any:
         settings["max_size"] = LARGEST_MESSAGE
         return begin(*args, process_request=_own_origin_first(process_request), **settings)
 
-    # viser hands on no setting of its websocket, and prints a banner. It listens when its constructor returns.
+    # viser cannot pass settings to its websocket server. It listens when its constructor returns.
     with (
         patch.object(sockets, "serve", guarded),
         redirect_stdout(io.StringIO()),
-    ):  # its banner comes without `verbose`
+    ):  # hides its banner, which `verbose` does not control
         server = viser.ViserServer(host="127.0.0.1", port=port, label=label, verbose=False)
-    # the window asks for no file, and viser keeps room for every announced one
+    # The window accepts no files, and viser would allocate memory for every announced file.
     for kind in (_messages.FileTransferStartUpload, _messages.FileTransferPart):
         server.gui._websock_interface.unregister_handler(kind)
     return server
 
 
 def _own_origin_first(respond: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """Refuse a request of another origin, and a websocket of none, before anything else is looked at."""
+    """Refuse requests from other origins, and websockets without an origin, before any other processing."""
 
     def checked(connection: Any, request: Any) -> Any:
         port = connection.local_address[1]
@@ -71,9 +71,9 @@ def _own_origin_first(respond: Callable[[Any, Any], Any]) -> Callable[[Any, Any]
         said = request.headers.get_all("Origin")
         websocket = bool(request.headers.get_all("Upgrade"))
         if not own.issuperset(said) or (websocket and len(said) != 1):
-            return connection.respond(HTTPStatus.FORBIDDEN, "Only the page of this window may connect.\n")
+            return connection.respond(HTTPStatus.FORBIDDEN, "Only the page of this window can connect.\n")
         if not websocket:
-            request.headers.pop("Accept-Encoding", None)  # what is sent is changed below
+            request.headers.pop("Accept-Encoding", None)  # the response is edited below
         response = respond(connection, request)
         if response is not None and response.headers.get("Content-Type", "").startswith("text/html"):
             response.body = response.body.replace(b"<head>", b"<head>" + _THEME, 1)
@@ -85,39 +85,39 @@ def _own_origin_first(respond: Callable[[Any, Any], Any]) -> Callable[[Any, Any]
 
 
 _FRAME = 1.0 / 30.0
-"""Between pictures of an execution, s."""
+"""Time between pictures of an execution, s."""
 
 _DRAWING = 0.1
-"""For which an answer is let be sent and drawn before the next work begins, s: compiled code holds the interpreter,
-and a browser without a graphics card draws on the same processors."""
+"""Pause to send and draw an answer before the next work, s. Compiled code holds the interpreter lock, and a browser
+without a graphics card draws on the same processors."""
 _LOOKS = 15
-"""Looks, one `_REST` after the other, whether a page has taken over the camera."""
+"""Number of checks, `_REST` apart, that a page uses the camera."""
 _PANEL_PIXELS = 350
-"""Width of the panel beside the floor."""
+"""Width of the panel beside the floor, pixels."""
 _PANEL = 0.25
-"""How far the middle of a phone's picture is moved up, over the distance of the camera."""
+"""Upward shift of the picture on a phone, as a share of the camera's distance."""
 
 _REST = 0.2
-"""Without another move after which a plan is polished, s."""
+"""Time without a move after which a plan is improved, s."""
 
 
 class Window:
-    """A scenario in a browser; every move of its poses is planned anew.
+    """A scenario in a browser, planned again after every move of its poses.
 
     Args:
-        scenario: Of one push, several pushes or several objects.
-        port: To listen on, on this machine only; the next free one is taken when it is not free.
-        message: Called with sentences for the user about what takes long.
+        scenario: Scenario of any kind.
+        port: Port of the server, on this machine only; if it is not free, the next free one.
+        message: Function that receives messages for the user.
 
     Attributes:
-        draft: What is shown.
-        answer: What it led to last.
-        server: That of viser.
-        stage: What is seen.
+        draft: Current draft.
+        answer: Last answer; None before the first.
+        server: Server of viser.
+        stage: Drawn contents of the window.
 
     Raises:
-        MissingExtraError: When viser is not installed.
-        EmptyStableSetError: When no pusher twist keeps every contact.
+        MissingExtraError: If viser is not installed.
+        EmptyStableSetError: If no pusher twist keeps every contact.
     """
 
     def __init__(self, scenario: Scenario, port: int = 8080, message: Callable[[str], None] | None = None) -> None:
@@ -139,25 +139,25 @@ class Window:
 
     @property
     def url(self) -> str:
-        """The address of the page."""
+        """Address of the page."""
         return f"http://localhost:{self.server.get_port()}"
 
     def wait(self) -> None:
-        """Serve until interrupted; what the work on a question raised is raised here."""
+        """Serve until interrupted, and raise errors of the planning thread."""
         while self._worker.alive:
             time.sleep(0.2)
         if self._worker.failure is not None:
             raise self._worker.failure
 
     def close(self) -> None:
-        """End the server."""
+        """Stop the server."""
         self._playing.clear()
         self._worker.end()
         with redirect_stdout(io.StringIO()):
             self.server.stop()
 
     def move(self, change: Callable[[Draft], Draft], dropped: bool) -> None:
-        """Change the draft and ask for its plan; once dropped it is timed and polished, too."""
+        """Change the draft and plan it; a dropped draft is also timed and improved."""
         self._playing.clear()
         self.draft = change(self.draft)
         self._ask(dropped)
@@ -169,7 +169,7 @@ class Window:
         draft, dropped = question
         began = time.perf_counter()
         shown = self.answer if self.answer is not None and self.answer.draft is draft else None
-        answer = shown or self._answers.ask(draft, "path")  # where the mouse rested before the drop it is known
+        answer = shown or self._answers.ask(draft, "path")  # already known if the mouse rested before the drop
         if answer.stage == "path":
             self._show(answer, began, dropped)
             if not dropped or not self._worker.idle(_DRAWING):
@@ -199,7 +199,7 @@ class Window:
             spent = 1e3 * (time.perf_counter() - began)
             self._said.content = answer_html(answer, self._number, spent, dropped)
             self._play.disabled = plan is None or plan.execution is None
-        self.server.flush()  # else it waits for a sixtieth of a second
+        self.server.flush()  # sends now instead of after 1/60 s
 
     def _handles(self) -> None:
         draft, stage = self.draft, self.stage
@@ -214,7 +214,7 @@ class Window:
             )
             stage.handle(f"/{START}/slide{k}", along, partial(self._slid, k, along), (False, True, False))
         stage.draw_obstacles(draft)
-        stage.draw_bodies(draft, Scene.of(draft.original))  # they hang under the handles, which have to be there
+        stage.draw_bodies(draft, Scene.of(draft.original))  # after the handles, which are their parents
 
     def _moved(self, key: str, pose: FloatArray, dropped: bool) -> None:
         self.move(lambda it: it.moved(key, pose), dropped)
@@ -229,14 +229,14 @@ class Window:
         gui = self.server.gui
         gui.add_html(help_html(self.draft))
         self._said = gui.add_html("")
-        self._play = gui.add_button("Play", disabled=True, hint="drive the plan at its own speed")
+        self._play = gui.add_button("Play", disabled=True, hint="play the plan at full speed")
         self._set = gui.add_html("")
         save = gui.add_button_group("Save", ("YAML", "JSON", "page"))
         save.on_click(lambda event: self._save(event.client, save.value))
         self._play.on_click(lambda _: self._perform())
 
     def _perform(self) -> None:
-        """Play the execution until it is over or something is moved."""
+        """Play the execution until its end or the next move."""
         seen, began = self._seen, time.perf_counter()
         if seen is None or len(seen.t) == 1 or self._playing.is_set():
             return
@@ -248,10 +248,10 @@ class Window:
         self._playing.clear()
 
     def _save(self, client: Any, kind: str) -> None:
-        """Send the scenario, or the page of its plan, to the browser as a file, or tell why it would be none."""
+        """Send the scenario, or the page of its plan, to the browser as a file, or explain why it cannot."""
         answer = self.answer
         if answer is None or answer.scenario is None or answer.draft is not self.draft:
-            client.add_notification("Not saved", "The scenario is not valid, or still being planned.")
+            client.add_notification("Not saved", "The scenario is not valid, or is still being planned.")
             return
         if kind == "page":
             from pushplan.logging.page import render
@@ -270,12 +270,12 @@ class Window:
         x, y = 0.5 * (window.xmin + window.xmax), 0.5 * (window.ymin + window.ymax)
         reach = max(load.chain.reach for load in self.draft.original.loads)
         away = 0.95 * max(float(window.size.max()), 4.0 * reach)
-        self.server.initial_camera.position = (x, y - 1e-3 * away, away)  # from above: the plane is dragged in
+        self.server.initial_camera.position = (x, y - 1e-3 * away, away)  # from above, for dragging in the plane
         self.server.initial_camera.look_at = (x, y, 0.0)
 
-        def fit(client: Any) -> None:  # beside the panel; on phones, above it
+        def fit(client: Any) -> None:  # beside the panel, or above it on phones
             camera, far = client.camera, away
-            seen = 2.0 * np.tan(0.5 * camera.fov)  # height of the picture over the camera's distance
+            seen = 2.0 * np.tan(0.5 * camera.fov)  # ratio of the picture's height to the camera's distance
             if camera.aspect < 1.0:
                 far = away / camera.aspect
                 middle = x, y - _PANEL * far
@@ -284,7 +284,7 @@ class Window:
             camera.position = (middle[0], middle[1] - 1e-3 * far, far)
             camera.look_at = (*middle, 0.0)
 
-        def fit_until_seen(client: Any) -> None:  # a slow page begins with the first camera after it was told of ours
+        def fit_until_seen(client: Any) -> None:  # a slow page can reset the camera after our first change
             fit(client)
             first = np.array(self.server.initial_camera.position)
             for _ in range(_LOOKS):
