@@ -19,8 +19,8 @@ from pushplan.slip.world import World
 from pushplan.util.arrays import BoolArray, FloatArray
 
 LONGEST, SHARE = 0.05, 0.06
-"""Longest tried push: m, and share of the chain's reach if that is more. A cart of 0.8 m that turns by 3 deg opens
-its contact by 32 mm, and a push of 66 mm closes it."""
+"""Longest tried push: a length (m), or a share of the chain's reach if that is longer. A cart of 0.8 m that turns by
+3 deg opens its contact by 32 mm, and a push of 66 mm closes it."""
 STEP = 1e-3
 """Length of a simulated step, m."""
 RESERVE = 2e-3

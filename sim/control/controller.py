@@ -177,14 +177,16 @@ class Controller:
         invalid time gives the twist 0. While the plate stands still, a step can take long because it plans.
 
         Args:
-            now: Time of any clock, s.
-            object_poses: (n, 3) measured poses of the objects' frames, None or NaN if unseen; None: nothing new.
-            measured_at: Time of the measurement, s; None: now. Measurements up to 0.1 s ahead wait.
-            plate_pose: (3,) measured pose of the plate frame in the world; it may jump.
-            odometry: (3,) pose of the plate frame by the wheels, in a fixed frame; it may drift. Without both poses
+            now: Time of a monotonic clock, s.
+            object_poses: Measured poses of the objects' frames, (n, 3), None or NaN for unseen objects; None without
+                a new measurement.
+            measured_at: Time of the measurement, s; None for now. Measurements up to 0.1 s ahead wait.
+            plate_pose: Measured pose of the plate frame in the world, (3,); it can jump.
+            odometry: Pose of the plate frame by the wheels, in a fixed frame, (3,); it can drift. Without both poses
                 the plate is assumed to follow the commanded twists.
             frame: Frame of `object_poses`: `world`, or `plate` for a camera on the robot.
-            covariance: (3, 3) of a pose in x, y, theta, or (n, 3, 3), whose largest counts; None: as in the settings.
+            covariance: Covariance of a pose in x, y, theta, (3, 3), or of each object, (n, 3, 3); the largest counts.
+                None for the noise of the settings.
 
         Raises:
             PushplanError: If the number of poses is wrong, an argument is not numeric, or `frame` is unknown.

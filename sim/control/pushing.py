@@ -41,8 +41,8 @@ TOLD = 2.0
 REFIT = 0.25
 """Time between two fits, s."""
 LONGER, UNDECIDED = 2.0, 3.0
-"""Extra time of a look (s) for an error within so many standard deviations of its tolerance. More noise than nominal
-extends it, up to the memory of measurements."""
+"""Extra time of a look (s) if an error is close to its tolerance, and this closeness in standard deviations. Noise
+above the nominal one extends the time, up to the memory of measurements."""
 
 
 class PushLoop:
@@ -268,7 +268,7 @@ class PushLoop:
             recent = [sample for sample in self._recent if sample.time >= self._since]
             what = off_place(self.estimator, recent, self.load.names, self._settled)
             if not what and slide is not None:
-                far, name = f"{1e3 * abs(slide.size):.1f} mm along what pushes it", self.load.names[slide.contact]
+                far, name = f"{1e3 * abs(slide.size):.1f} mm along its contact", self.load.names[slide.contact]
                 what, since = f"{name} has slid by {far}", min(since, slide.since)
                 self.slips[name] += 1
         if what or self._blind:
