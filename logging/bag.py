@@ -44,7 +44,7 @@ from pushplan.util.naming import optional
 
 _EARLIEST = 1.0
 """Epoch of a run without a start time in its log, s; 0 would mean `latest` in tf2."""
-_AGAIN = NANO
+_REPEAT_PERIOD = NANO
 """Period of the repeated messages (scene, paths, footprint), ns."""
 _LINE_STRIP, _LINE_LIST, _TRIANGLES = 4, 5, 11
 """Types of visualization_msgs/Marker."""
@@ -71,14 +71,14 @@ def write_ros2(
     frames = Frames() if frames is None else frames
     frames.check(run.scenario)
     with tempfile.TemporaryDirectory() as folder:
-        with _Bag(Path(folder) / "bag", round(NANO * (_begun(run) if epoch is None else epoch))) as bag:
+        with _Bag(Path(folder) / "bag", round(NANO * (_start_time(run) if epoch is None else epoch))) as bag:
             _Contents(bag, run, frames).write()
         write_whole(path, (Path(folder) / "bag" / "bag.mcap").read_bytes())
     if not check_output(Path(path)).streamed:
         write_whole(Path(path).with_suffix(BESIDE_A_BAG), rviz_file(run, frames).encode())
 
 
-def _begun(run: RecordedRun) -> float:
+def _start_time(run: RecordedRun) -> float:
     words = run.fields.get(metadata.RUN, {})
     try:
         return max(_EARLIEST, datetime.fromisoformat(words["started_at"]).timestamp())
@@ -170,7 +170,7 @@ class _Contents:
             elif instant == 0:
                 still = self._standing(topic, topic.message.FromString(data)) | still
         self._bag.send("/tf_static", 0, self._rigid(), latched=True)
-        for instant in range(0, 1 + max((instant for _, instant in moving), default=0), _AGAIN):
+        for instant in range(0, 1 + max((instant for _, instant in moving), default=0), _REPEAT_PERIOD):
             for name, message in still.items():
                 self._bag.send(name, instant, message(instant), latched=True)
         for (topic, instant), data in moving.items():

@@ -131,7 +131,7 @@ def _plan(run: Run | RecordedRun, scene: Scene) -> dict[str, Any]:
     scenario, plan = run.scenario, run.plan
     lines, last = scene.lines or scene.nearest, scene.nearest_poses
     shown: dict[str, Any] = {
-        "ways": [_way(line, bool(scene.lines)) for line in lines],
+        "ways": [_path_line(line, bool(scene.lines)) for line in lines],
         "tree": [] if scene.tree is None else _plain(scene.tree.reshape(-1, 4)),
         "nearest": None if scene.lines or last is None else list(map(_plain, scene.outlines(last))),
         "loads": [],
@@ -178,7 +178,7 @@ def _steps(run: Run | RecordedRun) -> dict[str, Any]:
     return {"steps": listed, "summary": summary}
 
 
-def _way(line: Line, leads: bool) -> dict[str, Any]:
+def _path_line(line: Line, leads: bool) -> dict[str, Any]:
     """Return a line of the path; the pieces of a push to the goal have colours by margin."""
     colours = piece_colours(line.margins) if line.pushes and leads else None
     return {"points": _plain(line.points), "alone": not line.pushes, "colours": colours}

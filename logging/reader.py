@@ -30,7 +30,7 @@ from pushplan.util.files import PARTIAL
 _SCENARIO_MEMORY = 5
 """Bytes of memory for each byte of a scenario's file, including the numbers of a pressure map."""
 
-_TWICE = "the name is used twice; a file with two run logs cannot be read"
+_USED_TWICE = "the name is used twice; a file with two run logs cannot be read"
 
 _ITEM = 12 << 10
 """Smallest memory that is counted for an attachment, bytes, because reading each one takes time."""
@@ -99,7 +99,7 @@ class _Reading:
             self._foreign.append(item.name)
             return
         if item.name in self._files:
-            raise ValueError(_TWICE)
+            raise ValueError(_USED_TWICE)
         encoded = item.name.endswith(".bin") and item.name.startswith(writer.ENCODED)
         cost = memory(item.data) if encoded else _SCENARIO_MEMORY * len(item.data)
         self._file.keep(max(cost, _ITEM), item.offset)
@@ -111,7 +111,7 @@ class _Reading:
             self._foreign.append(item.name)
             return
         if item.name in self._words:
-            raise ValueError(_TWICE)
+            raise ValueError(_USED_TWICE)
         if item.name == metadata.RUN and item.words.get("format") != str(metadata.FORMAT):
             other, by = item.words.get("format"), item.words.get("version.pushplan", "?")
             what = f"a run log of format {other} from pushplan {by}; this version reads format {metadata.FORMAT}"
@@ -127,7 +127,7 @@ class _Reading:
         """
         file = self._file
         file.require(metadata.RUN in self._words, f"the metadata {metadata.RUN!r} of a run log")
-        scenario, other = self._stated()
+        scenario, other = self._read_scenario()
         self._scenario = self._with_settings(scenario)
         file.require(metadata.RESULT in self._words, f"the metadata {metadata.RESULT!r}")
         self._check_digest()
@@ -176,7 +176,7 @@ class _Reading:
             what = "its attachments or metadata were changed after writing (their digest differs)"
             self._file.lose(DamageError(what, self._file.size))
 
-    def _stated(self) -> tuple[Scenario, bool]:
+    def _read_scenario(self) -> tuple[Scenario, bool]:
         """Return the scenario, and whether the resolved one differs from its file with the settings.
 
         The user's file takes precedence, unless this version of pushplan resolves it differently from the version

@@ -154,7 +154,7 @@ class _Messages:
         }
         for signal, values in series_of(execution):
             if signal.frame:
-                parts[schemas.signal_topic(signal)] = _filled(signal, values[shown], instants)
+                parts[schemas.signal_topic(signal)] = _series_messages(signal, values[shown], instants)
         parts[schemas.MARGINS] = _margin_messages(contact_names(scenario), execution, shown, instants)
         for instant, *data in zip(instants.tolist(), *parts.values(), strict=True):
             for topic, one in zip(parts, data, strict=True):
@@ -223,7 +223,7 @@ def poses_in_world(poses: FloatArray) -> PosesInFrame:
     return PosesInFrame(timestamp=Timestamp(), frame_id=WORLD, poses=made)
 
 
-def _filled(signal: Signal, values: FloatArray, instants: IntArray) -> Iterator[bytes]:
+def _series_messages(signal: Signal, values: FloatArray, instants: IntArray) -> Iterator[bytes]:
     """Yield the messages of a series (m, ...) of the plate for instants (m,), ns."""
     message = schemas.signal_topic(signal).message(frame_id=signal.frame)
     for instant, row in zip(instants.tolist(), values.reshape(len(values), -1).tolist(), strict=True):

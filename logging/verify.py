@@ -210,7 +210,7 @@ def _compare_messages(run: RecordedRun, revision: float, left_out: list[str]) ->
     left_out += [f"topic {topic.name} (the log is older)" for topic in schemas.TOPICS if topic.since > revision]
     for name, topic in topics.items():
         found, wanted = recorded[name], expected[name]
-        kind, missing = _kind_in(run, topic)
+        kind, missing = _declared_type(run, topic)
         left_out += [f"field {field} (the log has none)" for field in missing]
         if kind is None:
             worst[f"{name} schema"] = Check(f"{name} schema", math.inf, what="declared differently")
@@ -220,16 +220,16 @@ def _compare_messages(run: RecordedRun, revision: float, left_out: list[str]) ->
             for number, (message, (then, made)) in enumerate(zip(found, wanted, strict=False)):
                 off = max(abs(message.time - then), abs(message.published - then))
                 if off:
-                    _raise(worst, Check(f"{name} time", 1e-9 * off, 0.0, 1e-9 * then))
+                    _keep_largest(worst, Check(f"{name} time", 1e-9 * off, 0.0, 1e-9 * then))
                 if message.number != number:
-                    _raise(worst, Check(f"{name} number", abs(message.number - number), 0.0, 1e-9 * then))
+                    _keep_largest(worst, Check(f"{name} number", abs(message.number - number), 0.0, 1e-9 * then))
                 if message.data != made:
                     for check in _compare_fields(name, kind, message.data, made, 1e-9 * then):
-                        _raise(worst, check)
+                        _keep_largest(worst, check)
     return list(worst.values())
 
 
-def _kind_in(run: RecordedRun, topic: schemas.Topic) -> tuple[schemas.MessageClass | None, list[str]]:
+def _declared_type(run: RecordedRun, topic: schemas.Topic) -> tuple[schemas.MessageClass | None, list[str]]:
     """Return the type of a topic's messages in a log, None if it is unknown, and the fields that it lacks."""
     declared = [channel for channel in run.channels if channel.topic == topic.name]
     ours = Channel(topic.name, "protobuf", topic.kind, "protobuf", topic.schema)
@@ -240,7 +240,7 @@ def _kind_in(run: RecordedRun, topic: schemas.Topic) -> tuple[schemas.MessageCla
     return schemas.older(topic, declared[0].schema)
 
 
-def _raise(worst: dict[str, Check], check: Check) -> None:
+def _keep_largest(worst: dict[str, Check], check: Check) -> None:
     """Keep the check with the largest difference of each quantity; NaN counts as the largest."""
     before = worst.get(check.quantity)
     if before is None or not (math.isnan(before.difference) or check.difference <= before.difference):

@@ -81,7 +81,7 @@ def trial(
     known = what if isinstance(what, Plan) else None if isinstance(what, Scenario) else what.plan
     fields = fields_of(scenario, PlanSettings()) if known is None else fields_of_plan(known)
     with Recording(scenario, fields, log, runs, observer.message) as recording:
-        recording.write(lambda log: log.note(TRIAL, _words(seed, uncertainty, execute)))
+        recording.write(lambda log: log.note(TRIAL, _trial_fields(seed, uncertainty, execute)))
         if isinstance(what, Scenario):
             known = plan(scenario, observer=recording.listening(observer))
         found = known
@@ -124,7 +124,7 @@ def write_trial(trials: Trials, sample: int, path: Path | str) -> None:
     from pushplan.logging.writer import RunLogWriter
 
     plan, report = trials.plan, trials.report(sample)
-    words = _words(trials.seed, trials.uncertainty, trials.simulator) | {"sample": str(sample)}
+    words = _trial_fields(trials.seed, trials.uncertainty, trials.simulator) | {"sample": str(sample)}
     with RunLogWriter.create(path, trials.scenario, fields_of_plan(plan)) as log:
         log.note(TRIAL, words)
         log.plan(plan)
@@ -141,7 +141,7 @@ def write_trial(trials: Trials, sample: int, path: Path | str) -> None:
         log.finish("arrived" if report.arrived(trials.scenario) else "missed")
 
 
-def _words(seed: int, uncertainty: TrialUncertainty | None, simulator: Simulator) -> dict[str, str]:
+def _trial_fields(seed: int, uncertainty: TrialUncertainty | None, simulator: Simulator) -> dict[str, str]:
     named = simulator if hasattr(simulator, "__qualname__") else type(simulator)
     name = SIMULATORS[0] if simulator is slip else f"{named.__module__}:{named.__qualname__}"
     drawn = None if uncertainty is None else asdict(uncertainty)
@@ -154,7 +154,7 @@ def executed_again(run: RecordedRun) -> Execution | None:
     Raises:
         RunLogError: If the log does not name its sample.
     """
-    seed, uncertainty, simulated = _drawn(run)
+    seed, uncertainty, simulated = _read_trial_fields(run)
     if not simulated or run.plan is None:
         return None
     try:
@@ -171,7 +171,7 @@ def check_trials(run: RecordedRun) -> list[Check]:
     Raises:
         RunLogError: If the log does not say how its samples were drawn.
     """
-    seed, uncertainty, simulated = _drawn(run)
+    seed, uncertainty, simulated = _read_trial_fields(run)
     if not simulated or run.plan is None or not run.trials:
         return []
     again: list[TrialEnd] = []
@@ -182,12 +182,12 @@ def check_trials(run: RecordedRun) -> list[Check]:
         checks.append(Check(f"trials: {name}", float(np.abs(first - second).max())))
     for name in ("arrived", "jammed", "contact", "mode", "time", "object", "point"):
         values = [[str(getattr(end, name)) for end in ends] for ends in (run.trials, again)]
-        apart = sum(one != other for one, other in zip(*values, strict=True))
-        checks.append(Check(f"trials: {name}", float(apart), 0.0, what=f"{apart} samples differ" * (apart > 0)))
+        count = sum(one != other for one, other in zip(*values, strict=True))
+        checks.append(Check(f"trials: {name}", float(count), 0.0, what=f"{count} samples differ" * (count > 0)))
     return checks
 
 
-def _drawn(run: RecordedRun) -> tuple[int, TrialUncertainty | None, bool]:
+def _read_trial_fields(run: RecordedRun) -> tuple[int, TrialUncertainty | None, bool]:
     """Return seed and uncertainty of the samples of a log, and whether the simulator is pushplan's own."""
     try:
         words = run.fields[TRIAL]

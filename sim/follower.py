@@ -53,9 +53,9 @@ _SHARES = np.linspace(1.0, 0.0, 9)
 """Shares of a correction that are tried."""
 _STEEPEST, _SHARPEST = 1.5, 6.0
 """Largest slope of 1 - 3 x^2 + 2 x^3 from 0 to 1, and its largest curvature."""
-_LONGER, _TRIES = 1.25, 24
+_RATIO, _TRIES = 1.25, 24
 """Ratio of successive stopping times that are tried, and their number."""
-_LOOKS = 33
+_CHECKS = 33
 """Number of moments at which the acceleration of a stop is checked."""
 
 
@@ -411,12 +411,12 @@ class Drive:
         for _ in range(_TRIES):
             if not self._is_too_sudden(time):
                 break
-            time *= _LONGER
+            time *= _RATIO
         return time
 
     def _is_too_sudden(self, time: float) -> bool:
         """Return whether a stop in `time` exceeds the acceleration limits; the path's own acceleration counts."""
-        ticks = np.linspace(0.0, time, _LOOKS)
+        ticks = np.linspace(0.0, time, _CHECKS)
         x = ticks / time
         at = self.at + _passed(ticks, time)
         moving = (1.0 - 3.0 * x**2 + 2.0 * x**3) * (at < self.trajectory.duration)

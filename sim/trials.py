@@ -53,59 +53,61 @@ def sampled_world(scenario: Scenario, uncertainty: TrialUncertainty | None, rng:
     for one, load in zip(world.stacks, scenario.loads, strict=True):
         interval, frictions = load.interval, load.contact_friction
         if uncertainty is None and interval is not None:
-            one = _within_intervals(one, interval, frictions, rng)
+            one = _from_intervals(one, interval, frictions, rng)
         else:
-            one = _within_shares(one if frictions is None else _with_frictions(one, frictions.mean(axis=1)), off, rng)
-        drawn.append(replace(one, offsets=_offsets(one.chain, off, rng, world.plate is None)))
+            one = _perturbed(
+                one if frictions is None else _with_contact_frictions(one, frictions.mean(axis=1)), off, rng
+            )
+        drawn.append(replace(one, offsets=_random_offsets(one.chain, off, rng, world.plate is None)))
     return replace(drawn[0], beside=tuple(drawn[1:]))
 
 
-def _within_shares(world: World, off: TrialUncertainty, rng: np.random.Generator) -> World:
+def _perturbed(world: World, off: TrialUncertainty, rng: np.random.Generator) -> World:
     for obj in world.chain.objects:
-        world = world.with_contact_friction(_factor(off.contact_friction, rng), obj.name)
-        world = world.with_floor_friction(_factor(off.floor_friction, rng), obj.name)
-        world = world.with_mass(_factor(off.mass, rng), obj.name)
-        world = _leaning(world, obj.name, off.load, rng)
+        world = world.with_contact_friction(_random_factor(off.contact_friction, rng), obj.name)
+        world = world.with_floor_friction(_random_factor(off.floor_friction, rng), obj.name)
+        world = world.with_mass(_random_factor(off.mass, rng), obj.name)
+        world = _with_shifted_load(world, obj.name, off.load, rng)
     return world
 
 
-def _within_intervals(
+def _from_intervals(
     world: World, interval: IntervalChain, frictions: FloatArray | None, rng: np.random.Generator
 ) -> World:
     """Draw every quantity that has an interval; keep all others."""
     if frictions is not None:
-        world = _with_frictions(world, _between(frictions, rng))
+        world = _with_contact_frictions(world, _random_values(frictions, rng))
     chain, objects = interval.chain, []
-    masses, rubs = _between(interval.mass, rng), _between(interval.floor_friction, rng)
+    masses, rubs = _random_values(interval.mass, rng), _random_values(interval.floor_friction, rng)
     for i, obj in enumerate(chain.objects):
         support = obj.support
         if i in interval.fractions and isinstance(support, FeetSupport):
-            fractions = _between(interval.fractions[i], rng)
+            fractions = _random_values(interval.fractions[i], rng)
             support = FeetSupport(support.positions, fractions / fractions.sum())
         objects.append(replace(obj, mass=float(masses[i]), floor_friction=float(rubs[i]), support=support))
     world = replace(world, chain=replace(chain, objects=tuple(objects), contacts=world.chain.contacts))
     for i, share in interval.pressures.items():
-        world = _leaning(world, chain.objects[i].name, share, rng)
+        world = _with_shifted_load(world, chain.objects[i].name, share, rng)
     return world
 
 
-def _with_frictions(world: World, frictions: FloatArray) -> World:
+def _with_contact_frictions(world: World, frictions: FloatArray) -> World:
     """Return the world with the contact friction coefficients (n,) replaced."""
     pairs = zip(world.chain.contacts, frictions, strict=True)
     contacts = tuple(replace(contact, friction=float(mu)) for contact, mu in pairs)
     return replace(world, chain=replace(world.chain, contacts=contacts))
 
 
-def _between(spans: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _random_values(spans: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Draw one number from each of the intervals (k, 2)."""
     return np.asarray(rng.uniform(spans[:, 0], spans[:, 1]))
 
 
-def _factor(share: float, rng: np.random.Generator) -> float:
+def _random_factor(share: float, rng: np.random.Generator) -> float:
     return float(1.0 + share * rng.uniform(-1.0, 1.0))
 
 
-def _leaning(world: World, name: str, share: float, rng: np.random.Generator) -> World:
+def _with_shifted_load(world: World, name: str, share: float, rng: np.random.Generator) -> World:
     angle, part = rng.uniform(-np.pi, np.pi), share * rng.uniform()
     if part == 0.0:
         return world
@@ -115,7 +117,7 @@ def _leaning(world: World, name: str, share: float, rng: np.random.Generator) ->
     return world.with_load_shifted(direction, min(part, most * (1.0 - 1e-9)), name)
 
 
-def _offsets(chain: Chain, off: TrialUncertainty, rng: np.random.Generator, touched: bool) -> FloatArray:
+def _random_offsets(chain: Chain, off: TrialUncertainty, rng: np.random.Generator, touched: bool) -> FloatArray:
     """Draw the pose errors of the objects (n, 3), in m and rad.
 
     Each object is shifted sideways and turned relative to the object or plate that pushes it. If the plate does not

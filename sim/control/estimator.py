@@ -137,19 +137,21 @@ class Estimator:
         self._along = np.zeros(3 * count)  # change of the biases if the load stands 1 m farther to the left
         if aside_deviation > 0.0 and places is not None:
             self._along.reshape(-1, 3)[:, :2] = self._tangents(places)
-        self._shift = aside_deviation * np.array([0.0, 1.0, *np.zeros(COMMON - 2), *-self._along])  # of all values
+        self._aside_shift = aside_deviation * np.array(
+            [0.0, 1.0, *np.zeros(COMMON - 2), *-self._along]
+        )  # of all values
         self.values: FloatArray = self._center.copy()
-        self.covariance: FloatArray = self._likely
+        self.covariance: FloatArray = self._prior_covariance
         self._found = np.zeros(2)
-        self._precision: FloatArray = _inverse(self._likely)
+        self._precision: FloatArray = _inverse(self._prior_covariance)
         self._history, self._count_moved = np.zeros((1024, 4)), 0
         self._knots: list[FloatArray] = []
         self._samples: list[Sample] = []
 
     @property
-    def _likely(self) -> FloatArray:
+    def _prior_covariance(self) -> FloatArray:
         """Prior covariance of the values, (p, p)."""
-        return np.asarray(np.diag(self._prior**2) + np.outer(self._shift, self._shift))
+        return np.asarray(np.diag(self._prior**2) + np.outer(self._aside_shift, self._aside_shift))
 
     @property
     def count(self) -> int:
@@ -177,7 +179,7 @@ class Estimator:
         late = self.settings.late
         self._center[DELAY], self._prior[DELAY] = late, late
         self.values[DELAY], self.covariance[DELAY, DELAY] = late, late**2
-        self._precision = _inverse(self._likely)
+        self._precision = _inverse(self._prior_covariance)
 
     def moved(self, time: float, plate: FloatArray) -> None:
         """Record the pose of the plate (3,) by commands or odometry."""
@@ -202,7 +204,7 @@ class Estimator:
 
     def plate(self, time: float) -> FloatArray:
         """Return the estimated pose of the plate (3,) at a time."""
-        return np.asarray(self._plates(self.values, *self._moments(np.array([time])))[0])
+        return np.asarray(self._plates(self.values, *self._locate(np.array([time])))[0])
 
     def astray(self, driven: float, turned: float) -> float:
         """Return the standard deviation of the plate's position after a transit without measurements, m.
@@ -267,7 +269,7 @@ class Estimator:
         self.values = self.values - np.append(np.zeros(COMMON), self._aside(resting.places))
         (rest,) = self.residuals([resting])
         self.values[COMMON:] += rest.reshape(-1)
-        likely, doubted = self._likely, np.diag((DOUBT * self._prior[:COMMON]) ** 2)
+        likely, doubted = self._prior_covariance, np.diag((DOUBT * self._prior[:COMMON]) ** 2)
         likely[:COMMON], likely[:, :COMMON] = 0.0, 0.0
         likely[:COMMON, :COMMON] = self.covariance[:COMMON, :COMMON] + doubted
         self._precision = _inverse(likely)
@@ -291,7 +293,7 @@ class Estimator:
     def residuals(self, samples: list[Sample]) -> FloatArray:
         """Return the errors of measurements (k, n, 3) from the expected poses, in the objects' frames."""
         times, poses, places = _arrays(samples)
-        plates = self._plates(self.values, *self._moments(times - self.values[DELAY]))
+        plates = self._plates(self.values, *self._locate(times - self.values[DELAY]))
         return self._errors(plates, poses, places)
 
     def spread(self, sample: Sample) -> FloatArray:
@@ -303,7 +305,7 @@ class Estimator:
 
     def fit(self, now: float) -> None:
         """Fit the values to all samples that are older than `HOLD`."""
-        self._look_at_noise(now - HOLD)
+        self._update_noise(now - HOLD)
         samples = [sample for sample in self._samples if sample.time <= now - HOLD]
         if len(samples) < 8:
             return
@@ -367,7 +369,7 @@ class Estimator:
             values[COMMON:] -= along * (values[COMMON:] @ along) / (along @ along)
         return errors_in_words(values, np.sqrt(np.diag(self.covariance)), self._prior)
 
-    def _look_at_noise(self, until: float) -> None:
+    def _update_noise(self, until: float) -> None:
         """Estimate the noise of the last samples up to a time.
 
         Earlier samples keep their estimate, because a camera that gets worse has measured well before.
@@ -389,7 +391,7 @@ class Estimator:
     def _linear(self, samples: list[Sample]) -> tuple[FloatArray, FloatArray]:
         """Return errors (k, n, 3) and their derivatives (k, n, 3, p); those by the small B_i are taken as -1."""
         times, poses, places = _arrays(samples)
-        moments = self._moments(times - self.values[DELAY])
+        moments = self._locate(times - self.values[DELAY])
         plates = self._plates(self.values, *moments)
         moved = np.zeros((len(samples), 3, COMMON))  # derivative of the plate's pose by each value
         away = plates[:, :2] - compose(self._history[0, 1:], self.values[:3])[:2]
@@ -401,7 +403,7 @@ class Estimator:
         for p in range(DELAY, COMMON):
             values = self.values.copy()
             values[p] += STEPS[p]
-            at = self._moments(times - values[DELAY]) if p == DELAY else moments
+            at = self._locate(times - values[DELAY]) if p == DELAY else moments
             moved[:, :, p] = log(relative(plates, self._plates(values, *at))) / STEPS[p]
         there = compose(places, self.values[COMMON:].reshape(-1, 3))
         jacobian = np.zeros((*there.shape, len(self.values)))
@@ -415,7 +417,7 @@ class Estimator:
             jacobian[:, i, :, COMMON + 3 * i : COMMON + 3 * i + 3] = -np.eye(3)
         return self._errors(plates, poses, places), jacobian
 
-    def _moments(self, times: FloatArray) -> tuple[IntArray, FloatArray]:
+    def _locate(self, times: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the index (k,) of the knot before each time, and the commanded motion (k, 3) since it."""
         times_moved, history = self._history[: self._count_moved, 0], self._history[: self._count_moved, 1:]
         last = len(history) - 1

@@ -42,7 +42,7 @@ class StallWatch:
 
     def __init__(self, names: Sequence[str], onto: str = "") -> None:
         self._names, self._noise, self._onto = tuple(names), 0.0, onto
-        self._told: deque[tuple[float, FloatArray, FloatArray]] = deque()
+        self._commanded: deque[tuple[float, FloatArray, FloatArray]] = deque()
         self._seen: deque[tuple[float, FloatArray]] = deque()
         self._first: FloatArray | None = None
         self._last: FloatArray = np.zeros((len(names), 3))
@@ -59,9 +59,9 @@ class StallWatch:
             believed: Believed pose of that frame in the world, (3,).
         """
         self._plate = compose(self._plate, motion)
-        self._told.append((now, self._plate, believed))
-        while self._told[0][0] < now - MEMORY:
-            self._told.popleft()
+        self._commanded.append((now, self._plate, believed))
+        while self._commanded[0][0] < now - MEMORY:
+            self._commanded.popleft()
 
     def see(self, time: float, poses: FloatArray, noise: float) -> None:
         """Record measured poses (n, 3), NaN for unseen objects, and the standard deviation of coordinates, m."""
@@ -91,12 +91,12 @@ class StallWatch:
         if not self._fresh:
             return ()  # no measurement since the last call
         self._fresh = False
-        self._times = np.array([time for time, *_ in self._told])
+        self._times = np.array([time for time, *_ in self._commanded])
         for window in WINDOWS:
             seen = [one for one in self._seen if one[0] >= self._seen[-1][0] - window]
             third = len(seen) // 3
             if len(seen) >= FEWEST and self._stands(seen[:third], seen[-third:], places):
-                return self._blamed()
+                return self._stalled_objects()
         return ()
 
     def _stands(
@@ -106,18 +106,18 @@ class StallWatch:
         times = [float(np.mean([time for time, _ in part])) for part in (before, after)]
         poses = [np.array([poses[:, :2] for _, poses in part]) for part in (before, after)]
         seen = ~np.isnan(np.concatenate(poses)[..., 0]).any(axis=0)
-        if not seen.any() or not self._told:
+        if not seen.any() or not self._commanded:
             return False
         moved = poses[1].mean(axis=0) - poses[0].mean(axis=0)
         most = max(DRIVEN, SIGMAS * self._noise * math.sqrt(2.0 / len(before)))
         for late in (0.0, LATE):
-            (first, begin), (last, end) = (self._at(time - late) for time in times)
+            (first, begin), (last, end) = (self._plate_at(time - late) for time in times)
             way = compose(relative(first, last), places)[:, :2] - places[:, :2]
             size = np.hypot(way[:, 0], way[:, 1])
             counts = seen & (size >= most)
             if not counts.any() or (np.hypot(*moved[counts].T) > STILL * size[counts]).any():
                 return False
-            plate = self._told[-1][2]
+            plate = self._commanded[-1][2]
             ahead = rotate(float(plate[2]), way) / np.maximum(size, 1e-9)[:, None]
             beyond = ((compose(plate, places)[:, :2] - poses[1].mean(axis=0)) * ahead).sum(axis=1)
             believed = compose(relative(begin, end), places)[:, :2] - places[:, :2]
@@ -126,11 +126,11 @@ class StallWatch:
                 return False
         return True
 
-    def _at(self, time: float) -> tuple[FloatArray, FloatArray]:
+    def _plate_at(self, time: float) -> tuple[FloatArray, FloatArray]:
         """Return the commanded pose of the plate, relative to its start, and its believed pose (3,)."""
-        return self._told[max(int(np.searchsorted(self._times, time, side="right")) - 1, 0)][1:]
+        return self._commanded[max(int(np.searchsorted(self._times, time, side="right")) - 1, 0)][1:]
 
-    def _blamed(self) -> tuple[str, ...]:
+    def _stalled_objects(self) -> tuple[str, ...]:
         assert self._first is not None
         way = np.hypot(*(self._last[:, :2] - self._first[:, :2]).T)  # NaN for objects that were never seen
         most = max(0.5 * DRIVEN, SIGMAS * self._noise)

@@ -85,7 +85,7 @@ def _check(world: World, pushes: Sequence[MeasuredPush]) -> None:
             raise PushplanError(f"{push.name}: {push.object_poses.shape[1]} objects were measured; the chain has {n}")
 
 
-def _force_of(pushes: Sequence[MeasuredPush]) -> float | None:
+def _mean_force(pushes: Sequence[MeasuredPush]) -> float | None:
     """Return the mean measured force, N; None if no push has wrenches."""
     measured = [push.wrenches for push in pushes if push.wrenches is not None]
     if not measured:
@@ -111,7 +111,7 @@ class _Problem:
     """
 
     def __init__(self, world: World, pushes: Sequence[MeasuredPush], jobs: int) -> None:
-        forces = _force_of(pushes)
+        forces = _mean_force(pushes)
         self.unknowns = Unknowns.from_world(world, absolute=forces is not None)
         self.count = len(self.unknowns.each)
         reach = world.chain.reach
@@ -143,10 +143,10 @@ class _Problem:
         """Return the most likely place; set the standard errors to its residuals."""
         # Mode switches of contacts can cause several minima, and each search ends in the nearest one.
         place = min((self._refined(start) for start in self._starts()), key=self._cost)
-        self.scales = self._left_over(place)
+        self.scales = self._residual_sizes(place)
         # The residuals now tell the accuracy of the measurements, which changes the weights of the errors.
         place = self._refined(place)
-        self.scales = self._left_over(place)
+        self.scales = self._residual_sizes(place)
         return place
 
     def _cost(self, place: FloatArray) -> float:
@@ -170,11 +170,11 @@ class _Problem:
         how: dict[str, Any] = {"bounds": (low, high), "xtol": 1e-4, "ftol": 1e-4, "max_nfev": 20}
         return np.asarray(least_squares(self.errors, inside, jac=self.jacobian, **how).x)
 
-    def _left_over(self, place: FloatArray) -> FloatArray:
+    def _residual_sizes(self, place: FloatArray) -> FloatArray:
         """Return the root mean square residuals of poses and wrenches at a place; x and y share one."""
         errors, n = self.errors(place), self.shape[0]
         free = max(0.5, 1.0 - len(place) / errors.size)  # degrees of freedom that are left
-        rows = list(self._by_course(errors))
+        rows = list(self._by_comparison(errors))
         left = [np.asarray(self.scales[0] * np.sqrt(_mean_squares([row[:, :n] for row in rows]) / free))] * n
         pushed = [
             row[comparison.closed, n:]
@@ -184,7 +184,7 @@ class _Problem:
         left.append(self.scales[n] * (np.sqrt(_mean_squares(pushed) / free) if pushed else 1.0))
         return np.asarray(np.maximum(left, self.least))
 
-    def _by_course(self, errors: FloatArray) -> Iterator[FloatArray]:
+    def _by_comparison(self, errors: FloatArray) -> Iterator[FloatArray]:
         """Yield the errors of each comparison: (k, n, 3), with wrenches (k, n + 1, 3)."""
         begin = 0
         for comparison in self.comparisons:
@@ -206,7 +206,7 @@ class _Problem:
         columns = [column(j) for j in range(self.count)]
         packed = self.unknowns.packed_for(self.unknowns.values(place[: self.count]))
         shifts, begin = self._shifts(place), 0
-        for k, (comparison, rows) in enumerate(zip(self.comparisons, self._by_course(base), strict=True)):
+        for k, (comparison, rows) in enumerate(zip(self.comparisons, self._by_comparison(base), strict=True)):
             for j in range(self.shape[0] * 3):
                 moved = shifts[k].copy()
                 moved.reshape(-1)[j] += 0.05 * EXPECTED[j % 3]
@@ -245,7 +245,7 @@ class _Problem:
     def _correlation(self, errors: FloatArray) -> float:
         """Return (1 + r) / (1 - r) >= 1, where r is the correlation of neighbouring errors along the pushes."""
         products, squares = 0.0, 1e-300
-        for rows in self._by_course(errors):
+        for rows in self._by_comparison(errors):
             products += float((rows[1:] * rows[:-1]).sum())
             squares += float((rows**2).sum())
         # Neighbouring errors are correlated: k poses of an AR(1) series count as k (1 - r) / (1 + r) poses.

@@ -185,9 +185,9 @@ LEVEL = 0.9
 """Probability that an interval holds the true value."""
 ROUGH = 50.0
 """Number of independent samples below which the ends of intervals are rough: 5 % +- 3 % of the samples lie beyond."""
-_SHORT = 0.5
+_NARROW = 0.5
 """Largest share of the prior range that the interval of a determined number covers; without data it is 0.9."""
-_SAID = 0.15
+_ONE_SIDED = 0.15
 """Share of the prior range that a one-sided bound of a contact friction must exclude to count as determined."""
 
 
@@ -236,8 +236,8 @@ class Identification:
     def _estimate(self, k: int, one: Unknown) -> Estimate:
         low, median, high = np.quantile(self.samples[:, k], [0.5 - LEVEL / 2, 0.5, 0.5 + LEVEL / 2])
         ends = _place(one, np.array([low, high]))
-        one_sided = one.kind == "contact_friction" and bool(ends[0] > _SAID or ends[1] < 1.0 - _SAID)
-        determined = one_sided or bool(ends[1] - ends[0] < _SHORT)
+        one_sided = one.kind == "contact_friction" and bool(ends[0] > _ONE_SIDED or ends[1] < 1.0 - _ONE_SIDED)
+        determined = one_sided or bool(ends[1] - ends[0] < _NARROW)
         return Estimate(one, float(low), float(median), float(high), determined)
 
     @property
@@ -274,7 +274,7 @@ def piece_of(found: Identification) -> Document:
     Frictions are intervals. Without measured forces, floor frictions assume the nominal one of the first object. A
     load is a list of points with an interval of the share of the weight on each.
     """
-    between = [_contact(found, one) for one in found.estimates if _told(one, "contact_friction")]
+    between = [_contact(found, one) for one in found.estimates if _is_determined(one, "contact_friction")]
     objects = [_object(found, i) for i in range(len(found.unknowns.loads))]
     objects = [obj for obj in objects if len(obj) > 1]
     return {**({"objects": objects} if objects else {}), **({"contacts": {"between": between}} if between else {})}
@@ -301,7 +301,7 @@ def with_learned(document: Mapping[str, Any], piece: Mapping[str, Any]) -> Docum
     return merged
 
 
-def _told(one: Estimate, kind: str) -> bool:
+def _is_determined(one: Estimate, kind: str) -> bool:
     return one.unknown.kind == kind and one.determined
 
 
@@ -314,8 +314,8 @@ def _contact(found: Identification, one: Estimate) -> Document:
 
 def _object(found: Identification, i: int) -> Document:
     learned: Document = {"name": found.unknowns.world.chain.objects[i].name}
-    ratio = any(one.unknown.of == i and _told(one, "floor_ratio") for one in found.estimates)
-    if ratio or (i == 0 and any(_told(one, "floor_friction") for one in found.estimates)):
+    ratio = any(one.unknown.of == i and _is_determined(one, "floor_ratio") for one in found.estimates)
+    if ratio or (i == 0 and any(_is_determined(one, "floor_friction") for one in found.estimates)):
         learned["floor_friction"] = _span(*found.friction_spans[i])
     if any(one.unknown.of == i and one.determined and one.unknown.kind in LOADS for one in found.estimates):
         points, spans = found.unknowns.loads[i].points, found.load_spans(i)

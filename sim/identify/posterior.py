@@ -74,12 +74,12 @@ def sample(
         seen.append(places.copy())
         if progress is not None:
             progress(k + 1, ROUNDS)
-        if (k + 1) % _LOOK == 0 and worth(_later(seen)) >= ENOUGH:
+        if (k + 1) % _LOOK == 0 and worth(_without_burn_in(seen)) >= ENOUGH:
             break
-    return _later(seen)
+    return _without_burn_in(seen)
 
 
-def _later(rounds: list[FloatArray]) -> FloatArray:
+def _without_burn_in(rounds: list[FloatArray]) -> FloatArray:
     """Return the rounds without the first third (burn-in)."""
     return np.array(rounds[len(rounds) // 3 :])
 
