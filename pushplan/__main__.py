@@ -8,7 +8,7 @@ from typing import NoReturn
 
 from pushplan.util.interruption import leaving_at_once
 
-# The matrices are small, so several OpenBLAS threads only wait for one another. Identification from a few logs takes
+# The matrices are small, so several OpenBLAS threads only wait for each other. Identification from a few logs takes
 # 11 s of CPU with one thread and 70 s with two.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 

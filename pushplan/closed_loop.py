@@ -160,7 +160,7 @@ def events_until(
 
 
 class _ClosedLoopRecording(Recording):
-    """Records a simulated run as it goes: what is written survives if the process is killed."""
+    """Records a simulated run while it runs, so that the written part survives if the process is killed."""
 
     def __init__(
         self,

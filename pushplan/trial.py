@@ -89,7 +89,7 @@ def trial(
             recording.write(lambda log: log.plan(found))
         if found is None or found.trajectory is None:
             why = "the log ends before a plan" if found is None else found.reason
-            raise PlanningError(f"there is no plan to try: {why}")
+            raise PlanningError(f"there is no plan to execute: {why}")
 
         def ended(end: TrialEnd) -> None:
             recording.write(lambda log: log.trial(end))
@@ -105,7 +105,7 @@ def trial(
 
 
 def simulator_named(simulator: Simulator | str) -> Simulator:
-    """Return the simulator with a name; a function is returned as it is.
+    """Return the simulator with a name; return a function unchanged.
 
     Raises:
         PushplanError: If no simulator has this name.

@@ -109,7 +109,7 @@ class _PlanChecks:
         self._run, self._plan, self._words = run, plan, run.fields.get(metadata.RUN, {})
         # Another commit can time paths differently and prove other bounds.
         self._same = same and self._words.get("git", "") == metadata.git_commit()
-        # A closed loop plans with more caution than the scenario asks for: less friction, more clearance.
+        # A closed loop plans more cautiously than the scenario requires: with less friction and more clearance.
         self._watched = CONTROL in run.fields
         self.left_out = [NOT_DECIDED]
 

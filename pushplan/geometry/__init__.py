@@ -1,1 +1,1 @@
-"""Plane geometry: poses, polygons, and how two of them touch or overlap."""
+"""Plane geometry: poses, polygons, and their contacts and overlaps."""

@@ -1,1 +1,1 @@
-"""Mechanics: chains, supports, floor friction, and what every contact has to carry."""
+"""Mechanics: chains, supports, floor friction and contact wrenches."""

@@ -411,7 +411,7 @@ class Chain:
         """
         names = [obj.name for obj in self.objects]
         if name not in names:
-            raise ChainError(f"no object is called {name!r}; there are {', '.join(names)}")
+            raise ChainError(f"no object is called {name!r}; allowed: {', '.join(names)}")
         return names.index(name)
 
 

@@ -12,8 +12,8 @@ F_i = w_i + sum F_j + m_i a_i, this becomes
 
 The first shift is h mu along the object's own friction; the others are bounded. The forces of the pushed objects
 cancel only for equal heights without inertia; a difference in height multiplies all of them. The pressure
-distribution remains unknown, as does whether a part of the object lifts: the sets cover every pressure p >= 0 with
-this centre (`core/centred.hpp`), including the partly lifted one of an elastic floor. An object can tip if no such
+distribution is not known, and a part of the object can lift. The sets therefore cover every pressure p >= 0 with this
+centre (`core/centred.hpp`), including the partly lifted one of an elastic floor. An object can tip if no such
 pressure exists, which means that the centre is outside the hull of its support.
 """
 

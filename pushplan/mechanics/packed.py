@@ -217,7 +217,7 @@ class _Spread(NamedTuple):
 
 
 def push_room(obj: PushedObject, height: float) -> float:
-    """Return the further shift (m) of an object's load by a push at a height before a part of the object lifts.
+    """Return the remaining shift (m) of an object's load, beyond that by a push at a height, until a part lifts.
 
     Raises:
         SupportError: If the load is not known.

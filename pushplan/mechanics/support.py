@@ -110,7 +110,7 @@ class Support(ABC):
         return float(np.min(headroom[lost > 0.0] / lost[lost > 0.0], initial=np.inf))
 
     def leaning(self, direction: FloatArray, share: float) -> Support:
-        """Return the load with p(x) + share e . (x - g) / h in place of p(x), and with the centre that follows.
+        """Return the load with p(x) + share e . (x - g) / h in place of p(x); its centre moves accordingly.
 
         h is the largest |e . (x - g)|, so that the outermost load changes by the share. On a polygon it is a share of
         the mean pressure, and g is the centroid. On points it is a share of each point's load, and g is their centre.

@@ -1,1 +1,1 @@
-"""From files to scenarios: syntax, values, geometry, and everything wrong told at once."""
+"""Reads scenario files: syntax, values and geometry, with all errors reported at once."""

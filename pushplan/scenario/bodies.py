@@ -239,7 +239,7 @@ class Robot(t.Strict):
     footprint: Footprint | None = Field(default=None, description=FOOTPRINT)
     drive: Drive | None = Field(default=None, description=DRIVE)
     start: t.Pose | None = Field(
-        default=None, description="[x, y, theta] of the plate's frame in the world; asks for a multi-push plan"
+        default=None, description="[x, y, theta] of the plate's frame in the world; requests a multi-push plan"
     )
     base: t.Pose | None = Field(
         default=None,
@@ -251,7 +251,7 @@ class Robot(t.Strict):
 class PlacedObject(Object):
     """One object that stands apart from the others."""
 
-    pose: t.Pose = Field(description="[x, y, theta] in the world, where there are goals")
+    pose: t.Pose = Field(description="[x, y, theta] in the world")
 
 
 class PlacedRobot(Robot):

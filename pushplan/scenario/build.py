@@ -118,7 +118,7 @@ def _row(file: GatheringFile, source: Source) -> Row:
         if name not in stated.of:
             source.error((*where, i), f"'{shorten(str(name))}' is not in the row; allowed: {', '.join(stated.of)}")
     if len(set(stated.placed)) not in (0, *range(len(stated.placed), len(stated.of))):
-        source.error(where, "names all objects of the row, or one twice; allowed: each at most once, and not all")
+        source.error(where, "names all objects of the row, or one twice; allowed: some of them, each once")
     if stated.placed and stated.anywhere:
         source.error(where, "is not allowed together with anywhere: such a row has no placed objects")
     front = stated.of[len(stated.of) - len(stated.placed) :]

@@ -40,7 +40,7 @@ def example_text(name: str) -> str:
     known = example_names()
     if name not in known:
         raise PushplanError(
-            f"no packaged scenario is called '{name}'{nearest(name, known)} there are {', '.join(known)}"
+            f"no packaged scenario is called '{name}'{nearest(name, known)} available: {', '.join(known)}"
         )
     return (_FOLDER / (name + _SUFFIX)).read_text(encoding="utf-8")
 
@@ -92,7 +92,7 @@ def read_named(
             text += f"; did you mean '{beside}'?"
         elif isinstance(error, FileNotFoundError) and path.name == source:
             known = names_in(folder)
-            text += f"; no packaged {what} is called so either{nearest(source, known)} there are {', '.join(known)}"
+            text += f"; no packaged {what} has this name{nearest(source, known)} available: {', '.join(known)}"
         raise refused(str(source), [Finding("", text)]) from error
 
 

@@ -187,7 +187,7 @@ class Scenario:
             ChainError: If no load has that name.
         """
         if name not in self.task.by_name:
-            raise ChainError(f"no object is called {name!r}; there are {', '.join(self.task.by_name)}")
+            raise ChainError(f"no object is called {name!r}; allowed: {', '.join(self.task.by_name)}")
         if name not in self._alone:
             one = dataclasses.replace(self, source=b"", origin=None, task=self.transport.alone(name))
             self._alone[name] = dataclasses.replace(one, source=one.to_json().encode())

@@ -301,14 +301,14 @@ _HINTS = (
         "a ':' is not allowed here; indent the line like its neighbours, or quote the text",
     ),
     ("could not find expected ':'", "a key without ':' and value"),
-    ("expected <block end>, but found", "the line is not indented like its neighbours, or a bracket is left over"),
+    ("expected <block end>, but found", "the line is not indented like its neighbours, or there is an extra bracket"),
     ("expected ',' or ']'", "a list in [...] lacks a ',' or its ']'"),
     ("expected ',' or '}'", "a mapping in {...} lacks a ',' or its '}'"),
     ("unexpected end of stream", "a quoted text lacks its closing quote"),
     ("unexpected document separator", "a quoted text lacks its closing quote"),
     ("unknown escape character", "an unknown escape in a double-quoted text; write \\\\ for a backslash"),
     ("expected the node content", "a value is missing here"),
-    ("incompatible YAML document", "the file claims another YAML version; leave the %YAML line out"),
+    ("incompatible YAML document", "the file declares another YAML version; leave the %YAML line out"),
     ("expected '<document start>'", "something follows the end of the document; a file must hold one"),
 )
 

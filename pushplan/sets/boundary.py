@@ -18,7 +18,7 @@ from pushplan.sets.intervals import PROMISING, Brackets, Family, find_intervals,
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 MarginFunction = Callable[[FloatArray, float], FloatArray]
-"""margin(twists (k, 3), floor) -> (k,): exact above the floor; other values are any numbers up to the floor."""
+"""margin(twists (k, 3), floor) -> (k,): margins, exact above the floor; all others are any numbers up to it."""
 
 
 class Asked(NamedTuple):

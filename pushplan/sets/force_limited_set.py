@@ -28,7 +28,7 @@ def too_heavy_ahead(stable: StableSet) -> str:
 
 
 class ForceLimitedSet(StableSet):
-    """The twists of a set for which the robot has enough force, also from rest, as a push can stop anywhere.
+    """The twists of a set for which the robot has enough force, also from rest, because a push can stop anywhere.
 
     A margin is that of the inner set if the force suffices, and negative otherwise. The contact margins are always
     those of the inner set.
@@ -70,7 +70,7 @@ class ForceLimitedSet(StableSet):
         )
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
-        """Return the margins (k,) of checked twists (k, 3); margins below `floor` may be any number up to it."""
+        """Return the margins (k,) of checked twists (k, 3); see `StableSet` for `floor`."""
         margins = self.inside.margin_values(twists, floor)
         asked = margins > floor
         spare = STEEPNESS * (1.0 - self._force.steady(twists[asked]) / self._most)

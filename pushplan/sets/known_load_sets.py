@@ -81,7 +81,7 @@ class IntersectionSet(StableSet):
         return np.minimum(first, second)
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
-        """Return the margins (k,) of checked twists (k, 3); margins below `floor` may be any number up to it."""
+        """Return the margins (k,) of checked twists (k, 3); see `StableSet` for `floor`."""
         first, second = (part.margin_values(twists, floor) for part in self._sets)
         return np.minimum(first, second)
 
@@ -107,7 +107,7 @@ class EcofSet(StableSet):
         return contacts.contact_margins_of(self.packed, contacts.wrenches_of(self.packed, twists))
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
-        """Return the margins (k,) of checked twists (k, 3); margins below `floor` may be any number up to it."""
+        """Return the margins (k,) of checked twists (k, 3); see `StableSet` for `floor`."""
         return contacts.margins_of(self.packed, twists, floor)
 
 
@@ -162,7 +162,7 @@ class CofSet(StableSet):
 
 
 class TranslationSet(StableSet):
-    """Stable translations, without any twist that turns.
+    """Stable translations; twists with a rotation are not in the set.
 
     The margin of a translation is that of `ecof`. The margin of a twist that turns is at most minus the sine of its
     latitude on the twist sphere, so the margin is discontinuous at omega = 0. All CORs are at infinity.
@@ -183,7 +183,7 @@ class TranslationSet(StableSet):
 
     @property
     def loads_known(self) -> bool:
-        """Whether load and load distribution of every object are known numbers."""
+        """Whether every object's load and its distribution are known, without intervals."""
         return self._straight.loads_known
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:

@@ -51,7 +51,7 @@ class IntervalEcofSet(StableSet):
         return Wrenches(*uncertain.rows_of(self._packed, twists)).margins
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
-        """Return the margins (k,) of checked twists (k, 3); margins below `floor` may be any number up to it."""
+        """Return the margins (k,) of checked twists (k, 3); see `StableSet` for `floor`."""
         return uncertain.margins_of(self._packed, twists, float(floor))
 
 

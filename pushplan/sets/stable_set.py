@@ -61,7 +61,7 @@ class StableSet(ABC):
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
-        """Return the margins (k,) of checked twists (k, 3); margins below `floor` may be any number up to it."""
+        """Return the margins (k,) of checked twists (k, 3); results up to `floor` are upper bounds of the margin."""
         del floor
         return np.asarray(columns_of(self.contact_margin_values(twists)).min(axis=0), dtype=np.float64)
 

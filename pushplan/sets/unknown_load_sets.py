@@ -52,7 +52,7 @@ class _UnknownLoadSet(StableSet):
 
     @property
     def loads_known(self) -> bool:
-        """Whether load and load distribution of every object are known numbers."""
+        """Whether every object's load and its distribution are known, without intervals."""
         return self._as_numbers and super().loads_known
 
 
@@ -115,7 +115,7 @@ def contact_conditions(
         contact: The contact.
         hull: Corners (h, 2) of the hull S of the supports behind the contact, m.
         center: Centre of friction g (2,) of these supports, m.
-        offsets: Corners n (j, 2) of a polygon such that the centre can be anywhere in g + n, m.
+        offsets: Corners n (j, 2) of a polygon around g, relative to g, that contains all possible centres, m.
         length: Characteristic length, m.
     """
     facets = contact_rows(contact, length)[:2, None, :2]
@@ -176,5 +176,5 @@ class RobustSet(_UnknownLoadSet):
         return Wrenches(*uncertain.rows_of(self._packed, twists)).margins
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
-        """Return the margins (k,) of checked twists (k, 3); margins below `floor` may be any number up to it."""
+        """Return the margins (k,) of checked twists (k, 3); see `StableSet` for `floor`."""
         return uncertain.margins_of(self._packed, twists, float(floor))

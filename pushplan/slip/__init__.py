@@ -1,1 +1,1 @@
-"""The slip step: bodies on a floor whose contacts stick, slide, roll off an end, open and close again."""
+"""The slip simulator: bodies on a floor whose contacts stick, slide, rotate about an end, open and close."""

@@ -218,7 +218,7 @@ class World:
                 for one, own in zip(self.stacks, owned, strict=True)
             ]
         else:
-            raise ChainError(f"no object is called {name!r}; there are {', '.join(self.names)}")
+            raise ChainError(f"no object is called {name!r}; allowed: {', '.join(self.names)}")
         return replace(stacks[0], beside=tuple(stacks[1:]))
 
 

@@ -1,1 +1,1 @@
-"""What everything else may use: array types, shared words and names, texts for terminals, clocks, Ctrl-C."""
+"""Utilities for all other modules: array types, shared names, files, text for terminals, clocks and Ctrl-C."""

@@ -53,7 +53,7 @@ class Interruption:
     @contextlib.contextmanager
     def listening(self) -> Iterator[None]:
         """Set the flag at the first Ctrl-C in this context, and end the process at the second one."""
-        # A C library with callbacks can have dropped the exception of an earlier Ctrl-C, which still counts.
+        # A C library with callbacks can have dropped the exception of an earlier Ctrl-C.
         self.requested = self.requested or Interruption._dropped
         with _handling(self._note):
             yield

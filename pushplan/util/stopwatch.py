@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 
 class Stopwatch:
-    """Adds up the time of each phase; the time of an inner phase does not count towards the outer one.
+    """Adds up the time of each phase; the time of an inner phase is not part of the outer phase.
 
     Attributes:
         seconds: Time by phase, s.

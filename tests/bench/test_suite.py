@@ -224,7 +224,7 @@ def test_runs_that_broke_off_have_an_exit_code(suite: str, tmp_path: Path, capsy
 
 @pytest.mark.parametrize(("words", "message"), [
     (["smoke"], "name a folder for the results: pushplan bench smoke -o DIR"),
-    (["nosuite", "-o", "x"], "no packaged suite is called so either"),
+    (["nosuite", "-o", "x"], "no packaged suite has this name"),
     (["smoke", "-o", "x", "--jobs", "many"], "'many' is not a number of jobs"),
     (["smoke", "--compare", "a", "b", "--resume"], "--compare cannot be combined with SUITE and --resume"),
     (["smoke", "-o", "x", "--rerun", "ab", "--filter", "seed=1"], "--rerun cannot be combined with --filter"),

@@ -237,7 +237,7 @@ WRONG: dict[str, tuple[Callable[[ChainMaker], object], str]] = {
     "slid off": (lambda m: slid(m.boxes(2), [0.0, 0.5]), "has slid off the body that pushes it"),
     "backward": (lambda m: PushPath(np.zeros(3), AHEAD, np.array([-0.1])), "has a negative length"),
     "unscaled": (lambda m: PushPath(np.zeros(3), 2.0 * AHEAD, np.ones(1)), "must have a cost rate of 1 m/s"),
-    "whose mass": (lambda m: ranged(m, mass={"bux": (1.0, 2.0)}), "no object is called 'bux'; there are box0, box1"),
+    "whose mass": (lambda m: ranged(m, mass={"bux": (1.0, 2.0)}), "no object is called 'bux'; allowed: box0, box1"),
     "no interval": (lambda m: ranged(m, mass={"box0": (2.0, 1.0)}), "mass of 'box0' is the interval (2, 1);"),
     "no mass": (lambda m: ranged(m, mass={"box0": (0.0, 1.0)}), "mass of 'box0' is the interval (0, 1)"),
     "no friction": (lambda m: ranged(m, contact_friction={"box1": (-0.1, 1.0)}), "contact friction of 'box1' is the"),
