@@ -32,7 +32,7 @@ from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.goals import EXACT
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.room import placed, placement_troubles
+from pushplan.scenario.room import placed, placement_errors
 from pushplan.sets.force_limited_set import ForceLimitedSet
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
@@ -149,7 +149,7 @@ class PushSearch(TaskSearch):
             return
         wrong: list[str] = []
         for what, pose in zip(("start", "goal"), both, strict=True):
-            wrong += placement_troubles(what, placed(scenario.chain.bodies, pose), scenario)
+            wrong += placement_errors(what, placed(scenario.chain.bodies, pose), scenario)
         if wrong:
             raise PlanningError("; ".join(wrong))
 

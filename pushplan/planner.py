@@ -27,7 +27,7 @@ from pushplan.plans.settings import Observer, PlanOptions, PlanSettings, named
 from pushplan.plans.trajectory import SAMPLE_RATE
 from pushplan.scenario.file import scenario_of
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.one_load import troubles_at_first
+from pushplan.scenario.one_load import start_errors
 from pushplan.scenario.parts import Obstacle
 from pushplan.sets.named import add_set
 from pushplan.sets.stable_set import StableSet
@@ -92,11 +92,11 @@ class Planner:
         watch: Stopwatch | None = None,
         **options: Unpack[PlanOptions],
     ) -> None:
-        asked = PlanSettings(**options) if settings is None else settings
-        self.scenario = asked.applied(scenario)
-        self.planner_name, _ = planner_named(asked.planner or scenario.planner.name)
-        set_name = add_set(asked.stable_set or scenario.stability.set)
-        self.settings = replace(asked.completed(scenario), stable_set=set_name)
+        given = PlanSettings(**options) if settings is None else settings
+        self.scenario = given.applied(scenario)
+        self.planner_name, _ = planner_named(given.planner or scenario.planner.name)
+        set_name = add_set(given.stable_set or scenario.stability.set)
+        self.settings = replace(given.completed(scenario), stable_set=set_name)
         self.rate = rate
         with (watch or Stopwatch())("preparing"):
             self.began = time.perf_counter()
@@ -145,21 +145,21 @@ class Planner:
         given = {"seed": seed, "time_limit": time_limit, "iterations": iterations, "gap": gap, "observer": observer}
         known: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
         settings = replace(self.settings, first=first, **known)
-        scenario = self._asked(start, goal, robot)
+        scenario = self._with_poses(start, goal, robot)
         return self.solve(scenario, settings, Stopwatch(), began, timed, previous, explain)
 
-    def _asked(self, start: ArrayLike | None, goal: ArrayLike | None, robot: ArrayLike | None) -> Scenario:
+    def _with_poses(self, start: ArrayLike | None, goal: ArrayLike | None, robot: ArrayLike | None) -> Scenario:
         """Return the scenario with another start, goal and pose of the robot."""
         scenario, task = self.scenario, self.scenario.task
         if all(value is None for value in (start, goal, robot)):
             return scenario
-        asked = task.asked(
+        task = task.with_poses(
             None if start is None else _poses(start, "start")[0],
             None if goal is None else _poses(goal, "goal"),
             None if robot is None else _poses(robot, "robot")[0],
         )
-        scenario = replace(scenario, task=asked)
-        wrong = "" if task.held else "; ".join(text for _, text in troubles_at_first(scenario))
+        scenario = replace(scenario, task=task)
+        wrong = "" if task.held else "; ".join(text for _, text in start_errors(scenario))
         if wrong:
             raise PlanningError(wrong)
         return scenario

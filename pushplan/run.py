@@ -78,11 +78,11 @@ def fields_of(scenario: Scenario, settings: PlanSettings) -> dict[str, object]:
 
 def fields_of_plan(plan: Plan) -> dict[str, object]:
     """Return the settings of an existing plan for the log's metadata."""
-    asked = plan.scenario
+    scenario = plan.scenario
     return {
         "planner": plan.planner,
         "set": plan.stable_set,
         "seed": plan.seed,
-        "cost": asked.planner.cost,
-        "margin": asked.stability.margin,
+        "cost": scenario.planner.cost,
+        "margin": scenario.stability.margin,
     }

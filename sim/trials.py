@@ -29,7 +29,7 @@ from pushplan.sim.report import ContactLoss, ContactReport, with_margins
 from pushplan.sim.slip import slip
 from pushplan.slip.world import World
 from pushplan.util.arrays import BoolArray, FloatArray
-from pushplan.util.naming import code_of_others, name_of
+from pushplan.util.naming import name_of, user_code
 
 INERTIA = "inertia"
 """Mode of a contact that holds in a quasi-static trial but would be lost with inertia."""
@@ -330,7 +330,7 @@ def execute_trials(
 
     def one(i: int) -> tuple[ContactReport, bool, InertiaLoss | None]:
         world = sampled_world(plan.scenario, uncertainty, np.random.default_rng([seed, i]))
-        with code_of_others("simulator", simulator):
+        with user_code("simulator", simulator):
             report = simulator(plan, world)
         if not isinstance(report, ContactReport):
             what = f"the simulator {name_of(simulator)} returns a {type(report).__name__}"

@@ -26,7 +26,7 @@ from pushplan.plans.plan import Nearest
 from pushplan.plans.segment import Poses, Segment
 from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.one_load import troubles_at
+from pushplan.scenario.one_load import load_errors
 from pushplan.sets.force_limited_set import too_heavy_ahead
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, PUSH, RETREAT, TRANSIT, TRANSIT_CLEARANCE
@@ -280,7 +280,7 @@ def free_goals(scenario: Scenario) -> FloatArray:
     for goal in scenario.goals[scenario.load.name]:
         if max(se2.pose_error(scenario.start, goal.pose_chain)) < 1e-7:
             raise PlanningError("the load is at a goal already: there is nothing to push")
-        there = list(troubles_at(scenario, goal.pose_chain, "goal"))
+        there = list(load_errors(scenario, goal.pose_chain, "goal"))
         wrong += there
         if not there:
             free.append(goal.pose_chain)

@@ -22,7 +22,7 @@ from pushplan.planners.search.form import (
 )
 from pushplan.planners.search.session import Session
 from pushplan.plans.path import PushPath
-from pushplan.util.naming import code_of_others, is_of_others
+from pushplan.util.naming import is_user_code, user_code
 
 Factory = Callable[[Any], Any]
 """Builds an `ompl.base.Planner` from a space information; usually the planner's class."""
@@ -61,7 +61,7 @@ class Search:
         level = ou.getLogLevel()
         ou.setLogLevel(ou.LOG_NONE)  # reseeding prints an error message without a cause
         try:
-            with code_of_others("planner", self._make):
+            with user_code("planner", self._make):
                 return self._run()
         finally:
             ou.setLogLevel(level)
@@ -75,7 +75,7 @@ class Search:
                 session.offer(word)
             # If a free steering path from the start is enough, skip OMPL: this saves 0.1 ms, a seventh of a `Planner`
             # query. A user's planner is always built, so that its errors show.
-            if session.finished and isinstance(self._make, type) and not is_of_others(self._make):
+            if session.finished and isinstance(self._make, type) and not is_user_code(self._make):
                 return session.best_path
             self._information, self._definition = pose_problem(session, self._box, self._heading_length)
             self._planner = _made(self._make, self._information)

@@ -258,7 +258,7 @@ def _draw(_: str, run: RecordedRun, path: Path, how: Mapping[str, Any], console:
 
 
 def _write(name: str, run: RecordedRun, path: Path, how: Mapping[str, Any], console: Console) -> None:
-    from pushplan.util.naming import EXPORTER_NAMES, code_of_others, function_named
+    from pushplan.util.naming import EXPORTER_NAMES, function_named, user_code
 
     with console.working(f"writing {path}"):
         if name in WRITERS:
@@ -266,5 +266,5 @@ def _write(name: str, run: RecordedRun, path: Path, how: Mapping[str, Any], cons
             write = getattr(import_module(f"pushplan.logging.{module}"), function)
         else:
             write = function_named(name, EXPORTER_NAMES, "exporter")
-        with code_of_others("exporter", write):
+        with user_code("exporter", write):
             write(run, path, **how)

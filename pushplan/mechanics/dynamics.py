@@ -196,8 +196,8 @@ class ContactDynamics(MotionConditions):
 
     def _solved(self, twists: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return smallest rows, sizes and slopes; the last result is kept, because timing repeats twists."""
-        for asked, found in self._last:
-            if np.array_equal(asked, twists):
+        for known, found in self._last:
+            if np.array_equal(known, twists):
                 return found
         owner, first = sphere.directions(twists, self.chain.characteristic_length)
         rows, size, slopes = uncertain.sloped_rows_of(self.loads, twists[first])

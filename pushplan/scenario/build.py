@@ -26,7 +26,7 @@ from pushplan.scenario.one_load import (
     transport_of,
     turned_goals,
 )
-from pushplan.scenario.room import Attachments, placed, placement_troubles
+from pushplan.scenario.room import Attachments, placed, placement_errors
 from pushplan.scenario.schema import GatheringFile, GoalPose, ObjectGoal, RearrangementFile
 from pushplan.scenario.source import Place, Source, shorten
 from pushplan.scenario.units import highest, lowest
@@ -252,7 +252,7 @@ def _check_row(scenario: Scenario, row: Row, source: Source) -> None:
     # Every row is wider than this strip, so an obstacle of the strip is an obstacle of every row.
     narrow = np.array([[0.0, -1e-3], [length, -1e-3], [length, 1e-3], [0.0, 1e-3]])
     robot = placed(chain.carried, se2.compose(row.pose, se2.inverse(chain.pusher.plate_pose)))
-    for what in placement_troubles(
+    for what in placement_errors(
         "end", [(f"row of {length:.3g} m", se2.transform_points(row.pose, narrow)), *robot], scenario
     ):
         source.error(("goals", "row", "pose"), what)

@@ -271,12 +271,12 @@ def _footprint(file: RoomFile, parts: Sequence[Part], layout: Layout, source: So
     for i, part in enumerate(stated if isinstance(stated, tuple) else (stated,)):
         pose = se2.compose(layout.plate_pose, np.array(part.pose))
         outlines.append(se2.transform_points(pose, outline_of(part)))
-        for trouble in _footprint_troubles(outlines[-1], parts, layout):
-            source.error(("robot", "footprint", i) if several else ("robot", "footprint"), trouble)
+        for error in _footprint_errors(outlines[-1], parts, layout):
+            source.error(("robot", "footprint", i) if several else ("robot", "footprint"), error)
     return tuple(outlines)
 
 
-def _footprint_troubles(outline: FloatArray, parts: Sequence[Part], layout: Layout) -> Iterator[str]:
+def _footprint_errors(outline: FloatArray, parts: Sequence[Part], layout: Layout) -> Iterator[str]:
     """Yield a sentence for every object that a part of the robot meets."""
     plate = shapely.Polygon(layout.plate).buffer(TOUCH, join_style="mitre")
     for part, object_outline in zip(parts, layout.outlines, strict=True):

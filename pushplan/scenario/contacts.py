@@ -38,9 +38,9 @@ def find_segments(parts: Sequence[Part], layout: Layout, source: Source) -> dict
         touching = _touching(i, parts, layout, source)
         if touching is None:
             continue
-        trouble = _trouble(i, touching, parts, layout)
-        if trouble is not None:
-            source.error(("objects", i), trouble)
+        error = _contact_error(i, touching, parts, layout)
+        if error is not None:
+            source.error(("objects", i), error)
             continue
         for j, gap in _nearly_touching(i, layout):
             source.error(
@@ -98,7 +98,7 @@ def _is_sideways(along: FloatArray) -> BoolArray:
     return np.asarray(np.abs(along[..., 1]) <= math.tan(SIDEWAYS) * np.abs(along[..., 0]))
 
 
-def _trouble(i: int, touching: Mapping[int, FloatArray], parts: Sequence[Part], layout: Layout) -> str | None:
+def _contact_error(i: int, touching: Mapping[int, FloatArray], parts: Sequence[Part], layout: Layout) -> str | None:
     """Return the reason why object i has no single contact; None if it has one."""
     name = f"'{parts[i].name}'"
     if len(touching) > 1:

@@ -135,9 +135,9 @@ def lay_out(
 def _origin(plate: Named, part: Part, pose: FloatArray, source: Source, within: Snap | None) -> FloatArray | None:
     """Return the new position (2,) of the chain frame's origin, or report why the first part cannot be pushed."""
     body = part.name, se2.transform_points(pose, part.outline)
-    trouble, touch = describe_overlap(plate, body), find_touch(plate[1], body[1])
-    if trouble is not None or touch is None or len(touch) == 0:
-        source.error(("objects", 0), trouble or describe_gap(plate, body))
+    error, touch = describe_overlap(plate, body), find_touch(plate[1], body[1])
+    if error is not None or touch is None or len(touch) == 0:
+        source.error(("objects", 0), error or describe_gap(plate, body))
         return None
     origin = touch[0].mean(axis=0).round(15)  # to keep symmetry exact
     away = float(np.linalg.norm(origin))

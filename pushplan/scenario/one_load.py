@@ -19,7 +19,7 @@ from pushplan.scenario.goals import Goal, Poses, TaskGoal
 from pushplan.scenario.layout import millimetres
 from pushplan.scenario.loads import PlacedLoad
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.room import Attachments, build_surroundings, placed, placement_troubles
+from pushplan.scenario.room import Attachments, build_surroundings, placed, placement_errors
 from pushplan.scenario.schema import GoalPose, RearrangementFile, RoomFile, ScenarioFile
 from pushplan.scenario.source import Place, Source
 from pushplan.scenario.task import Push, Transport
@@ -97,8 +97,8 @@ def one_load(source: Source, attachments: Attachments) -> Scenario | None:
             ("goal", ("goal", "pose"), scenario.goal.pose_chain),
         ):
             if what not in doubtful:
-                for trouble in placement_troubles(what, placed(scenario.chain.bodies, pose), scenario):
-                    source.error(place, trouble)
+                for error in placement_errors(what, placed(scenario.chain.bodies, pose), scenario):
+                    source.error(place, error)
     elif not doubtful & {"start", "goal", "robot"}:
         check_pushes(scenario, (*next(iter(stated)), "pose"), source)
     return scenario
@@ -186,21 +186,21 @@ def check_pushes(scenario: Scenario, goal: Place, source: Source) -> None:
             why = f"the robot keeps {kept:.6g} m from the objects in transit"
             what = f"is {getattr(task, name):.6g} m, but {why}; allowed: at least {least:.6g}"
             source.error(("pushes", name), what)
-    for place, what in troubles_at_first(scenario):
+    for place, what in start_errors(scenario):
         source.error(place, what)
-    taken = [list(troubles_at(scenario, one.pose_chain, "goal")) for one in scenario.goals[scenario.load.name]]
+    taken = [list(load_errors(scenario, one.pose_chain, "goal")) for one in scenario.goals[scenario.load.name]]
     if all(taken):
         for what in taken[0]:
             source.error(goal, what)
 
 
-def troubles_at_first(scenario: Scenario) -> Iterator[tuple[Place, str]]:
+def start_errors(scenario: Scenario) -> Iterator[tuple[Place, str]]:
     """Yield a place in the file and a sentence for every object and robot part in collision at the start."""
     chain = scenario.chain
-    for what in troubles_at(scenario, scenario.start, "start"):
+    for what in load_errors(scenario, scenario.start, "start"):
         yield ("start",), what
     robot = placed(chain.carried, scenario.robot_start)
-    for what in placement_troubles("robot's start", robot, scenario):
+    for what in placement_errors("robot's start", robot, scenario):
         yield ("robot", "start"), what
     for name, outline in robot:
         for other, standing in placed(_objects(chain), scenario.start):
@@ -210,9 +210,9 @@ def troubles_at_first(scenario: Scenario) -> Iterator[tuple[Place, str]]:
                 yield ("robot", "start"), what
 
 
-def troubles_at(scenario: Scenario, load: FloatArray, what: str) -> Iterator[str]:
+def load_errors(scenario: Scenario, load: FloatArray, what: str) -> Iterator[str]:
     """Yield a sentence for each object in collision with the load at a pose (3,): its `start` or a `goal`."""
-    return placement_troubles(what, placed(_objects(scenario.chain), load), scenario)
+    return placement_errors(what, placed(_objects(scenario.chain), load), scenario)
 
 
 def _objects(chain: Chain) -> list[Body]:

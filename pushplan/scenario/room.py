@@ -31,7 +31,7 @@ MOST_ATTACHED = 16 << 20
 ROUNDING = 1e-9
 """Rounding error of distances that is allowed below the clearance, m."""
 
-MOST_TOLD = 20
+MOST_LISTED = 20
 """Largest number of obstacles that are listed for one body."""
 
 _OUTSIDE = "a file in the scenario's folder"
@@ -116,7 +116,7 @@ def placed(bodies: Iterable[Body], pose: FloatArray) -> list[tuple[str, FloatArr
     return [(body.name, se2.transform_points(pose, body.outline)) for body in bodies]
 
 
-def placement_troubles(what: str, bodies: Sequence[tuple[str, FloatArray]], room: Scenario) -> Iterator[str]:
+def placement_errors(what: str, bodies: Sequence[tuple[str, FloatArray]], room: Scenario) -> Iterator[str]:
     """Yield a sentence for every body that leaves the workspace or is too near to an obstacle.
 
     Args:
@@ -128,14 +128,14 @@ def placement_troubles(what: str, bodies: Sequence[tuple[str, FloatArray]], room
     boxes = np.array([obstacle.box for obstacle in obstacles]).reshape(-1, 2, 2)
     for name, outline in bodies:
         low, high = outline.min(axis=0), outline.max(axis=0)
-        troubles = list(_beyond_walls(low.tolist(), high.tolist(), room.workspace, clearance))
+        errors = list(_beyond_walls(low.tolist(), high.tolist(), room.workspace, clearance))
         beside = (boxes[:, 0] <= high + 2.0 * clearance) & (boxes[:, 1] >= low - 2.0 * clearance)
         near = np.flatnonzero(beside.all(axis=1))
         all_near = filter(None, (_too_near(outline, obstacles[i], clearance) for i in near.tolist()))
-        troubles += islice(all_near, MOST_TOLD)
+        errors += islice(all_near, MOST_LISTED)
         if any(all_near):
-            troubles.append(f"is too near to more obstacles; only the first {MOST_TOLD} are listed")
-        yield from (f"at the {what}, '{name}' {trouble}" for trouble in troubles)
+            errors.append(f"is too near to more obstacles; only the first {MOST_LISTED} are listed")
+        yield from (f"at the {what}, '{name}' {error}" for error in errors)
 
 
 def _beyond_walls(

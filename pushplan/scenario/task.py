@@ -51,7 +51,7 @@ class Task(ABC):
         """Loads in contact with the plate at the start."""
 
     @abstractmethod
-    def asked(self, start: FloatArray | None, goals: FloatArray | None, robot: FloatArray | None) -> Task:
+    def with_poses(self, start: FloatArray | None, goals: FloatArray | None, robot: FloatArray | None) -> Task:
         """Return the task with another start (3,), goals (g, 3) and plate pose (3,); None keeps a value.
 
         Raises:
@@ -138,7 +138,7 @@ class Push(Task):
         """See `Task`."""
         return self.loads
 
-    def asked(self, start: FloatArray | None, goals: FloatArray | None, robot: FloatArray | None) -> Task:
+    def with_poses(self, start: FloatArray | None, goals: FloatArray | None, robot: FloatArray | None) -> Task:
         """See `Task`."""
         if goals is not None and len(goals) > 1:
             raise PlanningError(f"a single push has one goal, not {len(goals)}")
@@ -218,7 +218,7 @@ class Transport(Task):
         """See `Task`."""
         return ()
 
-    def asked(self, start: FloatArray | None, goals: FloatArray | None, robot: FloatArray | None) -> Task:
+    def with_poses(self, start: FloatArray | None, goals: FloatArray | None, robot: FloatArray | None) -> Task:
         """See `Task`."""
         given = {"start": start, "goal": goals, "robot": robot}
         wrong = [name for name, value in given.items() if value is not None]

@@ -21,7 +21,7 @@ MarginFunction = Callable[[FloatArray, float], FloatArray]
 """margin(twists (k, 3), floor) -> (k,): margins, exact above the floor; all others are any numbers up to it."""
 
 
-class Asked(NamedTuple):
+class BoundaryProblem(NamedTuple):
     """Definition of a boundary: the points at which the margin of a set falls below a minimum.
 
     Attributes:
@@ -197,10 +197,10 @@ Gaps = tuple[IntArray, IntArray, FloatArray]
 """Indices (g,) of the meridians to the left and to the right of gaps, and longitudes (g,) in the gaps."""
 
 
-def put_between(asked: Asked, table: Table, gaps: Gaps) -> tuple[Table, BoolArray]:
+def put_between(problem: BoundaryProblem, table: Table, gaps: Gaps) -> tuple[Table, BoolArray]:
     """Return the table with a new meridian in each gap, and whether the boundary still bends in each gap (g,)."""
     left, right, middle = gaps
-    f, found = asked.excess(middle), []
+    f, found = problem.excess(middle), []
     lost = table.counts[left] + table.counts[right] > 0
     for wider in _WIDER:
         member, x = boundary.probes(table, gaps, np.flatnonzero(lost), wider)
@@ -216,7 +216,7 @@ def put_between(asked: Asked, table: Table, gaps: Gaps) -> tuple[Table, BoolArra
     return table.joined(new._replace(bend=bend)), more
 
 
-def search_again(asked: Asked, table: Table) -> tuple[Table, IntArray]:
+def search_again(problem: BoundaryProblem, table: Table) -> tuple[Table, IntArray]:
     """Search again on meridians with fewer intervals than a neighbour, around the intervals of both neighbours.
 
     The first and the last meridian are neighbours or the same.
@@ -228,7 +228,7 @@ def search_again(asked: Asked, table: Table) -> tuple[Table, IntArray]:
     before, after = np.roll(order, 1), np.roll(order, -1)
     k = np.flatnonzero(table.counts[order] < np.maximum(table.counts[before], table.counts[after]))
     poor = order[k]
-    f = asked.excess(table.at[poor])
+    f = problem.excess(table.at[poor])
     found = _searched(f, table, (before[k], after[k], table.at[poor]), np.arange(len(k)))
     new = Table.of(table.at[poor], found.member, found.narrowed(f))
     gained = np.flatnonzero(new.counts > table.counts[poor])
@@ -262,38 +262,38 @@ class RefinedMeridians:
     meridians: Meridians
 
 
-def find_meridians(asked: Asked, longitude: FloatArray) -> Meridians:
+def find_meridians(problem: BoundaryProblem, longitude: FloatArray) -> Meridians:
     """Return all intervals of latitude with margin > minimum at longitudes (m,), rad.
 
     The margin also exceeds the minimum at the ends.
     """
-    table = first_meridians(asked)
+    table = first_meridians(problem)
     order = np.argsort(table.at)
     around = np.where(np.abs(longitude) > np.pi, np.arctan2(np.sin(longitude), np.cos(longitude)), longitude)
     gap = np.searchsorted(table.at[order[1:-1]], around, "right")
     place = len(table.at) + np.arange(len(around))
-    table, _ = put_between(asked, table, (order[gap], order[gap + 1], around))
+    table, _ = put_between(problem, table, (order[gap], order[gap + 1], around))
     gained = place
     while len(gained):
-        table, gained = search_again(asked, table)
+        table, gained = search_again(problem, table)
     found = table.chosen(place)
     return found._replace(at=longitude).meridians()
 
 
-def refine_meridians(asked: Asked) -> RefinedMeridians:
+def refine_meridians(problem: BoundaryProblem) -> RefinedMeridians:
     """Return the meridians of a set, with gaps halved until the boundary is flat to `boundary.FLATNESS`."""
-    table = first_meridians(asked)
+    table = first_meridians(problem)
     doubtful = np.arange(len(table.at))
     while len(doubtful):
         order = np.argsort(table.at)
         k = np.flatnonzero(np.isin(order[:-1], doubtful) | np.isin(order[1:], doubtful))
-        table = _refined(asked, table, order[k], order[k + 1])
-        table, doubtful = search_again(asked, table)
+        table = _refined(problem, table, order[k], order[k + 1])
+        table, doubtful = search_again(problem, table)
     table = table.chosen(np.argsort(table.at))
     return RefinedMeridians(table.at, table.meridians())
 
 
-def _refined(asked: Asked, table: Table, left: IntArray, right: IntArray) -> Table:
+def _refined(problem: BoundaryProblem, table: Table, left: IntArray, right: IntArray) -> Table:
     """Halve the gaps between meridians until the boundary is flat in them."""
     while True:
         wide = table.at[right] - table.at[left] > SMALLEST_GAP
@@ -302,30 +302,30 @@ def _refined(asked: Asked, table: Table, left: IntArray, right: IntArray) -> Tab
             return table
         left, right, new = left[k], right[k], len(table.at) + np.arange(len(k))
         middle = 0.5 * (table.at[left] + table.at[right])
-        table, bent = put_between(asked, table, (left, right, middle))
+        table, bent = put_between(problem, table, (left, right, middle))
         left, right, new = left[bent], right[bent], new[bent]
         left, right = np.concatenate([left, new]), np.concatenate([new, right])
 
 
-def first_meridians(asked: Asked) -> Table:
+def first_meridians(problem: BoundaryProblem) -> Table:
     """Return meridians a few degrees apart, and one through every component that climbing from samples finds.
 
     If none of them has an interval, the samples are repeated with the spacing of `margin_peaks`.
     """
-    table = _sampled_meridians(asked, _FIRST)
-    return table if table.counts.any() else _sampled_meridians(asked, _SHAPE)
+    table = _sampled_meridians(problem, _FIRST)
+    return table if table.counts.any() else _sampled_meridians(problem, _SHAPE)
 
 
-def _sampled_meridians(asked: Asked, shape: tuple[int, int]) -> Table:
-    floor = asked.minimum - PROMISING
-    samples = SphereSamples.of(asked.margin, asked.length, floor, shape)
+def _sampled_meridians(problem: BoundaryProblem, shape: tuple[int, int]) -> Table:
+    floor = problem.minimum - PROMISING
+    samples = SphereSamples.of(problem.margin, problem.length, floor, shape)
     at, values = samples.maxima(floor)
-    at, values = at[values <= asked.minimum], values[values <= asked.minimum]
-    climb(asked.margin, asked.length, at, values, np.pi / shape[1], asked.minimum)
-    seeds = at[values > asked.minimum]
+    at, values = at[values <= problem.minimum], values[values <= problem.minimum]
+    climb(problem.margin, problem.length, at, values, np.pi / shape[1], problem.minimum)
+    seeds = at[values > problem.minimum]
     longitude = np.concatenate([samples.longitude, np.arctan2(seeds[:, 1], seeds[:, 0])])
-    f, rows = asked.excess(longitude), samples.on_meridians(floor)
-    rows[:, 2] -= asked.minimum
+    f, rows = problem.excess(longitude), samples.on_meridians(floor)
+    rows[:, 2] -= problem.minimum
     latitude = np.tile(samples.latitude, (len(seeds), 1))
     latitude = np.sort(np.column_stack([latitude, np.arcsin(seeds[:, 2])]), axis=1)
     member = len(samples.longitude) + np.repeat(np.arange(len(seeds)), latitude.shape[1])

@@ -72,9 +72,9 @@ class ForceLimitedSet(StableSet):
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
         """Return the margins (k,) of checked twists (k, 3); see `StableSet` for `floor`."""
         margins = self.inside.margin_values(twists, floor)
-        asked = margins > floor
-        spare = STEEPNESS * (1.0 - self._force.steady(twists[asked]) / self._most)
-        margins[asked] = np.minimum(margins[asked], np.maximum(spare, -1.0))
+        exact = margins > floor
+        spare = STEEPNESS * (1.0 - self._force.steady(twists[exact]) / self._most)
+        margins[exact] = np.minimum(margins[exact], np.maximum(spare, -1.0))
         return margins
 
 

@@ -19,11 +19,11 @@ from numpy.typing import ArrayLike
 from pushplan.errors import ExtensionError, PushplanError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import POLE, Meridians, TurningRadii, by_direction, checked_twists, twists_at
-from pushplan.sets.boundary import Asked, RefinedMeridians, find_meridians, margin_peaks, refine_meridians
+from pushplan.sets.boundary import BoundaryProblem, RefinedMeridians, find_meridians, margin_peaks, refine_meridians
 from pushplan.sets.cor import Window, cor_polygons
 from pushplan.sets.intervals import inner_ends, maximise
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray, columns_of, frozen
-from pushplan.util.naming import code_of_others, is_of_others, name_of
+from pushplan.util.naming import is_user_code, name_of, user_code
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -43,7 +43,7 @@ class StableSet(ABC):
         """Add checks of results and errors to the methods of a user's set."""
         super().__init_subclass__()
         for method in ("__init__", "contact_margin_values", "margin_values"):
-            if method in vars(cls) and is_of_others(cls):
+            if method in vars(cls) and is_user_code(cls):
                 setattr(cls, method, _checked(cls, vars(cls)[method]))
 
     def __init__(self, chain: Chain) -> None:
@@ -93,11 +93,11 @@ class StableSet(ABC):
         """
         if count < 1:
             raise PushplanError(f"count is {count}; it must be at least 1")
-        asked = float(minimum_margin), int(count)
-        if asked not in self._meridians:
+        key = float(minimum_margin), int(count)
+        if key not in self._meridians:
             longitude = -np.pi + 2.0 * np.pi * np.arange(count) / count
-            self._meridians[asked] = self._find_meridians(longitude, asked[0])
-        return self._meridians[asked]
+            self._meridians[key] = self._find_meridians(longitude, key[0])
+        return self._meridians[key]
 
     def refined_meridians(self, minimum_margin: float = 0.0) -> RefinedMeridians:
         """Return the stable intervals on meridians that are spaced as the boundary requires."""
@@ -134,13 +134,13 @@ class StableSet(ABC):
         return sphere_area(self.refined_meridians())
 
     def _find_meridians(self, longitude: FloatArray, minimum: float) -> Meridians:
-        return find_meridians(self._asked(minimum), longitude)
+        return find_meridians(self._problem(minimum), longitude)
 
     def _refine_meridians(self, minimum: float) -> RefinedMeridians:
-        return refine_meridians(self._asked(minimum))
+        return refine_meridians(self._problem(minimum))
 
-    def _asked(self, minimum: float) -> Asked:
-        return Asked(self.margin_values, self.chain.characteristic_length, minimum)
+    def _problem(self, minimum: float) -> BoundaryProblem:
+        return BoundaryProblem(self.margin_values, self.chain.characteristic_length, minimum)
 
 
 def _checked(kind: type[StableSet], method: Callable[..., Any]) -> Callable[..., Any]:
@@ -148,7 +148,7 @@ def _checked(kind: type[StableSet], method: Callable[..., Any]) -> Callable[...,
 
     @wraps(method)
     def checked(self: StableSet, *args: Any, **kwargs: Any) -> Any:
-        with code_of_others("stable set", kind):
+        with user_code("stable set", kind):
             values = method(self, *args, **kwargs)
             if method.__name__ == "__init__":
                 return values

@@ -152,13 +152,13 @@ def name_of(made: Any) -> str:
     return f"{kind.__module__}:{kind.__qualname__}"
 
 
-def is_of_others(made: Any) -> bool:
+def is_user_code(made: Any) -> bool:
     """Return whether a class or function is neither pushplan's nor OMPL's."""
     return name_of(made).partition(":")[0].partition(".")[0] not in ("ompl", "pushplan")
 
 
 @contextmanager
-def code_of_others(kind: str, made: Any) -> Iterator[None]:
+def user_code(kind: str, made: Any) -> Iterator[None]:
     """Convert an error of an extension to one with its name, file and line.
 
     Args:
@@ -173,7 +173,7 @@ def code_of_others(kind: str, made: Any) -> Iterator[None]:
     except PushplanError:
         raise
     except Exception as error:
-        if not is_of_others(made):
+        if not is_user_code(made):
             raise
         what = f"the {kind} {name_of(made)} fails{_place(error)}"
         raise ExtensionError(f"{what}: {type(error).__name__}: {error}") from error

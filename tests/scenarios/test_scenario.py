@@ -21,7 +21,7 @@ from pushplan.scenario.check import check_scenario, questions
 from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import CircleObstacle, PolygonObstacle
-from pushplan.scenario.room import MOST_TOLD
+from pushplan.scenario.room import MOST_LISTED
 
 FEET = "support: {feet: [[0.04, 0.03], [-0.04, 0.03], [0, -0.03]]}"
 
@@ -147,9 +147,9 @@ def test_a_body_amid_thousands_has_a_few_sentences(form: str) -> None:
     """Nobody reads thousands of lines."""
     findings = [finding.what for finding in _refusal(_met(form, 600)).findings]
     near = [what for what in findings if "'box'" in what]
-    assert 2 <= len(near) <= MOST_TOLD + 1  # those in the same place have the same sentence
+    assert 2 <= len(near) <= MOST_LISTED + 1  # those in the same place have the same sentence
     assert near[0].startswith("at the start, 'box' overlaps the obstacle at (")
-    assert near[-1] == (f"at the start, 'box' is too near to more obstacles; only the first {MOST_TOLD} are listed")
+    assert near[-1] == (f"at the start, 'box' is too near to more obstacles; only the first {MOST_LISTED} are listed")
 
 
 @pytest.mark.parametrize(("form", "make"), [("circle", _free), ("polygon", _met)])
