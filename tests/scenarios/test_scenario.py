@@ -73,7 +73,7 @@ def test_an_empty_stable_set_is_found_at_the_contact_that_makes_it_empty(valid: 
     assert (unknown.where, unknown.line) == ("stability.set", 31)
     slippery = check_scenario(valid.scenario(("friction: 0.20", "friction: 0")))
     assert [finding.where for finding in slippery] == ["contacts"]
-    assert slippery[0].what.startswith("the stable set is empty: no push keeps 'far' on 'near' together")
+    assert slippery[0].what.startswith("the stable set is empty: no push keeps the contact of 'far' on 'near'")
     plate = check_scenario(valid.scenario(("friction: 0.55", "friction: 0")))
     assert [finding.where for finding in plate] == ["pusher.friction"]
     assert "(the largest margin is 0)" in plate[0].what
