@@ -40,7 +40,7 @@ def test_every_example_passes_its_check(name: str, capsys: Captured) -> None:
         assert found[place]["room"] is None or found[place]["room"] > 0.0
 
 
-def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captured) -> None:
+def test_stable_set_prints_cones_radii_and_regions(tmp_path: Path, capsys: Captured) -> None:
     assert main(["stable-set", "two-crates", "--json", "--plot", str(tmp_path / "s.svg")]) == 0
     found = json.loads(capsys.readouterr().out)
     stable = stable_set(load_scenario("two-crates").chain, "ecof")
@@ -88,7 +88,7 @@ def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captur
     (["plan", "two-crates", "--panels", "set"], "--panels has no effect without --plot"),
     (["replay", "no-such.mcap", "--rate", "2"], "--rate has no effect without --mp4"),
 ])  # fmt: skip
-def test_wrong_words_end_with_a_message_and_exit_code_2(words: list[str], message: str, capsys: Captured) -> None:
+def test_wrong_arguments_give_a_message_and_exit_code_2(words: list[str], message: str, capsys: Captured) -> None:
     assert main(words) == 2
     out, err = capsys.readouterr()
     assert out == ""
@@ -103,7 +103,7 @@ def examples_into(out: Any) -> tuple[int, bytes]:
     return done.returncode, done.stderr
 
 
-def test_a_reader_that_leaves_early_sees_no_error_and_a_full_disk_is_no_defect() -> None:
+def test_a_closed_pipe_is_no_error_and_a_full_disk_has_its_message() -> None:
     reader, writer = os.pipe()
     os.close(reader)
     assert examples_into(writer) == (141, b"")
@@ -112,14 +112,14 @@ def test_a_reader_that_leaves_early_sees_no_error_and_a_full_disk_is_no_defect()
         assert examples_into(full) == (1, b"error: No space left on device\n")
 
 
-def test_wrong_words_are_data_in_json_mode(capsys: Captured) -> None:
+def test_wrong_arguments_are_json_in_json_mode(capsys: Captured) -> None:
     assert main(["plan", "two-crates", "--seed", "x", "--json"]) == 2
     error = json.loads(capsys.readouterr().out)["error"]
     assert error["kind"] == "UsageError"
     assert "'x' is not a seed" in error["message"]
 
 
-def test_code_that_a_file_names_is_told_before_its_import_or_refused(
+def test_code_named_in_a_file_is_announced_before_its_import_or_refused(
     tmp_path: Path, monkeypatch: Patch, capsys: Captured
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -142,7 +142,7 @@ def test_code_that_a_file_names_is_told_before_its_import_or_refused(
     ("plan two-crates --pl", {"plain,--planner", "plain,--plot"}),
     ("examples narr", {"plain,narrow-gap", "file,narr"}), ("completion f", {"plain,fish"}),
 ])  # fmt: skip
-def test_words_are_completed(typed: str, offered: set[str], monkeypatch: Patch, capsys: Captured) -> None:
+def test_arguments_are_completed(typed: str, offered: set[str], monkeypatch: Patch, capsys: Captured) -> None:
     words = f"pushplan {typed}"
     monkeypatch.setenv("_PUSHPLAN_COMPLETE", "bash_complete")
     monkeypatch.setenv("COMP_WORDS", words)
@@ -179,7 +179,7 @@ def test_every_template_passes_its_check_and_plans(drive: str, capsys: Captured)
 
 
 @pytest.mark.parametrize("drive", ["differential", "car"])
-def test_turns_that_are_too_wide_for_the_room_are_told_before_planning(drive: str, capsys: Captured) -> None:
+def test_turns_too_wide_for_the_room_are_reported_before_planning(drive: str, capsys: Captured) -> None:
     assert main(["new", "mine", "--drive", drive]) == 0
     text = Path("mine.yaml").read_text()
     Path("mine.yaml").write_text(re.sub(r"(?m)^  pose: .*$", "  pose: [3.0, 1.8, 90 deg]", text))
@@ -204,7 +204,7 @@ def test_a_file_is_never_overwritten(capsys: Captured) -> None:
 OUTPUTS = {"layout": "s.yaml", "csv": "mine.csv", "trajectory": "mine.json", "html": "mine.html", "plot": "mine.png"}
 
 
-def test_no_file_of_the_user_is_replaced_unless_that_is_asked_for(capsys: Captured) -> None:
+def test_files_of_the_user_are_replaced_only_on_request(capsys: Captured) -> None:
     assert main(["plan", "one-box", "--first", "-o", "run.mcap", "--no-page"]) == 0
     for name in OUTPUTS.values():
         Path(name).write_text("format: pushplan/1")
@@ -217,7 +217,7 @@ def test_no_file_of_the_user_is_replaced_unless_that_is_asked_for(capsys: Captur
         assert main(words) == 0  # it is one now
 
 
-def test_a_folder_with_other_files_gets_no_benchmark(capsys: Captured) -> None:
+def test_a_folder_with_other_files_is_refused_as_output_of_a_benchmark(capsys: Captured) -> None:
     suite = "format: pushplan-suite/1\nproblems: [one-box]\nplanners: [{name: auto, first: true}]\nseeds: 1\n"
     Path("suite.yaml").write_text(suite)
     Path("out").mkdir()
@@ -257,7 +257,7 @@ class Terminal(io.StringIO):
 
 
 @pytest.mark.parametrize("live", [False, True])
-def test_slow_work_shows_a_line_with_the_latest_news(live: bool, monkeypatch: Patch) -> None:
+def test_slow_work_shows_its_progress_in_one_line(live: bool, monkeypatch: Patch) -> None:
     monkeypatch.setattr(console_module, "DELAY", 0.02)
     monkeypatch.setenv("TERM", "xterm")
     stream = Terminal() if live else io.StringIO()
@@ -321,7 +321,7 @@ def test_every_failure_has_its_exit_code_and_message_and_a_defect_its_traceback_
 BIDIRECTIONAL = {"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"}
 
 
-def test_what_a_terminal_would_obey_is_escaped_and_what_people_write_stays() -> None:
+def test_terminal_control_characters_are_escaped_and_other_text_stays() -> None:
     for character in printable("".join(map(chr, range(1 << 16)))):
         assert unicodedata.category(character) not in ("Cc", "Cs", "Zl", "Zp")
         assert unicodedata.bidirectional(character) not in BIDIRECTIONAL

@@ -38,7 +38,7 @@ def planned(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Any]:
     return {"code": done.returncode, "out": done.stdout, "err": done.stderr, **files}
 
 
-def test_plan_prints_one_json_object_whose_numbers_fit_together(planned: Mapping[str, Any]) -> None:
+def test_plan_prints_one_consistent_json_object(planned: Mapping[str, Any]) -> None:
     assert planned["code"] == 0, planned["err"]
     assert planned["out"].count("\n") == 1
     assert "two-crates: solved" in planned["err"]
@@ -92,7 +92,7 @@ def test_replay_reports_a_mismatch_with_exit_code_4(
     assert "pose: differs by 0.001" in out
 
 
-def test_replay_shows_what_a_cut_off_log_still_has(
+def test_replay_shows_the_rest_of_a_truncated_log(
     planned: Mapping[str, Any], tmp_path: Path, capsys: Captured
 ) -> None:
     data = planned["log"].read_bytes()
@@ -115,7 +115,7 @@ def test_replay_shows_what_a_cut_off_log_still_has(
     (WALL, "obstacles and walls separate the start from the goal: "),
     (example_text("narrow-gap").replace("1.33", "1.26"), "no path found within the time limit of 60 s or 300 itera"),
 ])  # fmt: skip
-def test_a_plan_not_found_is_logged_all_the_same(text: str, reason: str, tmp_path: Path, capsys: Captured) -> None:
+def test_a_run_without_a_plan_is_logged_too(text: str, reason: str, tmp_path: Path, capsys: Captured) -> None:
     file, log = tmp_path / "blocked.yaml", tmp_path / "run.mcap"
     file.write_text(text)
     words = ["plan", str(file), "--time-limit", "60", "--iterations", "300", "-o", str(log), "--json"]
@@ -135,7 +135,9 @@ def test_a_plan_not_found_is_logged_all_the_same(text: str, reason: str, tmp_pat
     assert (tmp_path / "p.png").stat().st_size > 10_000
 
 
-def test_a_log_is_no_scenario_and_replaces_none(planned: Mapping[str, Any], tmp_path: Path, capsys: Captured) -> None:
+def test_a_log_is_not_a_scenario_and_replaces_none(
+    planned: Mapping[str, Any], tmp_path: Path, capsys: Captured
+) -> None:
     assert main(["plan", str(planned["log"])]) == 2
     assert (
         "run.mcap:1:1: this is a run log, not a scenario; read it with `pushplan replay`" in capsys.readouterr().err
@@ -147,7 +149,7 @@ def test_a_log_is_no_scenario_and_replaces_none(planned: Mapping[str, Any], tmp_
     assert mine.read_text() == example_text("one-box")
 
 
-def test_what_a_log_says_is_shown_escaped_and_told_exactly(tmp_path: Path, capsys: Captured) -> None:
+def test_texts_of_a_log_are_escaped_on_screen_and_exact_in_json(tmp_path: Path, capsys: Captured) -> None:
     evil = "\x1b]0;owned\x07 \u202eno plan"
     path = tmp_path / "run.mcap"
     with RunLogWriter.create(path, load_scenario("free-space"), {}) as writer:

@@ -67,12 +67,12 @@ def test_separation_is_a_lower_bound_and_exact_when_near() -> None:
     assert overlaps > 20
 
 
-def test_the_core_counts_as_the_rest_does() -> None:
+def test_the_core_uses_the_same_constants() -> None:
     assert collision.CLEARANCE_ROOM == CLEARANCE_ROOM
     assert problem.TURN_WEIGHT == TURN_WEIGHT
 
 
-def test_a_free_sweep_never_comes_close_and_a_refused_one_does() -> None:
+def test_free_sweeps_keep_the_clearance_and_refused_ones_do_not() -> None:
     rng = np.random.default_rng(2)
     free = refused = 0
     for _ in range(70):
@@ -120,7 +120,7 @@ def _world(rng: np.random.Generator, count: int) -> tuple[list[FloatArray], Floa
 
 
 @pytest.mark.parametrize("count", [2, 9, 40, 1000])
-def test_the_tree_changes_no_answer(count: int) -> None:
+def test_the_tree_does_not_change_results(count: int) -> None:
     rng = np.random.default_rng(count)
     scene = scene_of(BODY, *_world(rng, count), WALLS, 5e-4)
     leaf = np.array([[*scene.tree[0, :4], 1, 0, len(scene.obstacles.bounds), 0, len(scene.circles)]])
@@ -161,7 +161,7 @@ def lane() -> Scenario:
     return scenario_from_text(TEXT, "lane.yaml")
 
 
-def test_coming_nearer_than_the_clearance_is_a_collision_that_tells_the_gap(lane: Scenario) -> None:
+def test_a_violated_clearance_is_a_collision_with_its_gap(lane: Scenario) -> None:
     poses = np.array([[0.6, -0.008, 0.0], [0.7, -0.008, 0.0]])
     assert find_collision(lane, poses) is None
     found = there(find_collision(replace(lane, clearance=0.003), poses))
@@ -171,7 +171,7 @@ def test_coming_nearer_than_the_clearance_is_a_collision_that_tells_the_gap(lane
     assert f"mm from {lane.obstacles[1]} with the chain frame at (0." in str(found)
 
 
-def test_few_poses_find_what_many_do(lane: Scenario) -> None:
+def test_few_poses_find_the_same_collisions_as_many(lane: Scenario) -> None:
     """The motion that is proven by distances is free where a pose every half millimetre is."""
     rng = np.random.default_rng(4)
     free = blocked = 0
@@ -194,7 +194,7 @@ def test_few_poses_find_what_many_do(lane: Scenario) -> None:
     assert min(free, blocked) > 10
 
 
-def test_motions_that_are_looked_at_together_collide_where_each_does_by_itself(lane: Scenario) -> None:
+def test_motions_checked_together_collide_as_each_alone(lane: Scenario) -> None:
     """Some bodies rest in some of the cases only, and what moves is not the same in all of them."""
     rng, hits = np.random.default_rng(7), 0
     square = 0.03 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -239,7 +239,7 @@ def gaps_of(scenario: Scenario, poses: FloatArray) -> FloatArray:
 
 
 @pytest.mark.parametrize("name", ["three-boxes-clutter", "asymmetric", "carts", "hook"])
-def test_gaps_are_the_distances_of_every_body_from_everything_up_to_what_is_enough(name: str) -> None:
+def test_gaps_are_the_distances_of_all_bodies_up_to_a_limit(name: str) -> None:
     scenario, enough = load_scenario(name), 0.3
     walls = there(scenario.workspace)
     low, high = np.array([walls.xmin, walls.ymin]), np.array([walls.xmax, walls.ymax])
@@ -252,7 +252,7 @@ def test_gaps_are_the_distances_of_every_body_from_everything_up_to_what_is_enou
 
 
 @pytest.mark.parametrize(("clearance", "trajectory"), [(0.0005, "exact"), (0.006, "blended")])
-def test_paths_keep_the_clearance_and_use_it_up(clearance: float, trajectory: str) -> None:
+def test_paths_keep_the_clearance_and_reach_it(clearance: float, trajectory: str) -> None:
     scenario = replace(load_scenario("narrow-gap"), clearance=clearance, trajectory=trajectory)
     result = plan(scenario, time_limit=60.0, iterations=2_000)
     assert result.solved, result.reason
@@ -262,7 +262,7 @@ def test_paths_keep_the_clearance_and_use_it_up(clearance: float, trajectory: st
     assert gap < clearance + 0.02
 
 
-def test_a_start_just_at_the_clearance_leaves_the_room_to_leave_it(lane: Scenario) -> None:
+def test_a_start_exactly_at_the_clearance_can_be_left(lane: Scenario) -> None:
     """The plate's end passes along the obstacle: no pose on the first half of the straight push is farther away."""
     for gap in (0.01, 0.01 + 5e-5, 0.02):
         wall = PolygonObstacle(SQUARE * [0.4, 0.1] + [0.2, 0.2 + gap])

@@ -72,12 +72,12 @@ def _swept(scene: Any, first: float, length: float = 0.1) -> object:
         lambda p: _swept(p.scene, 0.0, math.inf),
     ],
 )  # fmt: skip
-def test_what_is_no_number_no_index_or_no_size_is_refused(problem: Problem, call: Any) -> None:
+def test_invalid_numbers_indices_and_sizes_are_refused(problem: Problem, call: Any) -> None:
     with pytest.raises((ValueError, IndexError, TypeError)):
         call(problem)
 
 
-def test_calls_that_have_gone_wrong_raise_or_return() -> None:
+def test_mutated_calls_raise_or_return() -> None:
     command = [sys.executable, str(Path(__file__).with_name("core_calls.py")), "--count", "400"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-3000:]
@@ -88,7 +88,7 @@ def _asked_again_and_again(lattice: Lattice) -> None:
         _ = lattice.nodes
 
 
-def test_an_object_at_work_is_refused_to_other_threads(problem: Problem) -> None:
+def test_an_object_in_use_refuses_other_threads(problem: Problem) -> None:
     scene, start = problem.scene, np.zeros(3)
     grid = np.array([-0.5, -0.5, 0.05])
     lattice = Lattice(

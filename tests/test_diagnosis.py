@@ -58,7 +58,7 @@ def diagnosed(scenario: Scenario, segments: FloatArray) -> tuple[Diagnosis, ...]
     return diagnose(InfeasibilityMonitor(scenario, stable, lambda: problem), 1234, (0.25, 0.5))
 
 
-def test_a_limit_that_preparing_uses_up_is_told_as_such() -> None:
+def test_a_time_limit_used_up_by_preparation_is_reported() -> None:
     """A search that has not looked at anything says nothing of how near it came."""
     scenario = plain(load_scenario("two-crates"))
     stable = stable_set(scenario.chain)
@@ -67,7 +67,7 @@ def test_a_limit_that_preparing_uses_up_is_told_as_such() -> None:
     assert told.text == "no reason was found: preparing the search took all of the time; more time may help"
 
 
-def test_walls_all_around_are_proven_to_leave_no_way() -> None:
+def test_walls_all_around_are_proven_to_block_every_path() -> None:
     result = short(plain(scenario_from_text(WALL)))
     assert result.reason == "the chain cannot pass: obstacles and walls close every way from start to goal"
     (found,) = result.diagnosis
@@ -83,7 +83,7 @@ def test_a_gap_narrower_than_a_disc_in_the_chain_is_proven() -> None:
     assert found.numbers["disc"] == pytest.approx(0.16, abs=1e-4)
 
 
-def test_a_gap_narrower_than_the_plate_is_perhaps_too_narrow() -> None:
+def test_a_gap_narrower_than_the_plate_is_reported_as_perhaps_too_narrow() -> None:
     result = short(gap(1.26))
     first, last = result.diagnosis
     assert (first.cause, first.proven, last.cause) == ("gap", False, "time")
@@ -101,14 +101,14 @@ def test_a_passage_that_is_used_is_never_called_too_narrow() -> None:
     assert faults(scenario) == []
 
 
-def test_no_turning_and_another_heading_is_proven() -> None:
+def test_another_heading_without_turns_is_proven_impossible() -> None:
     scenario = load_plain("narrow-gap")
     (found,) = diagnosed(scenario, np.array([[1.0, 0.1, 0.0, 1.0, -0.1, 0.0]]))
     assert (found.cause, found.proven) == ("heading", True)
     assert "it needs a turn of -40 deg" in found.text
 
 
-def test_no_turning_and_a_goal_beside_the_straight_pushes_is_proven() -> None:
+def test_a_goal_beside_straight_pushes_is_proven_impossible_without_turns() -> None:
     scenario = load_plain("narrow-gap")
     cone = there(stable_set(scenario.chain).translation_cone(0.0))
     edge = float(np.arctan2(cone[1, 1], cone[1, 0]))
@@ -126,7 +126,7 @@ def test_no_turning_and_a_goal_beside_the_straight_pushes_is_proven() -> None:
     ("start", 0.243, "none of 300 pushes tried leads farther from the start than "),
     ("goal", -0.033 - 0.02, "none of 300 pushes tried leads to the goal from farther away than "),
 ])  # fmt: skip
-def test_an_end_with_something_just_in_the_way_is_perhaps_boxed_in(
+def test_an_obstacle_close_to_start_or_goal_is_reported_as_perhaps_boxing_in(
     end: str, x: float, text: str, monkeypatch: Patch
 ) -> None:
     """A bar before the front box at the start; a bar behind the plate at the goal; proven, if looked at closely."""
@@ -172,11 +172,11 @@ def _room(drive: str, goal: tuple[float, float, float]) -> Scenario:
 
 @pytest.mark.parametrize("drive", DRIVES)
 @pytest.mark.parametrize("goal", [(9.0, 5.0, np.pi / 2), (1.5, 3.5, np.pi / 2)])
-def test_wide_turns_find_their_way(drive: str, goal: tuple[float, float, float]) -> None:
+def test_wide_turns_find_a_path(drive: str, goal: tuple[float, float, float]) -> None:
     assert pushplan.plan(_room(drive, goal), first=True, time_limit=60.0).solved
 
 
-def test_a_goal_beside_the_wall_is_proven_out_of_reach_and_the_drive_is_to_blame() -> None:
+def test_a_goal_beside_the_wall_is_proven_out_of_reach_because_of_the_drive() -> None:
     result = pushplan.plan(_room("car", (2.0, 5.0, 0.0)), time_limit=600.0)  # it ends with the proof
     assert not result.solved
     (found,) = result.diagnosis
@@ -248,7 +248,7 @@ def _behind_a_door(width: float, start: float, goal: float, several: bool) -> di
         (0.40, 1.0, 3.2, ""),
     ],
 )
-def test_a_door_that_objects_apart_or_the_robot_cannot_pass_is_told_with_its_width(
+def test_a_door_too_narrow_for_an_object_or_the_robot_is_reported_with_its_width(
     width: float, start: float, goal: float, reason: str, several: bool
 ) -> None:
     scenario = scenario_from_document(_behind_a_door(width, start, goal, several))

@@ -180,7 +180,7 @@ def test_every_cell_of_a_notebook_runs_and_prints(
 
 
 @pytest.mark.parametrize("page", PAGES, ids=_id)
-def test_every_command_that_is_named_exists_with_its_options(page: Path) -> None:
+def test_every_named_command_exists_with_its_options(page: Path) -> None:
     for words in re.findall(r"`pushplan ([^`]+)`", page.read_text("utf-8")):
         command, *rest = words.replace("[", " ").replace("]", " ").split()
         if command.startswith("--"):
@@ -199,7 +199,7 @@ def test_links_and_pictures_exist(page: Path) -> None:
             assert (page.parent / target).is_file(), target
 
 
-def test_pictures_show_the_present_scenarios_and_plans(monkeypatch: Patch) -> None:
+def test_pictures_show_the_current_scenarios_and_plans(monkeypatch: Patch) -> None:
     """`docs/refresh.py` and `docs/screens.py` make them and write a hash of what they show into them.
 
     Those are looked at whose plan does not take long to find again.
@@ -229,7 +229,7 @@ def test_all_commands_planners_and_sets_are_described() -> None:
     assert {word for row in rows for word in re.findall(r"`([\w-]+)`", row)} == {*PLANNERS}
 
 
-def test_the_steps_are_a_scenario_and_its_mistake_is_told_as_printed(
+def test_the_tutorial_s_scenario_loads_and_its_mistake_gives_the_printed_message(
     tmp_path: Path, monkeypatch: Patch, capsys: Captured
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -243,7 +243,7 @@ def test_the_steps_are_a_scenario_and_its_mistake_is_told_as_printed(
 
 
 @pytest.mark.parametrize("script", sorted((ROOT / "benchmarks").rglob("*.py")), ids=_id)
-def test_what_a_benchmark_imports_is_there(script: Path, monkeypatch: Patch) -> None:
+def test_imports_of_every_benchmark_exist(script: Path, monkeypatch: Patch) -> None:
     """Nothing else runs them, and a name that has moved would show when somebody wants figures."""
     for folder in ("benchmarks", "examples/harada2006"):
         monkeypatch.syspath_prepend(str(ROOT / folder))
@@ -266,9 +266,7 @@ def _shape(output: str) -> str:
     return re.sub(r"[-+]?\d[\d.]*(e[-+]\d+)?( ms| s|\b)", "#", output)
 
 
-def test_the_first_command_plans_draws_records_and_prints_what_the_readme_shows(
-    tmp_path: Path, monkeypatch: Patch, capsys: Captured
-) -> None:
+def test_the_first_command_prints_the_readme_s_output(tmp_path: Path, monkeypatch: Patch, capsys: Captured) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(shlex.split(_blocks(README, "sh")[0].rpartition("/pushplan ")[2])) == 0
     printed, shown = capsys.readouterr().out.splitlines(), _blocks(README, "text")[0].splitlines()
@@ -279,7 +277,7 @@ def test_the_first_command_plans_draws_records_and_prints_what_the_readme_shows(
     assert (tmp_path / "run.png").stat().st_size > 10_000
 
 
-def test_the_message_about_a_mistake_is_the_one_that_is_printed(
+def test_the_documented_error_message_is_the_printed_one(
     tmp_path: Path, monkeypatch: Patch, capsys: Captured
 ) -> None:
     monkeypatch.chdir(tmp_path)

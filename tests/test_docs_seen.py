@@ -42,7 +42,7 @@ def test_no_page_is_wider_than_a_phone(browser: Any) -> None:
 
 
 @pytest.mark.parametrize("width", [390, 1280])
-def test_the_index_plays_a_run_that_needs_no_scrolling(width: int, browser: Any) -> None:
+def test_the_index_plays_a_run_without_scrolling(width: int, browser: Any) -> None:
     show(browser, SITE / "index.html", width)
     assert browser.evaluate("document.querySelector('iframe').src").endswith("_static/two-crates.html#playing")
     room = browser.evaluate("document.querySelector('iframe').getBoundingClientRect().toJSON()")

@@ -73,7 +73,7 @@ def test_rows_agree_with_newton_by_differences_and_a_linear_program_over_forces(
 
 
 @pytest.mark.parametrize("tree", [False, True])
-def test_each_contact_moves_the_masses_that_it_carries_as_newton_says(make_chain: ChainMaker, tree: bool) -> None:
+def test_each_contact_accelerates_its_carried_masses_by_newton_s_law(make_chain: ChainMaker, tree: bool) -> None:
     rng, chain = np.random.default_rng(tree), make_chain.random(5, 4, tree=tree)
     twist, speed, acceleration = rng.normal(size=3) * [1.0, 1.0, 4.0], 1.3, -0.7
     found = ContactDynamics(chain).mass_wrenches((speed * twist)[None], (acceleration * twist)[None])[0]
@@ -153,7 +153,7 @@ def below(contacts: ContactDynamics, chain: Chain, twists: FloatArray, rates: Fl
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 @pytest.mark.parametrize("seed", range(4))
-def test_no_world_has_less_than_the_least(make_chain: ChainMaker, n: int, seed: int) -> None:
+def test_no_sample_is_below_the_worst_case(make_chain: ChainMaker, n: int, seed: int) -> None:
     interval = widened(make_chain.random(seed, n, tree=seed == 3, feet=seed == 1))
     contacts = ContactDynamics(interval.chain, interval=interval)
     twists, rates = motions(interval.chain, seed)

@@ -120,7 +120,7 @@ def test_a_plan_is_timed_executed_and_judged(kind: str) -> None:
 
 
 @EVERY
-def test_the_validator_refuses_what_is_spoiled(kind: str) -> None:
+def test_the_validator_refuses_tampered_plans(kind: str) -> None:
     one = made(kind)
     judge, segments = Validator(one.scenario), one.plan.segments
     assert judge.flaw(segments, one.execution) == ""
@@ -154,7 +154,7 @@ def test_simulators_keep_every_contact_and_end_at_the_goals(kind: str, engine: s
 
 
 @EXECUTED
-def test_a_picture_shows_the_path_and_where_everything_ends(kind: str, tmp_path: Path) -> None:
+def test_a_picture_shows_the_path_and_the_final_poses(kind: str, tmp_path: Path) -> None:
     one = made(kind)
     events = () if one.loop is None else one.loop.events
     scene = Scene.of(one.scenario, one.plan, one.execution, events)
@@ -169,7 +169,7 @@ def test_a_picture_shows_the_path_and_where_everything_ends(kind: str, tmp_path:
 
 
 @EVERY
-def test_trials_arrive_in_a_world_as_planned_and_can_be_looked_at(kind: str, tmp_path: Path) -> None:
+def test_trials_without_uncertainty_arrive_and_can_be_viewed(kind: str, tmp_path: Path) -> None:
     one = made(kind)
     nominal = TrialUncertainty(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     trials = pushplan.trial(one.plan, 2, uncertainty=nominal)
@@ -196,7 +196,7 @@ def test_a_closed_loop_is_a_run_that_can_be_repeated_shown_and_verified(kind: st
 
 
 @CLOSED
-def test_a_closed_loop_pushes_what_the_plan_pushes_to_its_goals(kind: str) -> None:
+def test_a_closed_loop_brings_the_planned_objects_to_their_goals(kind: str) -> None:
     one, loop = made(kind), there(made(kind).loop)
     assert at_goals(one.scenario, one.execution.objects[-1])
     assert max(loop.goal_errors) < 0.018
@@ -208,7 +208,7 @@ def test_a_closed_loop_pushes_what_the_plan_pushes_to_its_goals(kind: str) -> No
     assert {one.execution.names[k] for k in pushed} == {n for s in one.plan.pushes for n in names_of(s)}
 
 
-def test_what_was_pushed_is_learned_from(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_friction_is_identified_from_a_push(tmp_path: Path, monkeypatch: Patch) -> None:
     rough_identification(monkeypatch)
     scenario = pushplan.scenario_from_text(re.sub("robot: .*\n", "", FAST["multi-push"]))
     assert scenario.kind == "push"

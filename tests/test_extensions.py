@@ -79,7 +79,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ("trial LOG --samples 2 --simulator mine:number", "the simulator mine:number returns a int; allowed: a Con"),
     ("plan one-box --planner broken:P", "cannot load 'broken:P' in {folder}/broken.py, line 1: ZeroDivisionError"),
 ])  # fmt: skip
-def test_an_error_in_code_that_was_added_names_it_and_its_line(
+def test_an_error_in_an_extension_names_it_and_its_line(
     words: str, said: str, log: Path, tmp_path: Path, monkeypatch: Patch, capsys: Any
 ) -> None:
     (tmp_path / "mine.py").write_text(MINE)

@@ -110,7 +110,7 @@ def test_a_robot_that_starts_beside_the_path_comes_back_on_stable_twists(drive: 
     assert chain.pusher.limits.both("angular_speed")[1] >= np.abs(of_chain[:, 2]).max()
 
 
-def test_leaving_the_path_or_losing_an_object_aborts_and_says_so() -> None:
+def test_leaving_the_path_or_losing_an_object_aborts_with_a_reason() -> None:
     run = pushed("differential")
     trajectory, chain = there(run.trajectory), run.scenario.chain
     start = trajectory.base_poses[0]

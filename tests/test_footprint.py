@@ -85,7 +85,7 @@ def _numbers(chain: Chain) -> list[Any]:
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.015])
-def test_the_far_end_of_a_row_is_the_row_stated_from_there(offset: float) -> None:
+def test_pushing_a_row_from_its_far_end_equals_the_reversed_row(offset: float) -> None:
     chain = scenario_from_document(_document((0, 1, 2))).chain
     document = _document((2, 1, 0), turned=True)
     # The frame is the middle of the contact, which is the plate's own middle: the row moves aside instead.
@@ -101,7 +101,7 @@ def test_the_far_end_of_a_row_is_the_row_stated_from_there(offset: float) -> Non
     assert found.pusher.limits == chain.pusher.limits
 
 
-def test_at_every_place_the_objects_keep_their_poses_and_the_plate_touches() -> None:
+def test_at_every_contact_the_objects_keep_their_poses_and_the_plate_touches() -> None:
     document = _document((0, 1, 2))
     del document["robot"]
     chain = scenario_from_document(document).chain
@@ -121,6 +121,6 @@ def test_at_every_place_the_objects_keep_their_poses_and_the_plate_touches() -> 
 @pytest.mark.parametrize(("face", "offset", "message"), [
     ("b7 rear", 0.0, "no face"), ("left", 0.0, "2 faces"), ("b0 rear", 0.5, "no face"),
 ])  # fmt: skip
-def test_what_is_no_face_is_refused(face: str, offset: float, message: str) -> None:
+def test_an_invalid_face_is_refused(face: str, offset: float, message: str) -> None:
     with pytest.raises(ChainError, match=message):
         pushed_at(scenario_from_document(_document((0, 1, 2))).chain, face, offset)

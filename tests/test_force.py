@@ -44,7 +44,7 @@ def test_force_is_friction_and_inertia_of_all_objects(make_chain: ChainMaker, se
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_no_world_takes_more_than_the_bound_and_the_heaviest_nearly_as_much(
+def test_no_sample_exceeds_the_force_bound_and_the_heaviest_nearly_reaches_it(
     make_chain: ChainMaker, seed: int
 ) -> None:
     interval = widened(make_chain.random(seed, 1 + seed % 3, tree=seed == 3, feet=seed == 1))
@@ -60,7 +60,7 @@ def test_no_world_takes_more_than_the_bound_and_the_heaviest_nearly_as_much(
     assert (steady <= 1.005 * PushForce(ContactDynamics(heaviest)).steady(twists)).all()
 
 
-def test_forces_over_intervals_are_those_of_their_middle_and_reach_to_their_ends(make_chain: ChainMaker) -> None:
+def test_force_intervals_enclose_all_corners_tightly(make_chain: ChainMaker) -> None:
     interval = widened(make_chain.random(7, 2))
     twists, _ = motions(interval.chain, 7)
     found = uncertain.forces_of(ContactDynamics(interval.chain, interval=interval).loads, twists)
@@ -74,7 +74,7 @@ def test_forces_over_intervals_are_those_of_their_middle_and_reach_to_their_ends
     assert (np.max(off, axis=0) >= 0.7 * found[:, 2]).all()
 
 
-def test_unknown_loads_take_at_most_the_bound_over_all_pressures(make_chain: ChainMaker) -> None:
+def test_forces_of_unknown_loads_stay_below_the_bound_over_all_pressures(make_chain: ChainMaker) -> None:
     unknown = PushForce(ContactDynamics(make_chain.boxes(2, support=UnknownSupport), worst_case=True))
     known = PushForce(ContactDynamics(make_chain.boxes(2)))
     twists = np.array([[1.0, 0.0, 0.0], [1.0, 0.2, 3.0], [0.3, 0.1, -5.0], [0.2, 0.0, 20.0]])
@@ -138,7 +138,7 @@ def test_plans_respect_the_force(force: Any, breakaway: float, binds: bool) -> N
     (4.7, 1.0, "at least 4.771 N: 4.544 N to slide, 1.05 times as much to speed up; robot"),
     (7.64, 1.3, "the straightest ones, take more force than robot.limits.force, 7.64 N: up to 7.649 N"),
 ])  # fmt: skip
-def test_no_plan_takes_too_much_force(force: Any, breakaway: float, reason: str) -> None:
+def test_no_plan_exceeds_the_force_limit(force: Any, breakaway: float, reason: str) -> None:
     scenario = scenario_from_document(crates(force=force, breakaway=breakaway))
     with pytest.raises(PushplanError, match=reason):
         raise PushplanError(pushplan.plan(scenario, seed=1, time_limit=60.0, iterations=500).reason)
@@ -187,7 +187,7 @@ def test_multi_push_plans_respect_the_force(force: float, reason: str) -> None:
     assert plan.force_words == "needs up to 7.65 N of 8 N"
 
 
-def test_output_log_and_page_tell_the_force(tmp_path: Path, capsys: Captured) -> None:
+def test_output_log_and_page_show_the_force(tmp_path: Path, capsys: Captured) -> None:
     file, log = tmp_path / "crates.yaml", tmp_path / "crates.mcap"
     file.write_text(json.dumps(crates(force=10.0)))
     assert main(["plan", str(file), "-o", str(log), "--first"]) == 0
@@ -209,7 +209,7 @@ def test_output_log_and_page_tell_the_force(tmp_path: Path, capsys: Captured) ->
     assert "robot.limits.force: pushing 'near' and 'far' takes at least 5.907 N" in capsys.readouterr().err
 
 
-def test_forces_are_those_of_the_engine_by_impulse() -> None:
+def test_forces_match_the_impulses_of_the_engine() -> None:
     """Over 50 ms, within 5 % while pushing steadily, as `benchmarks/forces.py` has it for all packaged scenarios."""
     pytest.importorskip("mujoco")
     benchmark = runpy.run_path(str(Path(__file__).parents[1] / "benchmarks" / "forces.py"))

@@ -211,7 +211,7 @@ def test_only_the_direction_of_a_twist_matters(seed: int, size: float) -> None:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_the_range_of_centres_is_the_hull_of_all_extreme_loads(seed: int) -> None:
+def test_the_range_of_centres_is_the_hull_of_extreme_loads(seed: int) -> None:
     """A centre is a ratio of linear functions of the loads, so the extremes are among their corners."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 7))

@@ -76,7 +76,7 @@ def overlap_area(first: FloatArray, second: FloatArray) -> float:
 
 
 @given(stars(), st.integers(0, 8), st.floats(0.1, 0.9), SIZES, placements())
-def test_a_box_laid_on_any_edge_touches_along_that_edge(
+def test_a_box_placed_on_any_edge_touches_along_that_edge(
     outline: FloatArray, edge: int, share: float, width: float, pose: FloatArray
 ) -> None:
     begin, end = outline[edge % len(outline)], outline[(edge + 1) % len(outline)]
@@ -96,7 +96,7 @@ def test_a_box_laid_on_any_edge_touches_along_that_edge(
 
 
 @given(stars(), stars(), placements(), ANGLES)
-def test_going_the_exit_distance_parts_two_outlines_and_less_does_not(
+def test_the_exit_distance_is_the_smallest_that_separates_two_outlines(
     fixed: FloatArray, moving: FloatArray, pose: FloatArray, heading: float
 ) -> None:
     moving = se2.transform_points(pose * [0.2, 0.2, 1.0], moving)
@@ -109,7 +109,7 @@ def test_going_the_exit_distance_parts_two_outlines_and_less_does_not(
 
 
 @given(SIZES, SIZES, st.floats(0.01, 0.99), st.floats(-0.5, 0.5), placements())
-def test_the_depth_of_boxes_pushed_into_each_other_is_the_push(
+def test_the_depth_of_overlapping_boxes_is_their_overlap(
     length: float, width: float, share: float, sideways: float, pose: FloatArray
 ) -> None:
     depth = share * 0.5 * min(length, width)
@@ -121,7 +121,7 @@ def test_the_depth_of_boxes_pushed_into_each_other_is_the_push(
 
 
 @given(stars(), st.data())
-def test_swapping_two_corners_is_found_when_shapely_finds_it(outline: FloatArray, data: st.DataObject) -> None:
+def test_outlines_with_swapped_corners_are_invalid_as_in_shapely(outline: FloatArray, data: st.DataObject) -> None:
     i = data.draw(st.integers(0, len(outline) - 1))
     j = data.draw(st.integers(0, len(outline) - 1))
     swapped = outline.copy()

@@ -65,7 +65,7 @@ def _numbers(scenario: Scenario, path: PushPath, margin: float, size: float = 1.
 
 @pytest.mark.parametrize("factors", [(1.0, -1.0, 1.0), (1.0, 1.0, 3.0), (4.0, 1.0, 1.0), (0.25, -1.0, 0.1)])
 @pytest.mark.parametrize("seed", [0, 1, 4, 11])
-def test_a_push_keeps_what_does_not_depend_on_how_it_is_seen(seed: int, factors: tuple[float, float, float]) -> None:
+def test_pushes_are_invariant_to_mirror_mass_and_size(seed: int, factors: tuple[float, float, float]) -> None:
     size, side, mass = factors
     scenario, other = _scenario(seed), _scenario(seed, *factors)
     scale = size * np.array([1.0, side, side / size])
@@ -82,7 +82,7 @@ def test_a_push_keeps_what_does_not_depend_on_how_it_is_seen(seed: int, factors:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_what_slips_is_the_same_in_a_mirror_and_anywhere_in_the_world(seed: int) -> None:
+def test_slip_is_invariant_to_mirror_and_position(seed: int) -> None:
     """Objects with two prongs, pushed beyond their cones and past their edges."""
     rng, start = np.random.default_rng(seed), np.array([0.3, -0.2, 1.0])
     twist, seen = rng.normal((1.0, 0.0, 0.0), (0.1, 1.0, 8.0)), []

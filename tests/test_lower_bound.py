@@ -39,14 +39,14 @@ def bound_of(scenario: Scenario) -> float:
     return lower_bound(scenario, controls.segments)
 
 
-def test_nothing_in_the_way_leaves_straight_travel_and_the_turns_that_the_pushes_need() -> None:
+def test_without_obstacles_the_bound_is_straight_travel_plus_the_needed_turns() -> None:
     scenario = scenario_from_text(AHEAD.replace("[2.0, 0.0, 0.0]", "[3.0, 4.0, -90 deg]"), "ahead.yaml")
     result = plan(scenario.with_planner(cost="travel", arc_price=0.0), iterations=20_000)
     bound = there(result.lower_bound)
     assert 5.0 + TURN_WEIGHT * math.pi / 2.0 < bound_of(scenario) < bound < there(result.path).cost < 1.03 * bound
 
 
-def test_a_block_in_the_way_has_to_be_passed_on_its_short_side() -> None:
+def test_the_bound_passes_a_block_on_its_short_side() -> None:
     """The disc (0.1 m, and 0.01 m of clearance) touches two corners: tangents, an arc at each, an edge between."""
     corners = np.array([[0.9, -0.3], [1.1, -0.3], [1.1, 0.5], [0.9, 0.5]])
     radius = 0.11
@@ -60,7 +60,7 @@ def test_a_block_in_the_way_has_to_be_passed_on_its_short_side() -> None:
     assert found == pytest.approx(exact, rel=2e-3)
 
 
-def test_no_way_gets_shorter_by_bends_around_which_it_would_not_lie(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bends_on_the_wrong_side_never_shorten_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     rng, scenario, found = np.random.default_rng(5), scenario_from_text(AHEAD, "ahead.yaml"), []
     square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     for _ in range(12):
@@ -113,7 +113,7 @@ def test_no_path_of_stable_twists_beats_the_bound(name: str) -> None:
 
 
 @pytest.mark.parametrize("away", [3.0, 0.3])
-def test_no_word_of_a_car_beats_the_bound_and_some_reach_it(away: float) -> None:
+def test_steering_paths_of_a_car_respect_the_bound_and_some_reach_it(away: float) -> None:
     """Dubins' car: the cheapest word is the best path, or near it, as turns cost something, too."""
     rng, family = np.random.default_rng(3), steering_families(CAR)[0]
     shares = []
@@ -134,7 +134,7 @@ def test_paths_to_near_goals_nearly_reach_the_bound(goal: tuple[float, float, fl
 
 
 @pytest.mark.parametrize("name", ["free-space", "narrow-gap", "carts"])
-def test_what_is_ranked_by_time_states_a_gap_in_time_and_by_margin_none(name: str) -> None:
+def test_plans_ranked_by_time_have_a_gap_in_time_and_by_margin_none(name: str) -> None:
     scenario = load_plain(name)
     by = {cost: plan(scenario, cost=cost, time_limit=300.0, iterations=300, seed=1) for cost in ("time", "margin")}
     assert by["margin"].gap is None

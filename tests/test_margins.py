@@ -72,7 +72,7 @@ def slippery(make_chain: ChainMaker, friction: float) -> Chain:
 
 
 @pytest.mark.parametrize("friction", [0.02, 0.05, 0.09, 0.15, 0.5])
-def test_auto_is_a_twentieth_or_half_of_the_largest_margin_there_is(make_chain: ChainMaker, friction: float) -> None:
+def test_auto_is_a_twentieth_or_half_of_the_largest_margin(make_chain: ChainMaker, friction: float) -> None:
     chain = slippery(make_chain, friction)
     best = largest_margin(stable_set(chain))
     found = automatic_margin(stable_set(chain), chain.pusher.drive)
@@ -82,7 +82,7 @@ def test_auto_is_a_twentieth_or_half_of_the_largest_margin_there_is(make_chain: 
 @pytest.mark.parametrize("friction", [0.05, 0.1, 0.5])
 @pytest.mark.parametrize("radius", [0.0, 0.6])
 @pytest.mark.parametrize("aside", [0.0, 0.01])
-def test_with_wheels_only_twists_that_these_make_count(
+def test_with_wheels_only_their_twists_count(
     make_chain: ChainMaker, friction: float, radius: float, aside: float
 ) -> None:
     chain = slippery(make_chain, friction)
@@ -175,9 +175,7 @@ STRAIGHT = sorted({*example_names()} - {"trapezoids"})  # what slants opens when
 
 
 @pytest.mark.parametrize("name", STRAIGHT)
-def test_what_stands_aside_touches_where_its_outline_does_and_what_is_turned_takes_along_what_it_carries(
-    name: str,
-) -> None:
+def test_shifted_objects_touch_with_their_outline_and_turned_ones_carry_others_along(name: str) -> None:
     chain = load_scenario(name).chain
     for k, size in product(range(len(chain.objects)), (0.004, -0.004)):
         moved = joint_errors["one_off"](chain, k, aside=size).applied(chain)
@@ -225,7 +223,7 @@ def test_every_margin_is_positive_just_below_the_robustness_and_one_is_not_just_
 
 
 @pytest.mark.parametrize("kind", ["rearrangement", "gathering"])
-def test_a_plan_tolerates_in_each_number_what_its_weakest_push_does(kind: str) -> None:
+def test_the_robustness_of_a_plan_is_that_of_its_weakest_push(kind: str) -> None:
     segments = made(kind).plan.segments
     each = [
         astuple(robustness_of(push.load.chain, push.contact_trajectory, ErrorBox.of(push.load)))
@@ -238,7 +236,7 @@ def test_a_plan_tolerates_in_each_number_what_its_weakest_push_does(kind: str) -
     np.testing.assert_allclose(astuple(least_robustness(segments)), [max(friction), *map(min, others)], rtol=2e-4)
 
 
-def test_what_is_stated_is_the_box_of_the_joint_robustness() -> None:
+def test_stated_intervals_are_the_box_of_the_joint_robustness() -> None:
     """The plan holds for all that is stated, so the scale is at least 1; twice as much is not asked for."""
     stated = {"contact_friction": "20 %", "floor_friction": "10 %", "load": "5 %"}
     document = yaml.safe_load(example_text("two-crates")) | {"uncertainty": stated}
@@ -254,7 +252,7 @@ def test_what_is_stated_is_the_box_of_the_joint_robustness() -> None:
     assert found.robustness_words.endswith(" x the stated intervals")
 
 
-def test_a_box_pushed_straight_ahead_bears_no_friction_but_half_its_width(make_chain: ChainMaker) -> None:
+def test_a_box_pushed_straight_ahead_tolerates_no_friction_and_half_its_width(make_chain: ChainMaker) -> None:
     """No friction is asked for; the force passes through the box's middle, which stays in front of the plate."""
     robustness = robustness_along(make_chain.boxes(1), AHEAD, STILL)  # the plate is 0.2 m wide, the box 0.1 m
     assert robustness.contact_friction == pytest.approx(0.0, abs=1e-12)
@@ -263,7 +261,7 @@ def test_a_box_pushed_straight_ahead_bears_no_friction_but_half_its_width(make_c
 
 
 @pytest.mark.parametrize("turn", [0.6, -0.6])
-def test_what_is_tolerated_holds_at_any_lower_speed_too(make_chain: ChainMaker, turn: float) -> None:
+def test_robustness_holds_at_any_lower_speed(make_chain: ChainMaker, turn: float) -> None:
     """Fast in a curve, inertia takes load off one side of a contact: a robot that drives slower has to do without."""
     chain, fast = make_chain.boxes(2), np.array([[0.3, -0.2 * turn, turn]])
     found = [astuple(robustness_along(chain, speed * fast, STILL)) for speed in (1.0, 0.5, 1e-3)]
@@ -273,7 +271,7 @@ def test_what_is_tolerated_holds_at_any_lower_speed_too(make_chain: ChainMaker, 
     assert all(values[0] <= values.min() * (1.0 + 1e-3) for values in others)
 
 
-def test_a_motion_that_loses_a_contact_as_stated_bears_nothing(make_chain: ChainMaker) -> None:
+def test_a_motion_that_loses_a_nominal_contact_has_no_robustness(make_chain: ChainMaker) -> None:
     chain = make_chain.boxes(2, contact_friction=0.1)
     robustness = robustness_along(chain, np.array([[0.1, 0.02, 0.0]]), STILL)
     assert robustness == USED_UP
@@ -283,7 +281,7 @@ def test_a_motion_that_loses_a_contact_as_stated_bears_nothing(make_chain: Chain
     UnknownSupport,
     lambda outline: FeetSupport(outline, center_of_mass=np.zeros(2)),
 ], ids=["unknown", "feet"])  # fmt: skip
-def test_nothing_is_said_where_loads_are_not_known(make_chain: ChainMaker, support: object) -> None:
+def test_robustness_is_unknown_for_unknown_loads(make_chain: ChainMaker, support: object) -> None:
     assert callable(support)
     ahead = np.array([[[0.1, 0.0, 0.0], np.zeros(3), np.zeros(3)]])
     straight = Trajectory(np.zeros(3), np.array([0.0, 1.0]), ahead, np.zeros(1))

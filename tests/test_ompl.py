@@ -58,7 +58,7 @@ def _drawn_arcs(problem: Problem, count: int) -> FloatArray:
 
 
 @pytest.mark.parametrize("name", ["two-crates", "carts", "feet"])
-def test_every_arc_has_coordinates_and_they_give_it_back(name: str) -> None:
+def test_coordinates_of_every_arc_are_invertible(name: str) -> None:
     problem = pose(pushplan.load_scenario(name))[0].session.problem
     arcs = _drawn_arcs(problem, 200)
     controls = controls_of(problem, arcs)
@@ -103,7 +103,7 @@ def test_every_planner_solves_the_problem_and_leaves_controls(planner: str, scen
     assert scenario.stable_set().margin(path.twists).min() > 0.0
 
 
-def test_a_path_that_is_not_what_it_claims_is_refused(scenario: Scenario) -> None:
+def test_an_invalid_path_of_a_planner_is_refused(scenario: Scenario) -> None:
     information, definition = pose(scenario)
     with pytest.raises(PlanningError, match="no exact solution"):
         push_path(definition)
@@ -119,7 +119,7 @@ def test_a_path_that_is_not_what_it_claims_is_refused(scenario: Scenario) -> Non
 
 
 @pytest.mark.parametrize("planner", STOCK)
-def test_stock_planners_are_planned_executed_and_logged_like_ours(planner: str, tmp_path: Path) -> None:
+def test_plans_of_stock_planners_are_executed_and_logged_like_ours(planner: str, tmp_path: Path) -> None:
     scenario = pushplan.load_scenario("one-box")
     run = pushplan.run(scenario, planner=planner, iterations=3_000, time_limit=60.0, log=tmp_path / "run.mcap")
     assert run.plan.solved
@@ -134,7 +134,7 @@ def test_stock_planners_are_planned_executed_and_logged_like_ours(planner: str, 
 
 @pytest.mark.parametrize("first", [False, True])
 @pytest.mark.parametrize("name", ["two-crates", "free-space"])
-def test_the_search_of_a_planner_that_is_none_is_refused(name: str, first: bool) -> None:
+def test_an_object_that_is_not_a_planner_is_refused(name: str, first: bool) -> None:
     """Also in free space, where a word of three arcs is a path before any planner is asked."""
     scenario = pushplan.load_scenario(name)
     with pytest.raises(PlanningError, match=r"a list is not a planner; allowed: an ompl\.base\.Planner"):

@@ -21,7 +21,7 @@ def names(folder: Path) -> list[str]:
     return sorted(found.name for found in folder.iterdir())
 
 
-def test_nothing_is_written_behind_a_hole(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_nothing_is_written_after_a_failed_write(tmp_path: Path, monkeypatch: Patch) -> None:
     """After a write has failed, later ones must not go on behind the gap."""
     file = Output(tmp_path / "a")
     file.write(b"sound")
@@ -41,7 +41,7 @@ def test_nothing_is_written_behind_a_hole(tmp_path: Path, monkeypatch: Patch) ->
     assert file.partial.read_bytes() == b"sound"
 
 
-def test_a_link_stays_and_what_it_leads_to_is_written(tmp_path: Path) -> None:
+def test_a_link_stays_and_its_target_is_written(tmp_path: Path) -> None:
     """Also over two links, and where there is nothing at their end yet."""
     (tmp_path / "there").mkdir()
     link, over = tmp_path / "link", tmp_path / "over"
@@ -82,7 +82,7 @@ def test_a_pipe_gets_the_bytes_and_stays_a_pipe(tmp_path: Path) -> None:
     assert names(tmp_path) == ["pipe"]
 
 
-def test_a_pipe_that_nobody_reads_is_refused_at_once(tmp_path: Path) -> None:
+def test_a_pipe_without_a_reader_is_refused_at_once(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(OutputError, match="this pipe has no reader; start the reader first"):
         write_whole(tmp_path / "pipe", b"")
@@ -96,7 +96,7 @@ def _socket(path: Path) -> None:
 @pytest.mark.parametrize(
     ("make", "expected"), [(Path.mkdir, "this is a folder; name a file in it"), (_socket, "this is a socket")]
 )
-def test_what_takes_no_bytes_is_refused_also_behind_a_link(
+def test_unwritable_targets_are_refused_also_behind_a_link(
     make: Callable[[Path], None], expected: str, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -111,7 +111,7 @@ def test_what_takes_no_bytes_is_refused_also_behind_a_link(
     assert names(tmp_path) == ["link", "thing"]
 
 
-def test_the_file_into_which_the_program_talks_is_not_replaced(tmp_path: Path) -> None:
+def test_the_file_of_standard_output_is_not_replaced(tmp_path: Path) -> None:
     path, saved = tmp_path / "out.txt", os.dup(1)
     try:
         with path.open("w") as file:

@@ -32,7 +32,7 @@ HEAVY = ("ompl", "matplotlib", "mcap", "shapely", "pydantic", "scipy", "ruckig",
 ROOT = Path(__file__).parents[1]
 
 
-def test_functions_win_over_the_modules_of_their_name() -> None:
+def test_functions_take_precedence_over_modules_of_the_same_name() -> None:
     code = "from pushplan.run import run\nimport pushplan, pushplan.run\nassert callable(pushplan.run), pushplan.run"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 
@@ -65,7 +65,7 @@ def test_a_command_loads_only_what_it_needs(tmp_path: Path) -> None:
         assert not loaded & spared
 
 
-def test_what_is_evaluated_in_a_notebook_is_a_line_or_a_picture() -> None:
+def test_objects_in_a_notebook_show_a_line_or_a_picture() -> None:
     run = pushplan.run("one-box", first=True, time_limit=60.0, log=False)
     plan = run.plan
     lines = [repr(one) for one in (run, plan, plan.trajectory, plan.scenario.chain)]
@@ -90,7 +90,7 @@ def test_help_names_every_option_of_planning(tmp_path: Path) -> None:
         pushplan.plan("nowhere.yaml")
 
 
-def test_the_stated_formats_and_versions_of_python_are_those_of_the_code() -> None:
+def test_documented_formats_and_python_versions_match_the_code() -> None:
     rows = re.findall(r"^\| [^|]+ \| `?([\w/-]+)`? \|", (ROOT / "docs" / "api.md").read_text(), re.MULTILINE)
     numbers = (SCENARIO_FORMAT, SUITE_FORMAT, metadata.FORMAT, store.FORMAT, tables.FORMAT)
     assert rows[-5:] == [str(number) for number in numbers]
@@ -167,7 +167,7 @@ WAY = re.findall(r"^\d+\. `([\w/.]+)`, `([\w.]+)`: ", PAGE, re.MULTILINE)
 
 
 @pytest.mark.skipif(not (ROOT / "planners").is_dir(), reason="needs the sources, not a wheel")
-def test_a_plan_goes_the_way_that_is_told(tmp_path: Path, capsys: Captured) -> None:
+def test_planning_calls_the_documented_functions_in_order(tmp_path: Path, capsys: Captured) -> None:
     files = modules()
     way = {files[module.removesuffix(".py").replace("/", ".")]: name for module, name in WAY}
     assert len(way) == len(WAY) <= 15
@@ -261,5 +261,5 @@ def messages() -> Iterator[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("texts", [pages, helps, messages])
-def test_no_word_that_was_left_behind_is_there(texts: Callable[[], Iterator[tuple[str, str]]]) -> None:
+def test_replaced_words_do_not_appear(texts: Callable[[], Iterator[tuple[str, str]]]) -> None:
     assert [f"{place}: {words}" for place, text in texts() for words in words_left(text)] == []

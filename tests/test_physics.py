@@ -63,7 +63,7 @@ def straight(speeds: list[float], times: list[float]) -> Trajectory:
 @pytest.mark.parametrize(
     ("beyond", "error", "turn"), [(0.1, 0.02, 1e-8), (0.5, 0.02, 1e-8), (2.0, 0.02, 1e-8), (10.0, 0.2, 1e-3)]
 )
-def test_a_box_slides_along_the_plate_as_worked_out_by_hand(
+def test_a_box_slides_along_the_plate_as_computed_by_hand(
     make_chain: ChainMaker, beyond: float, error: float, turn: float
 ) -> None:
     """Pushed at an angle beyond the friction angle, a box moves along the edge of the friction cone.
@@ -105,7 +105,9 @@ def test_a_box_leaves_a_plate_that_brakes_harder_than_friction(
 @needs_engine
 @pytest.mark.parametrize("height", [0.0, 0.03])
 @pytest.mark.parametrize("cor", [[0.05, 0.25], [1e6, 0.0]])
-def test_the_floor_rubs_as_coulomb_says(make_chain: ChainMaker, height: float, cor: list[float]) -> None:
+def test_floor_friction_of_the_engine_is_coulomb_friction(
+    make_chain: ChainMaker, height: float, cor: list[float]
+) -> None:
     """Objects carried along by force feel the friction of the closed form, shifted loads included."""
     chain = make_chain.boxes(2, contact_height=height)
     twist = twists_about(np.array(cor), +1)
@@ -157,7 +159,7 @@ def executed(chain: Chain, trajectory: Trajectory, placed: FloatArray) -> Contac
 
 
 @needs_engine
-def test_a_turned_object_closes_and_counts_from_there_on(chain: Chain) -> None:
+def test_a_turned_object_closes_and_its_contact_counts_from_then_on(chain: Chain) -> None:
     trajectory = straight([0.0, 0.2, 0.2, 0.0, 0.0], [0.0, 0.25, 0.5, 0.7, 0.8])
     report = executed(chain, trajectory, turned_places(chain, 1, -0.01))
     assert report.kept
@@ -178,7 +180,7 @@ def curve(duration: float) -> Trajectory:
 
 
 @needs_engine
-def test_creep_of_the_engine_is_not_a_slip(chain: Chain, monkeypatch: Patch) -> None:
+def test_creep_of_the_engine_does_not_count_as_slip(chain: Chain, monkeypatch: Patch) -> None:
     """What passes for a slip in long time steps and not in short ones is looked at in short ones."""
     trajectory = curve(1.0)
     plan, most = push_of(chain, trajectory), []

@@ -69,7 +69,7 @@ def test_every_planner_solves_and_shortens(planner: str) -> None:
     assert result.improvements[-1].cost == pytest.approx(there(result.path).cost, abs=1e-9)
 
 
-def test_improvements_are_told_as_they_happen() -> None:
+def test_improvements_are_reported_as_they_happen() -> None:
     heard: list[float] = []
     observer = Observer(improved=lambda better: heard.append(better.cost))
     result = plan(load_scenario("one-box"), observer=observer, time_limit=PATIENT, iterations=2000)
@@ -86,7 +86,7 @@ def test_a_plan_counts_the_iterations_that_the_setting_limits(name: str, planner
     assert found.to_dict()["iterations"] == found.iterations
 
 
-def test_a_limit_that_ends_while_the_problem_is_posed_is_an_ordinary_failure() -> None:
+def test_a_time_limit_during_preparation_is_an_ordinary_failure() -> None:
     scenario = load_scenario("one-box")
     corner = np.array([[9.0, 9.0], [9.9, 9.0], [9.9, 9.3], [9.3, 9.3], [9.3, 9.9], [9.0, 9.9]])
     result = plan(replace(scenario, obstacles=(PolygonObstacle(corner),)), time_limit=1e-6)
@@ -134,7 +134,7 @@ def test_other_obstacles_change_the_room_and_nothing_else(planner: Planner) -> N
     assert cost < 1.5 * there(free.plan(START, GOAL).cost)
 
 
-def test_poses_that_are_none_or_blocked_are_refused(planner: Planner) -> None:
+def test_invalid_and_blocked_poses_are_refused(planner: Planner) -> None:
     with pytest.raises(PlanningError, match=r"start: an array of shape \(1, 2\); allowed: poses \(k, 3\)"):
         planner.plan([0.0, 0.0], GOAL)
     with pytest.raises(PlanningError, match="goals: a pose with nan; allowed: numbers"):
@@ -149,7 +149,7 @@ ITERATIONS = 4000
 FAST = Limits(5.0, 50.0, 2000.0, 50.0, 500.0, 2e4)
 
 
-def test_a_plan_in_cof_is_cut_down_to_what_the_judge_accepts() -> None:
+def test_a_plan_in_cof_is_stable_in_ecof_too() -> None:
     scenario = load_scenario("one-box")
     result = plan(scenario, stable_set="cof", time_limit=60.0, iterations=ITERATIONS)
     assert result.solved, result.reason
@@ -163,7 +163,7 @@ def test_a_plan_in_cof_is_cut_down_to_what_the_judge_accepts() -> None:
     assert found.min() > 0.0
 
 
-def test_a_path_with_more_room_is_driven_where_the_best_one_would_have_to_stop() -> None:
+def test_the_plan_is_faster_to_drive_than_the_cheapest_path() -> None:
     scenario, own, alone = load_scenario("two-crates"), 0.0, 0.0
     for seed in range(1, 7):
         found = plan(scenario, seed=seed, time_limit=60.0, iterations=10_000)
@@ -172,7 +172,7 @@ def test_a_path_with_more_room_is_driven_where_the_best_one_would_have_to_stop()
     assert own < 0.99 * alone
 
 
-def test_a_path_that_is_driven_too_fast_for_its_contacts_is_no_plan(monkeypatch: Patch) -> None:
+def test_a_path_too_fast_for_its_contacts_is_not_a_plan(monkeypatch: Patch) -> None:
     def too_fast(scenario: Scenario, path: PushPath, *_: object) -> SimpleNamespace:
         return SimpleNamespace(trajectory=time_path(path, Bounds(FAST)))
 
@@ -197,7 +197,7 @@ def flaw(scenario: Scenario, segment: Segment) -> str:
     return Validator(scenario).flaw((segment,), good()[1])
 
 
-def test_a_margin_at_what_is_asked_for_is_too_small() -> None:
+def test_a_margin_equal_to_the_required_one_is_too_small() -> None:
     found, execution = good()
     smallest = there(execution.min_margin)
     said = validation_error(replace(found, margin=smallest), execution)
@@ -213,14 +213,14 @@ def crates() -> pushplan.Plan:
     return pushplan.plan(pushplan.load_scenario("two-crates"), first=True, time_limit=60.0)
 
 
-def test_a_plan_comes_back_with_what_is_worked_out_late(crates: pushplan.Plan) -> None:
+def test_a_pickled_plan_keeps_its_lazy_fields(crates: pushplan.Plan) -> None:
     back = pickle.loads(pickle.dumps(crates))
     assert back.metrics() == crates.metrics()
     assert back.robustness == crates.robustness
     np.testing.assert_array_equal(there(back.trajectory).poses, there(crates.trajectory).poses)
 
 
-def test_sets_planners_and_controllers_answer_as_before(crates: pushplan.Plan) -> None:
+def test_pickled_sets_planners_and_controllers_give_the_same_answers(crates: pushplan.Plan) -> None:
     twists, chain = np.array([[1.0, 0.0, 0.0], [1.0, 0.1, 0.5]]), crates.scenario.chain
     uneven = IntervalChain.from_ranges(chain, pressures={"near": 0.1})
     for stable in (stable_set(chain), stable_set(chain, "robust"), stable_set_over(uneven)):
@@ -249,7 +249,7 @@ def test_the_loss_lies_between_the_samples_around_the_exact_end_of_the_set(make_
 
 
 @pytest.mark.parametrize("turns", [1, -2])
-def test_what_is_pushed_after_the_robot_has_turned_fully_does_not_turn_with_it(turns: int) -> None:
+def test_a_full_turn_of_the_robot_does_not_turn_the_pushed_object(turns: int) -> None:
     plain = pushplan.plan(load_scenario("one-box"), seed=1, first=True, time_limit=PATIENT)
     (push,) = plain.segments
     spin = PushPath(

@@ -46,9 +46,7 @@ def test_margins_have_one_colour_each_on_a_fixed_scale() -> None:
 
 
 @pytest.mark.parametrize("kind", PUSHES)
-def test_the_path_has_the_margins_of_the_execution_and_none_where_nothing_is_pushed(
-    kind: str, plans: dict[str, Plan]
-) -> None:
+def test_the_path_shows_the_margins_of_pushes_only(kind: str, plans: dict[str, Plan]) -> None:
     plan = plans[kind]
     scene, execution = Scene.of(plan.scenario, plan), there(plan.execution)
     assert [line.kind for line in scene.lines] == [segment.kind for segment in plan.segments]
@@ -155,7 +153,7 @@ def test_a_picture_without_a_plan_shows_the_tree_the_nearest_path_and_the_reason
         assert sentence.strip() in told
 
 
-def test_trials_say_how_many_arrive_and_count_what_is_outside(
+def test_the_picture_of_trials_counts_arrivals_and_outliers(
     plans: dict[str, Plan], tmp_path: Path, monkeypatch: Patch
 ) -> None:
     """Of four samples, of which the last ends 5 mm off."""

@@ -61,7 +61,7 @@ def assert_exact_stable_and_free(scenario: Scenario, problem: Problem, path: Flo
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_changed_paths_are_never_dearer_have_no_needless_arcs_and_stay_exact_free_and_stable(name: str) -> None:
+def test_shortened_paths_cost_no_more_have_fewer_arcs_and_stay_free_and_stable(name: str) -> None:
     """Every arc of a path is cut in three; where arcs are dear, changes take the cuts out again."""
     scenario, problem = _posed(name)
     problem = problem.with_objective(travel_objective(0.05))
@@ -155,7 +155,7 @@ def rate(objective: Objective, twist: FloatArray, length: float = 1.0) -> float:
     return objective_value(objective, np.append(twist, length)[None])
 
 
-def test_the_price_of_time_of_a_lone_arc_is_ruckigs() -> None:
+def test_the_time_of_a_single_arc_is_that_of_ruckig() -> None:
     scenario = ranked("time")
     stable = stable_set(scenario.chain)
     problem, bounds = build_problem(scenario, stable), motion_bounds(scenario, stable)
@@ -169,7 +169,7 @@ def test_the_price_of_time_of_a_lone_arc_is_ruckigs() -> None:
             assert found == pytest.approx(profile.duration, rel=0.05)
 
 
-def test_the_price_of_time_is_the_duration_of_the_exact_trajectory() -> None:
+def test_the_estimated_time_is_the_duration_of_the_exact_trajectory() -> None:
     scenario, result = ranked("time"), planned("time")
     objective, path = build_problem(scenario, stable_set(scenario.chain)).objective, there(result.path)
     price = objective_value(objective, np.column_stack([path.twists, path.lengths]))
@@ -186,7 +186,7 @@ def test_ranking_by_margin_is_safer_the_more_the_higher_its_weight() -> None:
 
 
 @pytest.mark.parametrize("trajectory", ["exact", "blended"])
-def test_the_lowest_price_is_a_bound(trajectory: str) -> None:
+def test_the_lowest_cost_rate_is_a_bound(trajectory: str) -> None:
     """The search prunes by it: no arc may be cheaper."""
     scenario = ranked("time", trajectory=trajectory)
     problem = build_problem(scenario, stable_set(scenario.chain))
@@ -201,7 +201,7 @@ def test_the_lowest_price_is_a_bound(trajectory: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["one-box", "two-crates", "asymmetric"])
-def test_the_soonest_of_both_is_taken_so_time_is_never_slower_than_travel(name: str) -> None:
+def test_ranking_by_time_is_never_slower_than_ranking_by_travel(name: str) -> None:
     """Paths are ranked by travel first, in half of the iterations, and what is best then is driven as well."""
     scenario = load_scenario(name)
     fast = plan(scenario, seed=1, time_limit=120.0, iterations=8000)
@@ -214,6 +214,6 @@ SERIES = runpy.run_path(str(Path(__file__).parents[1] / "benchmarks" / "series.p
 
 
 @pytest.mark.parametrize("scenario", list(SERIES["scenes"](quick=True)), ids=lambda scenario: scenario.name)
-def test_rooms_in_series_are_passed(scenario: Scenario) -> None:
+def test_rooms_in_series_are_solved(scenario: Scenario) -> None:
     found = pushplan.plan(scenario, first=True, seed=1, iterations=100_000, time_limit=600.0)
     assert found.solved, found.reason

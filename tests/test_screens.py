@@ -66,7 +66,7 @@ def test_a_page_is_tidy_on_every_screen(kind: str, browser: Any, tmp_path: Path)
         assert browser.evaluate("document.documentElement.scrollHeight") <= 1300
 
 
-def test_the_page_answers_what_a_worker_asks(browser: Any, tmp_path: Path) -> None:
+def test_the_page_answers_an_operator_s_questions(browser: Any, tmp_path: Path) -> None:
     run = made("rearrangement")
     write_html(run, tmp_path / "run.html")
     show(browser, tmp_path / "run.html", 1280, False)
@@ -84,7 +84,7 @@ def test_the_page_answers_what_a_worker_asks(browser: Any, tmp_path: Path) -> No
 
 
 @EVERY
-def test_the_words_of_a_film_do_not_overlap(kind: str) -> None:
+def test_texts_of_a_film_do_not_overlap(kind: str) -> None:
     film = film_of(made(kind))
     film.picture()
     figure: Figure = film.canvas.figure
@@ -98,7 +98,7 @@ def test_the_words_of_a_film_do_not_overlap(kind: str) -> None:
 
 
 @EVERY
-def test_one_thing_has_one_colour_everywhere(kind: str) -> None:
+def test_each_thing_has_the_same_colour_everywhere(kind: str) -> None:
     run = made(kind)
     scene = Scene.of(run.scenario, run.plan, run.execution, run.events)
     expected = {body.name: body.colour for body in scene.bodies}
@@ -137,7 +137,7 @@ def test_one_thing_has_one_colour_everywhere(kind: str) -> None:
     assert played == [of_body(body.colour) for body in scene.bodies]
 
 
-def test_a_colour_that_the_window_is_told_is_seen_as_the_palette_has_it() -> None:
+def test_colours_in_the_window_appear_as_in_the_palette() -> None:
     """Through the filmic curve of three.js, written down here as three.js has it."""
 
     def seen(linear: Any) -> Any:

@@ -118,7 +118,7 @@ def _dijkstra(free: np.ndarray[Any, Any], cell: float, goal: np.ndarray[Any, Any
 
 
 @pytest.mark.parametrize("back", [False, True])
-def test_trees_of_others_grow_by_free_arcs_and_join_exactly(back: bool) -> None:
+def test_trees_with_external_sampling_grow_by_free_arcs_and_join_exactly(back: bool) -> None:
     """In the direction of travel, or against it; what joins them is a free and stable path from start to goal."""
     scenario = load_plain("narrow-gap")
     problem = build_problem(scenario, scenario.stable_set())
@@ -161,7 +161,7 @@ def _end(family: FloatArray, word: FloatArray, start: FloatArray) -> FloatArray:
 
 
 @pytest.mark.parametrize("lean", [0.0, 0.3])
-def test_every_word_ends_on_the_goal(lean: float) -> None:
+def test_every_steering_path_ends_on_the_goal(lean: float) -> None:
     rng = np.random.default_rng(4)
     checked = 0
     for _ in range(300):
@@ -178,7 +178,7 @@ def test_every_word_ends_on_the_goal(lean: float) -> None:
     assert checked > 1000
 
 
-def test_what_turns_to_one_side_only_is_steered_by_wide_and_tight_turns() -> None:
+def test_one_sided_turns_are_steered_by_wide_and_tight_arcs() -> None:
     rng, aside = np.random.default_rng(9), box("box", 0.2, 0.2, 1.0, offset=0.14)
     for goal in rng.uniform([-1.0, -1.0, -3.0], [2.0, 2.0, 3.0], (4, 3)):
         scenario = build_scenario("aside", [aside], plate(0.2, 0.3), np.round(goal, 3), floor_friction=0.3)
@@ -187,7 +187,7 @@ def test_what_turns_to_one_side_only_is_steered_by_wide_and_tight_turns() -> Non
         assert found.path.twists[:, 2].min() > 0.0
 
 
-def test_the_shortest_word_of_a_symmetric_car_is_that_of_dubins() -> None:
+def test_the_shortest_steering_path_of_a_symmetric_car_is_dubins_path() -> None:
     """The oracle is OMPL's Dubins space; with CORs at (0, +-R) turning costs (R + 0.1) per radian here."""
     rng = np.random.default_rng(5)
     radius = 0.7
@@ -236,9 +236,7 @@ def _check_drive(drive: Drive, twists: FloatArray) -> None:
 
 @pytest.mark.parametrize("drive", DRIVES, ids=lambda drive: drive.kind)
 @pytest.mark.parametrize("margin", [1e-6, 0.05])
-def test_every_combination_of_a_segment_is_stable_and_drivable(
-    stable: StableSet, drive: Drive, margin: float
-) -> None:
+def test_all_twists_of_a_segment_are_stable_and_drivable(stable: StableSet, drive: Drive, margin: float) -> None:
     segments = control_segments(stable, drive, margin)
     rng = np.random.default_rng(0)
     for b in (0.0, 1.0, rng.uniform(0.0, 1.0, (len(segments), 1))):
@@ -256,7 +254,7 @@ def test_a_drive_that_cannot_push_stably_is_refused_with_the_reason(stable: Stab
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_families_turn_about_the_two_centres_that_are_closest(seed: int) -> None:
+def test_twist_families_use_the_two_closest_centres(seed: int) -> None:
     """Of all pairs of a left and a right turn, wherever their centres are."""
     segments = np.random.default_rng(seed).normal(size=(60, 6)) * [1.0, 0.3, 1.0, 1.0, 0.3, 1.0]
     turns = segment_ends(segments)

@@ -63,7 +63,7 @@ def name(case: object) -> str:
 
 
 @pytest.mark.parametrize(("key", "value"), CONTROLLER, ids=name)
-def test_a_controller_neither_answers_nan_nor_goes_on_without_measurements(key: str, value: Any) -> None:
+def test_a_controller_never_returns_nan_and_stops_without_measurements(key: str, value: Any) -> None:
     """What is no measurement is as good as none: after the watchdog's time, and that to stop, the plate stands."""
     controller = Controller(plan())
     refused, twists = 0, []
@@ -85,7 +85,7 @@ def test_a_controller_neither_answers_nan_nor_goes_on_without_measurements(key: 
 @pytest.mark.parametrize(
     "covariance", [*NUMBERS, -np.eye(3), np.triu(np.ones((3, 3))), np.full((3, 3), math.nan), np.eye(2)], ids=name
 )
-def test_what_is_no_covariance_is_told(covariance: Any) -> None:
+def test_an_invalid_covariance_is_reported(covariance: Any) -> None:
     controller, seen = Controller(plan()), compose(plan().scenario.start, plan().scenario.chain.places)
     told = ""
     try:
@@ -98,7 +98,7 @@ def test_what_is_no_covariance_is_told(covariance: Any) -> None:
 
 
 @pytest.mark.parametrize("now", [*NUMBERS, -5.0, 1.9, 17.2], ids=name)
-def test_a_controller_stands_while_time_is_none(now: Any) -> None:
+def test_a_controller_stops_while_the_time_is_invalid(now: Any) -> None:
     controller = Controller(plan())
     seen = compose(plan().scenario.start, plan().scenario.chain.places)
     for k in range(25):
@@ -115,7 +115,7 @@ def test_a_controller_stands_while_time_is_none(now: Any) -> None:
 
 
 @pytest.mark.parametrize(("key", "value"), FOLLOWER, ids=name)
-def test_a_follower_neither_answers_nan_nor_goes_on(key: str, value: Any) -> None:
+def test_a_follower_never_returns_nan_and_stops_on_invalid_inputs(key: str, value: Any) -> None:
     follower, seen, twists = Follower(plan()), np.zeros(3), []
     refused = 0
     for _ in range(int(PATIENCE / PERIOD) + 5):
@@ -146,7 +146,7 @@ def test_a_follower_neither_answers_nan_nor_goes_on(key: str, value: Any) -> Non
     lambda v: pushplan.SlipSimulator(World.from_scenario(plan().scenario)).move([v, 0, 0], 1.0),
     lambda v: pushplan.SlipSimulator(World.from_scenario(plan().scenario)).move([1, 0, 0], v),
 ])  # fmt: skip
-def test_what_is_simulated_and_set_is_refused(made: Any, value: Any) -> None:
+def test_invalid_simulations_and_settings_are_refused(made: Any, value: Any) -> None:
     with pytest.raises((PushplanError, TypeError, ValueError)):
         made(value)
 
@@ -197,13 +197,13 @@ CALLS: dict[str, tuple[Callable[[Any], Any], str]] = {
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_a_silly_call_is_told_so(name: str) -> None:
+def test_a_silly_call_gives_a_clear_error(name: str) -> None:
     call, said = CALLS[name]
     with pytest.raises(PushplanError, match=said):
         call(plan())
 
 
-def test_numbers_of_numpy_are_numbers_wherever_a_setting_is_one() -> None:
+def test_numpy_numbers_are_accepted_in_all_settings() -> None:
     whole: Any = np.int32(50)
     real: Any = np.float32(0.25)
     small: Any = np.uint8(2)

@@ -24,7 +24,7 @@ def _fewer(monkeypatch: Patch) -> None:
     monkeypatch.setattr(shown, "MOST_VIEWED", MOST_VIEWED)
 
 
-def test_a_push_of_a_day_is_judged_by_a_bounded_number_of_poses_and_its_log_is_read(
+def test_a_push_of_one_day_is_checked_with_limited_poses_and_its_log_is_read(
     tmp_path: Path, monkeypatch: Patch
 ) -> None:
     stated = yaml.safe_load(example_text("free-space"))

@@ -70,7 +70,7 @@ def outlines(make_chain: ChainMaker) -> list[FloatArray]:
     return [BOX, *(make_chain.star(np.random.default_rng(seed), 3 + seed) for seed in range(7))]
 
 
-def test_the_rule_on_a_polygon_has_its_area_centroid_and_second_moments(make_chain: ChainMaker) -> None:
+def test_the_quadrature_on_a_polygon_has_its_area_centroid_and_second_moments(make_chain: ChainMaker) -> None:
     for outline in outlines(make_chain):
         moments = UniformSupport(outline).moments
         rule = polygon_rule(outline, 2)
@@ -94,7 +94,7 @@ def test_feet_have_the_moments_of_the_pressure_up_to_their_degree() -> None:
 
 
 @pytest.mark.parametrize("center", [None, np.array([0.008, -0.004])])
-def test_friction_on_the_feet_is_that_of_the_pressure(center: FloatArray | None) -> None:
+def test_friction_on_the_feet_equals_that_of_the_pressure(center: FloatArray | None) -> None:
     """The wrench at centres of rotation around the footprint, twice as far out as its corners."""
     support = UniformSupport(BOX, center)
     feet = feet_of(support)
@@ -126,7 +126,7 @@ class Rails(Support):
         return PointLoads(self.points, self.parts.copy(), self.parts.copy())
 
 
-def test_a_support_model_of_a_users_own_is_shown_simulated_and_identified_as_what_it_is() -> None:
+def test_a_user_s_support_model_is_shown_simulated_and_identified() -> None:
     rails, unknown = Rails(), UnknownSupport(4.0 * BOX, np.array([0.01, 0.0]))
     feet = feet_of(rails)
     np.testing.assert_array_equal(feet.positions, rails.points)
@@ -144,9 +144,7 @@ def test_a_support_model_of_a_users_own_is_shown_simulated_and_identified_as_wha
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_load_leans_as_far_as_none_of_it_is_negative_and_the_way_that_is_named(
-    make_chain: ChainMaker, seed: int
-) -> None:
+def test_a_load_shifts_until_a_part_is_zero_in_the_requested_direction(make_chain: ChainMaker, seed: int) -> None:
     """The centre moves along the direction in the chain frame, whatever way the object is turned."""
     rng = np.random.default_rng(seed)
     outline, e = make_chain.star(rng, 5), rotate(rng.uniform(-3.0, 3.0), [1.0, 0.0])

@@ -63,14 +63,12 @@ def answers(scenario: Scenario) -> Answers:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_draft_in_which_nothing_moved_is_the_scenario_itself(kind: str, scenarios: dict[str, Scenario]) -> None:
+def test_an_unchanged_draft_is_the_scenario_itself(kind: str, scenarios: dict[str, Scenario]) -> None:
     assert Draft.of(scenarios[kind]).scenario() == scenarios[kind]
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_was_dragged_is_where_the_saved_scenario_has_it(
-    kind: str, scenarios: dict[str, Scenario], tmp_path: Path
-) -> None:
+def test_the_saved_scenario_has_the_dragged_poses(kind: str, scenarios: dict[str, Scenario], tmp_path: Path) -> None:
     draft, aside = Draft.of(scenarios[kind]), np.array([0.05, -0.03, 0.1])
     for key, pose in draft.poses.items():
         if not key.startswith("obstacle/"):
@@ -107,9 +105,7 @@ def test_every_stage_of_an_answer_leads_from_the_dragged_start_to_the_dragged_go
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_stage_shows_bodies_goals_and_path_where_the_scene_has_them(
-    kind: str, scenarios: dict[str, Scenario]
-) -> None:
+def test_the_stage_shows_bodies_goals_and_path_of_the_scene(kind: str, scenarios: dict[str, Scenario]) -> None:
     pytest.importorskip("viser")
     from pushplan.view.stage import Stage
 
@@ -137,7 +133,7 @@ def test_the_stage_shows_bodies_goals_and_path_where_the_scene_has_them(
         assert not pushed.visible
 
 
-def test_a_body_is_dragged_by_itself(scenario: Scenario) -> None:
+def test_a_body_is_dragged_alone(scenario: Scenario) -> None:
     pytest.importorskip("viser")
     from pushplan.view.stage import Stage
 
@@ -188,7 +184,7 @@ class Seen:
     (lambda draft: draft.slid(1, 0.5), "touch"),
     (lambda draft: draft.moved("goal", draft.poses["start"]), "goal"),
 ])  # fmt: skip
-def test_a_bad_pose_is_told_in_words(
+def test_a_bad_pose_gives_a_message(
     scenario: Scenario, answers: Answers, change: Callable[[Draft], Draft], words: str
 ) -> None:
     answer = answers.ask(change(Draft.of(scenario)), "path")
@@ -197,7 +193,7 @@ def test_a_bad_pose_is_told_in_words(
     assert answers.ask(Draft.of(scenario), "path").solved
 
 
-def test_a_worker_drops_what_was_asked_before_the_newest_question() -> None:
+def test_a_worker_answers_only_the_newest_question() -> None:
     begun, go, answered = threading.Event(), threading.Event(), list[int]()
 
     def answer(question: int, outdated: Callable[[], bool]) -> None:
@@ -218,7 +214,7 @@ def test_a_worker_drops_what_was_asked_before_the_newest_question() -> None:
     assert answered == [0, 4]
 
 
-def test_the_command_says_where_it_is_in_json_and_ends_quietly_with_ctrl_c() -> None:
+def test_the_command_prints_its_address_as_json_and_ends_quietly_with_ctrl_c() -> None:
     pytest.importorskip("viser")
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -234,7 +230,7 @@ def test_the_command_says_where_it_is_in_json_and_ends_quietly_with_ctrl_c() -> 
     assert (rest, process.returncode) == ("", 0)
 
 
-def test_in_a_browser_what_is_dragged_is_planned_saved_played_or_refused(scenario: Scenario, tmp_path: Path) -> None:
+def test_dragged_poses_in_a_browser_are_planned_saved_played_or_refused(scenario: Scenario, tmp_path: Path) -> None:
     pytest.importorskip("viser")
     import viewed
 

@@ -49,7 +49,7 @@ ELSEWHERE = ("http://example.org", "http://example.org:{port}", "http://localhos
 @pytest.mark.parametrize(
     "origin", [None, "null", *ELSEWHERE, "https://localhost:{port}", "http://localhost:1", "http://localhost"]
 )
-def test_another_page_does_not(server: Any, origin: str | None) -> None:
+def test_a_foreign_page_does_not_connect(server: Any, origin: str | None) -> None:
     from websockets.exceptions import InvalidStatus
 
     with pytest.raises(InvalidStatus) as refused, connected(server, origin):
@@ -57,7 +57,7 @@ def test_another_page_does_not(server: Any, origin: str | None) -> None:
     assert refused.value.response.status_code == 403
 
 
-def test_a_page_is_sent_to_whoever_asks_but_not_into_another_page(server: Any) -> None:
+def test_a_page_is_served_to_everyone_but_not_inside_another_page(server: Any) -> None:
     url = f"http://127.0.0.1:{server.get_port()}/"
     with urlopen(url, timeout=30.0) as page:
         assert page.status == 200

@@ -107,7 +107,7 @@ def test_a_batch_killed_at_random_and_resumed_has_the_same_rows(planted: Any, tm
     assert (folder / half["log"]).read_bytes() == b"half"
 
 
-def test_shards_killed_at_random_and_resumed_are_merged_to_what_one_machine_has(planted: Any, tmp_path: Path) -> None:
+def test_merged_shards_equal_the_results_of_one_machine_after_random_kills(planted: Any, tmp_path: Path) -> None:
     seeds = [seed for seed in range(20, 41) if "hang" not in planted.fate_of(seed)]
     (tmp_path / "suite.yaml").write_text(planted.suite_text(seeds))
     suite, rng = suite_from_text(planted.suite_text(seeds)), random.Random(1)
@@ -152,7 +152,7 @@ def test_shards_killed_at_random_and_resumed_are_merged_to_what_one_machine_has(
     assert not other.database.exists()
 
 
-def test_one_job_and_two_resumed_jobs_give_the_same_costs_and_arcs(tmp_path: Path) -> None:
+def test_costs_and_arcs_do_not_depend_on_the_number_of_jobs(tmp_path: Path) -> None:
     suite = suite_from_text(REAL)
     _run(suite, tmp_path / "1", 1)
     some = _run(suite, tmp_path / "2", selection=Selection(filters=("problem=one-box", "planner=rrt")))
@@ -189,7 +189,7 @@ def specs(planted: Any, count: int, seconds: int | None = None) -> list[RunSpec]
     return list(suite_from_text(text).runs("test"))
 
 
-def test_each_fate_has_its_status_and_message_and_ends_no_other_run(planted: Any, tmp_path: Path) -> None:
+def test_each_failure_has_its_status_and_message_and_stops_no_other_run(planted: Any, tmp_path: Path) -> None:
     with local_engine(2, tmp_path, planted.work) as engine:
         found = {outcome.key: outcome for outcome in engine(specs(planted, len(planted.FATES)))}
     for spec in specs(planted, len(planted.FATES)):
@@ -203,7 +203,7 @@ def test_each_fate_has_its_status_and_message_and_ends_no_other_run(planted: Any
     assert not list(tmp_path.iterdir())
 
 
-def test_runs_at_the_same_time_are_as_many_as_are_asked_for(planted: Any, tmp_path: Path) -> None:
+def test_the_number_of_parallel_runs_is_the_requested_one(planted: Any, tmp_path: Path) -> None:
     for jobs, seconds, statuses in ((1, 1, ["timeout", "ok"]), (2, 60, ["ok", "ok"])):
         folder = tmp_path / str(jobs)
         folder.mkdir()
@@ -212,7 +212,7 @@ def test_runs_at_the_same_time_are_as_many_as_are_asked_for(planted: Any, tmp_pa
         assert ends == statuses
 
 
-def test_runs_end_with_who_wanted_them_even_when_it_is_killed(planted: Any, tmp_path: Path) -> None:
+def test_runs_end_when_their_batch_is_killed(planted: Any, tmp_path: Path) -> None:
     (tmp_path / "suite.yaml").write_text(planted.suite_text([0], 100))
     path = tmp_path / "results-1" / ".scratch" / "number"
     with _started("leave_number", tmp_path) as program:

@@ -81,7 +81,7 @@ def make(folder: Path, outcome: Make = typical, text: str = SUITE) -> Results:
     return read_results(folder)
 
 
-def test_tables_say_what_was_made_up(tmp_path: Path) -> None:
+def test_tables_show_the_made_up_results(tmp_path: Path) -> None:
     results = make(tmp_path)
     auto, slow = by_planner(results).rows
     assert auto[:5] == ["auto", "24", "24", "24", "100.0 [86.2, 100.0]"]
@@ -104,7 +104,7 @@ def _ranked(spec: RunSpec) -> Outcome:
     return replace(found, values={**found.values, **more}) if found.status == "ok" else found
 
 
-def test_durations_stand_beside_costs_where_time_ranked_all_plans(tmp_path: Path) -> None:
+def test_durations_stand_beside_costs_if_all_plans_are_ranked_by_time(tmp_path: Path) -> None:
     timed, mixed = make(tmp_path / "1", _ranked), make(tmp_path / "2", _ranked, SUITE.replace("slow", "far"))
     bounds = [{row[0] for row in spread(results).rows if "bound" in row[0]} for results in (timed, mixed)]
     by_time = {"lower bound of the duration [s]"}
@@ -130,7 +130,7 @@ def test_latex_has_three_tables_with_equal_digits_in_a_column(tmp_path: Path) ->
         assert len({len(cell.partition(".")[2]) for cell in column if cell != "–"}) == 1
 
 
-def test_costs_over_time_begin_when_half_of_the_runs_have_a_path(tmp_path: Path) -> None:
+def test_median_costs_over_time_begin_once_half_of_the_runs_have_a_path(tmp_path: Path) -> None:
     results = make(tmp_path)
     times = np.array([0.01, 0.04, 0.052, 0.2, 3.0])
     low, middle, high = cost_quartiles(results, "auto", times)
@@ -141,7 +141,7 @@ def test_costs_over_time_begin_when_half_of_the_runs_have_a_path(tmp_path: Path)
     assert cost_quartiles(results, "nobody", times).shape == (3, 5)
 
 
-def test_the_page_holds_all_it_shows_and_marks_what_is_invalid(tmp_path: Path) -> None:
+def test_the_page_is_self_contained_and_marks_invalid_runs(tmp_path: Path) -> None:
     results = make(tmp_path)
     (tmp_path / "figures").mkdir()
     text = render(results, tmp_path / "figures")
@@ -188,7 +188,7 @@ def _scaled(cost: float = 1.0, first: float = 1.0, fail: int = 0) -> Make:
     ({}, 0, 0, False), ({"cost": 0.9}, 2, 0, False), ({"cost": 1.2}, 0, 2, True), ({"cost": 1.02}, 0, 2, False),
     ({"first": 2.0, "cost": 0.9}, 2, 2, True), ({"fail": 8}, 0, 6, True),
 ])  # fmt: skip
-def test_versions_are_compared_beyond_chance_and_threshold(
+def test_regressions_exceed_chance_and_threshold(
     change: dict[str, float], better: int, worse: int, regression: bool, tmp_path: Path
 ) -> None:
     old, new = make(tmp_path / "old", _scaled()), make(tmp_path / "new", _scaled(**change))  # type: ignore[arg-type]
@@ -197,7 +197,7 @@ def test_versions_are_compared_beyond_chance_and_threshold(
     assert compare_versions(old, new, threshold=10.0).is_regression is ("fail" in change)
 
 
-def test_what_is_not_solved_has_the_largest_rank() -> None:
+def test_unsolved_runs_have_the_largest_rank() -> None:
     """An infinite value counts as any that is larger than all others, on either side."""
     first, second = np.array([1.0, 1.1, 1.2, 3.0, 1.4, 1.5]), np.array([2.0, 1.0, 1.9, 1.0, 1.8, 2.9])
     for side in (first, second):
@@ -213,7 +213,7 @@ def test_what_is_not_solved_has_the_largest_rank() -> None:
     assert rank_test(first, second) == rank_test(second, first)
 
 
-def test_the_command_tells_regressions_with_exit_code_4(tmp_path: Path, capsys: Captured) -> None:
+def test_regressions_give_exit_code_4(tmp_path: Path, capsys: Captured) -> None:
     for name, change in (("old", {}), ("new", {"cost": 1.2, "first": 0.5}), ("failing", {"fail": 9})):
         make(tmp_path / name, _scaled(**change))
 
@@ -257,7 +257,7 @@ def test_percentiles_are_those_of_numpy_and_infinite_between_a_number_and_infini
         assert median_interval([partly])[0] == pytest.approx(expected[3])
 
 
-def test_bootstrap_intervals_cover_the_truth_as_often_as_they_say() -> None:
+def test_bootstrap_intervals_have_their_nominal_coverage() -> None:
     """Medians of 60 times: those of an exponential law are known; the seed is fixed."""
     rng = np.random.default_rng(1)
     hits = 0
@@ -268,7 +268,7 @@ def test_bootstrap_intervals_cover_the_truth_as_often_as_they_say() -> None:
 
 
 @pytest.mark.parametrize(("successes", "count"), [(16, 16), (0, 16), (12, 16), (90, 240)])
-def test_intervals_of_shares_are_where_the_score_test_does_not_refuse(successes: int, count: int) -> None:
+def test_intervals_of_shares_are_those_of_the_score_test(successes: int, count: int) -> None:
     """At its ends p, and nowhere else, the share is 1.96 standard deviations of p away: Wilson's definition."""
     low, high = wilson(successes, count)
     assert 0.0 <= low < high <= 1.0
@@ -281,7 +281,7 @@ def test_intervals_of_shares_are_where_the_score_test_does_not_refuse(successes:
         assert high == 1.0
 
 
-def test_holm_corrects_as_in_his_example() -> None:
+def test_holm_s_correction_matches_his_example() -> None:
     assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
     assert holm([0.9, 0.8]) == [1.0, 1.0]
     assert holm([]) == []

@@ -153,9 +153,7 @@ def quasi_static(plan: Plan) -> Plan:
 
 
 @pytest.mark.parametrize("fate", ["locked", "full"])
-def test_a_database_that_takes_no_more_midway_is_named_and_the_rest_is_done_later(
-    fate: str, tmp_path: Path, monkeypatch: Patch
-) -> None:
+def test_a_full_database_is_reported_and_the_rest_is_run_later(fate: str, tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.setattr(store, "BUSY", 0.1)
     folder, suite = ResultsFolder(tmp_path), suite_from_text(SUITE)
     others: list[sqlite3.Connection] = []
@@ -187,7 +185,7 @@ def test_a_database_that_takes_no_more_midway_is_named_and_the_rest_is_done_late
     assert tally.left == 0
 
 
-def test_an_execution_that_slips_with_inertia_is_no_solution(done: Run) -> None:
+def test_an_execution_that_slips_with_inertia_is_not_a_solution(done: Run) -> None:
     plan, execution = done.plan, there(done.execution)
     assert validation_error(plan, execution) == ""
     values = there(execution.dynamic_margins).copy()
@@ -212,7 +210,7 @@ def test_the_outcome_of_a_run_has_its_margins(done: Run) -> None:
     assert (lost.status, lost.values["min_dynamic_margin"]) == ("invalid", -0.1)
 
 
-def test_an_execution_is_validated_by_where_the_objects_are() -> None:
+def test_an_execution_is_validated_with_the_actual_object_poses() -> None:
     """An obstacle where the chain would be if the robot held it all the time is none in the way."""
     rooms = ProblemParameters(objects=(1, 1), obstacles=(0, 0), drives=DRIVES, robot=(0.5, 1.0))
     scenario = scenario_from_text(generate(rooms, 1))
@@ -248,7 +246,7 @@ def test_the_same_seed_gives_the_same_text_and_another_one_another() -> None:
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_a_wall_with_a_gap_parts_start_from_goal(seed: int) -> None:
+def test_a_wall_with_a_gap_separates_start_and_goal(seed: int) -> None:
     parameters = ProblemParameters(gap=(1.5, 2.0), obstacles=(0, 0))
     scenario = _scenario(parameters, seed)
     assert len(scenario.obstacles) == 2

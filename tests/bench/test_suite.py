@@ -37,7 +37,7 @@ def _runs(suite: Suite, version: str = "1") -> list[RunSpec]:
     return list(suite.runs(version))
 
 
-def test_a_suite_is_problems_times_planners_times_sets_times_seeds() -> None:
+def test_a_suite_is_the_product_of_problems_planners_sets_and_seeds() -> None:
     suite = suite_from_text(SMALL)
     assert [problem.name for problem in suite.problems] == ["one-box", "gaps-5", "gaps-6"]
     assert [problem.instance for problem in suite.problems] == [None, 5, 6]
@@ -52,7 +52,7 @@ def test_a_suite_is_problems_times_planners_times_sets_times_seeds() -> None:
     assert (runs[0].seconds, runs[0].megabytes) == (5.0 * 1.5 + 30.0, 1000.0)
 
 
-def test_keys_change_with_all_that_bears_on_results_and_nothing_else() -> None:
+def test_keys_of_runs_change_exactly_with_the_settings_that_affect_results() -> None:
     suite = suite_from_text(SMALL)
     keys = [run.key for run in _runs(suite)]
     renamed = replace(
@@ -74,7 +74,7 @@ def test_keys_change_with_all_that_bears_on_results_and_nothing_else() -> None:
         assert not set(keys) & {run.key for run in other}
 
 
-def test_all_that_is_wrong_is_told_with_its_place(tmp_path: Path) -> None:
+def test_all_errors_of_a_suite_are_reported_with_their_places(tmp_path: Path) -> None:
     (tmp_path / "bad.yaml").write_text(example_text("one-box").replace("mass:", "maß:"))
     text = """\
 format: pushplan-suite/1
@@ -116,7 +116,7 @@ problems: [one-box]; limits: {time: 1 kg} | limits.time: '1 kg' is a mass; allow
 
 
 @pytest.mark.parametrize("row", WRONG.splitlines())
-def test_wrong_values_are_told_as_in_scenarios(row: str) -> None:
+def test_wrong_values_are_reported_as_in_scenarios(row: str) -> None:
     wrong, message = row.split(" | ")
     with pytest.raises(SuiteError) as caught:
         suite_from_text(f"format: pushplan-suite/1\n{wrong.replace('; ', chr(10))}\n")
@@ -124,7 +124,7 @@ def test_wrong_values_are_told_as_in_scenarios(row: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["smoke", "paper"])
-def test_a_part_of_every_packaged_suite_can_be_run(name: str, tmp_path: Path) -> None:
+def test_a_subset_of_every_packaged_suite_runs(name: str, tmp_path: Path) -> None:
     suite = load_suite(name)
     assert suite.name == name
     patient = {"time": 600.0, "iterations": 3_000}  # whatever else the machine does
@@ -190,7 +190,7 @@ def test_shards_are_merged_and_reported(suite: str, tmp_path: Path, capsys: Capt
     assert json.loads(capsys.readouterr().out)["before"] == 2
 
 
-def test_ctrl_c_stops_it_and_says_how_to_go_on(tmp_path: Path) -> None:
+def test_ctrl_c_stops_a_suite_and_prints_how_to_resume(tmp_path: Path) -> None:
     (tmp_path / "long.yaml").write_text(ENDLESS)
     command = [sys.executable, "-m", "pushplan", "bench", "long.yaml", "-o", "results", "--filter", "seed=*"]
     with subprocess.Popen(
@@ -210,7 +210,7 @@ def test_ctrl_c_stops_it_and_says_how_to_go_on(tmp_path: Path) -> None:
     assert (tmp_path / "results" / "results.db").exists()
 
 
-def test_runs_that_broke_off_have_an_exit_code(suite: str, tmp_path: Path, capsys: Captured) -> None:
+def test_aborted_runs_have_an_exit_code(suite: str, tmp_path: Path, capsys: Captured) -> None:
     Path(suite).write_text(ENDLESS + "limits: {run: 1 ms}\n")
     words = ["bench", suite, "-o", str(tmp_path / "results")]
     assert main(words) == 4
@@ -236,7 +236,7 @@ def test_runs_that_broke_off_have_an_exit_code(suite: str, tmp_path: Path, capsy
     (["smoke", "a", "-o", "x"], "'a' is one argument too many"),
     (["smoke", "-o", "x", "--rerun", "nokey"], "no run of this suite and version has a key that begins with"),
 ])  # fmt: skip
-def test_wrong_words_end_with_exit_code_2(
+def test_wrong_arguments_give_exit_code_2(
     words: list[str], message: str, capsys: Captured, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -70,7 +70,7 @@ def off_by_a_fifth(name: str) -> pushplan.World:
     return world.with_contact_friction(0.8).with_floor_friction(1.2, scenario(name).chain.objects[0].name)
 
 
-def test_in_an_undisturbed_world_the_plate_goes_along_the_plan_and_arrives() -> None:
+def test_without_disturbance_the_plate_follows_the_plan_and_arrives() -> None:
     name, plan = "two-crates", plan_of("two-crates")
     run = run_closed_loop(scenario(name), plan=plan, sensor=STILL)
     planned = there(plan.trajectory).poses_at(run.simulated.t)
@@ -81,7 +81,7 @@ def test_in_an_undisturbed_world_the_plate_goes_along_the_plan_and_arrives() -> 
     assert np.abs(blind.object_poses[-1] - run.simulated.object_poses[-1]).max() < 1e-9
 
 
-def test_a_kicked_object_is_brought_to_the_goal_that_the_plan_alone_misses() -> None:
+def test_a_displaced_object_reaches_the_goal_that_the_plan_alone_misses() -> None:
     name = "hook"
     plan, world, disturbances = plan_of(name), off_by_a_fifth(name), [disturbance(name, 0.4, 1, -1.5)]
     run = run_closed_loop(scenario(name), world, disturbances, plan=plan, settings=SELDOM)
@@ -95,7 +95,7 @@ def test_a_kicked_object_is_brought_to_the_goal_that_the_plan_alone_misses() -> 
 
 @pytest.mark.parametrize("detour", [(2.0, 1.0), (1.2, 0.05)])
 @pytest.mark.parametrize(("name", "share"), [("two-crates", s) for s in (0.3, 0.6, 0.9, 0.97)] + [("hook", 0.9)])
-def test_travel_keeps_to_its_bound_and_what_remains_is_told(
+def test_travel_stays_within_its_limit_and_the_remaining_error_is_reported(
     name: str, share: float, detour: tuple[float, float]
 ) -> None:
     settings, plan = replace(SELDOM, detour=detour), plan_of(name)
@@ -119,7 +119,7 @@ def test_without_measurements_the_plate_stands_still_and_the_controller_gives_up
 
 
 @pytest.mark.parametrize("pushes", [1, 2])
-def test_after_an_outage_of_the_measurements_the_loop_goes_on(pushes: int) -> None:
+def test_the_loop_continues_after_an_outage_of_the_measurements(pushes: int) -> None:
     """Motion capture is out for several seconds at a time, and comes back."""
     apart = scenario_from_document(problem_document("omnidirectional"))
     plan = plan_of("one-box") if pushes == 1 else pushplan.plan(apart, seed=1, iterations=1, time_limit=60.0)
@@ -159,7 +159,7 @@ def test_single_wrong_frames_neither_stop_nor_divert_the_loop(name: str, what: s
     assert course.t[-1] < planned + 3.0
 
 
-def test_what_leaps_counts_once_it_is_seen_there_again() -> None:
+def test_a_leap_counts_once_a_second_measurement_confirms_it() -> None:
     gate, noise, rest = Gate(), np.array([1e-3, 0.005]), np.zeros(3)
     away, other = np.array([[0.04, 0.0, 0.0], [0.5, 0.0, 0.0]]), np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]])
 
@@ -185,7 +185,7 @@ def test_what_leaps_counts_once_it_is_seen_there_again() -> None:
 
 
 @pytest.mark.parametrize("what", ["exchanged", "frozen", "plate"])
-def test_what_a_camera_errs_by_for_long_neither_stops_nor_ends_the_loop(what: str) -> None:
+def test_lasting_camera_errors_neither_stop_nor_end_the_loop(what: str) -> None:
     """Names are exchanged for 4 s, measurements repeat the last one for 3 s, or the plate's pose leaps every 2 s."""
     name, last = "two-crates", list[FloatArray]()
     controller, world = Controller(plan_of(name), SELDOM), pushplan.World.from_scenario(scenario(name))
@@ -211,7 +211,7 @@ def test_what_a_camera_errs_by_for_long_neither_stops_nor_ends_the_loop(what: st
 
 
 @pytest.mark.parametrize("stated", [1e-3, 5e-3])
-def test_more_noise_than_stated_counts_and_is_told(stated: float) -> None:
+def test_excess_noise_is_used_and_reported(stated: float) -> None:
     """Objects at rest seem to move by what 1 mm of noise does not explain; before, they did again and again."""
     settings = replace(SELDOM, position_noise=stated, angle_noise=stated)
     apart = scenario_from_document(problem_document("omnidirectional"))
@@ -225,7 +225,7 @@ def test_more_noise_than_stated_counts_and_is_told(stated: float) -> None:
     assert sum(event.kind == "moved" for event in controller.events) <= (1 if told else 0)
 
 
-def test_a_measured_plate_is_led_back_to_the_path_on_twists_that_the_contacts_bear() -> None:
+def test_a_measured_plate_returns_to_the_path_with_stable_twists() -> None:
     """And where its measured pose jumps, as that of a robot that is localised anew, it does not follow."""
     controller = Controller(scenario("one-box"), plan=plan_of("one-box"))
     trajectory, places = plan_of("one-box").segments[0].contact_trajectory, scenario("one-box").chain.places
@@ -275,7 +275,7 @@ ROUGH = Sensor(position=5e-3, angle=np.radians(1.5))
     (Sensor(), 0.05, False, {}), (Sensor(), 0.05, True, {}),
     (ROUGH, 0.0, False, {"covariance": np.diag([25e-6, 25e-6, np.radians(1.5) ** 2])}),
 ], ids=["odometry", "a camera on board", "covariance"])  # fmt: skip
-def test_a_robot_tells_how_it_moves_what_it_sees_from_itself_and_how_well(
+def test_odometry_robot_frame_measurements_and_covariances_are_used(
     sensor: Sensor, short: float, on_board: bool, stated: dict[str, ArrayLike]
 ) -> None:
     """Wheels that do 5 % less than they are told are none that err where odometry tells of it.
@@ -307,7 +307,7 @@ def seeing(controller: Controller, seen: Callable[[float, Any, float | None], An
 @pytest.mark.parametrize(("off", "count", "end"), [
     (5.4e-3, 20, Phase.ARRIVED), (5.4e-3, 2000, Phase.GAVE_UP), (6.5e-3, 20, Phase.GAVE_UP),
 ])  # fmt: skip
-def test_where_an_error_is_at_its_tolerance_it_is_measured_for_longer(off: float, count: int, end: Phase) -> None:
+def test_an_error_close_to_its_tolerance_is_measured_for_longer(off: float, count: int, end: Phase) -> None:
     """5 mm are allowed, and a longer way is not worth less than one: sixteen measurements tell that to 0.75 mm.
 
     The load is seen aside in the first measurements of the first look.
@@ -340,7 +340,7 @@ def noticing(name: str, *obstacles: CircleObstacle) -> tuple[Controller, Simulat
     return controller, simulate_push(world, controller, controller.settings.rate, step=steps)
 
 
-def test_an_obstacle_that_comes_into_the_way_is_gone_around() -> None:
+def test_the_loop_avoids_a_new_obstacle_on_the_path() -> None:
     path = there(plan_of("free-space").path)
     obstacle = CircleObstacle(path.poses_at([0.6 * path.cost])[0, :2], 0.05)
     controller, course = noticing("free-space", obstacle)
@@ -352,7 +352,7 @@ def test_an_obstacle_that_comes_into_the_way_is_gone_around() -> None:
     assert find_collision(replace(blocked, clearance=0.0), course.poses) is None
 
 
-def test_a_better_way_is_taken_and_what_changes_nothing_is_not_minded() -> None:
+def test_a_shorter_path_is_taken_and_irrelevant_changes_are_ignored() -> None:
     controller, _ = noticing("feet")
     assert [e.text[:16] for e in controller.events if e.kind == "room"] == ["there is now a p"]
     assert controller.phase is Phase.ARRIVED
@@ -365,7 +365,7 @@ def test_a_better_way_is_taken_and_what_changes_nothing_is_not_minded() -> None:
 @pytest.mark.parametrize(("ahead", "not_met"), [
     (-0.026, [True, False]), (0.008, [False]), (0.018, [False]), (0.03, [False]),
 ])  # fmt: skip
-def test_a_load_that_is_met_elsewhere_tells_where_the_plate_is(ahead: float, not_met: list[bool]) -> None:
+def test_contact_with_a_load_reveals_the_pose_of_the_plate(ahead: float, not_met: list[bool]) -> None:
     """The plate is that far ahead of where it believes to be.
 
     Behind it, the straight push of 20 mm ends before it meets the load. Ahead, the load is pushed on and seems as far
@@ -383,7 +383,7 @@ def test_a_load_that_is_met_elsewhere_tells_where_the_plate_is(ahead: float, not
     assert not any("gave up" in event.text for event in controller.events)
 
 
-def test_the_robot_drives_alone_with_room_for_what_its_wheels_err_by() -> None:
+def test_transits_have_clearance_for_wheel_errors() -> None:
     """Planned ways keep 10 mm from the load: after 2 m, wheels that are off by 1.5 % touch it."""
     apart = scenario_from_document(problem_document("omnidirectional", goal={"pose": [0.4, 1.0, 0.0]}))
     plan = pushplan.plan(apart, seed=1, iterations=1, time_limit=60.0)
@@ -397,7 +397,7 @@ def test_the_robot_drives_alone_with_room_for_what_its_wheels_err_by() -> None:
     assert min(box.distance(Polygon(transform_points(pose, body))) for pose in at for body in robot) > 0.02
 
 
-def test_what_is_learned_of_headings_stays_for_the_next_push() -> None:
+def test_estimated_heading_errors_are_kept_for_the_next_push() -> None:
     apart = scenario_from_document(problem_document("differential", goal={"pose": [1.0, 2.0, 1.5], "of": "b0"}))
     controller = Controller(pushplan.plan(apart, seed=1, iterations=1, time_limit=60.0), SELDOM)
     turned = np.array([0.0, 0.0, np.radians(0.7)])
@@ -409,7 +409,7 @@ def test_what_is_learned_of_headings_stays_for_the_next_push() -> None:
     assert worst_at_goal(apart, course.object_poses[-1])[1] < np.radians(0.7)
 
 
-def test_what_slides_again_is_pushed_as_with_the_least_friction(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_after_repeated_slides_plans_assume_the_least_friction(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of two slides the first may be a disturbance; where the plate may let go, another push may do it."""
     slides = iter([None, None, Slide(0, 3e-3, 0.0)] * 2)
     monkeypatch.setattr(pushing, "find_slide", lambda *_: next(slides, None))

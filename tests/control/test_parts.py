@@ -47,7 +47,7 @@ def queries(crates: pushplan.Scenario) -> Planner:
     return Planner(crates)
 
 
-def test_a_stop_keeps_to_the_path_and_the_limits_wherever_it_begins(crates: pushplan.Scenario) -> None:
+def test_a_stop_from_any_point_keeps_to_the_path_and_the_limits(crates: pushplan.Scenario) -> None:
     trajectory = there(plan_in(crates, seed=1, first=True).trajectory)
     limits, dt = crates.chain.pusher.limits, 0.01
     for begin in np.linspace(0.05, 0.95, 7) * trajectory.duration:
@@ -65,7 +65,7 @@ def test_a_stop_keeps_to_the_path_and_the_limits_wherever_it_begins(crates: push
 
 
 @pytest.mark.parametrize(("slides", "best"), [((3e-3, 0.0), 0.0), ((0.0, 9e-3), 0.8), ((-4e-3, -1.2e-2), 1.05)])
-def test_no_pose_brings_objects_that_have_slid_nearer_to_their_goals(
+def test_the_exact_pose_of_slid_objects_is_the_best_one(
     crates: pushplan.Scenario, slides: tuple[float, float], best: float
 ) -> None:
     """With the heading as planned, each would be half of the second slide away."""
@@ -85,7 +85,7 @@ TRUTHS = {
 
 @pytest.mark.parametrize("wheels", [[0.0, 0.0, 0.0], [-0.45, -0.2, 0.0]])
 @pytest.mark.parametrize("what", TRUTHS)
-def test_what_is_wrong_is_found_and_measurements_to_come_are_expected(what: str, wheels: list[float]) -> None:
+def test_errors_are_estimated_and_predict_later_measurements(what: str, wheels: list[float]) -> None:
     """Along bends the other way that were not learned from: what stays open there cannot matter.
 
     Wheels err by constants where they are, wherever that is from the contact.
@@ -158,7 +158,7 @@ class Watched:
         self.k += 1
 
 
-def test_measurements_count_by_the_noise_that_each_is_stated_with() -> None:
+def test_each_measurement_is_weighted_by_its_stated_noise() -> None:
     """A camera that sees badly, 5 mm off, is replaced by one that sees well; nothing moves."""
     plate, places = Watched(1, seed=4), np.zeros((1, 3))
     for k in range(200):
@@ -169,7 +169,7 @@ def test_measurements_count_by_the_noise_that_each_is_stated_with() -> None:
     assert np.hypot(left[0, 0, 0], left[0, 0, 1]) < 4e-4
 
 
-def test_what_was_measured_well_counts_as_much_when_the_camera_becomes_bad() -> None:
+def test_earlier_good_measurements_keep_their_weight_when_the_camera_gets_worse() -> None:
     """From 1 mm to 8 mm, without saying so: more measurements do not make less known."""
     plate, places, known = Watched(1, seed=6), np.zeros((1, 3)), []
     for k in range(300):
@@ -182,7 +182,7 @@ def test_what_was_measured_well_counts_as_much_when_the_camera_becomes_bad() -> 
     assert plate.estimator.noise([Sample(10.0, places, places, NOISE)])[0, 0] == pytest.approx(8e-3, rel=0.3)
 
 
-def test_where_a_load_stands_on_the_plate_is_no_drift_of_the_wheels() -> None:
+def test_a_lateral_offset_of_the_load_is_not_taken_for_wheel_drift() -> None:
     """The plate stands 9 mm farther to the right along the load than it believes; it shows in a bend."""
     places, aside = np.array([[0.075, 0.0, 0.0]]), -9e-3
     found = []
@@ -213,7 +213,7 @@ SLIDES = {
 
 
 @pytest.mark.parametrize("what", SLIDES)
-def test_slides_are_told_from_constant_errors(crates: pushplan.Scenario, what: str) -> None:
+def test_slides_are_distinguished_from_constant_errors(crates: pushplan.Scenario, what: str) -> None:
     """Over 2 m, on a straight at first and, where there is anything before that to tell it from, on an arc."""
     contact, rate, drift, begin = SLIDES[what]
     chain, plate, way = crates.chain, Watched(2, seed=5), 0.0
@@ -271,7 +271,9 @@ def test_a_sensor_has_its_rate_delay_and_noise() -> None:
 
 
 @pytest.mark.parametrize("held", [True, False])
-def test_a_kick_leaves_no_overlap_and_moves_what_is_carried_ahead(crates: pushplan.Scenario, held: bool) -> None:
+def test_a_disturbance_leaves_no_overlap_and_moves_carried_objects_ahead(
+    crates: pushplan.Scenario, held: bool
+) -> None:
     world = pushplan.World.from_scenario(crates)
     random = np.random.default_rng(2)
     for _ in range(20):
@@ -298,7 +300,7 @@ def test_a_long_load_that_turned_is_closed_by_a_longer_push() -> None:
     assert 0.05 < push.length < 0.1
 
 
-def test_a_push_that_closes_contacts_does_so_in_other_worlds_too(crates: pushplan.Scenario, queries: Planner) -> None:
+def test_a_closing_push_also_works_in_other_samples(crates: pushplan.Scenario, queries: Planner) -> None:
     world = pushplan.World.from_scenario(crates)
     disturbance = Disturbance(0.0, 0, 4e-3, 2e-3, 0.03)
     poses = disturbed(pushplan.SlipSimulator(world), world.start, disturbance)

@@ -174,7 +174,7 @@ def test_measured_forces_tell_the_size_of_floor_friction() -> None:
     assert low <= 0.48 <= high
 
 
-def test_logs_with_slip_are_courses_and_those_of_the_rigid_chain_are_not(tmp_path: Path) -> None:
+def test_logs_with_slip_are_measured_pushes_and_logs_of_rigid_chains_are_not(tmp_path: Path) -> None:
     scenario = crates()
     course = moved(World.from_scenario(scenario), np.array([0.05, 0.02, 0.3]))
     with RunLogWriter.create(tmp_path / "slip.mcap", scenario, {}) as log:
@@ -190,7 +190,7 @@ def test_logs_with_slip_are_courses_and_those_of_the_rigid_chain_are_not(tmp_pat
     assert main(["identify", str(tmp_path / "none.mcap")]) == 2
 
 
-def test_a_course_that_does_not_fit_is_refused() -> None:
+def test_a_push_that_does_not_fit_the_world_is_refused() -> None:
     world = World.from_scenario(crates())
     still = np.zeros((5, 3))
     with pytest.raises(PushplanError, match="1 objects were measured; the chain has 2"):

@@ -50,7 +50,7 @@ def installed(monkeypatch: Patch) -> Iterator[None]:
         del sys.modules[name]
 
 
-def test_a_support_model_is_pushed_like_the_points_that_it_stands_for() -> None:
+def test_a_support_model_is_pushed_like_its_points() -> None:
     ring = importlib.import_module("warehouse.supports").RingSupport(0.05)
     scenario = pushplan.load_scenario("one-box")
     plans = []
@@ -84,7 +84,7 @@ def test_a_planner_plans(given: str, capsys: Captured) -> None:
     assert json.loads(capsys.readouterr().out)["planner"] == given
 
 
-def test_an_exporter_writes_what_a_run_holds(tmp_path: Path, capsys: Captured) -> None:
+def test_an_exporter_writes_the_contents_of_a_run(tmp_path: Path, capsys: Captured) -> None:
     log, table = tmp_path / "run.mcap", tmp_path / "places.tsv"
     assert main(["plan", "two-crates", "--first", "-o", str(log)]) == 0
     assert main(["replay", str(log), "--export", f"places={table}"]) == 0
@@ -106,7 +106,7 @@ def test_a_simulator_executes_trials(capsys: Captured) -> None:
     assert rates[0] > rates[1]
 
 
-def test_a_command_is_called_by_its_name(capsys: Captured) -> None:
+def test_a_command_runs_by_its_name(capsys: Captured) -> None:
     assert main(["distance", "two-crates", "--json"]) == 0
     scenario = pushplan.load_scenario("two-crates")
     far = np.hypot(*(scenario.goal.pose_chain - scenario.start)[:2])
@@ -234,7 +234,7 @@ def test_a_signal_is_an_array_and_an_entry_in_the_table(tmp_path: Path, monkeypa
         ("twists", {"topic": "/plan/plan"}, "a message Plan already exists"),
     ],
 )
-def test_an_entry_that_cannot_be_is_refused(name: str, changes: dict[str, Any], error: str) -> None:
+def test_an_invalid_entry_is_refused(name: str, changes: dict[str, Any], error: str) -> None:
     entry = replace(SIGNALS[Execution][name], **changes)
 
     def declare() -> None:

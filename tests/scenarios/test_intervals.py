@@ -91,7 +91,7 @@ def test_a_motion_keeps_its_margin_with_inertia_for_random_members() -> None:
         assert margins.min() > 0.5 * there(found.margin)
 
 
-def test_loads_of_feet_sum_to_1_whatever_makes_intervals_of_them() -> None:
+def test_loads_of_feet_must_sum_to_1_for_every_source_of_intervals() -> None:
     feet = "support: {feet: [[-0.04, -0.03, 40 %], [0.04, -0.03, 35 %], [0.0, 0.03, 35 %]]}"
     text = re.sub(r"support: .*\n.*\n", f"{feet}\n", TEXT) + "uncertainty: {load: 20 %}\n"
     with pytest.raises(ScenarioError, match=r"objects\[1\].support: load fractions sum to 1.1; they must sum to 1"):
@@ -136,7 +136,7 @@ def twists(seed: int, count: int) -> FloatArray:
     return np.asarray(spread + np.array([1.0, 0.0, 0.0]), dtype=np.float64)
 
 
-def test_it_is_the_same_as_writing_the_intervals() -> None:
+def test_uncertainty_equals_written_intervals() -> None:
     written = UNCERTAIN.replace("{friction: 0.3}", "{friction: [0.24, 0.36]}").replace("0.4}", "[0.32, 0.48]}")
     written = written.replace('"14 deg"', f"[{0.8 * MU!r}, {1.2 * MU!r}]").replace("0.5}", "[0.4, 0.6]}")
     for number in ("0.2", "0.3", "0.25"):
@@ -163,7 +163,7 @@ goal: {pose: [0.8, 0.3, 40 deg]}
 """
 
 
-def test_heights_are_those_of_contacts_whoever_pushes() -> None:
+def test_contact_heights_do_not_depend_on_the_pusher() -> None:
     scenario = scenario_from_text(HIGH)
     assert scenario_from_document(scenario.resolved()) == scenario
     assert [obj.center_height for obj in scenario.chain.objects] == [0.05, 0.02]

@@ -34,7 +34,7 @@ def load(*objects: str, pusher: str = "width: 0.4, friction: 0.5") -> Scenario:
     st.lists(st.tuples(st.floats(0.05, 0.5), st.floats(0.05, 0.5), st.floats(-0.8, 0.8)), min_size=1, max_size=5),
     st.floats(0.1, 1.0),
 )
-def test_stacked_boxes_lie_flush_and_touch_where_shapely_says(
+def test_stacked_boxes_are_flush_and_touch_as_in_shapely(
     boxes: list[tuple[float, float, float]], plate: float
 ) -> None:
     texts, before = [], plate
@@ -56,7 +56,7 @@ def test_stacked_boxes_lie_flush_and_touch_where_shapely_says(
 
 
 @given(st.floats(-0.5, 0.5), st.floats(-0.05, 0.05))
-def test_a_leaning_contact_is_found_at_any_angle(lean: float, slide: float) -> None:
+def test_an_oblique_contact_is_found_at_any_angle(lean: float, slide: float) -> None:
     tip = 0.3 + 0.1 * math.tan(lean)
     base = 0.3 - 0.1 * math.tan(lean)
     along = np.array([-math.sin(lean), math.cos(lean)])
@@ -139,7 +139,7 @@ def test_a_perturbed_stack_snaps_back(boxes: list[tuple[float, float, float, tup
 
 @settings(max_examples=15)
 @given(size, size, st.floats(1.05, 3.0), st.booleans(), st.sampled_from([-1.0, 1.0]))
-def test_beyond_the_tolerance_it_is_a_finding(
+def test_a_gap_or_turn_beyond_the_tolerance_is_an_error(
     length: float, width: float, factor: float, turned: bool, sign: float
 ) -> None:
     """In the gap alone, or in the angle alone."""
@@ -153,7 +153,7 @@ def test_beyond_the_tolerance_it_is_a_finding(
     )
 
 
-def test_what_nearly_touches_in_front_of_another_is_a_finding() -> None:
+def test_a_near_contact_in_front_of_another_object_is_an_error() -> None:
     near = box("near", 0.1, 0.08, (0.05, 0.0, 0.0))
 
     def around(x: float) -> str:
@@ -170,7 +170,7 @@ def test_what_nearly_touches_in_front_of_another_is_a_finding() -> None:
 
 
 @pytest.mark.parametrize("gap", [0.0, 1e-4, 3e-4])
-def test_sides_that_touch_or_nearly_are_ignored(gap: float) -> None:
+def test_lateral_contacts_and_near_contacts_are_ignored(gap: float) -> None:
     """Two by two boxes on a plate are two chains: in them, what is side by side does not move against one another."""
     rows = [(x, y) for y in (0.0, 0.08 + gap) for x in (0.05, 0.15)]
     boxes = [box(f"b{k}", 0.1, 0.08, (*row, 0.0)) for k, row in enumerate(rows)]

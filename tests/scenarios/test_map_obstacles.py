@@ -80,7 +80,7 @@ def _cells(row: list[int], mode: str, negate: bool = False, free: float = 0.25) 
 
 
 @pytest.mark.parametrize("free", [0.196, 0.25])
-def test_what_map_saver_leaves_unknown_is_unknown_whatever_the_threshold(free: float) -> None:
+def test_unknown_cells_of_map_saver_stay_unknown_for_every_threshold(free: float) -> None:
     """map_saver of Nav2 writes 205 and free_thresh 0.25; 50/255 = 0.196 < 0.25 would make it floor."""
     assert _cells([254, 205, 0], "trinary", free=free) == ".?#"
 
@@ -94,7 +94,7 @@ def test_each_mode_reads_grey_values_as_map_server_does() -> None:
     assert _cells([255, 245, 215, 180, 155, 154, 0], "raw") == "..?##??"
 
 
-def test_no_plan_goes_through_the_unknown_unless_it_is_said_to_be_free(tmp_path: Path) -> None:
+def test_plans_avoid_unknown_areas_unless_these_are_declared_free(tmp_path: Path) -> None:
     scenario = pushplan.load_scenario(_write(tmp_path))
     around = pushplan.plan(scenario, seed=1, iterations=2_000, time_limit=60.0)
     swept = shapely.MultiPoint(there(around.path).sampled(0.02)[:, :2])
@@ -132,7 +132,7 @@ def test_a_log_holds_the_map_and_is_verified_without_its_files(tmp_path: Path) -
         ("{map: maps/map.yaml, circle: 1}", "obstacles[1]: has map and circle; allowed: a list of at most"),
     ],
 )  # fmt: skip
-def test_a_map_that_cannot_be_had_is_told_with_its_place(obstacle: str, what: str, tmp_path: Path) -> None:
+def test_a_missing_map_is_reported_with_its_place(obstacle: str, what: str, tmp_path: Path) -> None:
     with pytest.raises(ScenarioError) as caught:
         pushplan.load_scenario(_write(tmp_path, obstacle))
     assert what in str(caught.value)
@@ -140,7 +140,7 @@ def test_a_map_that_cannot_be_had_is_told_with_its_place(obstacle: str, what: st
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
 @pytest.mark.parametrize("pipe", ["maps/map.pgm", "maps/map.yaml"])
-def test_a_pipe_is_no_map(tmp_path: Path, pipe: str) -> None:
+def test_a_pipe_is_not_a_map(tmp_path: Path, pipe: str) -> None:
     file = _write(tmp_path)
     (tmp_path / pipe).unlink()
     os.mkfifo(tmp_path / pipe)
@@ -213,7 +213,7 @@ def test_curves_become_chords_within_the_tolerance(tolerance: float, tmp_path: P
     (NESTED, "elements; allowed: 10000"),
     ('<g id="a"><use href="#a"/></g>', "nested deeper than the 100 levels allowed"),
 ])  # fmt: skip
-def test_a_drawing_that_is_no_outlines_is_refused(shapes: str, what: str, tmp_path: Path) -> None:
+def test_a_drawing_without_outlines_is_refused(shapes: str, what: str, tmp_path: Path) -> None:
     with pytest.raises(ImportedFileError, match=r"drawing\.svg") as caught:
         read_svg_outlines(_drawing(tmp_path, shapes))
     assert what in str(caught.value)
@@ -236,7 +236,7 @@ def test_tables_hold_one_outline_or_several(tmp_path: Path) -> None:
     ("x,y\n0,0\n1\n", "wedge.csv:3: y is ''; allowed: a finite number of metres"),
     ("x,y\n0,0\n1,1\n", "has 2 vertices; a polygon needs at least 3"),
 ])  # fmt: skip
-def test_a_table_that_is_no_outline_is_refused(text: str, what: str, tmp_path: Path) -> None:
+def test_a_table_without_an_outline_is_refused(text: str, what: str, tmp_path: Path) -> None:
     (tmp_path / "wedge.csv").write_text(text)
     with pytest.raises(ImportedFileError) as caught:
         read_csv_outlines(tmp_path / "wedge.csv")
@@ -257,7 +257,7 @@ def _walled_room(seed: int = 1) -> npt.NDArray[np.uint8]:
 
 @pytest.mark.parametrize("turned", [0.0, 0.4, -2.0])
 @pytest.mark.parametrize("unknown_is_free", [False, True])
-def test_obstacles_cover_what_is_in_the_way_and_little_more(
+def test_obstacles_cover_the_occupied_cells_and_little_more(
     turned: float, unknown_is_free: bool, tmp_path: Path
 ) -> None:
     cells = _walled_room()
@@ -289,7 +289,7 @@ def test_obstacles_cover_what_is_in_the_way_and_little_more(
     ("negate: 0", "negate: 0\nmode: grey", "mode: is the text 'grey'; allowed: trinary, scale or raw"),
     ("negate: 0", "negate: [", "map.yaml:"),
 ])  # fmt: skip
-def test_a_map_that_cannot_be_read_is_told(old: str, new: str, what: str, tmp_path: Path) -> None:
+def test_an_unreadable_map_is_reported(old: str, new: str, what: str, tmp_path: Path) -> None:
     file = _map(tmp_path, _walled_room())
     assert old in file.read_text()
     file.write_text(file.read_text().replace(old, new))

@@ -36,7 +36,7 @@ FEW = 20
 
 
 @pytest.mark.parametrize("name", STATED)
-def test_a_file_of_before_means_the_same(name: str) -> None:
+def test_older_scenario_files_keep_their_meaning(name: str) -> None:
     text = "\n".join(STATED[name]["text"])
     maps = {file.name: file.read_bytes() for file in OFFICE.iterdir() if "map: " in text}
     scenario = pushplan.scenario_from_text(text, "__frozen.yaml", maps)
@@ -131,7 +131,7 @@ def test_numbers_with_units_become_si(quantity: Quantity, text: object, value: f
     (Quantity("a number", {}, 0, 9, whole=True), 1.5, "is 1.5"),
     (or_interval(LENGTH), [2, 1], "is the interval [2, 1]"), (either_way(LENGTH), [1, 2], "is 1"),
 ])  # fmt: skip
-def test_wrong_ones_are_named_with_what_is_allowed(quantity: Stated, value: object, found: str) -> None:
+def test_wrong_numbers_are_reported_with_the_allowed_ones(quantity: Stated, value: object, found: str) -> None:
     with pytest.raises(PydanticCustomError) as caught:
         quantity.read(value)
     assert caught.value.message().startswith(f"{found}; allowed: ")

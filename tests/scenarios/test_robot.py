@@ -20,7 +20,7 @@ def with_robot(stated: str) -> tuple[str, str]:
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.07, -0.055])
-def test_poses_are_in_the_frame_of_the_plate_wherever_that_touches(valid: Changed, offset: float) -> None:
+def test_poses_are_in_the_plate_frame_for_every_contact_position(valid: Changed, offset: float) -> None:
     """Moved along the plate, the first object takes the chain frame with it; plate and robot stay together."""
     stated = (
         "{footprint: [{polygon: [[0, 0], [0.2, 0], [0, 0.1]], pose: [-0.3, 0.02, 90 deg]}], "
@@ -48,7 +48,7 @@ def test_poses_are_in_the_frame_of_the_plate_wherever_that_touches(valid: Change
     "{drive: omnidirectional}",
     "{}",
 ])  # fmt: skip
-def test_what_is_resolved_is_the_same_scenario(valid: Changed, stated: str) -> None:
+def test_a_resolved_scenario_is_the_same_scenario(valid: Changed, stated: str) -> None:
     scenario = valid.scenario(with_robot(stated), ROOMY, ("  drive: omnidirectional\n", ""))
     again = scenario_from_document(scenario.resolved())
     assert again == scenario
@@ -59,7 +59,7 @@ def test_what_is_resolved_is_the_same_scenario(valid: Changed, stated: str) -> N
 BEHIND = Changed(MULTI)
 
 
-def test_symmetry_turns_the_goal_about_the_object_that_it_is_for() -> None:
+def test_symmetry_turns_the_goal_about_its_object() -> None:
     goals = BEHIND.scenario(("of: box}", "of: box, symmetry: 4}")).goals["box"]
     assert [round(math.degrees(goal.pose[2])) % 360 for goal in goals] == [0, 90, 180, 270]
     for goal in goals:
@@ -88,7 +88,7 @@ name: box | clearance: 0.1\\npushes: {approach: 0.05} | pushes.approach: is 0.05
 
 
 @pytest.mark.parametrize("row", WRONG.splitlines())
-def test_what_is_wrong_is_told_with_its_place(row: str) -> None:
+def test_errors_are_reported_with_their_places(row: str) -> None:
     old, new, expected = row.replace("\\n", "\n").split(" | ")
     without = [("robot: {start: [-0.5, 0.0, 0.0]}\n", "")] if "needs a robot.start" in expected else []
     found = BEHIND.findings((old, new), *without)

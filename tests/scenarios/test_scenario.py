@@ -56,7 +56,7 @@ def test_packaged_scenarios_load_and_resolve_to_themselves(name: str) -> None:
     assert again.resolved() == resolved == scenario.resolved()
 
 
-def test_reading_checking_and_asking_parse_a_file_once(tmp_path: Path) -> None:
+def test_reading_and_checking_parse_a_file_once(tmp_path: Path) -> None:
     (tmp_path / "crates.yaml").write_text(example_text("two-crates"))
 
     def work() -> None:
@@ -82,7 +82,7 @@ def test_an_empty_stable_set_is_found_at_the_contact_that_makes_it_empty(valid: 
     assert wide[0].what.startswith("no push has a margin above 0.9; allowed: less than 0.")
 
 
-def test_any_mutation_of_a_file_is_a_scenario_or_a_located_error(valid: Changed) -> None:
+def test_any_mutated_file_gives_a_scenario_or_an_error_with_a_place(valid: Changed) -> None:
     document = json.loads(valid.scenario().to_json())
     for seed in range(60):
         assert_reads_or_refuses(mutators.mutated_text(valid(), Random(seed)))
@@ -143,7 +143,7 @@ def _refusal(text: str) -> ScenarioError:
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_a_body_amid_thousands_has_a_few_sentences(form: str) -> None:
+def test_a_body_among_thousands_of_obstacles_gives_few_errors(form: str) -> None:
     """Nobody reads thousands of lines."""
     findings = [finding.what for finding in _refusal(_met(form, 600)).findings]
     near = [what for what in findings if "'box'" in what]
@@ -153,7 +153,7 @@ def test_a_body_amid_thousands_has_a_few_sentences(form: str) -> None:
 
 
 @pytest.mark.parametrize(("form", "make"), [("circle", _free), ("polygon", _met)])
-def test_work_grows_as_the_file_does(form: str, make: Callable[[str, int], str]) -> None:
+def test_work_grows_linearly_with_the_file(form: str, make: Callable[[str, int], str]) -> None:
     few, many = (calls_of(partial(scenario_from_text, make(form, count))) for count in (100, 200))
     assert many < 2.2 * few
 
@@ -205,14 +205,14 @@ def test_arguments_and_file_state_the_same_scenario() -> None:
         ("[[1, 0.2, 5 deg], {pose: [1, 1, 0], of: box}]", "[{pose: [1, 0.2, 5 deg]}, {pose: [1, 1, 0], of: box}]"),
     ],
 )
-def test_a_goal_may_be_a_pose_alone(bare: str, stated: str) -> None:
+def test_a_goal_can_be_a_pose_alone(bare: str, stated: str) -> None:
     goal = "{pose: [0.6, 0.4, 0.0], of: box}"
     assert scenario_from_text(MULTI.replace(goal, bare)) == scenario_from_text(MULTI.replace(goal, stated))
     with pytest.raises(ScenarioError, match=r"goal: is a list of 2; allowed: \[x, y, theta\]"):
         scenario_from_text(MULTI.replace(goal, "[1, 2]"))
 
 
-def test_mistakes_are_told_all_at_once_by_place() -> None:
+def test_all_errors_are_reported_at_once_by_place() -> None:
     with pytest.raises(ScenarioError) as caught:
         _row(objects=[box("a", -0.1, 0.08, 1.2)], goal=(0.0, np.nan, 0.0), widht=3)
     places = {finding.where for finding in caught.value.findings}

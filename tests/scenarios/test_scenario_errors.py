@@ -24,12 +24,12 @@ def mistakes() -> list[tuple[str, str, str]]:
 
 
 @pytest.mark.parametrize(("old", "new", "finding"), mistakes())
-def test_one_mistake_gives_one_finding(valid: Changed, old: str, new: str, finding: str) -> None:
+def test_one_mistake_gives_one_error(valid: Changed, old: str, new: str, finding: str) -> None:
     (found,) = valid.findings((old, new))
     assert found.startswith(finding)
 
 
-def test_findings_of_all_stages_are_told_at_once_in_the_order_of_the_file(valid: Changed) -> None:
+def test_errors_of_all_stages_are_reported_at_once_in_file_order(valid: Changed) -> None:
     changes = [
         ("friction: 0.30", "friction: 0.30, colour: grey"),
         ("mass: 1.2", "mass: -1.2"),
@@ -82,7 +82,7 @@ def asked(text: str) -> list[str]:
     return [question.text("f.yaml") for question in questions(there(scenario_from_text(text).origin))]
 
 
-def test_what_follows_from_millimetres_is_one_finding(tmp_path: Path) -> None:
+def test_a_scenario_in_millimetres_gives_one_error(tmp_path: Path) -> None:
     file = tmp_path / "mm.yaml"
     file.write_text(IN_MILLIMETRES)
     with pytest.raises(ScenarioError) as caught:
@@ -99,7 +99,7 @@ def test_what_follows_from_millimetres_is_one_finding(tmp_path: Path) -> None:
     ("drive: {differential: {axle: [-350, 0, 0]}}", "axle[0]: is -350 m from the plate: plain numbers are in m"),
     ("drive: {differential: {axle: [-0.35, 0, 0]}}, limits: {speed: 30 m/s}", ""),
 ])  # fmt: skip
-def test_speeds_and_axles_are_asked_about(pusher: str, question: str) -> None:
+def test_implausible_speeds_and_axles_are_questioned(pusher: str, question: str) -> None:
     text = IN_MILLIMETRES.replace("[3000, 1000, 5]", "[3, 1, 0]").replace("[120, 80]", "[0.12, 0.08]")
     text = text.replace("[-50, -40], [50, -40], [50, 40], [-50, 40]", SMALL)
     text = text.replace("width: 200, thickness: 30,", "width: 0.2, thickness: 0.03,")
@@ -163,7 +163,7 @@ def test_every_float_that_python_prints_is_read_back(value: float) -> None:
     (b"a: 1\nb: '\xff'", "f:2:5: the byte 0xff is not UTF-8; save the file as UTF-8"),
     ("a".encode("utf-16"), "f:1:1: the byte 0xff is not UTF-8; save the file as UTF-8"),
 ])  # fmt: skip
-def test_refusals_say_where_and_why(text: bytes | str, finding: str) -> None:
+def test_errors_name_place_and_reason(text: bytes | str, finding: str) -> None:
     assert refusal(text) == finding
 
 

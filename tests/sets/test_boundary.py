@@ -101,7 +101,7 @@ def test_several_intervals_on_one_meridian_are_all_found(make_chain: ChainMaker)
     assert stable.area() == pytest.approx(want, abs=1e-5)
 
 
-def test_a_pole_inside_the_set_is_part_of_meridians_and_region(make_chain: ChainMaker) -> None:
+def test_a_pole_inside_the_set_belongs_to_meridians_and_region(make_chain: ChainMaker) -> None:
     """A made-up set of all left turns about points within 0.05 m of the origin."""
 
     class Cap(StableSet):
@@ -164,7 +164,7 @@ def test_translation_cone_agrees_with_the_paper(make_chain: ChainMaker, seed: in
 
 
 @pytest.mark.parametrize("share", [0.5, 0.99])
-def test_a_set_that_is_smaller_than_the_gaps_between_samples_and_meridians_can_be_planned_in(share: float) -> None:
+def test_planning_works_in_a_set_smaller_than_the_sample_spacing(share: float) -> None:
     """A heavy object far ahead of the plate leaves turns to one side only, within a degree or two."""
     wedge = [[0.0, -0.034], [0.038, -0.022], [0.038, 0.012], [0.0, 0.034]]
     objects = [

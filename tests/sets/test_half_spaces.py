@@ -174,7 +174,7 @@ def odd_twists(chain: Chain) -> FloatArray:
 
 
 @pytest.mark.parametrize("name", [*STABLE_SETS, *INTERVALS])
-def test_odd_questions_have_answers(make_chain: ChainMaker, name: str) -> None:
+def test_odd_chains_and_twists_give_finite_margins(make_chain: ChainMaker, name: str) -> None:
     slow = name.startswith("robust")
     for chain in odd_chains(make_chain)[slow :: 6 if slow else 1]:
         stable = make(chain, name)
@@ -253,7 +253,7 @@ WRONG: dict[str, tuple[Callable[[ChainMaker], object], str]] = {
 
 
 @pytest.mark.parametrize("what", WRONG)
-def test_what_cannot_be_answered_is_refused(what: str, make_chain: ChainMaker) -> None:
+def test_invalid_questions_are_refused(what: str, make_chain: ChainMaker) -> None:
     ask, said = WRONG[what]
     with pytest.raises(PushplanError, match=re.escape(said)):
         ask(make_chain)

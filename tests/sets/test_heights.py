@@ -143,7 +143,7 @@ SPANS = {
 
 
 @pytest.mark.parametrize("what", SPANS)
-def test_what_is_in_the_set_holds_in_every_world(make_chain: ChainMaker, what: str) -> None:
+def test_twists_in_the_set_hold_for_every_sample(make_chain: ChainMaker, what: str) -> None:
     """Frictions, loads, heights and accelerations at random: no condition of an allowed push is missed."""
     rng = np.random.default_rng(7)
     interval = cubes(make_chain, SPANS[what], z=0.05, masses=(0.5, 2.0) if "heavy" in what else (1.0, 1.0))
@@ -163,7 +163,7 @@ def test_what_is_in_the_set_holds_in_every_world(make_chain: ChainMaker, what: s
 
 
 @pytest.mark.parametrize("name", ["ecof", "robust", "translation", "stable"])
-def test_what_could_tip_is_refused_with_the_height_that_is_possible(make_chain: ChainMaker, name: str) -> None:
+def test_a_push_that_could_tip_is_refused_with_the_largest_height(make_chain: ChainMaker, name: str) -> None:
     with pytest.raises(
         SupportError, match=r"a push at the height 200 mm could tip 'box0'.*allowed: heights up to [\d.]+ mm"
     ) as refused:
@@ -180,7 +180,7 @@ def test_what_could_tip_is_refused_with_the_height_that_is_possible(make_chain: 
     assert -1e-4 < beyond[0] < 0.0 < room[0] < 1e-4
 
 
-def test_numbers_are_intervals_of_no_width(make_chain: ChainMaker) -> None:
+def test_numbers_equal_intervals_of_zero_width(make_chain: ChainMaker) -> None:
     chain = make_chain.boxes(2, contact_height=0.03, contact_friction=0.45)
     twists = np.array([1.0, 0.0, 0.0]) + np.random.default_rng(0).normal(size=(200, 3)) * [0.0, 0.2, 1.0]
     interval = IntervalChain.from_ranges(chain)
@@ -192,7 +192,7 @@ def test_numbers_are_intervals_of_no_width(make_chain: ChainMaker) -> None:
     assert counts_by_centre(make_chain.boxes(1, contact_height=0.05))
 
 
-def test_the_centre_of_uncertain_feet_is_where_it_may_be(make_chain: ChainMaker) -> None:
+def test_the_centres_of_uncertain_feet_are_the_possible_ones(make_chain: ChainMaker) -> None:
     feet = np.array([[-0.04, -0.04], [0.05, -0.03], [0.04, 0.04], [-0.03, 0.05]])
     spans = [(0.1, 0.4), (0.2, 0.35), (0.1, 0.3), (0.15, 0.5)]
     chain = make_chain.boxes(1, support=lambda _: FeetSupport(feet, np.full(4, 0.25)), contact_height=0.02)
@@ -207,7 +207,7 @@ def test_the_centre_of_uncertain_feet_is_where_it_may_be(make_chain: ChainMaker)
     assert stable_set_over(interval, "robust").contains([[1.0, 0.0, 0.0]])
 
 
-def test_what_is_planned_holds_in_an_engine_with_six_degrees_of_freedom() -> None:
+def test_planned_pushes_hold_in_an_engine_with_six_degrees_of_freedom() -> None:
     """A small version of `benchmarks/heights.py`: a cube pushed at 55 mm holds, a tower pushed too high falls."""
     pytest.importorskip("mujoco", reason="MuJoCo is not installed; the extra pushplan[physics] brings it")
     judge = runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "heights.py"))
@@ -238,7 +238,7 @@ def _uneven(make: ChainMaker) -> IntervalChain:
     )
 
 
-def test_loads_move_as_far_as_the_worst_heights_and_masses_move_them(make_chain: ChainMaker) -> None:
+def test_load_shifts_are_those_of_the_worst_heights_and_masses(make_chain: ChainMaker) -> None:
     """By enumeration: inertia of what an object pushes acts at another height than what pushes the object."""
     interval, worst = _uneven(make_chain), np.zeros((3, 3))
     for mass, height in product(product(*interval.mass), product(*interval.chain.contact_heights)):
@@ -249,7 +249,7 @@ def test_loads_move_as_far_as_the_worst_heights_and_masses_move_them(make_chain:
     np.testing.assert_allclose(inertia_shifts(interval.chain, interval), worst, rtol=1e-12)
 
 
-def test_inertia_takes_what_the_accelerations_of_all_masses_move_loads_by(make_chain: ChainMaker) -> None:
+def test_inertia_includes_the_load_shift_by_all_accelerated_masses(make_chain: ChainMaker) -> None:
     interval = _uneven(make_chain)
     dynamics, shifts = ContactDynamics(interval.chain, interval=interval), inertia_shifts(interval.chain, interval)
     rng = np.random.default_rng(2)
@@ -266,7 +266,7 @@ def test_inertia_takes_what_the_accelerations_of_all_masses_move_loads_by(make_c
     assert lost.max() > 0.01
 
 
-def test_forces_of_what_is_pushed_move_a_load_within_its_area_and_to_its_ends(make_chain: ChainMaker) -> None:
+def test_forces_of_pushed_objects_move_a_load_within_its_area_up_to_its_ends(make_chain: ChainMaker) -> None:
     interval = _uneven(make_chain)
     chain, (h0, h1, h2) = interval.chain, np.array(interval.chain.contact_heights)
     ends, moved = np.random.default_rng(0).integers(0, 2, (9, 20_000)), np.zeros((20_000, 2))

@@ -140,9 +140,7 @@ def worst(pulls: FloatArray, parts: FloatArray, rows: FloatArray) -> FloatArray:
 
 
 @pytest.mark.parametrize("name", OUTLINES)
-def test_no_pressure_within_the_share_takes_more_and_the_worst_takes_about_as_much(
-    name: str, monkeypatch: Patch
-) -> None:
+def test_the_worst_pressure_within_the_share_is_a_tight_bound(name: str, monkeypatch: Patch) -> None:
     """The worst one found by sorting thirty times as many cells; centres of rotation inside, near and far."""
     chain, rng = chain_on(UniformSupport(OUTLINES[name]), OUTLINES[name]), np.random.default_rng(0)
     coarse, _ = chain.objects[0].support.cells()

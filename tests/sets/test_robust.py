@@ -93,7 +93,7 @@ def test_least_rows_agree_with_a_linear_program(solid: bool, high: bool) -> None
             assert fine - found <= max(2.0 * (coarse - fine), 1e-3) if solid else fine - found <= 1e-8
 
 
-def test_worst_case_is_a_pressure_that_does_it(make_chain: ChainMaker) -> None:
+def test_the_worst_pressure_attains_the_bound(make_chain: ChainMaker) -> None:
     """On the boundary of the set, the worst pressure brings the contact to the brink; a little outside, it breaks."""
     tried = 0
     for seed in range(6):

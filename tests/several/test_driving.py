@@ -27,7 +27,7 @@ def driven(start: FloatArray, arcs: FloatArray) -> FloatArray:
     return start
 
 
-def test_the_shortest_word_of_a_car_is_as_long_as_that_of_ompl() -> None:
+def test_the_shortest_steering_path_of_a_car_is_as_long_as_ompl_s() -> None:
     space = base.ReedsSheppStateSpace(1.0)
     first, second = space.allocState(), space.allocState()
     first.setX(0.0), first.setY(0.0), first.setYaw(0.0)
@@ -41,7 +41,7 @@ def test_the_shortest_word_of_a_car_is_as_long_as_that_of_ompl() -> None:
 
 
 @KINDS
-def test_every_word_leads_to_the_goal(kind: WheelKind) -> None:
+def test_every_steering_path_leads_to_the_goal(kind: WheelKind) -> None:
     wheels, random = Wheels(kind, AXLE, 1.0), np.random.default_rng(2)
     for start, goal in random.uniform(-3.0, 3.0, (100, 2, 3)):
         words = find_drives(wheels, start, goal)
@@ -63,7 +63,7 @@ def test_an_axle_never_moves_sideways_and_a_car_turns_no_tighter_than_it_can(kin
 
 
 @pytest.mark.parametrize("drive", ["car", "differential", "omnidirectional"])
-def test_ways_around_things_are_free_by_the_independent_check(problem: Problem, drive: str) -> None:
+def test_paths_around_obstacles_pass_the_independent_checker(problem: Problem, drive: str) -> None:
     standing = [{"box": [0.3, 1.5], "pose": [0.6, 0.0, 0.0]}, {"circle": 0.2, "center": [-0.6, 0.8]}]
     scenario = problem(drive, obstacles=standing, start=[3.0, 3.0, 0.0], robot={"start": [0.0, 0.0, 0.0]})
     robot, load = _scenes(scenario)

@@ -100,11 +100,11 @@ HERE, TOUCHING = "pose: [3.0, 2.0, 0.0]", "contacts: {friction: 0.5}"
     (TOUCHING, "contacts: {friction: 0.5, between: [{objects: [a, b], friction: 0.3}]}",
      "contacts.between[0]: is for two objects of a row; allowed: contacts.friction, for all of them"),
 ])  # fmt: skip
-def test_what_is_wrong_with_a_row_is_told_with_its_place(wrong: str, right: str, told: str) -> None:
+def test_errors_of_a_row_are_reported_with_their_places(wrong: str, right: str, told: str) -> None:
     assert told in "\n".join(Changed(FILE).findings((wrong, right)))
 
 
-def test_a_scenario_of_a_row_is_the_same_when_it_is_read_again() -> None:
+def test_a_scenario_of_a_row_survives_a_round_trip() -> None:
     for row in ({"pose": [3.0, 2.0, 0.0]}, {"wall": "ymin", "order": "given"}, {"anywhere": True}):
         scenario = scenario_from_document(document(row, gather="auto"))
         again = scenario_from_document(json.loads(scenario.to_json()))
@@ -116,7 +116,7 @@ def test_a_scenario_of_a_row_is_the_same_when_it_is_read_again() -> None:
     ({"pose": [3.0, 2.0, 0.0]}, "car"), ({"wall": "any", "order": "given"}, "omnidirectional"),
     ({"anywhere": True}, "omnidirectional"),
 ], ids=["pose, car", "any wall, in order", "anywhere"])  # fmt: skip
-def test_rows_are_made_and_pass_the_checks_of_other_hands(row: dict[str, Any], drive: str) -> None:
+def test_rows_are_completed_and_pass_independent_checks(row: dict[str, Any], drive: str) -> None:
     stated = document(row)
     if drive == "car":
         room = {"x": [-2.0, 5.0], "y": [-2.0, 5.0]}
@@ -130,7 +130,7 @@ def test_rows_are_made_and_pass_the_checks_of_other_hands(row: dict[str, Any], d
     assert report.arrived(plan.scenario)
 
 
-def test_objects_are_pushed_together_one_by_one_or_as_costs_decide(made: tuple[Scenario, Plan]) -> None:
+def test_objects_are_pushed_together_or_one_by_one_or_by_cost(made: tuple[Scenario, Plan]) -> None:
     together, apart, chosen = made[1], *(solved(document(gather=how)) for how in ("never", "auto"))
     each = [f"{kind} {''.join(names)}" for kind, names in kinds(together)]
     assert each[2:-1] == ["push a", "close a", "push ab", "close ab", "push abc"]
@@ -141,7 +141,7 @@ def test_objects_are_pushed_together_one_by_one_or_as_costs_decide(made: tuple[S
     assert there(chosen.cost) <= there(together.cost) + 1e-9
 
 
-def test_where_one_by_one_costs_least_that_is_what_is_planned() -> None:
+def test_the_plan_is_one_by_one_if_that_is_cheapest() -> None:
     robot = {**DOCUMENT["robot"], "start": [2.11, 2.38, -1.5], "drive": CAR}
     objects = [
         {**stated, "pose": pose}
@@ -169,7 +169,7 @@ def test_a_stated_order_is_kept() -> None:
 
 
 @pytest.mark.parametrize("row", [{"pose": [3.0, 2.0, 0.0]}, {"wall": "xmax"}, {"wall": "any"}], ids=str)
-def test_a_row_goes_on_from_those_that_are_placed(row: dict[str, Any]) -> None:
+def test_a_row_continues_from_placed_objects(row: dict[str, Any]) -> None:
     stated = document({**row, "placed": ["c"], "tolerance": {"position": "10 mm", "angle": "2 deg"}})
     objects = [dict(obj) for obj in stated["objects"]]
     objects[2]["pose"] = [3.375 if "pose" in row else 3.9, 2.004, 0.5 * np.pi + 0.005]  # on its side
@@ -189,7 +189,7 @@ def test_a_row_goes_on_from_those_that_are_placed(row: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("drive", [{}, {"drive": CAR}], ids=["omnidirectional", "car"])
-def test_what_stands_close_behind_the_row_and_aside_is_pushed_away_first(drive: dict[str, Any]) -> None:
+def test_an_object_close_behind_and_beside_the_row_is_pushed_away_first(drive: dict[str, Any]) -> None:
     """Only a plate with its end at the object's own has room beside the row: the whole of it would push that, too."""
     at_rear = {"of": ["b", "c"], "pose": [3.0, 2.0, 0.0], "placed": ["c"]}
     stated = document({**at_rear, "tolerance": {"position": "10 mm", "angle": "2 deg"}})
@@ -220,7 +220,7 @@ def test_unequal_boxes_and_polygons_stand_flush() -> None:
     assert min(float(outline[:, 0].min()) for outline in outlines) == pytest.approx(3.0, abs=1e-9)
 
 
-def test_an_object_that_nothing_brings_to_the_row_is_moved_first() -> None:
+def test_an_object_that_no_push_brings_to_the_row_is_moved_first() -> None:
     stated = document({"of": ["a", "b"], "pose": [2.4, 3.2, 0.5 * np.pi]}, gather="never")
     # Between walls that leave one face of `a` free, and no way to turn.
     walls = [{"box": [0.6, 0.1], "pose": [1.0, y, 0.0]} for y in (0.86, 1.14)]
@@ -233,7 +233,7 @@ def test_an_object_that_nothing_brings_to_the_row_is_moved_first() -> None:
     assert list(wrong_in(stated, json.loads(json.dumps(plan.to_dict(), default=float)), 0.1)) == []
 
 
-def test_closing_holds_for_objects_that_stand_off_and_other_frictions(made: tuple[Scenario, Plan]) -> None:
+def test_closing_holds_for_pose_errors_and_other_frictions(made: tuple[Scenario, Plan]) -> None:
     scenario, plan = made
     random = np.random.default_rng(3)
     world = World.from_scenario(scenario)
@@ -252,7 +252,7 @@ def spoiled(segments: tuple[Segment, ...], k: int, **changes: Any) -> tuple[Segm
     return (*segments[:k], replace(segments[k], **changes), *segments[k + 1 :])
 
 
-def test_the_validator_refuses_closes_that_are_none(made: tuple[Scenario, Plan]) -> None:
+def test_the_validator_refuses_invalid_closes(made: tuple[Scenario, Plan]) -> None:
     scenario, plan = made
     judge, segments = Validator(scenario), plan.segments
     close = next(k for k, segment in enumerate(segments) if segment.kind == "close")
@@ -302,7 +302,7 @@ def test_a_closing_is_simulated(
     assert closing.closes(load.chain, 0.02, push, 0.5) is flush
 
 
-def test_no_plan_has_a_closing_that_is_not_sure(monkeypatch: Patch) -> None:
+def test_every_planned_closing_is_certain(monkeypatch: Patch) -> None:
     monkeypatch.setattr(closing, "closes", lambda chain, gap, push, friction: len(chain.objects) < 3)
     pairs = solved(document(gather="auto"))
     assert max(len(names) for _, names in kinds(pairs)) == 2
@@ -319,7 +319,7 @@ CAGE += [{"box": [1.3, 0.1], "pose": [2.0, y, 0]} for y in (0.8, 2.0)]
     ([*CAGE, {"box": [0.1, 4.0], "pose": [3.9, 2.0, 0]}], "'b' cannot be reached", (0, 1, 2, 3)),
     ([{"box": [0.04, 3.8], "pose": [0.62, 1.9, 0]}], "the robot is boxed in", (0,)),
 ], ids=["a caged object", "a wall but for a gap"])  # fmt: skip
-def test_what_the_robot_cannot_come_up_to_is_proven(
+def test_an_object_that_the_robot_cannot_reach_is_proven_unreachable(
     obstacles: list[dict[str, Any]], told: str, blocking: tuple[int, ...]
 ) -> None:
     apart = {"a": {"pose": [1.2, 3.2, 0.0]}, "b": {"pose": [3.2, 3.4, 0.0]}}
@@ -338,7 +338,7 @@ def test_what_the_robot_cannot_come_up_to_is_proven(
         assert told in plan.reason or "goals" not in stated
 
 
-def test_what_was_lost_on_the_way_is_brought_to_what_stands_in_the_row() -> None:
+def test_a_lost_object_is_brought_to_the_delivered_ones() -> None:
     """Two of three have been delivered, a little off; the third was lost beside the room's middle."""
     plan = solved(document(gather="never"))
     rest = RestPlanner(plan.scenario, plan, (5e-3, np.radians(1.0)), 0.2, Observer())
@@ -360,7 +360,7 @@ def test_what_was_lost_on_the_way_is_brought_to_what_stands_in_the_row() -> None
     assert loop.goal_errors == pytest.approx((0.0, 0.0), abs=1e-12)  # of the last plan's places
 
 
-def test_what_closes_onto_the_row_comes_squarely_and_what_it_turns_may_wait_for_the_next() -> None:
+def test_closing_loads_are_square_and_turned_objects_wait_for_the_next_close() -> None:
     plan = solved(document(gather="never"))
     closes = [k for k, segment in enumerate(plan.segments) if segment.kind == "close"]
     start, tolerance = plan.segments[closes[0] - 1], (5e-3, np.radians(1.0))
@@ -393,7 +393,7 @@ IN_PLACE = {"a": [1.0, 1.0, 0.2], "b": [1.8, 2.6, 0.3], "c": [2.775, 1.6, 0.0]}
     ],
     ids=["in place", "any order", "two in place", "two declared", "15 mm short of it"],
 )
-def test_what_stands_in_its_place_counts_as_placed(
+def test_an_object_at_its_place_counts_as_placed(
     poses: dict[str, list[float]], row: dict[str, Any], placed: set[str]
 ) -> None:
     stated = document()
@@ -407,7 +407,7 @@ def test_what_stands_in_its_place_counts_as_placed(
     assert {name for push in plan.pushes for name in push.pushed} == {"a", "b", "c"} - placed
 
 
-def test_an_order_is_kept_where_another_one_is_cheaper() -> None:
+def test_a_stated_order_is_kept_even_if_another_one_is_cheaper() -> None:
     """c is near its place at the front, and the plate near a, which stands last: any order takes another one."""
     places = {"a": [2.2, 2.0, 0.0], "b": [1.6, 2.6, 0.0], "c": [1.0, 2.0, 0.0]}
     objects = [{**one, "pose": places[one["name"]]} for one in DOCUMENT["objects"]]

@@ -36,7 +36,7 @@ def test_a_world_of_other_objects_is_refused(found: Plan) -> None:
         simulate(found, in_contact)
 
 
-def test_objects_off_their_places_come_home_too(found: Plan) -> None:
+def test_displaced_objects_also_reach_their_goals(found: Plan) -> None:
     """Which are all 2 mm and half a degree off where they are believed to be."""
     world = World.from_scenario(found.scenario)
     report = simulate(found, world.with_object_poses(se2.compose(world.object_poses, OFF)))
@@ -47,7 +47,7 @@ def test_objects_off_their_places_come_home_too(found: Plan) -> None:
     assert (trials.report(3).objects[-1] == trials.object_poses[3]).all()
 
 
-def test_a_robot_that_follows_it_arrives_and_its_objects_are_watched(found: Plan) -> None:
+def test_a_robot_that_follows_the_plan_arrives_and_its_objects_are_watched(found: Plan) -> None:
     execution, trajectory = there(found.execution), there(found.trajectory)
     follower, base = Follower(found), trajectory.base_poses[0]
     for step in range(20_000):

@@ -103,7 +103,7 @@ def test_a_robot_that_touches_the_box_backs_off_first(problem: Problem) -> None:
     assert [segment.kind for segment in found.segments[:2]] == ["retreat", "transit"]
 
 
-def test_a_box_in_a_corner_that_no_push_gets_out_of_is_said_so(problem: Problem) -> None:
+def test_a_box_that_no_push_frees_from_a_corner_is_reported(problem: Problem) -> None:
     corner = {"start": [0.01, 0.085, 0.0], "workspace": {"x": [0.0, 3.0], "y": [0.0, 3.0]}}
     changes = {"robot": {"start": [1.5, 1.5, 0.0]}, "goal": {"pose": [1.0, 1.0, 0.0]}}
     found = plan(problem("car", **corner, **changes), time_limit=60.0)
@@ -114,7 +114,7 @@ def test_a_box_in_a_corner_that_no_push_gets_out_of_is_said_so(problem: Problem)
     assert "the robot has no room before any allowed face" in found.reason
 
 
-def test_a_goal_that_no_robot_can_back_off_from_is_said_so(problem: Problem) -> None:
+def test_a_goal_without_room_for_a_retreat_is_reported(problem: Problem) -> None:
     walls = [{"box": [0.5, 0.02], "pose": [2.0, 1.0 + y, 0.0]} for y in (-0.1, 0.1)]
     walls += [{"box": [0.02, 0.2], "pose": [2.0 + x, 1.0, 0.0]} for x in (-0.14, 0.14)]
     scenario = problem("car", obstacles=walls, goal={"pose": [2.0, 1.0, 0.0], "of": "b0"})
@@ -143,7 +143,7 @@ def test_offsets_are_suggested_where_they_give_the_robot_room(problem: Problem) 
 
 
 @pytest.mark.parametrize("option", [{"planner": "rrt"}, {"cost": "time"}])
-def test_what_is_for_a_single_push_is_refused(problem: Problem, option: Any) -> None:
+def test_options_of_single_pushes_are_refused(problem: Problem, option: Any) -> None:
     with pytest.raises(PlanningError, match=r"multi-push plans \(robot.start\)"):
         plan(problem("car"), **option)
 
@@ -155,7 +155,7 @@ def test_only_contacts_that_a_plan_uses_count_for_its_margin(problem: Problem) -
     assert there(result.margin) == there(result.margin_asked) == min(push.margin for push in result.pushes)
 
 
-def test_a_planner_answers_as_the_whole_call_does_and_again_among_other_things(problem: Problem) -> None:
+def test_a_planner_gives_the_same_plan_as_plan_and_replans_with_other_obstacles(problem: Problem) -> None:
     scenario = problem("car", **ROUND)
     planner = Planner(scenario)
     goals = [goal.pose_chain for goal in scenario.goals[scenario.load.name]]
@@ -170,7 +170,7 @@ def test_a_planner_answers_as_the_whole_call_does_and_again_among_other_things(p
     assert around.cost != once.cost
 
 
-def test_a_plan_for_the_rest_leaves_room_for_corrections_unless_that_takes_too_much_travel(problem: Problem) -> None:
+def test_a_plan_for_the_rest_has_a_margin_for_corrections_unless_travel_is_too_long(problem: Problem) -> None:
     scenario = problem("differential", contacts={"friction": 0.5})
     first = plan(scenario, seed=1, iterations=1, time_limit=60.0)
     rest = RestPlanner(scenario, first, (5e-3, np.radians(1.0)), 0.2, Observer())

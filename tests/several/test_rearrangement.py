@@ -73,14 +73,14 @@ def off_goals(found: Plan) -> float:
     ({"a": (HERE, THERE), "b": (THERE, HERE)}, ["aba", "bab"]),  # one of both is put out of the way
     ({"a": (HERE, THERE), "on": (THERE, None), "aside": ((3.0, 3.0), None)}, ["ona"]),
 ])  # fmt: skip
-def test_goals_are_free_when_they_are_needed_and_nothing_else_moves(ways: Any, orders: list[str]) -> None:
+def test_goals_are_free_when_needed_and_no_other_object_moves(ways: Any, orders: list[str]) -> None:
     scenario = boxes(ways)
     found = plan(scenario, first=True, time_limit=LIMIT)
     require(scenario, found)
     assert "".join(moves(found)) in orders
 
 
-def test_more_search_makes_the_same_transfers_cheaper(monkeypatch: Patch) -> None:
+def test_a_longer_search_makes_the_same_transfers_cheaper(monkeypatch: Patch) -> None:
     scenario = boxes({"a": ((2.0, 2.0), (2.3, 2.5)), "b": ((2.0, 1.0), (2.0, 0.0))})
     planner = Planner(scenario)
     first, looked = planner.plan(time_limit=LIMIT, first=True), count()
@@ -105,7 +105,7 @@ def test_an_object_ends_within_the_tolerance_where_that_saves_a_detour(stated: d
 BOXES = {"a": ((1.0, 1.0), (1.0, 2.0)), "b": ((2.0, 1.0), (2.5, 2.0)), "c": ((3.0, 2.0), (1.0, 3.0))}
 
 
-def test_a_tour_costs_what_the_cheapest_of_all_orders_costs() -> None:
+def test_the_cost_of_a_tour_is_that_of_the_cheapest_order() -> None:
     """Every order is gone through by itself, from each end of a push to each face."""
     scenario = boxes(BOXES)
     pieces = RearrangementSearch.of(scenario, PlanSettings().completed(scenario)).pieces
@@ -126,7 +126,7 @@ def test_a_tour_costs_what_the_cheapest_of_all_orders_costs() -> None:
     assert Tours.of(pieces, now).begun(now.plate, now.left) == pytest.approx(begun, abs=1e-9)
 
 
-def test_a_box_in_anothers_way_is_brought_away_first() -> None:
+def test_a_box_that_blocks_another_is_moved_first() -> None:
     """The one that is nearest to the robot waits: what it costs to push it round the other one is not paid."""
     scenario = boxes({"near": ((1.0, 1.0), (1.0, 2.6)), "in its way": ((1.0, 2.0), (3.0, 2.0))})
     found = plan(scenario, first=True, time_limit=LIMIT)

@@ -51,7 +51,7 @@ def by_enumeration(pushes: FloatArray, changes: FloatArray, first: FloatArray, g
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_cheapest_sequence_is_the_cheapest_of_all(seed: int) -> None:
+def test_the_cheapest_sequence_matches_enumeration(seed: int) -> None:
     random = np.random.default_rng(seed)
     pushes, changes, first = random.random((2, 5, 5)), 0.1 * random.random((5, 2, 2)), random.random(2)
     pushes[random.random(pushes.shape) < 0.5] = np.inf
@@ -66,7 +66,7 @@ def test_the_cheapest_sequence_is_the_cheapest_of_all(seed: int) -> None:
         assert (steps[1:, 1] == steps[:-1, 2]).all()
 
 
-def test_the_cheapest_tours_are_the_cheapest_of_all_orders() -> None:
+def test_the_cheapest_tours_match_all_orders() -> None:
     random = np.random.default_rng(5)
     entries, exits = (2, 1, 3), (1, 3, 2)
     pushes = [random.random((3, 2, m, e)) for m, e in zip(entries, exits, strict=True)]
@@ -98,7 +98,7 @@ def side_by_side(problem: Problem, second_is: float = 0.15) -> Scenario:
     return problem("differential", objects=objects, pusher={"width": 0.4}, robot=robot, goal=goal)
 
 
-def test_stacks_side_by_side_are_pushed_where_the_plate_touches_all_of_them(problem: Problem) -> None:
+def test_stacks_side_by_side_are_pushed_only_where_the_plate_touches_all(problem: Problem) -> None:
     modes = modes_of(side_by_side(problem))
     assert [(mode.place.face, mode.place.touched) for mode in modes] == [
         ("a and b front", (0, 1)),
@@ -108,7 +108,7 @@ def test_stacks_side_by_side_are_pushed_where_the_plate_touches_all_of_them(prob
     assert {mode.place.face for mode in modes_of(side_by_side(problem, 0.2))} == {"a and b rear"}
 
 
-def test_one_contact_goes_around_what_no_single_word_passes(problem: Problem) -> None:
+def test_a_push_goes_around_an_obstacle_that_blocks_every_single_steering_path(problem: Problem) -> None:
     """The box may be pushed from behind only, and a pillar stands in the middle of its way."""
     pillar = [{"circle": 0.3, "center": [2.0, 1.0]}]
     goal = {"pose": [3.0, 1.0, 0.0], "of": "b0"}
@@ -120,7 +120,7 @@ def test_one_contact_goes_around_what_no_single_word_passes(problem: Problem) ->
     assert [segment.kind for segment in found.segments] == ["transit", "approach", "push", "retreat"]
 
 
-def test_the_plate_takes_no_place_where_it_would_overlap(problem: Problem) -> None:
+def test_the_plate_takes_no_pose_with_an_overlap(problem: Problem) -> None:
     """In the notch of an L the plate of 20 cm finds no room; on its outer faces it does."""
     notched = [[0.0, 0.0], [0.3, 0.0], [0.3, 0.1], [0.1, 0.1], [0.1, 0.3], [0.0, 0.3]]
     document = problem_document(goal={"pose": [1.0, 2.0, 0.0], "of": "b0"})
@@ -151,7 +151,7 @@ def test_a_descent_never_climbs_and_ends_below_where_it_began(problem: Problem) 
     assert before[-1] < 0.7 * before[0]
 
 
-def test_a_push_without_anything_in_the_way_costs_what_its_word_does(problem: Problem) -> None:
+def test_a_push_without_obstacles_costs_as_much_as_its_steering_path(problem: Problem) -> None:
     contact = prepared_of(problem("omnidirectional", workspace=None)).room(0).contacts[0]
     random = np.random.default_rng(4)
     for start, goal in random.uniform(-2.0, 0.0, (20, 2, 3)) - [2.0, 2.0, 0.0]:
@@ -179,7 +179,7 @@ def test_more_search_never_makes_a_plan_worse_and_none_beats_the_bound(problem: 
         assert float(to[0] + on[0]) <= found.best.cost + 1e-9
 
 
-def test_costs_to_go_begin_where_the_plate_is_after_the_retreat(problem: Problem) -> None:
+def test_costs_to_go_start_at_the_plate_after_the_retreat(problem: Problem) -> None:
     """Of every contact with every goal, as a plan drives there; the plate stands beside the middle of a face."""
     pusher = {"faces": "all", "offsets": ["-20 mm", "30 mm"]}
     goals = [{"pose": pose, "of": "b0"} for pose in ([1.0, 0.8, 0.5], [-0.9, 1.2, -2.0])]
@@ -207,7 +207,7 @@ def test_two_pushes_move_a_box_aside_where_one_takes_six_metres(problem: Problem
     assert sum(step.cost for step in better.steps) < 0.6
 
 
-def test_pushes_pass_by_goals_where_the_nearest_of_many_poses_is(problem: Problem) -> None:
+def test_pushes_pass_goals_at_the_nearest_of_many_poses(problem: Problem) -> None:
     room = prepared_of(problem("car", 2)).room(0)
     inner, load, far = room.scenario.chain.objects[0].pose_chain, np.array([0.3, -0.2, 0.7]), 4.0
     random, within, passed = np.random.default_rng(1), np.array([0.05, 0.2]), 0
@@ -232,7 +232,7 @@ def test_pushes_pass_by_goals_where_the_nearest_of_many_poses_is(problem: Proble
     assert passed > 0
 
 
-def test_many_goals_and_offsets_take_little_memory_and_end_when_they_are_told_to(problem: Problem) -> None:
+def test_many_goals_and_offsets_need_little_memory_and_respect_the_time_limit(problem: Problem) -> None:
     around = [[1.0 + np.cos(a), 1.0 + np.sin(a), float(a)] for a in np.linspace(0.0, 6.0, 24)]
     pusher = {"faces": "all", "offsets": ["-20 mm", 0, "20 mm"]}
     scenario = problem("omnidirectional", goal=[{"pose": pose, "of": "b0"} for pose in around], pusher=pusher)
@@ -249,7 +249,7 @@ def test_many_goals_and_offsets_take_little_memory_and_end_when_they_are_told_to
 
 
 @pytest.mark.parametrize("sense", [1.0, -1.0])
-def test_a_random_push_moves_the_contact_along_one_of_its_twists(sense: float) -> None:
+def test_a_random_push_follows_one_of_the_contact_s_twists(sense: float) -> None:
     """Wherever the contact is on the load, and whichever way it looks."""
     families = np.array([[[0.5, 0.1, 2.0], [1.0, 0.0, 0.0], [0.5, -0.2, -1.0]]])
     contact, load, state = np.array([0.1, 0.07, 0.5]), np.array([1.0, -2.0, 2.5]), np.array([3], dtype=np.uint64)

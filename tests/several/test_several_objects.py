@@ -25,11 +25,11 @@ from pushplan.scenario.file import scenario_from_document, scenario_from_text
     (", start: [2.4, 1.6, 0.0]", "", "robot.start: is missing"),
     ("workspace:", "goal: {pose: [0, 0, 0]}\nworkspace:", "goal: is not allowed together with goals"),
 ])  # fmt: skip
-def test_what_is_wrong_is_told_where_the_file_has_it(wrong: str, right: str, told: str) -> None:
+def test_errors_are_reported_at_their_places_in_the_file(wrong: str, right: str, told: str) -> None:
     assert told in "\n".join(Changed(SWAP).findings((wrong, right)))
 
 
-def test_one_scenario_holds_all_objects_and_what_takes_one_load_says_so() -> None:
+def test_single_load_functions_refuse_a_scenario_of_several_objects() -> None:
     scenario = scenario_from_text(SWAP)
     assert scenario.kind == "rearrangement"
     assert list(scenario.task.by_name) == ["red-box", "other", "bin"]
@@ -42,7 +42,7 @@ def test_one_scenario_holds_all_objects_and_what_takes_one_load_says_so() -> Non
         scenario.pushes  # type: ignore[attr-defined]  # noqa: B018
 
 
-def test_a_scenario_of_several_objects_is_read_again_as_it_was() -> None:
+def test_a_scenario_of_several_objects_survives_a_round_trip() -> None:
     scenario = scenario_from_text(SWAP)
     again = scenario_from_document(scenario.resolved())
     assert again == scenario
@@ -76,7 +76,7 @@ obstacles:
 """
 
 
-def test_what_makes_room_on_its_goal_is_brought_back(tmp_path: Path, capsys: Captured) -> None:
+def test_an_object_that_makes_room_returns_to_its_goal(tmp_path: Path, capsys: Captured) -> None:
     """Blue stands on its goal, in the mouth of the alcove in which red's goal is."""
     path = tmp_path / "alcove.yaml"
     path.write_text(ALCOVE, "utf-8")

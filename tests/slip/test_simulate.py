@@ -44,7 +44,7 @@ def pushed(world: World, twist: tuple[float, float, float], way: float = 0.1, st
 
 @pytest.mark.parametrize("step", [1e-3, 1e-2, 5e-2])
 @pytest.mark.parametrize("support", [on_feet, UniformSupport])
-def test_what_sticks_moves_as_one_body_at_any_step_length(step: float, support: object) -> None:
+def test_sticking_objects_move_as_one_body_for_every_step_length(step: float, support: object) -> None:
     world = World.from_chain(make.boxes(3, support=support), (0.3, -0.2, 1.0))  # type: ignore[arg-type]
     report = pushed(world, (0.1, 0.005, 0.05), way=2.0, step=step)
     assert (report.modes == Mode.STICK).all()
@@ -73,7 +73,7 @@ def random_world(rng: np.random.Generator) -> World:
     return World.from_chain(chain)
 
 
-def test_contacts_slip_where_the_exact_set_says_so() -> None:
+def test_contacts_slip_outside_the_exact_set() -> None:
     rng = np.random.default_rng(1)
     looked = 0
     for _ in range(30):
@@ -121,7 +121,7 @@ def scattered(seed: int) -> World:
 
 
 @pytest.mark.parametrize("seed", [1, 3, 8])
-def test_what_moves_is_touched_and_nothing_is_entered(seed: int) -> None:
+def test_only_touched_bodies_move_and_none_overlap(seed: int) -> None:
     """Bodies that stand and touch anyhow, corner to corner and face to face; shapely says where they are."""
     world, rng = scattered(seed), np.random.default_rng(seed)
     simulator, (wall, disc), entered, moved = SlipSimulator(world), world.obstacles, 0.0, 0
@@ -204,7 +204,7 @@ def test_loads_that_are_not_known_and_other_arguments_are_refused() -> None:
         pushplan.simulate(None, chain)  # type: ignore[arg-type]
 
 
-def test_worlds_differ_as_asked_for_one_object_or_all() -> None:
+def test_worlds_differ_as_requested_for_one_object_or_all() -> None:
     world = World.from_chain(make.boxes(2))
     one, both = world.with_floor_friction(0.5, "box1"), world.with_floor_friction(0.5)
     assert [obj.floor_friction for obj in one.chain.objects] == [0.3, 0.15]
@@ -254,7 +254,7 @@ def test_a_push_through_the_centre_goes_straight_and_one_beside_it_turns() -> No
     assert aside[-1, 2] < -0.3
 
 
-def test_measured_pushes_are_predicted_to_some_millimetres() -> None:
+def test_measured_pushes_are_predicted_to_a_few_millimetres() -> None:
     push = square(TIP)
     for row in REAL:
         predicted = push.push(row[:3], along(tuple(row[3:5]), tuple(row[5:7])))[-1]
@@ -287,7 +287,7 @@ def test_every_step_of_random_pushes_is_solved(count: int) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
-def test_the_plate_pushes_with_what_the_floor_holds_against(count: int) -> None:
+def test_the_force_of_the_plate_balances_floor_friction(count: int) -> None:
     """Floor friction from the feet's own displacements, in the plate's frame in the middle of every step."""
     rng = np.random.default_rng(10 + count)
     for friction in (0.05, 0.8):  # slides, sticks
@@ -314,7 +314,7 @@ def test_the_plate_pushes_with_what_the_floor_holds_against(count: int) -> None:
 @pytest.mark.parametrize(
     ("count", "twist"), [(1, (1.0, 0.5, 2.0)), (1, (1.0, -0.2, 14.0)), (2, (1.0, 0.4, 2.0)), (2, (1.0, 0.0, 8.0))]
 )
-def test_slipping_objects_end_where_the_physics_engine_puts_them(
+def test_slipping_objects_end_at_the_poses_of_the_physics_engine(
     count: int, twist: tuple[float, float, float]
 ) -> None:
     """A small version of `benchmarks/slip_in_physics.py`."""

@@ -38,14 +38,14 @@ def trials(planned: Plan) -> Trials:
     return execute_trials(planned, 30, SLIPPERY, seed=3)
 
 
-def test_the_same_seed_gives_the_same_samples_however_many_threads(planned: Plan, trials: Trials) -> None:
+def test_the_same_seed_gives_the_same_samples_with_any_number_of_threads(planned: Plan, trials: Trials) -> None:
     again = execute_trials(planned, 6, SLIPPERY, seed=3, jobs=1)
     assert (again.object_poses == trials.object_poses[:6]).all()
     other = execute_trials(planned, 6, SLIPPERY, seed=4)
     assert not np.allclose(other.object_poses, again.object_poses)
 
 
-def test_trials_count_what_their_reports_say(trials: Trials) -> None:
+def test_statistics_of_trials_match_their_reports(trials: Trials) -> None:
     assert 0 < trials.arrived.sum() < trials.samples
     low, high = trials.interval
     assert low < trials.success < high
@@ -88,7 +88,7 @@ def test_two_crates_do_not_hold_beyond_their_robustness_to_friction(planned: Pla
         assert (inertia_loss(planned, world) is not None) == slips
 
 
-def test_objects_that_stand_off_their_places_touch_and_do_not_overlap() -> None:
+def test_objects_with_pose_errors_touch_and_do_not_overlap() -> None:
     scenario = pushplan.load_scenario("parallel-stacks")
     rng = np.random.default_rng(5)
     for _ in range(20):
@@ -100,7 +100,7 @@ def test_objects_that_stand_off_their_places_touch_and_do_not_overlap() -> None:
         assert np.abs(turn).max() <= 0.03
 
 
-def test_trials_leave_how_each_sample_ended(planned: Plan, tmp_path: Path) -> None:
+def test_the_outcome_of_each_sample_is_logged(planned: Plan, tmp_path: Path) -> None:
     """In a log that is written as they end, also should they be killed, and which is verified by trying again."""
     log, halves = tmp_path / "trials.mcap", list[RecordedRun]()
 
@@ -135,7 +135,7 @@ def test_the_log_of_a_sample_is_verified_in_its_world(trials: Trials, tmp_path: 
     assert "object motion (in a world that the log does not hold)" in report.not_compared
 
 
-def test_the_command_tells_rates_draws_and_writes_the_worst(
+def test_the_command_prints_rates_and_writes_a_picture_and_the_worst_sample(
     tmp_path: Path, capsys: Captured, planned: Plan, trials: Trials
 ) -> None:
     log, picture, worst = tmp_path / "run.mcap", tmp_path / "t.png", tmp_path / "w.mcap"

@@ -41,7 +41,7 @@ def page_of(run: RecordedRun) -> Any:
 
 
 @EXECUTED
-def test_the_page_has_every_body_where_it_is(kind: str, runs: dict[str, RecordedRun]) -> None:
+def test_the_page_shows_every_body_at_its_pose(kind: str, runs: dict[str, RecordedRun]) -> None:
     run, execution = runs[kind], there(runs[kind].execution)
     told = page_of(run)
     kept = np.searchsorted(execution.t, np.array(told["samples"]["t"]) - 1e-5)
@@ -58,7 +58,7 @@ def test_the_page_has_every_body_where_it_is(kind: str, runs: dict[str, Recorded
 
 
 @EXECUTED
-def test_a_picture_of_the_film_shows_every_body_where_it_is(kind: str, runs: dict[str, RecordedRun]) -> None:
+def test_a_picture_of_the_film_shows_every_body_at_its_pose(kind: str, runs: dict[str, RecordedRun]) -> None:
     run = runs[kind]
     execution = there(run.execution)
     film = Film(run, execution)
@@ -82,7 +82,7 @@ def test_a_film_lasts_as_long_as_its_run(runs: dict[str, RecordedRun], tmp_path:
     assert length == pytest.approx(there(run.execution).t[-1] / 20.0, abs=0.1)
 
 
-def test_what_was_not_executed_says_why(runs: dict[str, RecordedRun], tmp_path: Path) -> None:
+def test_exports_of_unexecuted_runs_show_the_reason(runs: dict[str, RecordedRun], tmp_path: Path) -> None:
     run = runs["no plan"]
     assert run.plan is not None
     assert page_of(run)["why"] == run.plan.why_not
@@ -159,7 +159,7 @@ def _last(run: RecordedRun) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_viewers_find_what_the_layout_names_and_bodies_move_in_tf(
+def test_the_topics_of_the_layout_exist_and_bodies_move_in_tf(
     kind: str, runs: dict[str, RecordedRun], logs: dict[str, Path]
 ) -> None:
     run, found = runs[kind], record_names(logs[kind])

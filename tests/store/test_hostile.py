@@ -118,14 +118,14 @@ VALUES = {
 
 
 @pytest.mark.parametrize("name", VALUES)
-def test_an_attachment_that_is_none_of_ours_is_refused(name: str) -> None:
+def test_a_foreign_attachment_is_refused(name: str) -> None:
     scenario = load_scenario("one-box")
     with pytest.raises(CodecError):
         decode(VALUES[name], scenario)
 
 
 @pytest.mark.parametrize("what", ["missing", "folder", "pipe", "link to itself", "device"])
-def test_what_is_no_file_is_refused(what: str, tmp_path: Path) -> None:
+def test_folders_pipes_links_and_devices_are_refused(what: str, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     match what:
         case "folder":
@@ -154,7 +154,7 @@ def test_a_recorded_run_is_found_in_the_folder_and_verified(cases: dict[str, Cas
     assert (entry.outcome, entry.seed, entry.cost) == ("solved", str(plan.seed), plan.cost)
 
 
-def test_a_log_that_cannot_be_written_is_an_error_only_where_it_was_named(
+def test_an_unwritable_log_is_an_error_only_if_it_was_named(
     cases: dict[str, Case], tmp_path: Path, monkeypatch: Patch
 ) -> None:
     plan = cases["push"].plan

@@ -81,9 +81,7 @@ def test_a_log_that_another_tool_wrote_again_is_verified(way: str, logs: dict[st
     assert [check.text for check in verify_log(log).mismatches] == []
 
 
-def test_what_others_recorded_in_the_same_file_is_named_and_not_compared(
-    logs: dict[str, Path], tmp_path: Path
-) -> None:
+def test_foreign_records_in_a_log_are_named_and_not_compared(logs: dict[str, Path], tmp_path: Path) -> None:
     log = _again(logs["push"], tmp_path / "run.mcap", _sorted_by_name, {}, foreign=True)
     report = verify_log(log)
     assert report.matches
@@ -104,7 +102,7 @@ def test_a_damaged_lz4_chunk_is_refused(logs: dict[str, Path], tmp_path: Path) -
             load_run(log)
 
 
-def test_a_topic_that_is_added_leaves_older_logs_verified(
+def test_older_logs_are_verified_after_a_topic_is_added(
     logs: dict[str, Path], cases: dict[str, Case], tmp_path: Path, monkeypatch: Patch
 ) -> None:
     new = schemas.Topic("/new", schemas.PUSHER_TWIST.message, since=schemas.REVISION + 1)
@@ -123,7 +121,7 @@ def test_a_topic_that_is_added_leaves_older_logs_verified(
     assert [check.text for check in report.mismatches] == ["/new: 0 messages instead of 1"]
 
 
-def test_a_field_that_is_added_leaves_older_logs_verified(logs: dict[str, Path], tmp_path: Path) -> None:
+def test_older_logs_are_verified_after_a_field_is_added(logs: dict[str, Path], tmp_path: Path) -> None:
     """The log is written as a version would have that knew no `omega` yet; one with another type is none of ours."""
 
     def without(record: Any, number: int = 5) -> Iterator[Any]:
@@ -149,7 +147,7 @@ def test_a_field_that_is_added_leaves_older_logs_verified(logs: dict[str, Path],
     assert "/pusher/twist schema: declared differently" in [c.text for c in verify_log(other).mismatches]
 
 
-def test_a_log_of_another_format_says_so(logs: dict[str, Path], tmp_path: Path) -> None:
+def test_a_log_of_another_format_is_reported(logs: dict[str, Path], tmp_path: Path) -> None:
     def aged(record: Any) -> Iterator[Any]:
         if isinstance(record, records.Metadata) and record.name == metadata.RUN:
             record = replace(record, metadata={**record.metadata, "format": "2", "version.pushplan": "0.1"})

@@ -56,7 +56,7 @@ def assert_same(first: Any, second: Any) -> None:
 
 
 @EVERY
-def test_what_is_written_is_read_back_bit_for_bit(kind: str, cases: dict[str, Case], logs: dict[str, Path]) -> None:
+def test_logs_are_read_back_bit_for_bit(kind: str, cases: dict[str, Case], logs: dict[str, Path]) -> None:
     run, case = load_run(logs[kind]), cases[kind]
     assert_same(run.plan, dataclasses.replace(case.plan, execution=case.execution))
     assert_same(run.execution, case.execution)
@@ -83,7 +83,7 @@ def test_every_kind_of_log_is_verified_by_reading_it_once(kind: str, logs: dict[
 
 
 @pytest.mark.parametrize(("off", "which"), [((0.1, 0.5, 0.2), 1), ((0.5, math.nan, 1e-12), 1), ((0.5, 0.1, 0.2), 0)])
-def test_the_largest_difference_of_a_quantity_is_told(
+def test_the_largest_difference_of_a_quantity_is_reported(
     off: tuple[float, ...], which: int, logs: dict[str, Path]
 ) -> None:
     run = load_run(logs["push"], messages=True)
@@ -216,7 +216,7 @@ def test_a_resolved_scenario_that_contradicts_its_file_is_noticed_though_the_dig
     assert "scenario.json: differs from the resolved scenario file" in [c.text for c in report.mismatches]
 
 
-def test_a_log_cut_anywhere_is_read_to_there_or_refused(
+def test_a_truncated_log_is_read_up_to_its_end_or_refused(
     cases: dict[str, Case], logs: dict[str, Path], tmp_path: Path
 ) -> None:
     data, rng, read = logs["push"].read_bytes(), random.Random(2), 0
@@ -240,7 +240,7 @@ def test_a_log_cut_anywhere_is_read_to_there_or_refused(
     assert read > 3
 
 
-def test_what_is_handed_over_is_in_the_file_before_anything_else_happens(
+def test_every_written_part_is_in_the_file_at_once(
     cases: dict[str, Case], tmp_path: Path, monkeypatch: Patch
 ) -> None:
     """The file as a kill would leave it after so many attachments holds every one of them."""

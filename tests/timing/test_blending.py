@@ -52,7 +52,7 @@ def _check(scenario: Scenario, path: PushPath, stable: StableSet, blend: Blend) 
 
 
 @pytest.mark.parametrize("name", example_names())
-def test_packaged_scenarios_are_driven_in_nearly_the_time_of_no_stop_at_all(planned: Planned, name: str) -> None:
+def test_packaged_scenarios_take_nearly_the_time_without_stops(planned: Planned, name: str) -> None:
     scenario, path = planned(name)
     limits, stable = scenario.chain.pusher.limits, _set(scenario)
     blend = _blend(scenario, path)
@@ -79,7 +79,7 @@ def _free(
 TURNS = [(1.0, 0.0, 0.0, 0.4), (1.0, -0.1, 0.8, 0.3), (1.0, 0.1, -0.8, 0.3), (1.0, 0.0, 0.0, 0.3)]
 
 
-def test_the_twist_moves_straight_from_one_arc_to_the_next(make_chain: ChainMaker, planned: Planned) -> None:
+def test_a_blend_interpolates_the_twists_of_two_arcs_linearly(make_chain: ChainMaker, planned: Planned) -> None:
     """Arcs long enough for their steps not to overlap: the phase-synchronised blend between two twists."""
     scenario, path = _free(make_chain, planned("one-box")[0], *TURNS)
     blend = _blend(scenario, path)
@@ -94,9 +94,7 @@ def test_the_twist_moves_straight_from_one_arc_to_the_next(make_chain: ChainMake
     assert away.max() < 1e-9
 
 
-def test_needles_in_the_way_of_the_cut_corners_move_the_way_or_make_a_stop(
-    make_chain: ChainMaker, planned: Planned
-) -> None:
+def test_needles_at_cut_corners_change_the_path_or_force_a_stop(make_chain: ChainMaker, planned: Planned) -> None:
     """Needles that the blend would hit and the exact motion passes at half a millimetre."""
     scenario, path = _free(make_chain, planned("one-box")[0], *TURNS, *TURNS[2:0:-1], *TURNS)
     pusher = replace(scenario.chain.pusher, limits=Limits(speed=0.4, angular_speed=2.0))
@@ -129,7 +127,7 @@ def _swept(trajectory: Trajectory) -> shapely.Geometry:
 
 
 @pytest.mark.parametrize("word", ["exact", "blended"])
-def test_the_word_chooses(planned: Planned, word: str) -> None:
+def test_the_setting_selects_the_timing(planned: Planned, word: str) -> None:
     scenario, path = planned("two-crates")
     found = timed(replace(scenario, trajectory=word), path, "ecof", 50.0)
     exact = time_path(path, Bounds(scenario.chain.pusher.limits), 50.0)

@@ -46,7 +46,7 @@ def test_a_timed_path_ends_where_the_path_ends_and_stops_at_every_corner(seed: i
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_no_path_is_driven_from_stop_to_stop_in_less_than_the_least_time(seed: int) -> None:
+def test_the_least_time_is_a_lower_bound_from_stop_to_stop(seed: int) -> None:
     """Which is what it takes where nothing limits the jerk and no arc bends: so it is a close bound."""
     rng = np.random.default_rng(seed)
     path, limits = _path(rng, 7), Limits(0.2, (-0.3, 0.5), 5.0, 1.0, 2.0, 20.0)
@@ -61,7 +61,7 @@ def test_no_path_is_driven_from_stop_to_stop_in_less_than_the_least_time(seed: i
 LIMITS = ArcLimits(0.2, 0.5, 0.3, 5.0)
 
 
-def test_braking_may_be_weaker_than_accelerating() -> None:
+def test_braking_can_be_weaker_than_accelerating() -> None:
     """Length/v + (v/a + a/j) / 2 for the way up and likewise down."""
     profile = rest_to_rest(2.0, LIMITS)
     usual = 2.0 / 0.2 + (0.2 / 0.5 + 0.5 / 5.0) / 2.0 + (0.2 / 0.3 + 0.3 / 5.0) / 2.0
@@ -84,7 +84,7 @@ def _stable_twists(contacts: ContactDynamics, seed: int, count: int) -> FloatArr
 
 
 @pytest.mark.parametrize("n", [1, 3])
-def test_contacts_hold_at_every_corner_of_the_rectangle_of_speeds(make_chain: ChainMaker, n: int) -> None:
+def test_contacts_hold_at_every_corner_of_the_speed_rectangle(make_chain: ChainMaker, n: int) -> None:
     """And in all of it, as their conditions are linear in s'^2 and s''."""
     contacts = ContactDynamics(make_chain.boxes(n))
     for twist in _stable_twists(contacts, n, 20):
@@ -93,7 +93,7 @@ def test_contacts_hold_at_every_corner_of_the_rectangle_of_speeds(make_chain: Ch
             assert contacts.rows(twist).values(speed, rate).min() > -1e-9
 
 
-def test_a_twist_without_room_is_refused_with_the_way_out(make_chain: ChainMaker) -> None:
+def test_a_twist_without_a_margin_is_refused_with_advice(make_chain: ChainMaker) -> None:
     """On the boundary of the stable set any acceleration would slip."""
     contacts = ContactDynamics(make_chain.boxes(1))
     inside, outside = np.array([1.0, 0.0, 0.0]), np.array([1.0, 0.0, 20.0])
@@ -124,7 +124,7 @@ def test_an_exact_motion_uses_each_side_of_its_limits_and_no_more() -> None:
     assert excess(left, MIRRORED).startswith("the motion exceeds the pusher's angular speed: 0.5 after")
 
 
-def test_a_jump_and_what_turns_the_velocity_count_as_acceleration() -> None:
+def test_jumps_and_turns_of_the_velocity_count_as_acceleration() -> None:
     limits = Limits(speed=2.0, acceleration=0.9, angular_speed=2.0, angular_acceleration=0.9)
 
     def moving(*twists: list[float]) -> Trajectory:
@@ -138,7 +138,7 @@ def test_a_jump_and_what_turns_the_velocity_count_as_acceleration() -> None:
     assert "angular acceleration" in excess(moving([0.1, 0.0, 0.1], [0.1, 0.0, 0.11]), limits)
 
 
-def test_samples_along_one_twist_repeat_those_that_are_looked_at() -> None:
+def test_samples_along_one_twist_repeat_the_checked_ones() -> None:
     trajectory = time_path(_path(np.random.default_rng(1), 6), Bounds(Limits()), 200.0)
     kept = trajectory.changes_at(trajectory.t)
     assert kept.mean() < 0.9

@@ -88,7 +88,7 @@ def _cornered() -> Section:
     return section
 
 
-def test_lone_steps_are_asked_for_with_the_pushers_own_limits(asked: type[Asked]) -> None:
+def test_single_steps_use_the_limits_of_the_pusher(asked: type[Asked]) -> None:
     section = _cornered()
     section.pieces(CORNERED.lengths)
     size = np.hypot(*np.diff(section.levels[:, :2], axis=0).T)
@@ -113,7 +113,7 @@ def test_steps_take_twice_as_long_if_ruckig_says_so(asked: type[Asked]) -> None:
 
 @settings(max_examples=10)
 @given(st.integers(0, 10**6))
-def test_a_blended_twist_is_the_sum_of_what_ruckig_answers(seed: int) -> None:
+def test_a_blended_twist_is_the_sum_of_ruckig_s_steps(seed: int) -> None:
     """Steps overlap, some are widened; Ruckig's own evaluation at random times."""
     rng = np.random.default_rng(seed)
     twists = rng.normal(size=(6, 3)) * [0.3, 0.1, 1.5] + [1.0, 0.0, 0.0]
@@ -157,14 +157,14 @@ def test_there_is_no_step_between_equal_twists() -> None:
     np.testing.assert_array_equal(step_windows(step_bounds(level, Limits())), np.zeros((1, 2)))
 
 
-def test_what_ruckig_refuses_is_an_error_of_timing() -> None:
+def test_errors_of_ruckig_become_timing_errors() -> None:
     with pytest.raises(TimingError, match="maximum acceleration limit"):
         step_windows(np.array([[-1.0, 1.0]]))
     with pytest.raises(TimingError, match="Ruckig cannot compute a profile: "):
         rest_to_rest(1.0, ArcLimits(-0.2, 0.5, 0.5, 5.0))
 
 
-def test_steps_take_the_limits_of_the_way_they_go() -> None:
+def test_steps_use_the_limits_of_their_direction() -> None:
     """From rest the speed grows, to rest it falls; between, either bound may count, less the centripetal part."""
     limits = Limits(acceleration=(-0.3, 0.7), angular_acceleration=(-1.0, 3.0), jerk=8.0, angular_jerk=50.0)
     levels = np.array(

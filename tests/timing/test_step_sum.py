@@ -94,7 +94,7 @@ def _away(share: float, begin: FloatArray, end: FloatArray, points: FloatArray, 
     return float(np.hypot(*(se2.transform_points(pose, points) - placed).T).max())
 
 
-def test_half_way_between_samples_the_body_is_no_farther_from_the_constant_twist(motion: Trajectory) -> None:
+def test_between_samples_the_body_stays_near_the_constant_twist(motion: Trajectory) -> None:
     reach, rate = 0.4, 20.0
     trajectory = replace(motion, rate=rate)
     turn = 2.0 * np.pi * np.arange(8) / 8
