@@ -98,7 +98,7 @@ class ClosedLoopRun:
 
     @property
     def recorded(self) -> RecordedRun:
-        """The run in the form that its log is read into."""
+        """The run as a `RecordedRun`, as if read from its log."""
         path = Path(f"{self.scenario.name}.mcap")
         return RecordedRun(path, self.scenario, self.plan, self.execution, self.feedback)
 
@@ -360,7 +360,7 @@ def _twists(controller: Controller, execution: Execution, feedback: Feedback, se
 
 def _said(controller: Controller, feedback: Feedback) -> Iterator[Check]:
     """Compare the events and the replanned paths."""
-    told = [event for event in feedback.events if event.kind != "disturbance"]  # the controller does not know those
+    told = [event for event in feedback.events if event.kind != "disturbance"]  # unknown to the controller
     found, expected = ([(e.kind, e.text) for e in events] for events in (told, controller.events))
     differs = next((k for k, pair in enumerate(zip(found, expected, strict=False)) if pair[0] != pair[1]), None)
     if differs is not None:

@@ -231,7 +231,7 @@ class Planner:
             scenario: The planner's scenario, with any start and goal.
             settings: Complete settings.
             watch: Measures the phases.
-            began: Time at which the time limit begins (`time.perf_counter`), s.
+            began: Start of the time limit (`time.perf_counter`), s.
             timed: See `plan`.
             previous: See `plan`.
             explain: See `plan`.

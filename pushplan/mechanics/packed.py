@@ -175,7 +175,7 @@ class _Spread(NamedTuple):
 
     Attributes:
         base: Pressure per weight (k,) at the corners, 1/m^2, or load fractions (k,) of points.
-        stiffness: Share (k,) of each in a load that a push shifts.
+        stiffness: Share (k,) of each corner or point in a load that a push shifts.
         offsets: Offsets (k, 2) from the centre of the stiffness, m.
         second: Second moments (2, 2) of the stiffness.
     """
