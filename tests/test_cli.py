@@ -263,7 +263,7 @@ def test_slow_work_shows_its_progress_in_one_line(live: bool, monkeypatch: Patch
     stream = Terminal() if live else io.StringIO()
     monkeypatch.setattr("sys.stderr", stream)
     with Progress(f"reading {EVIL}") as progress:
-        progress.tell("best 1.5 m")
+        progress.update("best 1.5 m")
         _wait_for(lambda: "best 1.5 m" in stream.getvalue())
         progress.announce(f"compiling {EVIL}")
     assert f"reading {SHOWN} ..." in stream.getvalue()

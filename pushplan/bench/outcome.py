@@ -273,6 +273,6 @@ def clearance(scenario: Scenario, execution: Execution) -> float | None:
         reach = max(float(np.linalg.norm(body.outline, axis=1).max()) for body in bodies)
         motion, room = Motion.through(poses, reach), Room((Moving.of(bodies),), scenario.workspace, standing)
         some = motion.at(np.append(np.arange(0.0, motion.travel[-1], CLEARANCE_SPACING), motion.travel[-1]))
-        for looked in (some[::COARSE], some):
-            smallest = float(room.gaps(looked, smallest).min())
+        for sampled in (some[::COARSE], some):
+            smallest = float(room.gaps(sampled, smallest).min())
     return smallest

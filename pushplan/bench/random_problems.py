@@ -67,7 +67,7 @@ Sections = dict[str, Any]
 
 
 class GeneratorError(PushplanError, ValueError):
-    """These parameters give no random problem."""
+    """These parameters allow no random problem."""
 
 
 # --- a problem --------------------------------------------------------------------------------------------------
@@ -81,7 +81,7 @@ def generate(parameters: ProblemParameters, seed: int) -> str:
         seed: Seed of the random numbers, >= 0.
 
     Raises:
-        GeneratorError: If the parameters give no problem.
+        GeneratorError: If these parameters allow no problem.
     """
     rng = np.random.Generator(np.random.PCG64(seed))
     sections, chain, radius = random_chain(rng, parameters)

@@ -328,7 +328,7 @@ class Store:
         """
         run, columns = self._database.execute, "key, number, problem, planner, stable_set, seed"
         suite = "SELECT format, version, source FROM {}.pushplan_suite"
-        asked = f"SELECT {columns} FROM {{}}.pushplan_runs WHERE number IS NOT NULL ORDER BY number"
+        selected = f"SELECT {columns} FROM {{}}.pushplan_runs WHERE number IS NOT NULL ORDER BY number"
         if not path.is_file():
             raise StoreError(f"{path}: there are no results")
         try:
@@ -336,12 +336,12 @@ class Store:
             run("BEGIN")
             if not run(suite.format("main")).fetchall():
                 run("INSERT INTO pushplan_suite SELECT * FROM shard.pushplan_suite WHERE format = ?", (FORMAT,))
-                run(f"INSERT INTO pushplan_runs ({columns}) {asked.format('shard')}")
+                run(f"INSERT INTO pushplan_runs ({columns}) {selected.format('shard')}")
             else:
                 run("UPDATE pushplan_suite SET seconds = seconds + (SELECT seconds FROM shard.pushplan_suite)")
                 its = "(SELECT machine FROM shard.pushplan_suite)"
                 run(f"UPDATE pushplan_suite SET machine = machine || '; ' || {its} WHERE instr(machine, {its}) = 0")
-            for query in (suite, asked):
+            for query in (suite, selected):
                 if run(query.format("shard")).fetchall() != run(query.format("main")).fetchall():
                     raise StoreError(f"{path} is from another suite or another version than the first folder")
             for table, same in (("experiments", "setup, version"), ("plannerConfigs", "name, settings")):

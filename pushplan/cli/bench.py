@@ -181,15 +181,15 @@ def _bench(
                     local_engine(jobs or 1, folder.scratch) if scheduler is None else cluster_engine(scheduler)
                 )
             with console.working(suite.name) as progress:
-                tally = run_suite(suite, folder, engine, selection, lambda now: progress.tell(progress_text(now)))
+                tally = run_suite(suite, folder, engine, selection, lambda now: progress.update(progress_text(now)))
         except KeyboardInterrupt:
             if folder.database.exists():
                 console.note(f"stopped; continue with: {resumption}")
             raise
         before = f", {tally.before} done before" if tally.before else ""
         heading = f": {counted(tally.done, 'run')} in {span_text(tally.seconds)}{before}"
-        results = _reported(folder, console, with_report=selection.shard[1] == 1)
-    return _tell(results, folder, tally, heading, accept_broken, console)
+        results = _results_with_report(folder, console, with_report=selection.shard[1] == 1)
+    return _report(results, folder, tally, heading, accept_broken, console)
 
 
 def _merge(output: Path, shards: tuple[Path, ...], accept_broken: bool, console: Console) -> int:
@@ -201,17 +201,17 @@ def _merge(output: Path, shards: tuple[Path, ...], accept_broken: bool, console:
     with folder.locked(p.overwriting()):
         with console.working("merging"):
             double = merge(folder, shards, p.overwriting())
-        results = _reported(folder, console)
+        results = _results_with_report(folder, console)
     counts = Counter(results.runs.outcome)
     left = counts.pop(MISSING, 0)
     heading = f": {counted(counts.total(), 'run')} of {counted(len(shards), 'folder')}"
     heading += f", {left} without a result" if left else ""
     if double:
         console.note(f"{counted(double, 'result')} skipped: an earlier folder already has the run")
-    return _tell(results, folder, Tally(len(results.runs), 0, counts), heading, accept_broken, console)
+    return _report(results, folder, Tally(len(results.runs), 0, counts), heading, accept_broken, console)
 
 
-def _reported(folder: ResultsFolder, console: Console, with_report: bool = True) -> Results:
+def _results_with_report(folder: ResultsFolder, console: Console, with_report: bool = True) -> Results:
     """Return all results of a folder after their report and tables are written."""
     with console.working("writing the report"):
         from pushplan.bench.report import write_latex, write_report
@@ -225,7 +225,7 @@ def _reported(folder: ResultsFolder, console: Console, with_report: bool = True)
     return results
 
 
-def _tell(
+def _report(
     results: Results, folder: ResultsFolder, tally: Tally, heading: str, accept_broken: bool, console: Console
 ) -> int:
     """Print the outcomes of the runs and return the exit code."""

@@ -62,8 +62,8 @@ def check(console: Console, scenario: str, maps: tuple[Path, ...], plot: Path | 
         console.note(f"warning: {warning}")
     doubts = [counted(n, noun) for n, noun in ((questions, "question"), (len(warnings), "warning")) if n]
     console.say(("no errors" + ", but " * bool(doubts) + " and ".join(doubts), "yellow" if doubts else "green"))
-    told = {"set": stated.stability.set, **described}
-    console.emit({**understood, "stable_set": told, "warnings": warnings})
+    set_document = {"set": stated.stability.set, **described}
+    console.emit({**understood, "stable_set": set_document, "warnings": warnings})
     return 0
 
 

@@ -48,13 +48,13 @@ class Progress:
         self._shown = False
         self._thread = threading.Thread(target=self._watch, name="progress", daemon=True)
 
-    def tell(self, news: str) -> None:
+    def update(self, news: str) -> None:
         """Set the text at the end of the next line."""
         self._news = news
 
-    def tell_share(self, done: int, of: int) -> None:
+    def update_share(self, done: int, of: int) -> None:
         """Set a progress bar at the end of the next line."""
-        self.tell(f"[{'#' * round(20 * done / of):20}] {done} of {of}")
+        self.update(f"[{'#' * round(20 * done / of):20}] {done} of {of}")
 
     def announce(self, sentence: str) -> None:
         """Print a sentence on its own line now."""

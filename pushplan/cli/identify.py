@@ -42,7 +42,7 @@ def identify(
     with console.working(f"estimating from {counted(len(logs), 'log')}") as progress:
         from pushplan.identify import identify as learn
 
-        found = learn(names, seed=seed, jobs=jobs, progress=progress.tell_share)
+        found = learn(names, seed=seed, jobs=jobs, progress=progress.update_share)
     console.say((f"estimates from {counted(len(logs), 'log')}, 90 % intervals", "bold"))
     console.table(_rows(found))
     if output is not None:
@@ -55,7 +55,7 @@ def identify(
 def _rows(found: Identification) -> list[tuple[str, str]]:
     from pushplan.sim.identify.measured_push import ROUGH
 
-    told = [
+    rows = [
         (
             one.unknown.name,
             f"{one.median:.3g} ({one.low:.3g} to {one.high:.3g})"
@@ -69,7 +69,7 @@ def _rows(found: Identification) -> list[tuple[str, str]]:
     ratios = "only ratios: a common factor on all floor frictions does not change the motion"
     floor = [] if found.unknowns.absolute else [("floor friction", ratios)]
     rough = [("intervals", "rough: the contact modes change too often for the search")] if found.worth < ROUGH else []
-    return [*told, ("measurement noise", noise), *floor, *rough]
+    return [*rows, ("measurement noise", noise), *floor, *rough]
 
 
 def _document(found: Identification, output: Path | None) -> dict[str, object]:

@@ -118,7 +118,7 @@ def main(argv: Sequence[str]) -> int:
         return done.exit_code
     except click.ClickException as error:
         error.show()
-        return _told({"kind": "UsageError", "message": error.format_message()}, json, WRONG_INPUT)
+        return _emit_error({"kind": "UsageError", "message": error.format_message()}, json, WRONG_INPUT)
     except (Exception, KeyboardInterrupt) as error:
         return _failed(KeyboardInterrupt() if interruption.requested else error, json, verbose)
 
@@ -136,10 +136,10 @@ def _failed(error: BaseException, json: bool, verbose: bool) -> int:
         sys.stderr.write(printable(message, "\n\t") + "\n")
     except BrokenPipeError:
         return PIPE_CLOSED
-    return _told(error_document(error), json, code)
+    return _emit_error(error_document(error), json, code)
 
 
-def _told(error: dict[str, object], json: bool, code: int) -> int:
+def _emit_error(error: dict[str, object], json: bool, code: int) -> int:
     from pushplan.cli.console import Console
 
     try:

@@ -142,7 +142,7 @@ def named(
                 raise ValueError(f"'{value}' does not state the {name}")
         return make(found)
 
-    return ValueType("WHAT=HOW", read)
+    return ValueType("NAME=VALUE", read)
 
 
 def open_name(known: naming.OpenNames) -> ValueType:
@@ -324,7 +324,7 @@ def code_of(source: object, note: Callable[[str], None], forbidden: bool) -> Ite
     Yields:
         Function that is called with each such name.
     """
-    told: set[str] = set()
+    announced: set[str] = set()
 
     def observer(name: str) -> None:
         module = name.partition(":")[0]
@@ -332,8 +332,8 @@ def code_of(source: object, note: Callable[[str], None], forbidden: bool) -> Ite
             return
         if forbidden:
             raise UsageError(f"{source}: {name} is code, and --no-code refuses to import the module {module}")
-        if module not in told:
-            told.add(module)
+        if module not in announced:
+            announced.add(module)
             note(f"{source}: imports the module {module}")
 
     with naming.before_import(observer):

@@ -133,7 +133,7 @@ def _run(
     with console.working(f"planning, up to {limit:g} s") as progress, interruption.listening():
 
         def improved(improvement: Improvement) -> None:
-            progress.tell(f"best plan so far {improvement.cost:.3f} m")
+            progress.update(f"best plan so far {improvement.cost:.3f} m")
 
         try:
             done = run(

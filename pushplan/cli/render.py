@@ -225,7 +225,7 @@ def execute_in_physics(scenario: Scenario, plan: Plan | None, console: Console) 
     with console.working(f"executing {plan.trajectory.duration:.1f} s in the physics engine") as progress:
 
         def share(done: float) -> None:
-            progress.tell(f"{100.0 * done:.0f} %")
+            progress.update(f"{100.0 * done:.0f} %")
 
         from pushplan.sim.physics.simulate import simulate_in_physics
 

@@ -99,7 +99,7 @@ def replay(
         run = _read(source, recovered, verify)
     if physics:
         require_executable(run.scenario)
-    document = _tell(run, recovered, console)
+    document = _report(run, recovered, console)
     report = None
     if verify:
         report = _verified(run, console)
@@ -146,7 +146,7 @@ def _read(source: str, recovered: Path | None, messages: bool) -> RecordedRun:
 # --- printed lines ----------------------------------------------------------------------------------------------
 
 
-def _tell(run: RecordedRun, recovered: Path | None, console: Console) -> Document:
+def _report(run: RecordedRun, recovered: Path | None, console: Console) -> Document:
     """Show the contents of a log; return them as a document."""
     about: Document = {"scenario": run.scenario.name, "log": run.path}
     if run.plan is None:

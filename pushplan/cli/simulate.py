@@ -52,21 +52,21 @@ MOST_DISPLACED = 1.0
     "disturbances",
     type=DISTURBANCE,
     multiple=True,
-    metavar="WHAT=HOW,...",
+    metavar="NAME=VALUE,...",
     help="Displace an object at a time by x, y, turn in its own frame, e.g. "
     "'time=8s,object=far,y=5mm,turn=3deg'; can be repeated.",
 )
 @click.option(
     "--uncertainty",
     type=UNCERTAINTY,
-    metavar="WHAT=HOW,...",
+    metavar="NAME=VALUE,...",
     help="Simulate a random sample with model errors within these limits, as in `pushplan trial`, e.g. "
     "contact_friction=20%,floor_friction=20%. Default: no model errors.",
 )
 @click.option(
     "--sensor",
     type=SENSOR,
-    metavar="WHAT=HOW,...",
+    metavar="NAME=VALUE,...",
     help="Sensor of the objects: rate, delay, and standard deviations of position and angle. Default: "
     "rate=30,delay=0.1s,position=1mm,angle=0.3deg.",
 )
@@ -117,7 +117,7 @@ def simulate(
         except IncompleteLogError as error:
             done, incomplete = error.run, error
     page = write_page(done.recorded, html, log.paged, console)
-    _tell(done, page, incomplete, console)
+    _report(done, page, incomplete, console)
     over = float(done.simulated.t[-1])
     for late in (one.time for one in displaced if one.time > over):
         console.note(f"note: the disturbance at {late:g} s had no effect, because the run ended at {over:.2f} s")
@@ -142,10 +142,10 @@ def _disturbances(scenario: Scenario, words: tuple[dict[str, Any], ...]) -> list
         shift = {name: one.get(name, 0.0) for name in ("x", "y", "turn")}
         for name in ("x", "y"):
             if abs(shift[name]) > MOST_DISPLACED:
-                told = (
+                wrong = (
                     f"{name} is {one[name]:g} m; allowed: up to {MOST_DISPLACED:g} m, and mm need a unit, as in 5mm"
                 )
-                raise p.UsageError(f"--disturb: {told}")
+                raise p.UsageError(f"--disturb: {wrong}")
         if one["object"] not in names:
             raise ChainError(f"there is no object {one['object']!r}; allowed: {', '.join(names)}")
         found.append(Disturbance(one["time"], names.index(one["object"]), *shift.values()))
@@ -163,20 +163,20 @@ def _simulated(
         from pushplan.sim.trials import sampled_world
         from pushplan.slip.world import World
 
-        def told(now: float) -> None:
-            progress.tell(f"{now:.0f} s of the push")
+        def report(now: float) -> None:
+            progress.update(f"{now:.0f} s of the push")
 
         world, observer = World.from_scenario(scenario), Observer(message=progress.announce)
         if uncertainty is not None:
             world = sampled_world(scenario, uncertainty, np.random.default_rng([how["seed"], 0]))
-        return run_closed_loop(scenario, world, disturbances, observer=observer, progress=told, **how)
+        return run_closed_loop(scenario, world, disturbances, observer=observer, progress=report, **how)
 
 
 def _pair(errors: tuple[float, float]) -> dict[str, float]:
     return {"position": float(errors[0]), "angle": float(errors[1])}
 
 
-def _tell(done: ClosedLoopRun, page: Path | None, incomplete: IncompleteLogError | None, console: Console) -> None:
+def _report(done: ClosedLoopRun, page: Path | None, incomplete: IncompleteLogError | None, console: Console) -> None:
     from pushplan.plans.run import collapsed
 
     position, angle = done.goal_errors

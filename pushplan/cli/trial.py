@@ -47,7 +47,7 @@ UNCERTAINTY = p.named(_UNITS, _uncertainty)
 @click.option(
     "--uncertainty",
     type=UNCERTAINTY,
-    metavar="WHAT=HOW,...",
+    metavar="NAME=VALUE,...",
     help="Largest model errors: contact_friction, floor_friction, mass, load, position, angle; e.g. "
     "contact_friction=20%,load=10%,position=1mm,angle=0.3deg. Others stay nominal. Default: the "
     "scenario's intervals, else 20 % of friction, 10 % of load, 1 mm and 0.3 deg.",
@@ -110,7 +110,7 @@ def trial(
                     log=log.where,
                     runs=log.runs,
                     observer=Observer(message=progress.announce),
-                    progress=lambda end: progress.tell_share(end.sample + 1, samples),
+                    progress=lambda end: progress.update_share(end.sample + 1, samples),
                 )
             except PlanningError as error:
                 console.say(f"{name}: {error}")

@@ -241,7 +241,7 @@ def row_load(scenario: Scenario, members: Sequence[Member]) -> Load:
 
 @lru_cache(maxsize=64)
 def _taken_alone(body: PlacedLoad, face: str) -> Chain:
-    """Return an object with the plate at the middle of a face, the first part of every load that begins with it."""
+    """Return the chain of a single object with the plate at the middle of a face; cached for the loads of rows."""
     at = se2.compose(body.chain.places[0], way_through(body, face).entry)
     return pushed_from(body.chain, Place((0,), face, 0.0, at, at))
 

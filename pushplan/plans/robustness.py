@@ -56,10 +56,10 @@ class TrialUncertainty:
     def words(self) -> str:
         """Text of the intervals."""
         shares = {name.replace("_", " "): getattr(self, name) for name in SHARES}
-        told = [f"{name} ±{100 * share:.3g} %" for name, share in shares.items() if share]
-        told += [f"object position ±{1e3 * self.position:.3g} mm"] if self.position else []
-        told += [f"object heading ±{degrees(self.angle):.2g} deg"] if self.angle else []
-        return ", ".join(told) or "no model errors"
+        parts = [f"{name} ±{100 * share:.3g} %" for name, share in shares.items() if share]
+        parts += [f"object position ±{1e3 * self.position:.3g} mm"] if self.position else []
+        parts += [f"object heading ±{degrees(self.angle):.2g} deg"] if self.angle else []
+        return ", ".join(parts) or "no model errors"
 
 
 BOX = TrialUncertainty(contact_friction=0.2, floor_friction=0.2, load=0.1, position=3e-3, angle=radians(2.0))

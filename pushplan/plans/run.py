@@ -28,6 +28,7 @@ KINDS = {
     "dropped": "a measurement was rejected: not finite, out of range, or with an invalid time",
     "jump": "the measured pose of the plate jumped",
     "sensor": "an error of a sensor or of the odometry was found",
+    "grip": "an object has slid repeatedly; plans now assume the lowest friction",
     "stall": "the plate is driven on, but the pushed objects stand still",
     "unseen": "no measurement has arrived for a while",
     "arrived": "the goal's object is within its tolerances as measured; camera errors that cannot be excluded",

@@ -34,8 +34,8 @@ def help_html(draft: Draft) -> str:
     if 0 < len(draft.original.obstacles) <= MOST_DRAGGED:
         what.append("obstacles")
     slides = ", slide objects along their contacts" if len(draft.slides) else ""
-    said = f"Drag {', '.join(what[:-1])} and {what[-1]}, turn them with the arcs{slides}."
-    return f'{_RULES}<div style="{_STYLE};color:{GREY}">{said}</div>'
+    text = f"Drag {', '.join(what[:-1])} and {what[-1]}, turn them with the arcs{slides}."
+    return f'{_RULES}<div style="{_STYLE};color:{GREY}">{text}</div>'
 
 
 def answer_html(answer: Answer, number: int, milliseconds: float, dropped: bool) -> str:
@@ -49,12 +49,12 @@ def answer_html(answer: Answer, number: int, milliseconds: float, dropped: bool)
     """
     data = f'data-number="{number}" data-stage="{answer.stage}" data-dropped="{str(dropped).lower()}"'
     if answer.solved:
-        said = _plan(answer, milliseconds)
+        text = _plan(answer, milliseconds)
     else:
-        items = "".join(f"<li>{escape(text)}</li>" for text in answer.findings)
-        said = f'<b id="pushplan-trouble" style="color:{SLIPS}">no plan</b>'
-        said += f'<ul style="margin:0;padding-left:18px">{items}</ul>'
-    return f'<div id="pushplan-answer" {data} style="{_STYLE}">{said}</div>'
+        items = "".join(f"<li>{escape(line)}</li>" for line in answer.findings)
+        text = f'<b id="pushplan-trouble" style="color:{SLIPS}">no plan</b>'
+        text += f'<ul style="margin:0;padding-left:18px">{items}</ul>'
+    return f'<div id="pushplan-answer" {data} style="{_STYLE}">{text}</div>'
 
 
 def _plan(answer: Answer, milliseconds: float) -> str:

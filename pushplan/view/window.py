@@ -68,9 +68,9 @@ def _own_origin_first(respond: Callable[[Any, Any], Any]) -> Callable[[Any, Any]
     def checked(connection: Any, request: Any) -> Any:
         port = connection.local_address[1]
         own = {f"http://127.0.0.1:{port}", f"http://localhost:{port}"}
-        said = request.headers.get_all("Origin")
+        origins = request.headers.get_all("Origin")
         websocket = bool(request.headers.get_all("Upgrade"))
-        if not own.issuperset(said) or (websocket and len(said) != 1):
+        if not own.issuperset(origins) or (websocket and len(origins) != 1):
             return connection.respond(HTTPStatus.FORBIDDEN, "Only the page of this window can connect.\n")
         if not websocket:
             request.headers.pop("Accept-Encoding", None)  # the response is edited below
