@@ -138,7 +138,7 @@ class Plan:
             transits.
         improvements: Plans of decreasing cost.
         margin_asked: Requested lower limit of the margins.
-        margin: Lower limit of the margins that was used: lower if no plan was found with `margin_asked`.
+        margin: Actual lower limit of the margins, below `margin_asked` if that allowed no plan.
         tree: (q, 2, 3) poses at both ends of the search tree's branches, thinned.
         diagnosis: Reasons why the search found no plan, most certain first.
         nearest: Path that ends nearest to the goal, if there is no plan; None if unknown.
