@@ -110,7 +110,7 @@ def _in_map(text: str, map_file: Path, folder: Path) -> str:
 
 
 def _with_line(text: str, beginning: str, rest: str) -> str:
-    """Return a text with the rest of the line after its beginning replaced."""
+    """Return a text in which the line that starts with `beginning` continues with `rest`."""
     changed, count = re.subn(rf"(?m)^{re.escape(beginning)}.*$", lambda _: beginning + rest, text)
     assert count == 1, beginning
     return changed
