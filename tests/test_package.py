@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import fields
 from functools import cache
@@ -13,8 +14,12 @@ from graphlib import TopologicalSorter
 from inspect import CO_OPTIMIZED, signature
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
+import mcap.writer
 import pytest
+import ruckig
+import shapely
 import yaml
 from click.testing import CliRunner
 from conftest import Captured, there
@@ -263,3 +268,36 @@ def messages() -> Iterator[tuple[str, str]]:
 @pytest.mark.parametrize("texts", [pages, helps, messages])
 def test_replaced_words_do_not_appear(texts: Callable[[], Iterator[tuple[str, str]]]) -> None:
     assert [f"{place}: {words}" for place, text in texts() for words in words_left(text)] == []
+
+
+def test_libraries_that_the_readme_names_work_on_the_default_path(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """OMPL's calls are counted in `test_ompl.py`; SciPy's fit belongs to `identify`."""
+    counts: Counter[str] = Counter()
+
+    def count(name: str, owner: Any, function: str) -> None:
+        original = getattr(owner, function)
+
+        def counted(*arguments: Any, **options: Any) -> Any:
+            counts[name] += 1
+            return original(*arguments, **options)
+
+        monkeypatch.setattr(owner, function, counted)
+
+    count("Ruckig", ruckig.Ruckig, "calculate")
+    count("Shapely", shapely, "distance")
+    count("MCAP", mcap.writer.Writer, "add_message")
+    assert pushplan.run("two-crates", log=tmp_path / "run.mcap", seed=1, iterations=500, time_limit=600.0).plan.solved
+    assert min(counts[name] for name in ("Ruckig", "Shapely", "MCAP")) > 10, counts
+
+
+@pytest.mark.parametrize("library", ["OMPL", "Ruckig", "SciPy", "Shapely", "MCAP"])
+def test_files_that_the_readme_names_import_their_library(library: str) -> None:
+    text = (ROOT / "README.md").read_text("utf-8")
+    paragraph = text[text.index("**Who does what.**") :].partition("\n\n")[0]
+    own = paragraph[paragraph.index(f"{library} ") :]
+    path = re.search(r"\]\(([\w/]+\.py)\)", own)
+    assert path is not None
+    file = Path(pushplan.__file__).parent / path[1].removeprefix("pushplan/")
+    assert re.search(rf"^\s*(import|from) {library.lower()}\b", file.read_text("utf-8"), re.MULTILINE)
