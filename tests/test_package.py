@@ -30,6 +30,7 @@ from pushplan.bench.schema import SUITE_FORMAT
 from pushplan.cli.main import COMMANDS, MORE, main
 from pushplan.cli.main import pushplan as command_line
 from pushplan.logging import metadata, tables
+from pushplan.plans.plan import PLAN_FORMAT
 from pushplan.scenario.file import example_text
 from pushplan.util.names import SCENARIO_FORMAT
 
@@ -97,8 +98,8 @@ def test_help_names_every_option_of_planning(tmp_path: Path) -> None:
 
 def test_documented_formats_and_python_versions_match_the_code() -> None:
     rows = re.findall(r"^\| [^|]+ \| `?([\w/-]+)`? \|", (ROOT / "docs" / "api.md").read_text(), re.MULTILINE)
-    numbers = (SCENARIO_FORMAT, SUITE_FORMAT, metadata.FORMAT, store.FORMAT, tables.FORMAT)
-    assert rows[-5:] == [str(number) for number in numbers]
+    numbers = (SCENARIO_FORMAT, SUITE_FORMAT, metadata.FORMAT, store.FORMAT, tables.FORMAT, PLAN_FORMAT)
+    assert rows[-6:] == [str(number) for number in numbers]
     with (ROOT / "pyproject.toml").open("rb") as file:
         document = tomllib.load(file)
     words = [text.rpartition(" :: ")[2] for text in document["project"]["classifiers"]]

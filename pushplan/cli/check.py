@@ -304,7 +304,7 @@ def _check_rearrangement(scenario: Scenario, plot: Path | None, console: Console
     idle = "stays in place" if scenario.task.flush else "is moved only if it is in the way"
     for one in scenario.each_alone():
         name = one.load.name
-        with console.working(f"finding the contacts of {name}"):
+        with console.working(f"computing the contacts of {name}"):
             require_pushable(one)
             modes = find_modes(one, PlanSettings().completed(one))
             faces = list(dict.fromkeys(mode.place.face for mode in modes))
