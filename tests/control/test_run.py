@@ -169,4 +169,4 @@ def test_the_command_says_what_does_not_arrive_and_what_is_wrong(file: Path, cap
         assert main(["simulate", str(file), "--no-log", "--disturb", aside]) == 4
     assert "missed: the goal's object is not within its tolerances" in capsys.readouterr().out
     assert main(["simulate", "two-crates", "--no-log", "--disturb", "time=3,object=cat"]) == 2
-    assert "no object is called 'cat'; allowed: near, far" in capsys.readouterr().err
+    assert "there is no object 'cat'; allowed: near, far" in capsys.readouterr().err
