@@ -112,7 +112,7 @@ def test_replay_shows_the_rest_of_a_truncated_log(
 
 
 @pytest.mark.parametrize(("text", "reason"), [
-    (WALL, "obstacles and walls separate the start from the goal: "),
+    (WALL, "the chain cannot pass: obstacles and walls close every way"),
     (example_text("narrow-gap").replace("1.33", "1.26"), "no path found within the time limit of 60 s or 300 itera"),
 ])  # fmt: skip
 def test_a_run_without_a_plan_is_logged_too(text: str, reason: str, tmp_path: Path, capsys: Captured) -> None:
