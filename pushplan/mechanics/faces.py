@@ -25,7 +25,7 @@ SAME_DIRECTION = math.radians(1.0)
 """Largest angle between an outward normal and the direction of a face's name, rad."""
 
 PARALLEL = 1e-6
-"""Largest angle (rad) between opposite faces; with a larger one, a flush row is not possible."""
+"""Largest deviation of opposite faces from parallel, rad; with a larger one, no flush row is possible."""
 
 _NORMALS = dict(zip(FACES, (math.pi, 0.0, 0.5 * math.pi, -0.5 * math.pi), strict=True))
 

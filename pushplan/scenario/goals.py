@@ -113,7 +113,7 @@ class TaskGoal(ABC):
     """Goal of some loads of a task."""
 
     flush: ClassVar[bool] = False
-    """Whether the loads end flush with one another."""
+    """Whether the loads end flush with each other."""
 
     @property
     @abstractmethod
@@ -145,7 +145,7 @@ class TaskGoal(ABC):
         return tolerance
 
     def settled(self, loads: Mapping[str, PlacedLoad], poses: Mapping[str, FloatArray]) -> TaskGoal:
-        """Return the goal that a plan has chosen, which ends with the objects at poses (3,) by name."""
+        """Return the goal as chosen by a plan that ends with the objects at poses (3,), by name."""
         return self
 
     def resumed(self, end: End, tolerance: tuple[float, float]) -> TaskGoal:

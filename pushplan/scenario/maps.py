@@ -55,7 +55,7 @@ _BLOCK = 1 << 20
 """Number of cells that are processed together, so that a large picture needs little memory."""
 
 _GRID = 10.0 * SAME_POINT
-"""Spacing of the grid for outlines whose points are too near to one another, m."""
+"""Spacing of the grid for outlines whose points are too near to each other, m."""
 
 MOST_HOLES = 5_000
 """Largest number of free places within regions of a map: each is cut open, and 10,000 took 15 s."""

@@ -168,7 +168,7 @@ class Scenario:
         return dataclasses.replace(self, task=Push.of(load, goal))
 
     def settled(self, poses: Mapping[str, FloatArray]) -> Scenario:
-        """Return the scenario with the goals that a plan has chosen, which ends at objects' poses (3,) by name."""
+        """Return the scenario with the goals of a plan that ends with the objects at poses (3,), by name."""
         goals = tuple(goal.settled(self.task.by_name, poses) for goal in self.task.goals)
         same = all(one is other for one, other in zip(goals, self.task.goals, strict=True))
         return self if same else self.with_task(goals=goals)

@@ -236,7 +236,7 @@ class OrPair(Stated):
 def or_interval(number: Quantity, end: Quantity | None = None) -> OrPair:
     """Return the notation of a number or an interval [lowest, highest]; `end` is the quantity of the ends."""
     end = end or number
-    return OrPair(number, end, end, "an interval [lowest, highest] of it", ordered=True)
+    return OrPair(number, end, end, "its interval [lowest, highest]", ordered=True)
 
 
 def either_way(number: Quantity) -> OrPair:

@@ -37,7 +37,7 @@ COSTS = ("travel", "time", "margin")
 DEFAULT_COST = "time"
 
 BESIDE_A_BAG = ".rviz"
-"""Suffix of the file that is written beside a ROS 2 bag."""
+"""Suffix of the file beside a ROS 2 bag; it replaces the suffix of the bag."""
 
 FARTHEST = 1e4
 """Largest plausible coordinate (m) and angle (rad) of a robot on a floor."""
