@@ -1,4 +1,4 @@
-"""Whether what a page shows overlaps or spills, measured from the boxes of its elements in a headless Chromium."""
+"""Check a page for overlaps and overflow, from the boxes of its elements in a headless Chromium."""
 
 import os
 import shutil
@@ -34,7 +34,7 @@ _LEAVES = """(() => {
 
 @contextmanager
 def chromium(folder: Path) -> Iterator[Any]:
-    """Give a browser; tests without one are skipped."""
+    """Return a browser; skip the test without one."""
     if CHROMIUM is None:
         pytest.skip("needs chromium")
     with started(CHROMIUM, folder / "profile") as browser:
@@ -42,7 +42,7 @@ def chromium(folder: Path) -> Iterator[Any]:
 
 
 def show(browser: Any, page: Path | str, width: int, dark: bool = False, height: int = 800) -> None:
-    """Open a file as a screen of some size shows it."""
+    """Open a file in a window of some size."""
     theme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
     browser.call("Emulation.setEmulatedMedia", features=theme)
     size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500}
@@ -53,7 +53,7 @@ def show(browser: Any, page: Path | str, width: int, dark: bool = False, height:
 
 
 def keep(browser: Any, name: str) -> None:
-    """Keep a picture of all that the page shows, where such pictures are asked for."""
+    """Save a picture of the page if pictures are requested."""
     if KEPT is None:
         return
     if browser.evaluate("document.querySelector('#pushplan-answer') !== null"):  # its scene fades in
@@ -72,7 +72,7 @@ def boxes(browser: Any, selector: str) -> list[dict[str, Any]]:
 
 
 def overlapping(found: list[dict[str, Any]], slack: float = 0.5) -> list[tuple[str, str]]:
-    """Return the pairs of boxes that have more than a rim of `slack` pixels in common."""
+    """Return the pairs of boxes that overlap by more than `slack` pixels."""
     return [
         (a["text"], b["text"])
         for a, b in combinations(found, 2)
@@ -84,7 +84,7 @@ def overlapping(found: list[dict[str, Any]], slack: float = 0.5) -> list[tuple[s
 
 
 def assert_tidy(browser: Any, selector: str, width: int) -> None:
-    """Assert that no element overlaps another, nothing spills to the side, and the console has no error."""
+    """Assert that no element overlaps another or overflows to the side, and that the console has no error."""
     found = boxes(browser, selector)
     assert len(found) > 2
     assert overlapping(found) == [], overlapping(found)

@@ -1,4 +1,4 @@
-"""Drives a headless Chromium through its debugging pipe (the DevTools protocol, messages end with a zero byte)."""
+"""Control of a headless Chromium through its debugging pipe (DevTools protocol; messages end with a zero byte)."""
 
 import json
 import os
@@ -51,13 +51,13 @@ class Browser:
         return found
 
     def open(self, page: Path | str) -> None:
-        """Load a file, or what is at an address, and wait for it."""
+        """Load a file or an address, and wait for it."""
         self.call("Page.navigate", url=page if isinstance(page, str) else page.as_uri())
         while not any(event.get("method") == "Page.loadEventFired" for event in self.events):
             self.events.append(self._next())
 
     def evaluate(self, expression: str) -> Any:
-        """Return the value of a JavaScript expression; promises are waited for."""
+        """Return the value of a JavaScript expression; wait for promises."""
         answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
@@ -69,7 +69,7 @@ class Browser:
 
 @contextmanager
 def chromium(program: str, profile: Path) -> Iterator[Browser]:
-    """Start a browser, end it afterwards."""
+    """Start a browser, and end it afterwards."""
     to_browser, from_here = os.pipe()
     to_here, from_browser = os.pipe()
     command = [

@@ -1,4 +1,4 @@
-"""Chains that many tests need, built directly, without scenario files."""
+"""Chains for many tests, built without scenario files."""
 
 import os
 import signal
@@ -36,24 +36,24 @@ settings.load_profile("patient")
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """Run three files on two processors: in many tests the processes that they start work, or sleep."""
+    """Run three files on two processors, because many tests wait for their own processes."""
     return max(1, 3 * (os.cpu_count() or 1) // 2)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put long files first, and files of few tests before others, so that no worker is left with one at the end."""
+    """Order the files so that no worker is left alone at the end: long files first, then those with few tests."""
     tests, order = Counter(item.path for item in items), {name: k for k, name in enumerate(LONG)}
     items.sort(key=lambda item: (order.get(item.path.stem, len(LONG)), tests[item.path]))
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
-    """Remember how the run ended."""
+    """Store the exit status of the run."""
     session.config.stash[_exit_code] = int(exitstatus)
 
 
 @pytest.hookimpl(trylast=True)
 def pytest_unconfigure(config: pytest.Config) -> None:
-    """End the process before OMPL's bindings write pages about leaks below what pytest has said last."""
+    """End the process before OMPL's bindings print pages about leaks below pytest's summary."""
     if "ompl" in sys.modules and not hasattr(config, "workerinput"):
         sys.stdout.flush()
         sys.stderr.flush()
@@ -69,18 +69,18 @@ LONG = ("test_docs", "test_every_kind", "test_screens", "test_controller", "test
 
 
 def there(value: Value | None) -> Value:
-    """Return what has to be there."""
+    """Return a value that must not be None."""
     assert value is not None
     return value
 
 
 def heed_interrupts() -> None:
-    """Let Ctrl-C end the program that follows; for `preexec_fn`, as shells let what they start ignore it."""
+    """Let Ctrl-C end the next program (for `preexec_fn`), because shells let their children ignore it."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def calls_of(work: Callable[[], object], name: str = "") -> int:
-    """Return how many functions, or how often that of a name, are called until the work is done, or refused."""
+    """Return the number of function calls, or of those with a name, until the work ends or is refused."""
     count = 0
 
     def note(frame: FrameType, event: str, argument: object) -> None:
@@ -135,7 +135,9 @@ class ChainMaker:
         return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
 
     def random(self, seed: int, n: int, tree: bool = False, feet: bool = False) -> Chain:
-        """Return n random objects roughly in a row; contacts and objects need not touch, mechanics does not ask."""
+        """Return n random objects roughly in a row; contacts and objects need not touch, because mechanics does not
+        check it.
+        """
         rng = np.random.default_rng(seed)
         objects, contacts = [], []
         for i in range(n):
@@ -154,7 +156,7 @@ class ChainMaker:
 
 
 def pressure_of(rng: np.random.Generator, outline: FloatArray, center: FloatArray) -> FeetSupport:
-    """Return a random load on five points of a box that has a centre (2,)."""
+    """Return a random load on five points of a box with a given centre (2,)."""
     low, high = outline.min(axis=0), outline.max(axis=0)
     while True:
         points, shares = rng.uniform(low, high, (4, 2)), rng.dirichlet(np.ones(5))
@@ -165,7 +167,7 @@ def pressure_of(rng: np.random.Generator, outline: FloatArray, center: FloatArra
 
 @pytest.fixture(scope="session", autouse=True)
 def _recorded_runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Keep the runs that tests record, also in processes of their own, out of the user's home."""
+    """Keep the runs that tests and their processes record out of the user's home."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PUSHPLAN_RUNS", str(tmp_path_factory.mktemp("runs")))
         yield

@@ -1,4 +1,4 @@
-"""Scenarios of every kind, and runs of them for pictures and windows."""
+"""Scenarios of every kind, and their runs, for pictures and windows."""
 
 import re
 from dataclasses import replace
@@ -115,7 +115,7 @@ EVENTS = (
 
 @cache
 def made(kind: str) -> Run:
-    """Return a run of one of the kinds: of the first plan that is found."""
+    """Return a run of one of the kinds, with the first plan."""
     text = {"multi-push": MULTI, "rearrangement": SWAP, "gathering": ROW, "unsolved": WALL}.get(kind)
     scenario = load_scenario("two-crates") if text is None else scenario_from_text(text)
     plan = pushplan.plan(scenario, first=True, seed=1, time_limit=60.0)

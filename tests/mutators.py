@@ -1,4 +1,4 @@
-"""Files that have gone wrong: texts with pieces put in, documents with values put in, left out or moved."""
+"""Random defects of files: pieces of text inserted, values inserted, removed or moved."""
 
 import json
 from random import Random
@@ -24,7 +24,7 @@ VALUES: tuple[Any, ...] = (
 
 
 def mutated_text(text: str, random: Random) -> str:
-    """Return a text with up to four pieces put in, in place of up to eight characters each."""
+    """Return a text with up to four pieces inserted, each in place of up to eight characters."""
     for _ in range(random.randint(1, 4)):
         begin = random.randint(0, len(text))
         end = min(len(text), begin + random.randint(0, 8))

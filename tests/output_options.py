@@ -1,4 +1,4 @@
-"""Every word of the command line that names a file to write, and a command line that writes it."""
+"""All options of the command line that name an output file, and a command line that writes each."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ _ELSEWHERE = {("bench", "output"), ("identify", "output")}
 
 
 def _declared() -> list[tuple[str, str]]:
-    """Return command and name of everything that takes a path."""
+    """Return command and name of every option or argument with a path."""
     context, found = click.Context(pushplan), []
     for name in (*COMMANDS, *MORE):
         command = pushplan.get_command(context, name)

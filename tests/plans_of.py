@@ -1,4 +1,4 @@
-"""Scenarios without what the defaults add, and plans made by hand, for tests of searches and timing by themselves."""
+"""Scenarios without defaults and hand-made plans, for tests of searches and timing."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ from pushplan.scenario.model import Scenario
 
 
 def push_of(chain: Chain, trajectory: Trajectory) -> Plan:
-    """Return the plan of one push on an empty floor, its goal where it ends."""
+    """Return the plan of one push on an empty floor to the end of a path."""
     end = trajectory.break_poses[-1]
     scenario = pushplan.load_scenario("one-box")
     load = replace(scenario.load, chain=chain, start=trajectory.start, contact_friction=None)
@@ -29,7 +29,7 @@ def push_of(chain: Chain, trajectory: Trajectory) -> Plan:
 
 
 def timed(scenario: Scenario, path: PushPath, stable_set: str | None = None, rate: float = SAMPLE_RATE) -> Trajectory:
-    """Return a path of the chain frame timed as the scenario says; the trajectory is of the chain frame, too."""
+    """Return a path of the chain frame as a trajectory of the chain frame, with the scenario's timing."""
     push = Segment.push(Load.of(scenario), path, scenario.poses, scenario.required_margin)
     return time_segments(scenario, (push,), rate, stable_set)[0].contact_trajectory
 

@@ -1,7 +1,7 @@
-"""Stand-ins for what a ROS 2 node imports, as ROS 2 cannot be installed from a package index.
+"""Stand-ins for the imports of a ROS 2 node, because ROS 2 cannot be installed from a package index.
 
-Messages are made from the definitions of ROS 2 Humble that rosbags holds: they have the fields and defaults that
-generated messages have, refuse others, and are serialised by rosbags, which checks the types of all values.
+Messages are generated from the definitions of ROS 2 Humble in rosbags. They have the fields and defaults of generated
+messages and refuse other fields; rosbags serialises them and checks the types of all values.
 """
 
 import math
@@ -16,7 +16,7 @@ import pytest
 
 
 class Messages:
-    """Message classes, and what the node publishes."""
+    """Message classes, and the messages that the node publishes."""
 
     def __init__(self) -> None:
         typesys = pytest.importorskip("rosbags.typesys")
@@ -24,7 +24,7 @@ class Messages:
         self.published: dict[str, list[Any]] = {}
 
     def __call__(self, name: str, **fields: Any) -> Any:
-        """Return a message with its defaults but for some fields."""
+        """Return a message with its defaults and some given fields."""
         values = {field: self._default(kind) for field, kind in self.store.get_msgdef(name).fields}
         assert set(fields) <= set(values), f"{name} has no {set(fields) - set(values)}"
         return SimpleNamespace(**values | fields, type_name=name)
@@ -38,7 +38,7 @@ class Messages:
         return []
 
     def frozen(self, message: Any) -> Any:
-        """Return a message as rosbags has it; lists of messages and all that is nested, too."""
+        """Return a message as a type of rosbags, with all nested messages."""
         if isinstance(message, list):
             return [self.frozen(member) for member in message]
         if not isinstance(message, SimpleNamespace):
@@ -48,7 +48,7 @@ class Messages:
         return known(**fields)
 
     def sent(self, topic: str) -> list[Any]:
-        """Return what was published on a topic after a way through serialised bytes."""
+        """Return the messages of a topic after serialisation and deserialisation."""
         found = []
         for message in self.published[topic]:
             name = message.type_name
@@ -58,7 +58,7 @@ class Messages:
 
 
 class Robot:
-    """A unicycle that does what the last twist says, and the tf that tells where it is."""
+    """A unicycle that follows the last twist, with a tf of its pose."""
 
     def __init__(self, pose: np.ndarray[Any, np.dtype[np.float64]]) -> None:
         self.pose, self.lost = np.array(pose), False
@@ -73,11 +73,11 @@ class Robot:
 
 
 class TransformError(Exception):
-    """No such transform."""
+    """Error of a missing transform."""
 
 
 def install(monkeypatch: pytest.MonkeyPatch, messages: Messages, robot: Robot) -> SimpleNamespace:
-    """Put the modules in place; returns the node's timer and what it told."""
+    """Install the modules; return the node's timer and its log."""
     told = SimpleNamespace(lines=[], running=True, step=None)
 
     def publisher(kind: Any, topic: str, qos: object) -> Any:

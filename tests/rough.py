@@ -1,4 +1,4 @@
-"""Work that is over soon where only its form is looked at: a rough answer is one, too."""
+"""Shortcuts for tests that check only the form of an answer, so that a rough one is enough."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,7 +13,7 @@ from pushplan.sim.identify import posterior
 
 
 def rough_identification(patch: pytest.MonkeyPatch) -> None:
-    """Let few members of the ensemble, and few starts, do."""
+    """Use few members of the ensemble and few starts."""
     for name, value in {"MEMBERS": 8, "ROUNDS": 4}.items():
         patch.setattr(posterior, name, value)
     patch.setattr("pushplan.sim.identify.identify.LOOKED_AT", 16)
@@ -22,7 +22,7 @@ def rough_identification(patch: pytest.MonkeyPatch) -> None:
 
 @contextmanager
 def slow_controllers() -> Iterator[None]:
-    """Let controllers that nobody says otherwise of step half as often."""
+    """Halve the default step rate of controllers."""
     rate = DEFAULTS.rate
     object.__setattr__(DEFAULTS, "rate", 0.5 * rate)
     yield
@@ -31,7 +31,7 @@ def slow_controllers() -> Iterator[None]:
 
 @contextmanager
 def first_plans() -> Iterator[None]:
-    """Let searches end with their first plan, and wait for it on a busy machine."""
+    """End searches with their first plan, and wait for it on a busy machine."""
     completed = PlanSettings.completed
 
     def first(settings: PlanSettings, scenario: Scenario) -> PlanSettings:

@@ -1,4 +1,4 @@
-"""The command line: what is printed where, exit codes, completion, the first own scenario, what terminals obey."""
+"""The command line: output, exit codes, completion, the first own scenario, escaping for terminals."""
 
 import io
 import json
@@ -97,7 +97,7 @@ def test_wrong_arguments_give_a_message_and_exit_code_2(words: list[str], messag
 
 
 def examples_into(out: Any) -> tuple[int, bytes]:
-    """Return exit code and errors of the command that lists examples into a file or pipe."""
+    """Return exit code and errors of the command that writes the list of examples into a file or pipe."""
     words = [sys.executable, "-m", "pushplan", "examples"]
     done = subprocess.run(words, stdout=out, stderr=subprocess.PIPE, timeout=60, check=False)
     return done.returncode, done.stderr
@@ -250,7 +250,7 @@ SHOWN = r"\x1b]0;owned\x07\x1b[31m\u202e\x9b2J"
 
 
 class Terminal(io.StringIO):
-    """A stream that says it is a terminal."""
+    """A stream that claims to be a terminal."""
 
     def isatty(self) -> bool:
         return True

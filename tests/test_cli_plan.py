@@ -27,7 +27,7 @@ REPEATED = ("--time-limit", "60", "--iterations", "2000")
 
 @pytest.fixture(scope="module")
 def planned(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Any]:
-    """The JSON object of one plan, with its log, picture and page."""
+    """Return the JSON object of one plan, with its log, picture and page."""
     folder = tmp_path_factory.mktemp("plan")
     files = {"log": folder / "run.mcap", "plot": folder / "run.svg", "html": folder / "run.html"}
     words = ["plan", "two-crates", *REPEATED, "--seed", "3", "--json", "-o", str(files["log"])]

@@ -1,4 +1,4 @@
-"""Collisions: the core's distances and sweeps, the independent checker and the clearance, against shapely."""
+"""Collisions: distances and sweeps of the core, the independent checker and the clearance, against shapely."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -37,7 +37,7 @@ def _scene(body: list[FloatArray], obstacles: list[FloatArray], circles: Sequenc
 
 
 def _distance(body: list[FloatArray], standing: Sequence[shapely.Geometry], poses: FloatArray) -> float:
-    """Return the least distance of a body at any of the poses (..., 3)."""
+    """Return the smallest distance of a body at the poses (..., 3)."""
     at = poses.reshape(-1, 1, 3)
     placed = [shapely.polygons(at[..., :2] + se2.rotate(at[..., 2], piece[None])) for piece in body]
     return min(float(shapely.distance(some, other).min()) for some in placed for other in standing)
@@ -111,7 +111,7 @@ WALLS = np.array([0.0, 0.0, 20.0, 20.0])
 
 
 def _world(rng: np.random.Generator, count: int) -> tuple[list[FloatArray], FloatArray]:
-    """Quadrangles and discs of very different sizes, a long wall among them."""
+    """Return quadrangles and discs of very different sizes, with a long wall."""
     n = count // 2
     places, sizes = rng.uniform(0.0, 20.0, (count, 2)), rng.uniform(0.05, 0.3, (count, 2))
     polygons = [SQUARE * size + place for size, place in zip(sizes[:n], places[:n], strict=True)]
@@ -172,7 +172,7 @@ def test_a_violated_clearance_is_a_collision_with_its_gap(lane: Scenario) -> Non
 
 
 def test_few_poses_find_the_same_collisions_as_many(lane: Scenario) -> None:
-    """The motion that is proven by distances is free where a pose every half millimetre is."""
+    """A motion that the distances prove free is free at poses every half millimetre."""
     rng = np.random.default_rng(4)
     free = blocked = 0
     for _ in range(60):
@@ -195,7 +195,7 @@ def test_few_poses_find_the_same_collisions_as_many(lane: Scenario) -> None:
 
 
 def test_motions_checked_together_collide_as_each_alone(lane: Scenario) -> None:
-    """Some bodies rest in some of the cases only, and what moves is not the same in all of them."""
+    """Some bodies rest in some motions only, and the moving bodies differ."""
     rng, hits = np.random.default_rng(7), 0
     square = 0.03 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     for _ in range(20):
@@ -263,7 +263,7 @@ def test_paths_keep_the_clearance_and_reach_it(clearance: float, trajectory: str
 
 
 def test_a_start_exactly_at_the_clearance_can_be_left(lane: Scenario) -> None:
-    """The plate's end passes along the obstacle: no pose on the first half of the straight push is farther away."""
+    """The plate's end passes along the obstacle: the first half of the straight push keeps the same distance."""
     for gap in (0.01, 0.01 + 5e-5, 0.02):
         wall = PolygonObstacle(SQUARE * [0.4, 0.1] + [0.2, 0.2 + gap])
         scenario = replace(lane, clearance=0.01, obstacles=(wall,))

@@ -17,7 +17,7 @@ from pushplan.util.arrays import FloatArray
 
 
 def random_twists(chain: Chain, seed: int, count: int) -> FloatArray:
-    """Return twists that mostly go forward, so that both outcomes occur."""
+    """Return mostly forward twists, so that both outcomes occur."""
     rng = np.random.default_rng(seed)
     twists = rng.normal(size=(count, 3)) * [0.3, 0.3, 0.3 / chain.characteristic_length]
     return np.asarray(twists + [1.0, 0.0, 0.0], dtype=np.float64)  # noqa: RUF005
@@ -51,7 +51,7 @@ def slack(chain: Chain, needed: ArrayLike, pose: ArrayLike = (0.0, 0.0, 0.0)) ->
 @pytest.mark.parametrize("tree", [False, True])
 @pytest.mark.parametrize("n", [1, 2, 3, 5])
 def test_margin_agrees_with_a_linear_program(make_chain: ChainMaker, n: int, tree: bool) -> None:
-    """Positive slack exactly where the margin is positive."""
+    """The slack is positive exactly if the margin is positive."""
     outcomes = []
     for seed in range(4):
         chain = make_chain.random(seed, n, tree=tree, feet=seed % 2 == 1)
@@ -65,7 +65,7 @@ def test_margin_agrees_with_a_linear_program(make_chain: ChainMaker, n: int, tre
 
 
 def test_contact_state_describes_the_same_forces(make_chain: ChainMaker) -> None:
-    """Margins are positive exactly where the force is inside the friction cone and passes through the segment."""
+    """Margins are positive exactly if the force is inside the friction cone and passes through the segment."""
     chain = make_chain.random(11, 3)
     twists = random_twists(chain, 5, 300) * [1.0, 0.5, 0.4]
     state = contact_state(chain, twists)

@@ -1,4 +1,4 @@
-"""The border of the compiled core: what comes over it is checked, and one object serves one thread at a time."""
+"""The interface of the compiled core: arguments are checked, and one object serves one thread at a time."""
 
 import math
 import subprocess

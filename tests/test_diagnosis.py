@@ -1,4 +1,4 @@
-"""Why it failed: every cause, nothing called impossible that is possible, the nearest path kept."""
+"""Diagnosis of failures: every cause, no false proof of infeasibility, the nearest path."""
 
 from dataclasses import replace
 from typing import Any
@@ -34,7 +34,7 @@ from pushplan.util.arrays import FloatArray
 
 
 def gap(top: float) -> Scenario:
-    """The example narrow-gap, whose gap begins at y = 1.07, with another end of it."""
+    """Return the example narrow-gap, whose gap begins at y = 1.07, with another end of the gap."""
     return plain(scenario_from_text(example_text("narrow-gap").replace("1.33", f"{top}"), "gap.yaml"))
 
 
@@ -52,14 +52,14 @@ def faults(scenario: Scenario) -> list[Diagnosis]:
 
 
 def diagnosed(scenario: Scenario, segments: FloatArray) -> tuple[Diagnosis, ...]:
-    """What is said of a scenario whose pushes are `segments` (k, 6)."""
+    """Return the diagnosis of a scenario with control segments (k, 6)."""
     stable = stable_set(scenario.chain)
     problem = build_problem(scenario, stable).with_segments(segments)
     return diagnose(InfeasibilityMonitor(scenario, stable, lambda: problem), 1234, (0.25, 0.5))
 
 
 def test_a_time_limit_used_up_by_preparation_is_reported() -> None:
-    """A search that has not looked at anything says nothing of how near it came."""
+    """A search without iterations reports no nearest path."""
     scenario = plain(load_scenario("two-crates"))
     stable = stable_set(scenario.chain)
     monitor = InfeasibilityMonitor(scenario, stable, lambda: build_problem(scenario, stable))
@@ -129,7 +129,7 @@ def test_a_goal_beside_straight_pushes_is_proven_impossible_without_turns() -> N
 def test_an_obstacle_close_to_start_or_goal_is_reported_as_perhaps_boxing_in(
     end: str, x: float, text: str, monkeypatch: Patch
 ) -> None:
-    """A bar before the front box at the start; a bar behind the plate at the goal; proven, if looked at closely."""
+    """A bar before the front box at the start, or behind the plate at the goal; a closer search proves it."""
     scenario = load_plain("narrow-gap")
     pose = scenario.start if end == "start" else scenario.goal.pose_chain
     bar = np.array([[x, -0.3], [x + 0.02, -0.3], [x + 0.02, 0.3], [x, 0.3]])
@@ -218,7 +218,7 @@ def test_no_stable_motion_of_the_axle_turns_tighter(carts: Scenario, drive: Driv
 
 
 def _behind_a_door(width: float, start: float, goal: float, several: bool) -> dict[str, Any]:
-    """Return a room that a wall with a door divides, for a box of 0.2 m and a robot of 0.3 m on the left."""
+    """Return a room divided by a wall with a door, with a box of 0.2 m and a robot of 0.3 m on the left."""
     walls = [[[2.0, y0], [2.1, y0], [2.1, y1], [2.0, y1]] for y0, y1 in ((0, 1.5 - width / 2), (1.5 + width / 2, 3))]
     other = {"name": "other", "shape": {"box": [0.2, 0.2]}, "mass": 1.0, "pose": [1.0, 2.5, 0.0]}
     return {

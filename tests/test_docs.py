@@ -1,4 +1,4 @@
-"""What README, docs and examples say is so: commands and code run, options, links and public names exist."""
+"""README, docs and examples are correct: commands and code run, options, links and public names exist."""
 
 import ast
 import contextlib
@@ -48,7 +48,7 @@ def _blocks(page: Path, language: str) -> list[str]:
 
 
 def _run(line: str, recorded: bool) -> str:
-    """Run a line of shell that is a `pushplan` command, perhaps with its output in a file; return what it prints."""
+    """Run a shell line with a `pushplan` command, also with redirected output; return its output."""
     command, _, target = line.partition(" > ")
     command = re.sub(r"--samples \d+", "--samples 3", command)
     if not recorded and command.startswith("pushplan plan ") and " -o " not in command:
@@ -67,7 +67,7 @@ def _run(line: str, recorded: bool) -> str:
 
 @pytest.fixture
 def _quick(monkeypatch: Patch) -> Iterator[None]:
-    """Only the form of what comes out is looked at: what searches do with their time is tested elsewhere."""
+    """Make searches short, because only the form of the output is checked."""
     rough_identification(monkeypatch)
     monkeypatch.setattr("pushplan.drawing.figure._DPI", 50)
     with slow_controllers(), first_plans():
@@ -76,7 +76,7 @@ def _quick(monkeypatch: Patch) -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run that pages may speak of before they have made one."""
+    """Record a run for pages that use one before they make one."""
     log = tmp_path_factory.mktemp("recorded") / "run.mcap"
     pushplan.run(load_scenario("free-space"), log=log, first=True)
     return log
@@ -124,7 +124,7 @@ def test_every_command_and_all_code_run_in_the_order_of_the_page(
 
 
 def _identify_once(patch: Patch) -> None:
-    """Let every identification of a page have the result of the first, which takes 10 s."""
+    """Reuse the result of the first identification, which takes 10 s, in all others of a page."""
     found = list[Identification]()
 
     def identified(*args: Any, **kwargs: Any) -> Identification:
@@ -137,7 +137,7 @@ def _identify_once(patch: Patch) -> None:
 
 
 def _leave_measurements() -> None:
-    """Leave logs and a table of measured poses, as a user has them who learns from them."""
+    """Write logs and a table of measured poses, like those of a user who identifies friction."""
     for day in ("monday", "tuesday"):
         shutil.copy("worst.mcap", f"{day}.mcap")
     Path("mine.yaml").write_text(example_text("two-crates"))
@@ -149,13 +149,13 @@ def _leave_measurements() -> None:
 
 
 def _labels(output: str) -> set[str]:
-    """Return what stands before the values in output: two blanks, a label, blanks; numbers in it replaced."""
+    """Return the labels before values in output: two blanks, a label, blanks; with numbers replaced."""
     found = re.findall(r"^  (\S+(?: \S+)*)  +\S", output, re.MULTILINE)
     return {re.sub(r"\d[\d.]*", "#", label) for label in found}
 
 
 def _require_plain(printed: str) -> None:
-    """Refuse output that shows what only Python knows: a method that was not called, an object without a text."""
+    """Refuse output with Python internals: an uncalled method, an object without a text."""
     assert not re.search(r"<(bound )?(method|function)\b|<\S+ object at 0x|np\.float64\(", printed), printed
 
 
@@ -200,9 +200,8 @@ def test_links_and_pictures_exist(page: Path) -> None:
 
 
 def test_pictures_show_the_current_scenarios_and_plans(monkeypatch: Patch) -> None:
-    """`docs/refresh.py` and `docs/screens.py` make them and write a hash of what they show into them.
-
-    Those are looked at whose plan does not take long to find again.
+    """`docs/refresh.py` and `docs/screens.py` draw them and write a hash of their contents into them. Only those with
+    short planning times are checked.
     """
     monkeypatch.syspath_prepend(str(ROOT / "docs"))
     refresh = importlib.import_module("refresh")
@@ -244,7 +243,7 @@ def test_the_tutorial_s_scenario_loads_and_its_mistake_gives_the_printed_message
 
 @pytest.mark.parametrize("script", sorted((ROOT / "benchmarks").rglob("*.py")), ids=_id)
 def test_imports_of_every_benchmark_exist(script: Path, monkeypatch: Patch) -> None:
-    """Nothing else runs them, and a name that has moved would show when somebody wants figures."""
+    """No other test runs them, so a moved name would be noticed too late."""
     for folder in ("benchmarks", "examples/harada2006"):
         monkeypatch.syspath_prepend(str(ROOT / folder))
     for node in ast.walk(ast.parse(script.read_text("utf-8"))):
@@ -260,7 +259,7 @@ README = ROOT / "README.md"
 
 
 def _shape(output: str) -> str:
-    """Output with every number replaced, and whether it is a bound, for what is the same in every run."""
+    """Return output with every number replaced, with bounds marked, which is the same in every run."""
     output = output.replace("at least ", "")  # what a plan bears is looked at so far and no farther
     output = re.sub(r"contact [\w-]+", "contact", output)  # how far the search comes says which has the least margin
     return re.sub(r"[-+]?\d[\d.]*(e[-+]\d+)?( ms| s|\b)", "#", output)
@@ -306,7 +305,7 @@ EXAMPLE = ROOT / "examples" / "harada2006"
     find_spec("mujoco") is None, reason="MuJoCo is not installed; the extra pushplan[physics] brings it"
 )
 def test_the_paper_s_figures_are_made(tmp_path: Path, monkeypatch: Patch, capsys: Captured) -> None:
-    """All centres of rotation are counted; the two blocks stay together on the way to the goal."""
+    """All centres of rotation are counted; the two blocks stay together on the path to the goal."""
     monkeypatch.syspath_prepend(str(EXAMPLE))
     monkeypatch.setattr(sys, "argv", ["make_figures.py", "--out", str(tmp_path), "--cors", "2"])
     runpy.run_path(str(EXAMPLE / "make_figures.py"), run_name="__main__")

@@ -1,6 +1,6 @@
-"""The documentation site is right at first sight on phones and desks, light and dark.
+"""Layout of the documentation site on phones and desktops, light and dark.
 
-It takes a built site: `sphinx-build -b html docs SITE`, and PUSHPLAN_SITE=SITE.
+It needs a built site: `sphinx-build -b html docs SITE`, and PUSHPLAN_SITE=SITE.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""Contact conditions with inertia, against Newton's law by differences, linear programs and other worlds."""
+"""Contact conditions with inertia, against Newton's law by differences, linear programs and samples of intervals."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -20,7 +20,7 @@ STEP = 1e-3
 
 
 def _motion(twist: FloatArray, speed: float, acceleration: float) -> FloatArray:
-    """Poses (3, 3) of the chain frame at -STEP, 0 and STEP of a motion along `twist`, somewhere in the world."""
+    """Return poses (3, 3) of the chain frame at -STEP, 0 and STEP of a motion along `twist`, at a random place."""
     t = np.array([-STEP, 0.0, STEP])
     s = speed * t + 0.5 * acceleration * t**2
     return se2.compose(np.array([0.4, -1.0, 2.2]), se2.exp(s[:, None] * twist))
@@ -31,7 +31,7 @@ def _world(poses: FloatArray, point: FloatArray) -> FloatArray:
 
 
 def _floor_wrench(obj: PushedObject, poses: FloatArray) -> FloatArray:
-    """Coulomb friction on the feet of an object, about the world's origin."""
+    """Return the Coulomb friction on the feet of an object, about the world's origin."""
     assert isinstance(obj.support, FeetSupport)
     total = np.zeros(3)
     for foot, share in zip(obj.support.positions, there(obj.support.fractions), strict=True):
@@ -43,7 +43,7 @@ def _floor_wrench(obj: PushedObject, poses: FloatArray) -> FloatArray:
 
 
 def _momentum_rate(obj: PushedObject, poses: FloatArray) -> FloatArray:
-    """Rate of change of an object's momentum and of its angular momentum about the world's origin."""
+    """Return the rate of change of an object's linear and angular momentum about the world's origin."""
     inertia = inertia_of(obj)
     path = _world(poses, inertia.center)
     force = inertia.mass * (path[2] - 2.0 * path[1] + path[0]) / STEP**2
@@ -102,7 +102,7 @@ def test_the_worst_case_is_below_every_pressure_with_the_same_centre_and_near_th
 
 
 def motions(chain: Chain, seed: int, count: int = 60) -> tuple[FloatArray, FloatArray]:
-    """Twists (k, 3), m/s and rad/s, and their rates (k, 3)."""
+    """Return twists (k, 3), m/s and rad/s, and their rates (k, 3)."""
     rng, length = np.random.default_rng(seed), chain.characteristic_length
     twists = 0.2 * (rng.normal(size=(count, 3)) * [0.2, 0.1, 0.2 / length] + [1.0, 0.0, 0.0])
     return twists, 0.3 * rng.normal(size=(count, 3)) * [1.0, 0.5, 0.5 / length]
@@ -120,7 +120,7 @@ def widened(chain: Chain) -> IntervalChain:
 
 
 def world(interval: IntervalChain, masses: FloatArray, frictions: FloatArray, contact: float = 1.0) -> Chain:
-    """The chain with masses (n,), floor frictions (n,) and the last contact's friction times a factor."""
+    """Return the chain with masses (n,), floor frictions (n,) and a factor of the last contact's friction."""
     chain = interval.chain
     objects = tuple(
         replace(obj, mass=float(m), floor_friction=float(mu))
@@ -143,7 +143,7 @@ def worlds(interval: IntervalChain, seed: int, count: int = 15) -> Iterator[Chai
 
 
 def below(contacts: ContactDynamics, chain: Chain, twists: FloatArray, rates: FloatArray) -> int:
-    """Check that margins that are promised to be positive are kept in a world; return how many there are."""
+    """Check that positive margins of the bound stay positive in a sample; return their number."""
     bound = contacts.margins(twists, rates)
     found = dynamic_margins(chain, twists, rates)
     promised = bound > 0.0

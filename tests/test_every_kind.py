@@ -1,7 +1,7 @@
-"""Everything after the search works for every kind of plan; what is read from files is in `store/test_exports.py`.
+"""Every use of a plan works for every kind of plan; exports of files are in `store/test_exports.py`.
 
-Rows are uses, columns kinds. A cell looks at what comes out, against the execution or the plan. What cannot be done
-says so in a sentence.
+Rows are uses, columns are kinds. Each cell checks the result against the execution or the plan. Unsupported uses give
+a message.
 """
 
 import re

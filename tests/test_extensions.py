@@ -1,4 +1,4 @@
-"""Code that users add: its errors name it and its line, and what it returns is checked."""
+"""Code of users: its errors name it and its line, and its results are checked."""
 
 from pathlib import Path
 from typing import Any

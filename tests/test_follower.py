@@ -1,4 +1,4 @@
-"""A robot that follows twists of its base ends where the plan does, also as a node of ROS 2."""
+"""A robot that follows base twists ends at the plan's end, also as a ROS 2 node."""
 
 import runpy
 from functools import cache
@@ -65,7 +65,7 @@ def test_twists_of_the_base_lead_to_the_goal_within_a_micrometre(drive: str) -> 
 def followed(
     run: Plan, follower: Follower, start: FloatArray, slow: float = 1.0, noise: float = 0.0, seen: bool = True
 ) -> tuple[FloatArray, FloatArray, Command]:
-    """Drive to the end: poses of the base, distances from the planned way, and the last command."""
+    """Drive to the end; return poses of the base, distances from the planned path, and the last command."""
     rng, pose, poses = np.random.default_rng(3), start, [start]
     for _ in range(20_000):
         measured = pose + noise * rng.normal(size=3) * [1.0, 1.0, 3.0]
@@ -82,7 +82,7 @@ def followed(
 
 @pytest.mark.parametrize("drive", DRIVES)
 def test_a_robot_at_50_hz_stays_within_a_millimetre_even_if_its_clock_is_slow(drive: str) -> None:
-    """A clock that is 5 % slow keeps every twist 5 % too long; the measured pose makes up for it."""
+    """A clock that is 5 % slow makes every twist 5 % too long; the measured pose corrects it."""
     run = pushed(drive)
     trajectory = there(run.trajectory)
     follower = Follower(run)
@@ -139,7 +139,7 @@ def test_leaving_the_path_or_losing_an_object_aborts_with_a_reason() -> None:
 
 @pytest.mark.parametrize("drive", DRIVES)
 def test_wrong_measurements_neither_abort_a_plan_nor_divert_the_robot(drive: str) -> None:
-    """Every half a second two poses of the base are 5 cm off, to any side."""
+    """Every half second two poses of the base are 5 cm off in a random direction."""
     run, rng = pushed(drive), np.random.default_rng(5)
     follower, trajectory = Follower(run), there(run.trajectory)
     pose, right = trajectory.base_poses[0], [trajectory.base_poses[0]]

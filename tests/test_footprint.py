@@ -41,7 +41,7 @@ def scenario() -> Scenario:
 
 @pytest.mark.parametrize(("aside", "free"), [(0.262, False), (0.275, True)])
 def test_sweep_and_checker_find_what_the_robot_alone_hits(scenario: Scenario, aside: float, free: bool) -> None:
-    """Only the trailer reaches so far to the left: 0.1 + 0.05 sin 0.4 + 0.15 cos 0.4 = 0.2576 m."""
+    """Only the trailer extends so far to the left: 0.1 + 0.05 sin 0.4 + 0.15 cos 0.4 = 0.2576 m."""
     disc = np.array([0.2, aside + scenario.chain.pusher.plate_pose[1], 0.01])
     scene = build_scene(scenario.chain, [], disc[None], NOWHERE, scenario.clearance)
     assert sweep_is_free(scene, np.zeros(3), np.array([1.0, 0.0, 0.0]), 1.0) == free
@@ -55,7 +55,7 @@ CAR = {"car": {"axle": [-0.3, 0.01, 0.1], "min_radius": 1.0}}
 
 
 def _document(order: tuple[int, ...], turned: bool = False, offset: float = 0.0) -> dict[str, Any]:
-    """Return a row of boxes in an order, each one turned by half a turn where the row is pushed from its far end."""
+    """Return a row of boxes in an order, each turned by half a turn if the row is pushed from its far end."""
     boxes = [{"name": f"b{k}", "shape": {"box": [LENGTHS[k], 0.15]}, "mass": 1.0 + k} for k in range(3)]
     ends = np.cumsum([LENGTHS[k] for k in order])
     objects = [
@@ -78,7 +78,7 @@ def _document(order: tuple[int, ...], turned: bool = False, offset: float = 0.0)
 
 
 def _numbers(chain: Chain) -> list[Any]:
-    """Return all numbers of a chain in one order; names and indices are compared beside it."""
+    """Return all numbers of a chain in one order, without names and indices."""
     pusher = chain.pusher
     contacts = [(*c.left, *c.right, c.friction) for c in chain.contacts]
     return [chain.places, pusher.outline, pusher.plate_pose, pusher.drive.axle, *pusher.footprint, *contacts]

@@ -85,7 +85,9 @@ def test_forces_of_unknown_loads_stay_below_the_bound_over_all_pressures(make_ch
 
 @pytest.mark.parametrize(("share", "left"), [(1.001, "all"), (0.95, "part"), (0.9, "part"), (0.5, "none")])
 def test_a_set_within_a_force(make_chain: ChainMaker, share: float, left: str) -> None:
-    """Membership is stability and force at every twist; empty exactly where the least force is too much."""
+    """A twist is inside if it is stable and within the force; the set is empty exactly if the least force is too
+    large.
+    """
     chain = make_chain.boxes(2)
     stable, force = stable_set(chain), PushForce(ContactDynamics(chain))
     limits = Limits(force=1.3 * share * force.most_friction, breakaway=1.3)
@@ -210,7 +212,7 @@ def test_output_log_and_page_show_the_force(tmp_path: Path, capsys: Captured) ->
 
 
 def test_forces_match_the_impulses_of_the_engine() -> None:
-    """Over 50 ms, within 5 % while pushing steadily, as `benchmarks/forces.py` has it for all packaged scenarios."""
+    """Over 50 ms, within 5 % in steady pushing; `benchmarks/forces.py` tests all packaged scenarios."""
     pytest.importorskip("mujoco")
     benchmark = runpy.run_path(str(Path(__file__).parents[1] / "benchmarks" / "forces.py"))
     near = {**crates(force=10.0), "goal": {"pose": [0.5, 0.1, 20.0 * np.pi / 180.0]}, "obstacles": []}

@@ -1,4 +1,4 @@
-"""Friction on the floor and what contacts transmit: closed forms against quadrature of Coulomb's law, and laws."""
+"""Floor friction and contact forces: closed forms against quadrature of Coulomb's law, and laws."""
 
 from dataclasses import replace
 from itertools import product
@@ -103,7 +103,7 @@ def test_closed_form_agrees_with_quadrature(make_chain: ChainMaker, seed: int, a
 
 @pytest.mark.parametrize("affine", [False, True])
 def test_series_and_closed_form_agree_where_they_meet(make_chain: ChainMaker, affine: bool) -> None:
-    """Just beyond the switch the series is used, just before it the closed form; the wrench must not jump."""
+    """Beyond the switch the series is used, before it the closed form; the wrench must be continuous."""
     rng = np.random.default_rng(3)
     for _ in range(20):
         packed = pack_object(random_object(make_chain, rng, affine))
@@ -154,7 +154,7 @@ def test_push_height_moves_the_load_by_minus_h_f_over_n(make_chain: ChainMaker, 
 
 
 def _with_center(support: object, center: FloatArray) -> UniformSupport | FeetSupport | PressureMapSupport:
-    """Return the support with its load's centre moved: affine on polygons, equal or load-sharing springs else."""
+    """Return the support with its load's centre shifted: affine on polygons, springs otherwise."""
     if isinstance(support, UniformSupport):
         return UniformSupport(support.outline, center)
     if isinstance(support, FeetSupport):
@@ -172,7 +172,7 @@ def _affine(points: FloatArray, loads: FloatArray, springs: FloatArray | None, c
 
 
 def test_push_height_that_lifts_a_corner_is_refused(make_chain: ChainMaker) -> None:
-    """Middle third: a uniform box of length l and width w stands up to a shift of l w / (6 hypot(l, w))."""
+    """Middle third: a uniform box of length l and width w stays flat up to a shift of l w / (6 hypot(l, w))."""
     outline = make_chain.box(0.1, 0.1)
     obj = PushedObject("tall", outline, 1.0, 0.5, UniformSupport(outline), np.zeros(3))
     highest = 0.1 / 6.0 / np.sqrt(2.0) / 0.5

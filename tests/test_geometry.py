@@ -61,7 +61,7 @@ def placements(draw: st.DrawFn) -> FloatArray:
 
 @st.composite
 def stars(draw: st.DrawFn) -> FloatArray:
-    """Star-shaped outlines about the origin, mostly not convex."""
+    """Return star-shaped outlines about the origin, mostly non-convex."""
     radii = np.array(draw(st.lists(st.floats(0.1, 0.5), min_size=3, max_size=9)))
     angles = 2.0 * np.pi * np.arange(len(radii)) / len(radii)
     return np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=1)

@@ -1,4 +1,4 @@
-"""Ctrl-C where an exception would end the process: it waits until C++ has been imported."""
+"""Ctrl-C during the import of a C++ module, where an exception would end the process."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Laws of mechanics: seen in a mirror, of other masses, or of another size, a push is the same push."""
+"""Laws of mechanics: pushes are invariant to mirror images, masses and sizes."""
 
 from dataclasses import astuple
 from typing import Any
@@ -30,9 +30,8 @@ STATED: tuple[dict[str, Any], ...] = (
 
 
 def _scenario(seed: int, size: float = 1.0, side: float = 1.0, mass: float = 1.0, notch: float = 0.0) -> Scenario:
-    """Two or three random polygons in a row; times grow with the root of lengths, for weight stays as it is.
-
-    With a notch, m, in their rear.
+    """Return two or three random polygons in a row, with a notch in their rear, m; times scale with the root of
+    lengths because gravity is fixed.
     """
     rng, time, objects = np.random.default_rng(seed), size**0.5, []
     for k in range(2 + seed % 2):
@@ -54,7 +53,7 @@ def _scenario(seed: int, size: float = 1.0, side: float = 1.0, mass: float = 1.0
 
 
 def _numbers(scenario: Scenario, path: PushPath, margin: float, size: float = 1.0, mass: float = 1.0) -> FloatArray:
-    """What a path comes to, freed from the factors of lengths and masses."""
+    """Return the numbers of a path without the factors of lengths and masses."""
     push = Segment.push(Load.of(scenario), path, scenario.poses, margin)
     pushes = time_segments(scenario, (push,), 100.0 / size**0.5)
     friction, floor, load, position, angle, _ = astuple(least_robustness(pushes))

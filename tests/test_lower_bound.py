@@ -1,4 +1,4 @@
-"""Lower bounds: no path beats them, they know obstacles and turns, and are nearly reached."""
+"""Lower bounds: no path is below them, they include obstacles and turns, and some paths nearly reach them."""
 
 import math
 from dataclasses import replace
@@ -92,7 +92,7 @@ CAR = np.array([[1.0, 0.0, -2.0, 1.0, 0.0, 2.0]])
 
 
 def random_path(segments: FloatArray, rng: np.random.Generator, longest: float) -> PushPath:
-    """A few arcs of twists on segments, most of them at their ends, from a random pose."""
+    """Return a few arcs of twists on segments, most of them at their ends, from a random pose."""
     count = int(rng.integers(1, 6))
     rows = segments[rng.integers(0, len(segments), count)]
     share = np.clip(rng.uniform(-0.5, 1.5, (count, 1)), 0.0, 1.0)
@@ -103,7 +103,7 @@ def random_path(segments: FloatArray, rng: np.random.Generator, longest: float) 
 
 @pytest.mark.parametrize("name", ["one-box", "asymmetric", "carts", "trapezoids", "feet"])
 def test_no_path_of_stable_twists_beats_the_bound(name: str) -> None:
-    """Paths of finer meridians than those that the bound knows: it holds between them, too."""
+    """The paths use finer meridians than the bound, which holds between them, too."""
     stable = load_plain(name).stable_set()
     known, finer = (control_segments(stable, stable.chain.pusher.drive, 0.05, k) for k in (512, 4099))
     rng = np.random.default_rng(7)
@@ -114,7 +114,7 @@ def test_no_path_of_stable_twists_beats_the_bound(name: str) -> None:
 
 @pytest.mark.parametrize("away", [3.0, 0.3])
 def test_steering_paths_of_a_car_respect_the_bound_and_some_reach_it(away: float) -> None:
-    """Dubins' car: the cheapest word is the best path, or near it, as turns cost something, too."""
+    """For Dubins' car the cheapest steering path is nearly the best path, because turns have a cost, too."""
     rng, family = np.random.default_rng(3), steering_families(CAR)[0]
     shares = []
     for goal in rng.uniform([-away, -away, -math.pi], [away, away, math.pi], (24, 3)):

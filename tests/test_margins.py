@@ -1,4 +1,4 @@
-"""The margin of a plan and what it tolerates: what auto stands for, when it is lowered, true on either side."""
+"""The margin and the robustness of a plan: the value of auto, its reduction, and tight limits."""
 
 import runpy
 from dataclasses import astuple
@@ -38,7 +38,7 @@ joint_errors = runpy.run_path(str(Path(__file__).parents[1] / "benchmarks" / "jo
 
 
 def evenly(count: int) -> FloatArray:
-    """Unit vectors (k, 3) evenly over the half of the sphere with x >= 0."""
+    """Return unit vectors (k, 3) spread evenly over the half sphere x >= 0."""
     k = np.arange(count) + 0.5
     height, angle = 1.0 - 2.0 * k / count, np.pi * (1.0 + 5.0**0.5) * k
     flat = np.sqrt(1.0 - height**2)
@@ -46,7 +46,7 @@ def evenly(count: int) -> FloatArray:
 
 
 def largest_margin(stable: StableSet) -> float:
-    """The largest margin of dense twists, and of denser ones around the best, thrice."""
+    """Return the largest margin of dense twists, refined three times about the best."""
     scale = np.array([1.0, 1.0, 1.0 / stable.chain.characteristic_length])
     center, radius, best = np.zeros(3), 1.0, -1.0
     for _ in range(4):
@@ -59,7 +59,7 @@ def largest_margin(stable: StableSet) -> float:
 
 
 def made_by(drive: Drive) -> FloatArray:
-    """Twists (k, 3) of the plate while the axle's middle moves forward along its own axis, and turns at any rate."""
+    """Return twists (k, 3) of the plate for axle midpoints that move forward along their axis at any turn rate."""
     x, y, heading = there(drive.axle)
     tightest = 1.0 / drive.min_radius if drive.min_radius > 0.0 else 100.0
     omega = np.concatenate([np.linspace(-1.0, 1.0, 40_001) * min(tightest, s) for s in (100.0, 3.0)])
@@ -95,7 +95,7 @@ def test_with_wheels_only_their_twists_count(
 
 @cache
 def u_turn(side: float = 2.6) -> Scenario:
-    """Slippery boxes that have to turn round where only wide turns have half of the largest margin."""
+    """Return slippery boxes that must turn round although only wide turns have half of the largest margin."""
     friction = 0.08
     return build_scenario(
         "u-turn",
@@ -139,7 +139,7 @@ def test_a_stated_margin_is_never_lowered() -> None:
 
 
 def test_all_margins_share_one_time_limit(monkeypatch: Patch) -> None:
-    """No margin helps, nothing proves it, and each of six searches would take as long as it is given."""
+    """No margin solves it or proves infeasibility, and each of six searches would use its whole time."""
     looked = count()
     monkeypatch.setattr("time.perf_counter", lambda: 0.005 * next(looked))  # a clock that nothing else slows
     result = plan(u_turn(1.6), time_limit=1.5, planner="rrt")
@@ -158,7 +158,7 @@ AHEAD, STILL = np.array([[0.1, 0.0, 0.0]]), np.zeros((1, 3))
 
 
 def least_at(chain: Chain, moments: Moments, kind: str, size: float) -> float:
-    """Return the least margin of all chains that are off by `size` in one number."""
+    """Return the smallest margin of all chains with an error of `size` in one number."""
     n = len(chain.objects)
     if kind == "contact_friction":
         box = ErrorBox(chain, np.full(n, size), np.zeros((n, 6)))
@@ -237,7 +237,7 @@ def test_the_robustness_of_a_plan_is_that_of_its_weakest_push(kind: str) -> None
 
 
 def test_stated_intervals_are_the_box_of_the_joint_robustness() -> None:
-    """The plan holds for all that is stated, so the scale is at least 1; twice as much is not asked for."""
+    """The plan holds for all stated values, so the scale is at least 1; the test does not require 2."""
     stated = {"contact_friction": "20 %", "floor_friction": "10 %", "load": "5 %"}
     document = yaml.safe_load(example_text("two-crates")) | {"uncertainty": stated}
     found = plan(scenario_from_document(document), first=True, seed=1, time_limit=60.0)
@@ -253,7 +253,9 @@ def test_stated_intervals_are_the_box_of_the_joint_robustness() -> None:
 
 
 def test_a_box_pushed_straight_ahead_tolerates_no_friction_and_half_its_width(make_chain: ChainMaker) -> None:
-    """No friction is asked for; the force passes through the box's middle, which stays in front of the plate."""
+    """The push needs no friction; the force passes through the middle of the box, which stays in front of the
+    plate.
+    """
     robustness = robustness_along(make_chain.boxes(1), AHEAD, STILL)  # the plate is 0.2 m wide, the box 0.1 m
     assert robustness.contact_friction == pytest.approx(0.0, abs=1e-12)
     assert robustness.floor_friction == robustness.load == MOST_SHARE
@@ -262,7 +264,7 @@ def test_a_box_pushed_straight_ahead_tolerates_no_friction_and_half_its_width(ma
 
 @pytest.mark.parametrize("turn", [0.6, -0.6])
 def test_robustness_holds_at_any_lower_speed(make_chain: ChainMaker, turn: float) -> None:
-    """Fast in a curve, inertia takes load off one side of a contact: a robot that drives slower has to do without."""
+    """In a fast curve, inertia unloads one side of a contact; a slower robot lacks this relief."""
     chain, fast = make_chain.boxes(2), np.array([[0.3, -0.2 * turn, turn]])
     found = [astuple(robustness_along(chain, speed * fast, STILL)) for speed in (1.0, 0.5, 1e-3)]
     friction, *others = (np.array(values) for values in zip(*found, strict=True))

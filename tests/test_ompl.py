@@ -1,4 +1,4 @@
-"""A push posed for OMPL: an exact chart and propagator, checks that look, and paths that any planner may leave."""
+"""A push as an OMPL problem: exact chart and propagator, collision checks, and paths of any planner."""
 
 import math
 from pathlib import Path
@@ -47,7 +47,9 @@ def _solved(scenario: Scenario, planner: str) -> tuple[Any, Any]:
 
 
 def _drawn_arcs(problem: Problem, count: int) -> FloatArray:
-    """Return arcs from the ends of segments and within, and of random controls; some are longer than the longest."""
+    """Return arcs from the ends and the inside of segments, and of random controls; some are longer than the
+    longest.
+    """
     rng = np.random.default_rng(0)
     share = rng.choice([0.0, 1.0, 0.3, 0.8], (count, 1))
     segments = problem.segments[rng.integers(len(problem.segments), size=count)]
@@ -135,7 +137,7 @@ def test_plans_of_stock_planners_are_executed_and_logged_like_ours(planner: str,
 @pytest.mark.parametrize("first", [False, True])
 @pytest.mark.parametrize("name", ["two-crates", "free-space"])
 def test_an_object_that_is_not_a_planner_is_refused(name: str, first: bool) -> None:
-    """Also in free space, where a word of three arcs is a path before any planner is asked."""
+    """Also in free space, where a steering path solves the problem before the planner is called."""
     scenario = pushplan.load_scenario(name)
     with pytest.raises(PlanningError, match=r"a list is not a planner; allowed: an ompl\.base\.Planner"):
         pushplan.plan(scenario, planner=lambda information: [information.getStateDimension()], first=first)
@@ -153,7 +155,7 @@ SEARCHED = (
 
 @pytest.mark.parametrize("name", [*pushplan.example_names()])
 def test_rrts_of_ompl_grow_the_trees_of_auto(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Counted at OMPL's own calls: `solve` of classes of its package, and its propagator."""
+    """Counted at OMPL's own calls: `solve` of its classes, and its propagator."""
     counts = {"solve": 0, "propagate": 0}
     solve, set_propagator = oc.RRT.solve, oc.SpaceInformation.setStatePropagator
 

@@ -1,4 +1,4 @@
-"""Outputs: whole or not there, through links and pipes, nothing destroyed; every output of every command."""
+"""Outputs: complete or absent, through links and pipes, without destroying anything; all outputs of all commands."""
 
 import errno
 import os
@@ -22,7 +22,7 @@ def names(folder: Path) -> list[str]:
 
 
 def test_nothing_is_written_after_a_failed_write(tmp_path: Path, monkeypatch: Patch) -> None:
-    """After a write has failed, later ones must not go on behind the gap."""
+    """Later writes must not continue after the gap."""
     file = Output(tmp_path / "a")
     file.write(b"sound")
     write = os.write
@@ -42,7 +42,7 @@ def test_nothing_is_written_after_a_failed_write(tmp_path: Path, monkeypatch: Pa
 
 
 def test_a_link_stays_and_its_target_is_written(tmp_path: Path) -> None:
-    """Also over two links, and where there is nothing at their end yet."""
+    """Also through two links, and if the target does not exist yet."""
     (tmp_path / "there").mkdir()
     link, over = tmp_path / "link", tmp_path / "over"
     link.symlink_to("there/file")
@@ -175,7 +175,7 @@ def test_a_folder_or_a_full_disk_ends_in_a_clear_error_and_leaves_nothing(
     monkeypatch: Patch,
     capsys: Captured,
 ) -> None:
-    """Whatever the command: a folder is refused before the work, and what is written in part is not published."""
+    """For every command: a folder is refused before the work, and an incomplete file is not published."""
     pytest.importorskip({"mp4": "av", "ros2": "rosbags"}.get(option, "json"))
     path, write = tmp_path / f"there{suffix}", os.write
     if not full:

@@ -1,4 +1,4 @@
-"""The package: its public face, what importing it must not do, its layers, and the field's words."""
+"""The package: its public interface, cost of its import, its layers, and its vocabulary."""
 
 import ast
 import base64
@@ -136,7 +136,7 @@ def tree_of(file: Path) -> ast.Module:
 
 
 def modules() -> dict[str, Path]:
-    """Files of the package by the names of their modules below `pushplan`."""
+    """Return the files of the package by the names of their modules below `pushplan`."""
     folders = [ROOT / name for name in ("planners", "logging", "sim")]
     homes = [(ROOT / "pushplan", ROOT / "pushplan"), *((folder, ROOT) for folder in folders)]
     found = {}
@@ -149,7 +149,7 @@ def modules() -> dict[str, Path]:
 
 
 def imported(tree: ast.AST, types: bool) -> Iterator[str]:
-    """Names below `pushplan` that a module imports, also inside functions, and for types only if asked for."""
+    """Return the names below `pushplan` that a module imports, also inside functions, and for types on request."""
     for node in ast.iter_child_nodes(tree):
         for_types = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
         if isinstance(node, ast.expr) or (for_types and not types):
@@ -237,7 +237,7 @@ ALLOWED = (
 
 
 def words_left(text: str) -> list[str]:
-    """Return the words of a text that were left behind, with what is around them."""
+    """Return the replaced words in a text, each with its surroundings."""
     around = [text[max(0, m.start() - 40) : m.end() + 40].replace("\n", " ") for m in LEFT.finditer(text)]
     return [one for one in around if not any(re.search(word, one, re.IGNORECASE) for word in ALLOWED)]
 
@@ -253,7 +253,7 @@ def helps() -> Iterator[tuple[str, str]]:
 
 
 def messages() -> Iterator[tuple[str, str]]:
-    """Yield the texts of the package that are sentences or parts of them, without docstrings."""
+    """Yield the texts of the package with more than one word, without docstrings."""
     for folder in ("pushplan", "planners", "sim", "logging"):
         for file in sorted((ROOT / folder).rglob("*.py")):
             if file.is_symlink() or any(part.is_symlink() for part in file.parents):

@@ -1,4 +1,4 @@
-"""The physics engine as a judge: first judged itself by what can be worked out by hand, then of predictions."""
+"""The physics engine as an independent check: first against calculations by hand, then against predictions."""
 
 import json
 import runpy
@@ -51,7 +51,7 @@ def on_corners(outline: FloatArray) -> Support:
 
 
 def straight(speeds: list[float], times: list[float]) -> Trajectory:
-    """Straight ahead, the speed piecewise linear in time."""
+    """Return a straight motion with a piecewise linear speed."""
     breaks = np.array(times)
     slopes = np.diff(speeds) / np.diff(times)
     coefficients = np.zeros((len(slopes), 3, 3))
@@ -66,10 +66,9 @@ def straight(speeds: list[float], times: list[float]) -> Trajectory:
 def test_a_box_slides_along_the_plate_as_computed_by_hand(
     make_chain: ChainMaker, beyond: float, error: float, turn: float
 ) -> None:
-    """Pushed at an angle beyond the friction angle, a box moves along the edge of the friction cone.
-
-    Fast slides come out up to a fifth too long: the contact model lifts the corners off again and again. The two
-    do not come down at once, which turns the box by 0.0004 rad; slow slides do not turn it by more than rounding.
+    """Pushed beyond the friction angle, a box moves along the edge of the friction cone. Fast slides are up to a
+    fifth too long, because the contact model repeatedly lifts the corners. The corners do not land at the same
+    time, which turns the box by 0.0004 rad; slow slides turn it only by rounding errors.
     """
     chain = make_chain.boxes(1, pusher_friction=0.25)
     cone = np.arctan(0.25)
@@ -86,7 +85,7 @@ def test_a_box_slides_along_the_plate_as_computed_by_hand(
 def test_a_box_leaves_a_plate_that_brakes_harder_than_friction(
     make_chain: ChainMaker, braking: float, kept: bool
 ) -> None:
-    """It slides on by v^2 / 2 (1 / (mu g) - 1 / a), and whoever asks for it is told early."""
+    """It slides on by v^2 / 2 (1 / (mu g) - 1 / a), and an early stop is available."""
     chain, speed, told = make_chain.boxes(1, support=on_corners), 0.3, list[float]()
     trajectory = straight([0.0, speed, 0.0, 0.0], [0.0, 0.3, 0.3 + speed / braking, 0.6])
     report = simulate_trajectory(chain, trajectory)
@@ -108,7 +107,7 @@ def test_a_box_leaves_a_plate_that_brakes_harder_than_friction(
 def test_floor_friction_of_the_engine_is_coulomb_friction(
     make_chain: ChainMaker, height: float, cor: list[float]
 ) -> None:
-    """Objects carried along by force feel the friction of the closed form, shifted loads included."""
+    """Objects carried along by force feel the friction of the closed form, also with shifted loads."""
     chain = make_chain.boxes(2, contact_height=height)
     twist = twists_about(np.array(cor), +1)
     twist *= 1e-3 / np.hypot(*twist[:2])
@@ -152,7 +151,7 @@ def chain(make_chain: ChainMaker) -> Chain:
 
 
 def executed(chain: Chain, trajectory: Trajectory, placed: FloatArray) -> ContactReport:
-    """Execute at full speed, the objects moved as frames (n, 3) of the chain."""
+    """Execute at full speed with objects that follow frames (n, 3) of the chain."""
     plan = push_of(chain, trajectory)
     poses = compose(compose(trajectory.start, placed), chain.places)
     return simulate_in_physics(plan, World.from_scenario(plan.scenario).with_object_poses(poses))
@@ -171,7 +170,7 @@ def test_a_turned_object_closes_and_its_contact_counts_from_then_on(chain: Chain
 
 
 def curve(duration: float) -> Trajectory:
-    """A wide left turn at 0.1 m/s with half a second of speeding up, long enough for friction to creep."""
+    """Return a wide left turn at 0.1 m/s with half a second of acceleration, long enough for friction to creep."""
     breaks = np.array([0.0, 0.5, duration])
     coefficients = np.zeros((2, 3, 3))
     coefficients[:, 0, 0], coefficients[:, 0, 2] = [0.0, 0.1], [0.0, 0.05]
@@ -181,7 +180,7 @@ def curve(duration: float) -> Trajectory:
 
 @needs_engine
 def test_creep_of_the_engine_does_not_count_as_slip(chain: Chain, monkeypatch: Patch) -> None:
-    """What passes for a slip in long time steps and not in short ones is looked at in short ones."""
+    """A slip in long time steps only is checked again in short ones."""
     trajectory = curve(1.0)
     plan, most = push_of(chain, trajectory), []
     for share in STEPS[1:]:
@@ -236,7 +235,7 @@ def test_a_gentle_push_holds_in_plan_and_in_replay(tmp_path: Path, capsys: Captu
 
 @needs_engine
 def test_a_push_that_brakes_too_hard_is_a_mismatch(tmp_path: Path, capsys: Captured) -> None:
-    """It brakes with 6 m/s^2 where friction gives 2.94."""
+    """It brakes with 6 m/s^2 although friction allows 2.94."""
     code = main(["plan", written(tmp_path, "6.0"), "--first", "--physics"])
     out = capsys.readouterr().out
     assert code == 4, out

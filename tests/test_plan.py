@@ -1,4 +1,4 @@
-"""Plans end to end: packaged scenarios, planners, questions in one room, judges and pickles."""
+"""Plans end to end: packaged scenarios, planners, several queries in one room, checking sets and pickles."""
 
 import pickle
 from dataclasses import replace
@@ -232,7 +232,7 @@ def test_pickled_sets_planners_and_controllers_give_the_same_answers(crates: pus
 
 
 def test_the_loss_lies_between_the_samples_around_the_exact_end_of_the_set(make_chain: ChainMaker) -> None:
-    """The twist turns steadily out of the set; the exact time at which the margin ends is found by bisection."""
+    """The twist turns steadily out of the set; bisection gives the exact time at which the margin ends."""
     chain = make_chain.boxes(2, size=(0.1, 0.2))
     limits = replace(chain.pusher.limits, contact="quasi-static")
     stable = stable_set(replace(chain, pusher=replace(chain.pusher, limits=limits)))

@@ -1,4 +1,4 @@
-"""Pictures: what is drawn is what was executed, in every format, the same bytes each time, nothing covered."""
+"""Pictures: they show the execution in every format with the same bytes each time, without overlaps."""
 
 from dataclasses import replace
 from itertools import combinations
@@ -156,7 +156,7 @@ def test_a_picture_without_a_plan_shows_the_tree_the_nearest_path_and_the_reason
 def test_the_picture_of_trials_counts_arrivals_and_outliers(
     plans: dict[str, Plan], tmp_path: Path, monkeypatch: Patch
 ) -> None:
-    """Of four samples, of which the last ends 5 mm off."""
+    """Of four samples, the last ends 5 mm off."""
     figures, scenario = _kept_figures(monkeypatch), plans["push"].scenario
     places = se2.compose(scenario.goal.pose_chain, scenario.chain.places)
     off, errors, nan = np.array([0.0, 0.005, 0.0]), np.zeros((len(places), 2)), float("nan")

@@ -1,4 +1,4 @@
-"""What is called boxed in is: all that pushes reach lies in the cells found, and no solvable problem is refused."""
+"""Proofs of boxed-in bodies: all reachable poses lie in the cells, and no solvable problem is refused."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def _random(seed: int) -> tuple[Scenario, StableSet, Problem]:
 
 
 def _closed(scenario: Scenario, problem: Problem, end: int) -> tuple[Steps, IntArray]:
-    """Steps and cells of the first level on which spreading from an end, 0 the start, is over."""
+    """Return steps and cells of the first level on which the expansion from an end (0 for the start) is complete."""
     ends = np.array([scenario.start, scenario.goal.pose_chain])
     hull = push_hull(segment_ends(problem.segments), problem.scene.body_bound[:2])
     for level in LEVELS:
@@ -45,7 +45,7 @@ def _closed(scenario: Scenario, problem: Problem, end: int) -> tuple[Steps, IntA
 def _wander(
     scenario: Scenario, problem: Problem, pose: FloatArray, sign: float, travel: float, rng: np.random.Generator
 ) -> list[FloatArray]:
-    """Poses (3,) after each `travel` ahead of the body's middle, along random pushes, until one is not free."""
+    """Return poses (3,) after each `travel` of the body's centre, along random pushes, until a collision."""
     middle = problem.scene.body_bound
     poses: list[FloatArray] = []
     while True:
@@ -64,7 +64,7 @@ def _wander(
 
 @pytest.mark.parametrize(("is_goal", "seed"), [(False, 31), (True, 5)])  # of which obstacles shut in start, or goal
 def test_random_pushes_stay_within_the_cells(is_goal: bool, seed: int) -> None:
-    """Poses are looked at once a step, as the cells are: what lies between is free in neither."""
+    """Poses are checked once per step, like the cells; both ignore the motion between."""
     scenario, _, problem = _random(seed)
     steps, cells = _closed(scenario, problem, int(is_goal))
     known = {tuple(cell) for cell in cells.tolist()}
@@ -91,7 +91,7 @@ def test_random_pushes_stay_within_the_cells(is_goal: bool, seed: int) -> None:
 
 @pytest.mark.parametrize("name", ["asymmetric", "five-objects", "narrow-gap", "two-crates"])
 def test_every_stable_twist_lies_in_the_hull(name: str) -> None:
-    """Those between the meridians that it is made of, too."""
+    """Also twists between the meridians of the hull."""
     scenario = load_plain(name)
     stable = scenario.stable_set()
     problem = build_problem(scenario, stable)

@@ -1,4 +1,4 @@
-"""Costs and shortening: prices are what they stand for, paths end where a convex optimiser ends."""
+"""Costs and shortening: costs have their stated meaning, and paths reach the result of a convex optimiser."""
 
 import math
 import runpy
@@ -62,7 +62,7 @@ def assert_exact_stable_and_free(scenario: Scenario, problem: Problem, path: Flo
 
 @pytest.mark.parametrize("name", NAMES)
 def test_shortened_paths_cost_no_more_have_fewer_arcs_and_stay_free_and_stable(name: str) -> None:
-    """Every arc of a path is cut in three; where arcs are dear, changes take the cuts out again."""
+    """Every arc of a path is cut in three; if arcs have a cost, shortening merges them again."""
     scenario, problem = _posed(name)
     problem = problem.with_objective(travel_objective(0.05))
     path, state = _first_path(scenario, problem, 3), _random(5)
@@ -96,7 +96,7 @@ def test_shortening_finds_the_optimum_of_the_free_space() -> None:
 
 
 def _optimum(problem: Problem, start: FloatArray, path: FloatArray) -> float:
-    """Price after an independent optimiser (SLSQP) has moved the lengths and twists of a path's arcs."""
+    """Return the cost after an independent optimiser (SLSQP) has changed the lengths and twists of a path's arcs."""
     segments = problem.segments
     at = [_place(segments, twist) for twist in path[:, :3]]
 
@@ -128,7 +128,7 @@ def _optimum(problem: Problem, start: FloatArray, path: FloatArray) -> float:
 
 
 def _place(segments: FloatArray, twist: FloatArray) -> tuple[float, float]:
-    """Segment (fractional) and share on it of a twist, by brute force."""
+    """Return segment (fractional) and share of a twist on it, by brute force."""
     shares = np.linspace(0.0, 1.0, 2001)
     along = (1.0 - shares)[:, None, None] * segments[:, :3] + shares[:, None, None] * segments[:, 3:]
     along /= np.linalg.norm(along, axis=2, keepdims=True)
@@ -187,7 +187,7 @@ def test_ranking_by_margin_is_safer_the_more_the_higher_its_weight() -> None:
 
 @pytest.mark.parametrize("trajectory", ["exact", "blended"])
 def test_the_lowest_cost_rate_is_a_bound(trajectory: str) -> None:
-    """The search prunes by it: no arc may be cheaper."""
+    """The search prunes with it: no arc can be cheaper."""
     scenario = ranked("time", trajectory=trajectory)
     problem = build_problem(scenario, stable_set(scenario.chain))
     limits = scenario.chain.pusher.limits
@@ -202,7 +202,7 @@ def test_the_lowest_cost_rate_is_a_bound(trajectory: str) -> None:
 
 @pytest.mark.parametrize("name", ["one-box", "two-crates", "asymmetric"])
 def test_ranking_by_time_is_never_slower_than_ranking_by_travel(name: str) -> None:
-    """Paths are ranked by travel first, in half of the iterations, and what is best then is driven as well."""
+    """Paths are ranked by travel in the first half of the iterations, and their best is timed as well."""
     scenario = load_scenario(name)
     fast = plan(scenario, seed=1, time_limit=120.0, iterations=8000)
     short = plan(scenario, seed=1, time_limit=120.0, iterations=4000, cost="travel")

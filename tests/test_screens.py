@@ -1,7 +1,7 @@
-"""What is seen of every kind of run, in picture, page, film and window, on phones and desks, light and dark.
+"""Appearance of every kind of run in picture, page, film and window, on phones and desktops, light and dark.
 
-Nothing overlaps or spills, no console has an error, and one thing has one colour everywhere. One browser
-shows everything. `PUSHPLAN_SCREENS=FOLDER` keeps pictures of all that is shown, to be looked at.
+Nothing overlaps or overflows, no console has an error, and each thing has the same colour everywhere. One browser
+shows everything. `PUSHPLAN_SCREENS=FOLDER` saves all pictures.
 """
 
 import json
@@ -138,7 +138,7 @@ def test_each_thing_has_the_same_colour_everywhere(kind: str) -> None:
 
 
 def test_colours_in_the_window_appear_as_in_the_palette() -> None:
-    """Through the filmic curve of three.js, written down here as three.js has it."""
+    """Through the filmic curve of three.js, which is repeated here."""
 
     def seen(linear: Any) -> Any:
         v = tone.INTO @ (np.asarray(linear) / 0.6)
@@ -157,7 +157,7 @@ def test_colours_in_the_window_appear_as_in_the_palette() -> None:
 
 @pytest.mark.parametrize("kind", ["push", "rearrangement", "unsolved"])
 def test_the_window_is_tidy_on_every_screen(kind: str, browser: Any, monkeypatch: Patch) -> None:
-    """A push on all screens, other kinds, whose panel says other things, on a dark phone and a light desk."""
+    """A push on all screens; other kinds, which have other panels, on a dark phone and a light desktop."""
     pytest.importorskip("viser")
     from pushplan.view import answers
     from pushplan.view.window import Window
@@ -188,7 +188,7 @@ GROUND = "getComputedStyle(document.querySelector('canvas').closest('[style*=bac
 
 
 def wait_for_answer(browser: Any) -> str:
-    """Return what the panel says as soon as it is timed or there is no plan."""
+    """Return the text of the panel once the answer is timed or there is no plan."""
     end = time.monotonic() + 60.0
     stage = "document.querySelector('#pushplan-answer')?.dataset.stage"
     while browser.evaluate(stage) not in ("timed", "polished"):

@@ -1,4 +1,4 @@
-"""What searches are made of: controls, exact connections, lattice, trees that meet, and when they end."""
+"""Parts of the searches: controls, exact connections, lattice, bidirectional trees, and stopping conditions."""
 
 import math
 from collections.abc import Iterable
@@ -50,7 +50,7 @@ def _session(problem: Problem, scenario: Scenario, seed: int = 1) -> Session:
 
 
 def _searched(problem: Problem, scenario: Scenario, back: int, bound: float = math.inf) -> tuple[Lattice, float]:
-    """Return a search that is over, and its bound then."""
+    """Return a finished search and its bound."""
     session = _session(problem, scenario)
     lattice, over = LatticeRounds(session, sampling_box(scenario)).planted(2, back), False
     while not over:
@@ -59,7 +59,7 @@ def _searched(problem: Problem, scenario: Scenario, back: int, bound: float = ma
 
 
 def check_branches(problem: Problem, nodes: FloatArray, rows: Iterable[int], back: int = 0) -> None:
-    """Check that some nodes are joined to their parents by free arcs of the right cost, forwards or backwards."""
+    """Check that free arcs of the right cost join some nodes to their parents, forwards or backwards."""
     for node in nodes[list(rows)]:
         parent = nodes[int(node[4])]
         first, last = (node, parent) if back else (parent, node)
@@ -100,7 +100,7 @@ def test_distances_on_the_floor_are_those_of_dijkstra(name: str) -> None:
 
 
 def _dijkstra(free: np.ndarray[Any, Any], cell: float, goal: np.ndarray[Any, Any]) -> FloatArray:
-    """Lengths of the shortest ways to a cell along free cells and their diagonals."""
+    """Return the lengths of the shortest paths to a cell along free cells and their diagonals."""
     cells = np.arange(free.size).reshape(free.shape)
     rows, columns, steps = [], [], []
     for di, dj in ((0, 1), (1, 0), (1, 1), (1, -1)):
@@ -119,7 +119,7 @@ def _dijkstra(free: np.ndarray[Any, Any], cell: float, goal: np.ndarray[Any, Any
 
 @pytest.mark.parametrize("back", [False, True])
 def test_trees_with_external_sampling_grow_by_free_arcs_and_join_exactly(back: bool) -> None:
-    """In the direction of travel, or against it; what joins them is a free and stable path from start to goal."""
+    """Forwards or backwards; the joined path is free and stable from start to goal."""
     scenario = load_plain("narrow-gap")
     problem = build_problem(scenario, scenario.stable_set())
     rng, ends = np.random.default_rng(4), (scenario.start, problem.goal)
@@ -220,7 +220,7 @@ def stable(make_chain: Any) -> StableSet:
 
 
 def _sideways(twists: FloatArray) -> FloatArray:
-    """Sideways speed (k,) of the axle's middle, per unit of its speed ahead."""
+    """Return the lateral speed (k,) of the axle's midpoint per unit of its forward speed."""
     ahead = twists[:, 0] - twists[:, 2] * AXLE[1]
     return np.asarray((twists[:, 1] + twists[:, 2] * AXLE[0]) / ahead)
 
@@ -255,7 +255,7 @@ def test_a_drive_that_cannot_push_stably_is_refused_with_the_reason(stable: Stab
 
 @pytest.mark.parametrize("seed", range(20))
 def test_twist_families_use_the_two_closest_centres(seed: int) -> None:
-    """Of all pairs of a left and a right turn, wherever their centres are."""
+    """Of all pairs of a left and a right turn, for any centres."""
     segments = np.random.default_rng(seed).normal(size=(60, 6)) * [1.0, 0.3, 1.0, 1.0, 0.3, 1.0]
     turns = segment_ends(segments)
     centres = np.stack([-turns[:, 1], turns[:, 0]], axis=1) / turns[:, 2:]

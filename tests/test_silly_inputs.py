@@ -1,4 +1,4 @@
-"""Inputs that are no numbers, absurd, stale or of a wrong type: errors that say so, and nothing goes on moving."""
+"""Inputs that are not numbers, absurd, stale or of a wrong type: clear errors, and all motion stops."""
 
 import itertools
 import json
@@ -64,7 +64,7 @@ def name(case: object) -> str:
 
 @pytest.mark.parametrize(("key", "value"), CONTROLLER, ids=name)
 def test_a_controller_never_returns_nan_and_stops_without_measurements(key: str, value: Any) -> None:
-    """What is no measurement is as good as none: after the watchdog's time, and that to stop, the plate stands."""
+    """Invalid measurements count as none: after the watchdog's time and the time to stop, the plate stands."""
     controller = Controller(plan())
     refused, twists = 0, []
     for k in range(80):

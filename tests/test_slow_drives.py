@@ -1,4 +1,4 @@
-"""Drives that take very long: they are sampled by a budget, and their logs are read back."""
+"""Very long drives: their number of samples is limited, and their logs can be read."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ MOST_SAMPLES, MOST_VIEWED = 800, 600
 
 @pytest.fixture(autouse=True)
 def _fewer(monkeypatch: Patch) -> None:
-    """Still more samples than viewers are shown."""
+    """Use more samples than the viewers' limit."""
     monkeypatch.setattr(trajectories, "MOST_SAMPLES", MOST_SAMPLES)
     monkeypatch.setattr(shown, "MOST_VIEWED", MOST_VIEWED)
 

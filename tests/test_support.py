@@ -1,4 +1,4 @@
-"""How objects rest on the floor: supports, where loads may be, and feet that stand for a pressure."""
+"""Supports of objects on the floor: support models, possible loads, and feet that represent a pressure."""
 
 from dataclasses import replace
 
@@ -43,7 +43,7 @@ def test_wrong_feet_are_refused(fractions: FloatArray | None, center: FloatArray
 
 
 def test_pressure_map_from_csv() -> None:
-    """Columns in any order, rows without pressure left out, pressures scaled to a sum of 1."""
+    """Columns in any order, rows without pressure dropped, pressures scaled to a sum of 1."""
     table = b"pressure, x, y\n300, 0, 0\n100, 0.1, 0\n\n0, 0.5, 0.5\n"
     support = PressureMapSupport.from_bytes(table, "map.csv")
     np.testing.assert_allclose(support.fractions, [0.75, 0.25])
@@ -66,7 +66,7 @@ def test_wrong_pressure_maps_name_file_and_line(text: str, finding: str) -> None
 
 
 def outlines(make_chain: ChainMaker) -> list[FloatArray]:
-    """A box and stars with up to nine corners, not convex."""
+    """Return a box and stars with up to nine corners, non-convex."""
     return [BOX, *(make_chain.star(np.random.default_rng(seed), 3 + seed) for seed in range(7))]
 
 
@@ -83,7 +83,7 @@ def test_the_quadrature_on_a_polygon_has_its_area_centroid_and_second_moments(ma
 
 
 def test_feet_have_the_moments_of_the_pressure_up_to_their_degree() -> None:
-    """Against a much finer rule, monomial by monomial."""
+    """Against a much finer quadrature, monomial by monomial."""
     fine = polygon_rule(BOX, 12)
     feet = feet_of(UniformSupport(BOX))
     for i in range(DEGREE + 1):
@@ -108,7 +108,7 @@ def test_friction_on_the_feet_equals_that_of_the_pressure(center: FloatArray | N
 
 
 class Rails(Support):
-    """A support model of a user's own: 12 points on each of two rails; the last carries three times the first."""
+    """A user's support model: 12 points on each of two rails; the last carries three times as much as the first."""
 
     points = np.array([[x, y] for y in (-0.02, 0.03) for x in np.linspace(-0.04, 0.04, 12)])
     parts = np.linspace(1.0, 3.0, 24) / 48.0
@@ -145,7 +145,7 @@ def test_a_user_s_support_model_is_shown_simulated_and_identified() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_load_shifts_until_a_part_is_zero_in_the_requested_direction(make_chain: ChainMaker, seed: int) -> None:
-    """The centre moves along the direction in the chain frame, whatever way the object is turned."""
+    """The centre moves along the direction in the chain frame for every heading of the object."""
     rng = np.random.default_rng(seed)
     outline, e = make_chain.star(rng, 5), rotate(rng.uniform(-3.0, 3.0), [1.0, 0.0])
     for support in (UniformSupport(outline), FeetSupport(outline, rng.dirichlet(np.ones(5)))):

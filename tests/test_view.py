@@ -1,4 +1,4 @@
-"""The window: what is dragged is what is planned and saved, bad poses are told in words, a browser shows it."""
+"""The window: dragged poses are planned and saved, bad poses give a message, a browser shows it."""
 
 import asyncio
 import json
@@ -39,7 +39,7 @@ KINDS = ("push", "multi-push", "rearrangement")
 
 @pytest.fixture(scope="module", autouse=True)
 def _patience() -> Iterator[None]:
-    """Let a machine that is a few times slower find and polish a plan, too."""
+    """Give slow machines enough time to find and polish a plan."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(answering, "SEARCH", dict.fromkeys(KINDS, 20.0))
         patch.setattr(answering, "POLISHING", dict.fromkeys(KINDS, 0.5))
@@ -150,7 +150,7 @@ def test_a_body_is_dragged_alone(scenario: Scenario) -> None:
 
 
 class Seen:
-    """Stands for viser's scene, and keeps what is drawn."""
+    """Stand-in for viser's scene that records the drawn shapes."""
 
     def __init__(self) -> None:
         self.meshes: dict[str, tuple[FloatArray, FloatArray]] = {}
@@ -264,7 +264,7 @@ def test_dragged_poses_in_a_browser_are_planned_saved_played_or_refused(scenario
 
 
 def assert_played(plan: Plan, played: FloatArray) -> None:
-    """Check poses (k, b, 3) of the bodies: on the plan's way, and in its order."""
+    """Check that poses (k, b, 3) of the bodies are on the plan's path, in its order."""
     on_the_way = there(plan.trajectory).sample(1000.0).poses[:, :2]
     plate = [body.kind for body in Scene.of(plan.scenario).bodies].index(BodyKind.PLATE)
     assert len(played) > 10

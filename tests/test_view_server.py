@@ -1,4 +1,4 @@
-"""The server of the window, asked by strangers."""
+"""The server of the window, with requests from strangers."""
 
 import tracemalloc
 from collections.abc import Iterator

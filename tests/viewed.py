@@ -1,4 +1,4 @@
-"""The window in a headless Chromium: where its handles are on the screen, and what it answers."""
+"""The window in a headless Chromium: screen positions of its handles, and its answers."""
 
 import time
 from pathlib import Path
@@ -21,7 +21,7 @@ _WATCH = """window.painted = 0;
 
 
 def open_window(browser: Any, window: Window) -> None:
-    """Show a window and wait until its plan is polished."""
+    """Open a window and wait until its plan is polished."""
     size = {"width": SIZE[0], "height": SIZE[1], "deviceScaleFactor": 1, "mobile": False}
     browser.call("Emulation.setDeviceMetricsOverride", **size)
     browser.open(window.url)
@@ -31,7 +31,7 @@ def open_window(browser: Any, window: Window) -> None:
 
 
 def painted(browser: Any, frames: int = 2) -> None:
-    """Wait for pictures: what the mouse is over is only known in the next one, however long that takes."""
+    """Wait for new frames, because the window updates the hovered object only in the next one."""
     wait_for(browser, f"window.painted >= {int(browser.evaluate('window.painted')) + frames}")
 
 
@@ -46,9 +46,8 @@ def wait_for(browser: Any, condition: str, seconds: float = 60.0) -> None:
 
 
 def drag(browser: Any, window: Window, begin: FloatArray, end: FloatArray, steps: int = 3) -> None:
-    """Drag a handle from its pose (3,) to another of the same heading, in steps; tried again if nothing was taken.
-
-    The mouse rests for two pictures before the handle is let go, or lets it go in the very move that ends there.
+    """Drag a handle from its pose (3,) to another with the same heading, in steps; try again if nothing was grabbed.
+    The mouse rests for two frames before the release, or releases the handle in the last move.
     """
     draft = window.draft
     browser.evaluate("window.before = Number(document.querySelector('#pushplan-answer').dataset.number)")
@@ -71,14 +70,14 @@ def _drag(browser: Any, window: Window, begin: FloatArray, end: FloatArray, step
 
 
 def click(browser: Any, label: str) -> None:
-    """Click the button of the panel that says something."""
+    """Click the button of the panel with a label."""
     button = f"[...document.querySelectorAll('button')].find((it) => it.textContent.trim() === {label!r})"
     wait_for(browser, f"{button} && !{button}.disabled")
     browser.evaluate(f"{button}.click()")
 
 
 def downloaded(folder: Path, seconds: float = 30.0) -> str:
-    """Return the text of the only file that a browser saves in a folder, when it is whole."""
+    """Return the text of the only file that a browser saves in a folder, once it is complete."""
     end = time.monotonic() + seconds
     while not (found := [file for file in folder.iterdir() if file.suffix != ".crdownload"]):
         assert time.monotonic() < end, "waited in vain for a download"
@@ -87,13 +86,13 @@ def downloaded(folder: Path, seconds: float = 30.0) -> str:
 
 
 def next_played(window: Window, seconds: float = 0.05) -> FloatArray | None:
-    """Return where the chain that plays the plan is after a while; None when nothing is played."""
+    """Return the next pose of the played chain; None if nothing is played."""
     time.sleep(seconds)
     return window.stage.played
 
 
 def on_screen(window: Window, point: FloatArray) -> tuple[float, float]:
-    """Return where a point (2,) of the floor is on the page, pixels, through the camera of the only viewer."""
+    """Return the page position of a floor point (2,), pixels, through the camera of the only viewer."""
     (client,) = window.server.get_clients().values()
     camera = client.camera
     w, x, y, z = camera.wxyz
@@ -110,6 +109,6 @@ def on_screen(window: Window, point: FloatArray) -> tuple[float, float]:
 
 
 def shown_after(browser: Any, stage: str) -> None:
-    """Wait until an answer to what was dragged last has come to a stage."""
+    """Wait until the answer to the last drag has reached a stage."""
     answer = "document.querySelector('#pushplan-answer').dataset"
     wait_for(browser, f"Number({answer}.number) > window.before && {answer}.stage === {stage!r}")

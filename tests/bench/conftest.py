@@ -1,4 +1,4 @@
-"""Planted runs as a module that processes find by name, and rows of results."""
+"""Runs with planned failures as a module that processes import by name, and rows of results."""
 
 import os
 import sqlite3

@@ -1,4 +1,4 @@
-"""Runs that go wrong on purpose, each as its seed says."""
+"""Runs that fail on purpose, depending on their seed."""
 
 import ctypes
 import os
@@ -31,12 +31,12 @@ SECONDS = 15 if "COVERAGE_RUN" in os.environ else 3
 
 
 def fate_of(seed: int) -> str:
-    """Return what happens to the run of a seed."""
+    """Return the planned outcome of the run with a seed."""
     return FATES[seed % len(FATES)]
 
 
 def work(spec: RunSpec, folder: Path) -> Outcome:
-    """Meet the fate that the seed says."""
+    """Run until the planned outcome of the seed."""
     fate = fate_of(spec.seed)
     if fate == "half a log":
         (folder / "run.mcap.partial").write_bytes(b"half")
@@ -49,7 +49,7 @@ def work(spec: RunSpec, folder: Path) -> Outcome:
 
 
 def meet(spec: RunSpec, folder: Path) -> Outcome:
-    """End well as soon as another run has begun, too."""
+    """End normally once another run has started, too."""
     (folder.parent / f"met-{spec.seed}").touch()
     while len([*folder.parent.glob("met-*")]) < 2:
         time.sleep(0.01)
@@ -57,7 +57,7 @@ def meet(spec: RunSpec, folder: Path) -> Outcome:
 
 
 def leave_number(spec: RunSpec, folder: Path) -> Outcome:
-    """Say who this process is, and never end."""
+    """Write the number of this process and never end."""
     (folder.parent / "number").write_text(str(os.getpid()))
     while True:
         time.sleep(0.1)

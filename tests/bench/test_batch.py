@@ -1,4 +1,4 @@
-"""Batches: every run is one row and one process, whatever happens to it, and in whatever order."""
+"""Batches: every run is one row and one process, whatever its outcome and its order."""
 
 import contextlib
 import os
@@ -50,7 +50,7 @@ with folder.locked(), executor.local_engine(2, folder.scratch, work) as engine:
 
 
 def _started(work: str, folder: Path, shard: str = "1/1", **pipes: Any) -> subprocess.Popen[str]:
-    """Start a program that runs the suite of a folder, or a shard of it, or goes on with it."""
+    """Start a program that runs or resumes the suite of a folder, or a shard of it."""
     return subprocess.Popen(
         [sys.executable, "-c", PROGRAM, work, shard], cwd=folder, env=environment(), text=True, **pipes
     )
@@ -79,7 +79,7 @@ def _check_planted(found: Rows, planted: Any, seeds: range) -> None:
 
 
 def _results(found: Rows) -> list[tuple[object, ...]]:
-    """What a run's seed decides; when it was done and how long it took are chance."""
+    """Return the results that a seed determines, without times."""
     return [(row["key"], row["outcome"], row["solution_length"], row["arcs"]) for row in found]
 
 

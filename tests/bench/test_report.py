@@ -1,4 +1,4 @@
-"""The report, the tables, the comparison of versions and its statistics, where answers are known."""
+"""The report, the tables, the comparison of versions and its statistics, against known answers."""
 
 import csv
 import json
@@ -97,7 +97,9 @@ def test_tables_show_the_made_up_results(tmp_path: Path) -> None:
 
 
 def _ranked(spec: RunSpec) -> Outcome:
-    """`auto` ranks by time, and so does `slow` unless it is called `far`; two of three trials arrive."""
+    """Return results in which `auto`, and `slow` unless it is called `far`, rank by time; two of three trials
+    arrive.
+    """
     found = typical(spec)
     by_time = int(spec.label != "far")
     more = {"by_time": by_time, "duration": 20.0, "lower_bound": 10.0 if by_time else 2.0, "trial_success": 2 / 3}
@@ -173,7 +175,7 @@ def test_tables_for_other_programs_hold_every_run(tmp_path: Path) -> None:
 
 
 def _scaled(cost: float = 1.0, first: float = 1.0, fail: int = 0) -> Make:
-    """Return outcomes with costs and times multiplied, of which the first seeds fail."""
+    """Return outcomes with scaled costs and times, in which the first seeds fail."""
 
     def outcome(spec: RunSpec) -> Outcome:
         if spec.seed <= fail:
@@ -198,7 +200,7 @@ def test_regressions_exceed_chance_and_threshold(
 
 
 def test_unsolved_runs_have_the_largest_rank() -> None:
-    """An infinite value counts as any that is larger than all others, on either side."""
+    """An infinite value ranks like any value above all others, on both sides."""
     first, second = np.array([1.0, 1.1, 1.2, 3.0, 1.4, 1.5]), np.array([2.0, 1.0, 1.9, 1.0, 1.8, 2.9])
     for side in (first, second):
         for lost in (0, 3):
@@ -258,7 +260,7 @@ def test_percentiles_are_those_of_numpy_and_infinite_between_a_number_and_infini
 
 
 def test_bootstrap_intervals_have_their_nominal_coverage() -> None:
-    """Medians of 60 times: those of an exponential law are known; the seed is fixed."""
+    """Medians of 60 exponential times, with a fixed seed."""
     rng = np.random.default_rng(1)
     hits = 0
     for _ in range(200):
@@ -269,7 +271,7 @@ def test_bootstrap_intervals_have_their_nominal_coverage() -> None:
 
 @pytest.mark.parametrize(("successes", "count"), [(16, 16), (0, 16), (12, 16), (90, 240)])
 def test_intervals_of_shares_are_those_of_the_score_test(successes: int, count: int) -> None:
-    """At its ends p, and nowhere else, the share is 1.96 standard deviations of p away: Wilson's definition."""
+    """Only at its ends p, the share is 1.96 standard deviations of p away (Wilson's definition)."""
     low, high = wilson(successes, count)
     assert 0.0 <= low < high <= 1.0
     share = successes / count

@@ -1,4 +1,4 @@
-"""The database as OMPL's own reader makes it, validated outcomes, and random problems."""
+"""The database against OMPL's own reader, validated outcomes, and random problems."""
 
 import importlib.util
 import sqlite3
@@ -41,7 +41,7 @@ VIEWS = ("bestPlannerConfigsPerExperiment", "bestPlannerConfigs")
 
 
 def _engine(specs: Iterable[RunSpec]) -> Generator[Outcome]:
-    """Every status once in a while, with values where there are any."""
+    """Return every status now and then, with its values."""
     for spec in specs:
         status = STATUSES[(spec.seed + len(spec.problem.name)) % len(STATUSES)]
         values = {"total_time": 1.0}
@@ -74,7 +74,7 @@ def _columns(database: sqlite3.Connection, table: str) -> list[tuple[str, str]]:
 
 
 def _ompl_log(database: sqlite3.Connection, experiment: tuple[Any, ...]) -> str:
-    """Return one experiment as OMPL's benchmarks write it."""
+    """Return one experiment in the format of OMPL's benchmarks."""
     columns = _columns(database, "experiments")
     fixed = dict(zip([name for name, _ in columns], experiment, strict=True))
     measured = _columns(database, "progress")[2:]
@@ -211,7 +211,7 @@ def test_the_outcome_of_a_run_has_its_margins(done: Run) -> None:
 
 
 def test_an_execution_is_validated_with_the_actual_object_poses() -> None:
-    """An obstacle where the chain would be if the robot held it all the time is none in the way."""
+    """An obstacle at the poses of a chain that the robot would hold all the time does not count."""
     rooms = ProblemParameters(objects=(1, 1), obstacles=(0, 0), drives=DRIVES, robot=(0.5, 1.0))
     scenario = scenario_from_text(generate(rooms, 1))
     result = pushplan.plan(scenario, first=True, time_limit=60.0)

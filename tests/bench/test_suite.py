@@ -1,4 +1,4 @@
-"""Suite files and the command that runs them: meanings, mistakes, keys of runs, exit codes."""
+"""Suite files and the command that runs them: meaning, errors, keys of runs, exit codes."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""What tests of closed loops share."""
+"""Fixtures for tests of closed loops."""
 
 from collections.abc import Iterator
 
@@ -10,10 +10,9 @@ from pushplan.sim.control.controller import DEFAULTS
 
 @pytest.fixture(scope="session", autouse=True)
 def _patient() -> Iterator[None]:
-    """Let iterations alone end the searches of plans on the way: on a busy machine the time limit would, by chance.
-
-    The one object of settings is the default of every closed loop, whichever way it is begun. So many iterations take
-    about as long as the limit leaves.
+    """Let only iterations end the searches of replans, because a time limit would depend on the load of the machine.
+    The one settings object is the default of every closed loop. Its iterations take about as long as the time
+    limit.
     """
     limit = DEFAULTS.time_limit
     object.__setattr__(DEFAULTS, "time_limit", 60.0)

@@ -40,7 +40,7 @@ SELDOM = ControlSettings(rate=25.0, time_limit=60.0)
 
 @cache
 def scenario(name: str) -> pushplan.Scenario:
-    """A packaged scenario; where the robot may be faster there is less to simulate."""
+    """Return a packaged scenario, with a faster robot so that the simulation is short."""
     stated = yaml.safe_load(example_text(name))
     if name in ("two-crates", "free-space"):
         stated["pusher"]["limits"] = {"speed": 0.5, "acceleration": 1.5, "jerk": 30, "angular_speed": 2}
@@ -54,14 +54,14 @@ def plan_of(name: str) -> Plan:
 
 
 def disturbance(name: str, share: float, index: int, way: float, turn: float = 3.0) -> Disturbance:
-    """A disturbance of 5 mm, after a share of the plan."""
+    """Return a disturbance of 5 mm after a share of the plan."""
     trajectory = there(plan_of(name).trajectory)
     x, y = 5e-3 * np.cos(way), 5e-3 * np.sin(way)
     return Disturbance(share * trajectory.duration, index, float(x), float(y), float(np.radians(turn)))
 
 
 def travel(poses: FloatArray) -> float:
-    """Travel of the plate (m) along poses (m, 3)."""
+    """Return the travel of the plate (m) along poses (m, 3)."""
     return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
 
 
@@ -120,7 +120,7 @@ def test_without_measurements_the_plate_stands_still_and_the_controller_gives_up
 
 @pytest.mark.parametrize("pushes", [1, 2])
 def test_the_loop_continues_after_an_outage_of_the_measurements(pushes: int) -> None:
-    """Motion capture is out for several seconds at a time, and comes back."""
+    """Motion capture stops for several seconds and returns."""
     apart = scenario_from_document(problem_document("omnidirectional"))
     plan = plan_of("one-box") if pushes == 1 else pushplan.plan(apart, seed=1, iterations=1, time_limit=60.0)
     controller = Controller(plan, SELDOM)
@@ -140,7 +140,7 @@ def test_the_loop_continues_after_an_outage_of_the_measurements(pushes: int) -> 
 @pytest.mark.parametrize("what", ["elsewhere", "exchanged"])
 @pytest.mark.parametrize("name", ["two-crates", "hook"])
 def test_single_wrong_frames_neither_stop_nor_divert_the_loop(name: str, what: str) -> None:
-    """Every 2 s an object is measured 5 cm elsewhere, or the names of two are exchanged."""
+    """Every 2 s an object is measured 5 cm off, or two names are exchanged."""
     controller, rng, due = Controller(plan_of(name), SELDOM), np.random.default_rng(58), [2.0]
 
     def step(now: float, poses: ArrayLike | None = None, measured_at: float | None = None) -> FloatArray:
@@ -186,7 +186,7 @@ def test_a_leap_counts_once_a_second_measurement_confirms_it() -> None:
 
 @pytest.mark.parametrize("what", ["exchanged", "frozen", "plate"])
 def test_lasting_camera_errors_neither_stop_nor_end_the_loop(what: str) -> None:
-    """Names are exchanged for 4 s, measurements repeat the last one for 3 s, or the plate's pose leaps every 2 s."""
+    """Names are exchanged for 4 s, measurements repeat for 3 s, or the plate's pose leaps every 2 s."""
     name, last = "two-crates", list[FloatArray]()
     controller, world = Controller(plan_of(name), SELDOM), pushplan.World.from_scenario(scenario(name))
     plates = [np.array(controller.scenario.plate_start)]
@@ -212,7 +212,7 @@ def test_lasting_camera_errors_neither_stop_nor_end_the_loop(what: str) -> None:
 
 @pytest.mark.parametrize("stated", [1e-3, 5e-3])
 def test_excess_noise_is_used_and_reported(stated: float) -> None:
-    """Objects at rest seem to move by what 1 mm of noise does not explain; before, they did again and again."""
+    """Objects at rest seem to move more than noise of 1 mm explains; such noise used to cause false alarms."""
     settings = replace(SELDOM, position_noise=stated, angle_noise=stated)
     apart = scenario_from_document(problem_document("omnidirectional"))
     plan = pushplan.plan(apart, seed=1, iterations=1, time_limit=60.0)
@@ -226,7 +226,7 @@ def test_excess_noise_is_used_and_reported(stated: float) -> None:
 
 
 def test_a_measured_plate_returns_to_the_path_with_stable_twists() -> None:
-    """And where its measured pose jumps, as that of a robot that is localised anew, it does not follow."""
+    """It does not follow a jump of its measured pose, as after a relocalisation."""
     controller = Controller(scenario("one-box"), plan=plan_of("one-box"))
     trajectory, places = plan_of("one-box").segments[0].contact_trajectory, scenario("one-box").chain.places
     plate = compose(scenario("one-box").start, [0.0, 2e-3, 0.0])
@@ -244,7 +244,7 @@ def test_a_measured_plate_returns_to_the_path_with_stable_twists() -> None:
 
 
 class Sensed:
-    """A controller on a robot whose wheels go less than they are told, with its own sensors."""
+    """A controller on a robot with its own sensors, whose wheels move less than commanded."""
 
     def __init__(self, controller: Controller, short: float, on_board: bool, **stated: ArrayLike) -> None:
         self.controller = controller
@@ -278,9 +278,8 @@ ROUGH = Sensor(position=5e-3, angle=np.radians(1.5))
 def test_odometry_robot_frame_measurements_and_covariances_are_used(
     sensor: Sensor, short: float, on_board: bool, stated: dict[str, ArrayLike]
 ) -> None:
-    """Wheels that do 5 % less than they are told are none that err where odometry tells of it.
-
-    Without its covariance, measurements that are five times as rough cost thirty plans.
+    """Wheels that move 5 % less than commanded are no error if odometry measures it. Without a covariance,
+    measurements that are five times as rough cost thirty plans.
     """
     controller = Controller(plan_of("one-box"))
     robot = Sensed(controller, short, on_board, **stated)
@@ -296,7 +295,7 @@ def test_odometry_robot_frame_measurements_and_covariances_are_used(
 
 
 def seeing(controller: Controller, seen: Callable[[float, Any, float | None], Any]) -> Callable[..., FloatArray]:
-    """Return the steps of a controller that is told, in each, what `seen` makes of the measured poses."""
+    """Return the steps of a controller that gets the measured poses after `seen`."""
 
     def step(now: float, object_poses: Any = None, measured_at: float | None = None) -> FloatArray:
         return controller.step(now, seen(now, object_poses, measured_at), measured_at)
@@ -308,9 +307,8 @@ def seeing(controller: Controller, seen: Callable[[float, Any, float | None], An
     (5.4e-3, 20, Phase.ARRIVED), (5.4e-3, 2000, Phase.GAVE_UP), (6.5e-3, 20, Phase.GAVE_UP),
 ])  # fmt: skip
 def test_an_error_close_to_its_tolerance_is_measured_for_longer(off: float, count: int, end: Phase) -> None:
-    """5 mm are allowed, and a longer way is not worth less than one: sixteen measurements tell that to 0.75 mm.
-
-    The load is seen aside in the first measurements of the first look.
+    """5 mm are allowed; the mean of sixteen measurements is accurate to 0.75 mm. The first measurements of the first
+    look have a lateral error.
     """
     controller, looks, aside = Controller(plan_of("one-box")), list[float](), list[float]()
 
@@ -327,7 +325,7 @@ def test_an_error_close_to_its_tolerance_is_measured_for_longer(off: float, coun
 
 
 def noticing(name: str, *obstacles: CircleObstacle) -> tuple[Controller, SimulatedPush]:
-    """Return a controller that is told at 1 s what stands in the room, and what it did."""
+    """Return a controller that gets new obstacles at 1 s, and its actions."""
     controller = Controller(scenario(name), plan=plan_of(name), settings=SELDOM)
 
     def seen(now: float, poses: Any, _: float | None) -> Any:
@@ -366,10 +364,8 @@ def test_a_shorter_path_is_taken_and_irrelevant_changes_are_ignored() -> None:
     (-0.026, [True, False]), (0.008, [False]), (0.018, [False]), (0.03, [False]),
 ])  # fmt: skip
 def test_contact_with_a_load_reveals_the_pose_of_the_plate(ahead: float, not_met: list[bool]) -> None:
-    """The plate is that far ahead of where it believes to be.
-
-    Behind it, the straight push of 20 mm ends before it meets the load. Ahead, the load is pushed on and seems as far
-    away as before; beyond 12 mm a load that seems open by so much may be askew, too.
+    """The plate is that far ahead of its believed pose. Behind it, the straight push of 20 mm ends before the load.
+    Ahead, the push moves the load, which seems as far away as before; beyond 12 mm it could also be askew.
     """
     goal = {"pose": [2.0, 1.05, 0.1], "of": "b0"}
     planned = scenario_from_document(problem_document("differential", goal=goal))
@@ -384,7 +380,7 @@ def test_contact_with_a_load_reveals_the_pose_of_the_plate(ahead: float, not_met
 
 
 def test_transits_have_clearance_for_wheel_errors() -> None:
-    """Planned ways keep 10 mm from the load: after 2 m, wheels that are off by 1.5 % touch it."""
+    """Planned transits keep 10 mm from the load; wheels with an error of 1.5 % would touch it after 2 m."""
     apart = scenario_from_document(problem_document("omnidirectional", goal={"pose": [0.4, 1.0, 0.0]}))
     plan = pushplan.plan(apart, seed=1, iterations=1, time_limit=60.0)
     k = next(k for k, segment in enumerate(plan.segments) if segment.pushes)
@@ -410,7 +406,7 @@ def test_estimated_heading_errors_are_kept_for_the_next_push() -> None:
 
 
 def test_after_repeated_slides_plans_assume_the_least_friction(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of two slides the first may be a disturbance; where the plate may let go, another push may do it."""
+    """The first of two slides can be a disturbance; a plate that can leave the load can use another push."""
     slides = iter([None, None, Slide(0, 3e-3, 0.0)] * 2)
     monkeypatch.setattr(pushing, "find_slide", lambda *_: next(slides, None))
     apart = scenario_from_document(problem_document("omnidirectional"))

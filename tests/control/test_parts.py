@@ -1,4 +1,4 @@
-"""What the controller is made of."""
+"""Parts of the controller."""
 
 import math
 from dataclasses import replace
@@ -68,7 +68,7 @@ def test_a_stop_from_any_point_keeps_to_the_path_and_the_limits(crates: pushplan
 def test_the_exact_pose_of_slid_objects_is_the_best_one(
     crates: pushplan.Scenario, slides: tuple[float, float], best: float
 ) -> None:
-    """With the heading as planned, each would be half of the second slide away."""
+    """With the planned heading, the error of each object would be half of the second slide."""
     goal = Goal(crates.goal.pose_chain, None, crates.goal.pose_chain, 0.0, 0.0)
     aim, chain = Aim.of(goal, crates.chain, 5e-3, np.radians(1.0)), slid(crates.chain, slides)
     assert aim.best(chain) <= min(best, 0.5 * abs(slides[1]) / 5e-3)
@@ -86,9 +86,8 @@ TRUTHS = {
 @pytest.mark.parametrize("wheels", [[0.0, 0.0, 0.0], [-0.45, -0.2, 0.0]])
 @pytest.mark.parametrize("what", TRUTHS)
 def test_errors_are_estimated_and_predict_later_measurements(what: str, wheels: list[float]) -> None:
-    """Along bends the other way that were not learned from: what stays open there cannot matter.
-
-    Wheels err by constants where they are, wherever that is from the contact.
+    """The prediction is tested on other bends than the fit, so unobservable errors cannot matter. Errors of wheels
+    are constant in the wheels' frame, wherever it is relative to the contact.
     """
     start, tau, scales, bias = TRUTHS[what]
     back = inverse(wheels)
@@ -135,7 +134,7 @@ def test_errors_are_estimated_and_predict_later_measurements(what: str, wheels: 
 
 
 class Watched:
-    """A plate that drives, seen 30 times a second with some noise, stated or not, and what is estimated of it."""
+    """A moving plate that is measured 30 times a second with stated or unstated noise, and its estimator."""
 
     def __init__(self, count: int, seed: int, true: ArrayLike = (0.0, 0.0, 0.0), **more: Any) -> None:
         self.estimator = Estimator(ControlSettings(), np.repeat(AHEAD, count, axis=0), np.zeros(3), **more)
@@ -159,7 +158,7 @@ class Watched:
 
 
 def test_each_measurement_is_weighted_by_its_stated_noise() -> None:
-    """A camera that sees badly, 5 mm off, is replaced by one that sees well; nothing moves."""
+    """A bad camera with an error of 5 mm is replaced by a good one; nothing moves."""
     plate, places = Watched(1, seed=4), np.zeros((1, 3))
     for k in range(200):
         plate.noise = plate.stated = np.array([1e-2, 5e-2]) if k < 100 else NOISE
@@ -170,7 +169,7 @@ def test_each_measurement_is_weighted_by_its_stated_noise() -> None:
 
 
 def test_earlier_good_measurements_keep_their_weight_when_the_camera_gets_worse() -> None:
-    """From 1 mm to 8 mm, without saying so: more measurements do not make less known."""
+    """The noise rises from 1 mm to 8 mm without notice; more measurements must not increase the uncertainty."""
     plate, places, known = Watched(1, seed=6), np.zeros((1, 3)), []
     for k in range(300):
         plate.noise = (1.0 if k < 200 else 8.0) * NOISE
@@ -183,7 +182,7 @@ def test_earlier_good_measurements_keep_their_weight_when_the_camera_gets_worse(
 
 
 def test_a_lateral_offset_of_the_load_is_not_taken_for_wheel_drift() -> None:
-    """The plate stands 9 mm farther to the right along the load than it believes; it shows in a bend."""
+    """The plate stands 9 mm farther to the right along the load than believed, which shows in a bend."""
     places, aside = np.array([[0.075, 0.0, 0.0]]), -9e-3
     found = []
     for known in (0.0, 0.02):
@@ -214,7 +213,7 @@ SLIDES = {
 
 @pytest.mark.parametrize("what", SLIDES)
 def test_slides_are_distinguished_from_constant_errors(crates: pushplan.Scenario, what: str) -> None:
-    """Over 2 m, on a straight at first and, where there is anything before that to tell it from, on an arc."""
+    """Over 2 m, first on a straight and then on an arc."""
     contact, rate, drift, begin = SLIDES[what]
     chain, plate, way = crates.chain, Watched(2, seed=5), 0.0
     for k in range(300):
@@ -232,9 +231,8 @@ def test_slides_are_distinguished_from_constant_errors(crates: pushplan.Scenario
 
 
 def noticed_after(chain: Chain, rate: float, seed: int) -> float:
-    """Return how far (m) all that a chain holds has slid by so much a metre when that is found; inf where never.
-
-    It begins after 0.3 m of a straight, on an arc of 1 m of radius.
+    """Return the slide (m) of all objects of a chain at its detection; inf without one. It begins after 0.3 m of a
+    straight, on an arc with a radius of 1 m.
     """
     plate, way = Watched(len(chain.objects), seed), 0.0
     for k in range(210):
@@ -249,7 +247,7 @@ def noticed_after(chain: Chain, rate: float, seed: int) -> float:
 
 
 def test_a_single_box_that_slides_on_an_arc_is_noticed_before_8_mm() -> None:
-    """That the wheels are elsewhere by as much explains nearly the same; with none, nothing is noticed."""
+    """An offset of the wheels explains nearly the same; without a slide there is no detection."""
     chain = pushplan.load_scenario("one-box").chain
     far = np.array([noticed_after(chain, 0.01, seed) for seed in range(6)])
     assert ((far > 0.0) & (far < 8e-3)).all()

@@ -1,6 +1,5 @@
-"""Each extension of docs/contributing.md, made by a package outside this one: `outside/warehouse`.
-
-Its files are the recipes; none of them edits anything here, and what it adds is found by its entry points alone.
+"""Each extension of docs/contributing.md, made by a third-party package, `outside/warehouse`. Its files are the
+recipes. They edit nothing here, and only their entry points register them.
 """
 
 import importlib
@@ -43,7 +42,7 @@ OUTSIDE = Path(__file__).with_name("outside")
 
 @pytest.fixture(autouse=True)
 def installed(monkeypatch: Patch) -> Iterator[None]:
-    """The package is on the path as an installed one is; nothing of it is left over."""
+    """Put the package on the path like an installed one, and remove all traces of it afterwards."""
     monkeypatch.syspath_prepend(OUTSIDE)
     yield
     for name in [name for name in sys.modules if name.partition(".")[0] == "warehouse"]:
@@ -116,7 +115,7 @@ def test_a_command_runs_by_its_name(capsys: Captured) -> None:
 
 @dataclass(frozen=True, eq=False)
 class FreeHeading(TaskGoal):
-    """A place for a load, whose heading is free."""
+    """A goal of a load with a free heading."""
 
     load: str
     place: tuple[float, float]
@@ -158,20 +157,20 @@ def test_a_goal_type_is_a_class_and_an_entry_in_the_table(monkeypatch: Patch) ->
 
 @dataclass(frozen=True, eq=False)
 class Geared(Execution):
-    """An execution that knows what the drive takes."""
+    """An execution that records the power of the drive."""
 
     power: FloatArray | None = None
 
 
 def _executed_with_power(*args: Any) -> Geared:
-    """Return an execution, and the power of the drive, W."""
+    """Return an execution with the power of the drive, W."""
     done = execute(*args)
     power = 20.0 * np.hypot(done.twists[:, 0], done.twists[:, 1]) + 1.5 * np.arange(len(done.t))
     return Geared(**{**vars(done), "power": power})
 
 
 def _declared(monkeypatch: Patch, **more: Any) -> Signal:
-    """Declare the series, as an entry of the table does when pushplan is imported, and return it."""
+    """Declare the series like an entry of the table at import, and return it."""
     made = Signal("power", "power of the drive", "W", ("power",), "plate", "/drive/power", "pusher", True, **more)
     check_signals(Geared, {**SIGNALS[Execution], made.name: made})
     monkeypatch.setitem(SIGNALS[Execution], made.name, made)

@@ -1,4 +1,4 @@
-"""A valid scenario file, and what is said about it after changes."""
+"""A valid scenario file, and the errors after changes."""
 
 from dataclasses import dataclass
 
@@ -46,7 +46,7 @@ planner: {name: rrt, time_limit: 2.0, seed: 1}
 
 @dataclass(frozen=True)
 class Changed:
-    """Reads the valid file with changes; every change must apply."""
+    """Reader of the valid file with changes; every change must apply."""
 
     text: str = VALID
 
@@ -68,5 +68,5 @@ class Changed:
 
 @pytest.fixture(scope="session")
 def valid() -> Changed:
-    """Return the valid scenario, to be changed."""
+    """Return the valid scenario for changes."""
     return Changed()

@@ -1,4 +1,4 @@
-"""Numbers that a scenario states as intervals or as uncertain: every answer holds for all values in them."""
+"""Numbers with intervals or uncertainty: every answer holds for all values in them."""
 
 import re
 from dataclasses import replace
@@ -65,7 +65,7 @@ def member(chain: Chain, rng: np.random.Generator) -> Chain:
 
 
 def test_intervals_are_read_in_every_place() -> None:
-    """Of loads the middle stands in the chain, of contact frictions the lowest value."""
+    """The chain has the midpoint of loads and the lowest contact friction."""
     interval, chain = there(scenario().interval), scenario().chain
     np.testing.assert_allclose(interval.mass, [[0.7, 1.9], [0.8, 0.8]])
     np.testing.assert_allclose(interval.floor_friction, [[0.2, 0.4], [0.3, 0.3]])
@@ -78,7 +78,7 @@ def test_intervals_are_read_in_every_place() -> None:
 
 
 def test_a_motion_keeps_its_margin_with_inertia_for_random_members() -> None:
-    """Every contact keeps half of the margin with inertia, whatever the masses, loads and frictions."""
+    """Every contact keeps half of the margin with inertia for all masses, loads and frictions."""
     found = plan(scenario(), iterations=200, time_limit=60.0)
     trajectory = there(found.trajectory)
     assert there(found.min_dynamic_margin) > 0.5 * there(found.margin) > 0.0
@@ -100,7 +100,7 @@ def test_loads_of_feet_must_sum_to_1_for_every_source_of_intervals() -> None:
 
 
 def test_sets_that_cannot_take_intervals_say_so() -> None:
-    """All take them but `cof`; `robust` also where shares of loads are left open."""
+    """All sets except `cof` accept them; `robust` does not if shares of loads are unknown."""
     what = "not linear in the loads"
     (finding,) = check_scenario(scenario_from_text(TEXT + "stability: {set: cof}\n"))
     assert finding.where == "stability.set"

@@ -1,4 +1,4 @@
-"""From objects in a file to the chain: stacking, stated and measured poses, the chain frame, contacts, trees."""
+"""From objects in a file to the chain: stacking, nominal and measured poses, the chain frame, contacts, trees."""
 
 import math
 
@@ -117,7 +117,7 @@ errors = st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
 @settings(max_examples=25)
 @given(st.lists(st.tuples(size, size, st.floats(-0.4, 0.4), errors), min_size=1, max_size=5))
 def test_a_perturbed_stack_snaps_back(boxes: list[tuple[float, float, float, tuple[float, float]]]) -> None:
-    """Gaps up to 1.5 mm each and turns up to 1 deg, in either direction; sideways everything keeps its place."""
+    """Gaps up to 1.5 mm each and turns up to 1 deg, in both directions; lateral positions stay."""
     texts, x, y, before = [], 0.0, 0.0, 0.6
     for i, (length, width, share, (gap, turn)) in enumerate(boxes):
         y += 0.0 if i == 0 else share * 0.5 * (before + width)
@@ -142,7 +142,7 @@ def test_a_perturbed_stack_snaps_back(boxes: list[tuple[float, float, float, tup
 def test_a_gap_or_turn_beyond_the_tolerance_is_an_error(
     length: float, width: float, factor: float, turned: bool, sign: float
 ) -> None:
-    """In the gap alone, or in the angle alone."""
+    """Gap or angle alone."""
     gap, turn = (0.0, 2.0 * factor) if turned else (0.005 * factor, 0.0)
     measured = (0.1 + 0.5 * length + sign * gap, 0.0, sign * math.radians(turn))
     objects = [box("near", 0.1, 0.5, (0.05, 0.0, 0.0)), box("far", length, width, measured)]
@@ -171,7 +171,7 @@ def test_a_near_contact_in_front_of_another_object_is_an_error() -> None:
 
 @pytest.mark.parametrize("gap", [0.0, 1e-4, 3e-4])
 def test_lateral_contacts_and_near_contacts_are_ignored(gap: float) -> None:
-    """Two by two boxes on a plate are two chains: in them, what is side by side does not move against one another."""
+    """Two by two boxes on a plate are two chains; neighbours in them do not move relative to one another."""
     rows = [(x, y) for y in (0.0, 0.08 + gap) for x in (0.05, 0.15)]
     boxes = [box(f"b{k}", 0.1, 0.08, (*row, 0.0)) for k, row in enumerate(rows)]
     block = scenario_from_text(text([boxes[0].replace("pose", "offset: -0.04, pose"), *boxes[1:]], ""))

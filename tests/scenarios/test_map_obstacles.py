@@ -1,4 +1,4 @@
-"""Maps and drawings of others: right sizes and places, nothing unknown is floor, clear words for the rest."""
+"""Maps and drawings from other programs: size and position, unknown areas, and clear errors."""
 
 import io
 import os
@@ -44,7 +44,7 @@ FREE, UNKNOWN, OCCUPIED = 254, 205, 0
 
 
 def _room() -> npt.NDArray[np.uint8]:
-    """A walled room, 7 x 5 m; an unknown block stands between start and goal, leaving room to pass above it."""
+    """Return a walled room, 7 x 5 m, with an unknown block between start and goal and room to pass above it."""
     cells = np.full((100, 140), FREE, np.uint8)
     cells[[0, -1], :] = cells[:, [0, -1]] = OCCUPIED
     cells[60:99, 40:100] = UNKNOWN
@@ -72,7 +72,7 @@ def _polygons(scenario: Scenario, unknown: bool) -> shapely.Geometry:
 
 
 def _cells(row: list[int], mode: str, negate: bool = False, free: float = 0.25) -> str:
-    """Occupied (#), unknown (?) and free (.) cells of a picture with one row."""
+    """Return occupied (#), unknown (?) and free (.) cells of a picture with one row."""
     stream = io.BytesIO()
     Image.fromarray(np.array([row], np.uint8)).save(stream, "PPM")
     found = cells_of(stream.getvalue(), "row.pgm", mode, negate, 0.65, free)
@@ -244,7 +244,7 @@ def test_a_table_without_an_outline_is_refused(text: str, what: str, tmp_path: P
 
 
 def _walled_room(seed: int = 1) -> npt.NDArray[np.uint8]:
-    """A walled room with clutter, and something unknown outside it."""
+    """Return a walled room with clutter and an unknown area outside."""
     rng = np.random.default_rng(seed)
     cells = np.full((60, 80), FREE, np.uint8)
     cells[:, :10] = UNKNOWN

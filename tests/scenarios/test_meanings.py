@@ -1,4 +1,4 @@
-"""Scenario files mean what they meant and what reference and JSON Schema say; numbers have units."""
+"""Meaning of scenario files against earlier versions, the reference and the JSON Schema; numbers with units."""
 
 import json
 import math
@@ -49,7 +49,7 @@ def test_older_scenario_files_keep_their_meaning(name: str) -> None:
 
 
 def _changed(before: Any, now: Any, place: str = "") -> Iterator[str]:
-    """Yield the places at which what was read before is missing or another."""
+    """Yield the places at which an earlier value is missing or different."""
     if isinstance(before, dict):
         for key, value in before.items():
             if not isinstance(now, dict) or key not in now:
@@ -179,7 +179,7 @@ BEYOND_A_SCHEMA = re.compile(
 
 @pytest.fixture(scope="module")
 def checker() -> jsonschema.protocols.Validator:
-    """What editors do with the schema."""
+    """Return a validator as in editors."""
     jsonschema.Draft202012Validator.check_schema(scenario_schema())
     return jsonschema.Draft202012Validator(scenario_schema())
 

@@ -1,4 +1,4 @@
-"""The robot and its pushes in a scenario file: where its parts are, which faces it takes, what is wrong."""
+"""The robot and its pushes in a scenario file: poses of its parts, allowed faces, errors."""
 
 import math
 
@@ -21,7 +21,7 @@ def with_robot(stated: str) -> tuple[str, str]:
 
 @pytest.mark.parametrize("offset", [0.0, 0.07, -0.055])
 def test_poses_are_in_the_plate_frame_for_every_contact_position(valid: Changed, offset: float) -> None:
-    """Moved along the plate, the first object takes the chain frame with it; plate and robot stay together."""
+    """If the first object moves along the plate, the chain frame moves with it; plate and robot stay together."""
     stated = (
         "{footprint: [{polygon: [[0, 0], [0.2, 0], [0, 0.1]], pose: [-0.3, 0.02, 90 deg]}], "
         "drive: {car: {axle: [-0.3, 0.01, 5 deg], min_radius: 1.0}}}"

@@ -1,4 +1,6 @@
-"""A scenario as a whole: defaults, resolution, round trips, packaged ones, thousands of obstacles, any mutation."""
+"""A scenario as a whole: defaults, resolution, round trips, packaged ones, thousands of obstacles, random
+mutations.
+"""
 
 import json
 from collections.abc import Callable
@@ -132,7 +134,7 @@ def _free(form: str, count: int) -> str:
 
 
 def _met(form: str, count: int) -> str:
-    """Return a scenario whose box has every obstacle in it at the start."""
+    """Return a scenario whose box overlaps every obstacle at the start."""
     return _text(form, count, 1e-4, 0.1)
 
 
@@ -144,7 +146,7 @@ def _refusal(text: str) -> ScenarioError:
 
 @pytest.mark.parametrize("form", FORMS)
 def test_a_body_among_thousands_of_obstacles_gives_few_errors(form: str) -> None:
-    """Nobody reads thousands of lines."""
+    """A user does not read thousands of lines."""
     findings = [finding.what for finding in _refusal(_met(form, 600)).findings]
     near = [what for what in findings if "'box'" in what]
     assert 2 <= len(near) <= MOST_LISTED + 1  # those in the same place have the same sentence

@@ -1,4 +1,4 @@
-"""Everything wrong or doubtful in a scenario is told with its place, what is wrong, and what is allowed."""
+"""Errors and warnings of scenarios: the place, the problem and the allowed values."""
 
 import math
 from pathlib import Path
@@ -16,7 +16,7 @@ from pushplan.scenario.source import MOST_BYTES, MOST_DEPTH, MOST_NODES, Documen
 
 
 def mistakes() -> list[tuple[str, str, str]]:
-    """Return what is replaced in the valid scenario, by what, and the finding that this gives."""
+    """Return texts of the valid scenario, their replacements, and the resulting errors."""
     text = Path(__file__).with_name("mistakes.txt").read_text(encoding="utf-8")
     blocks = [block.splitlines() for block in text.split("\n\n")[1:]]
     sides = [["\n".join(line[1:] for line in block if line[0] == sign) for sign in "-+"] for block in blocks]
@@ -109,7 +109,7 @@ def test_implausible_speeds_and_axles_are_questioned(pusher: str, question: str)
 
 
 def findings_of(data: bytes) -> tuple[Finding, ...]:
-    """Return the findings about a text that cannot be read, or only in part."""
+    """Return the errors of a text that cannot be read completely."""
     try:
         return Source(data).findings
     except DocumentError as error:
@@ -117,7 +117,7 @@ def findings_of(data: bytes) -> tuple[Finding, ...]:
 
 
 def refusal(data: bytes | str) -> str:
-    """Return the findings as lines."""
+    """Return the errors as lines."""
     raw = data if isinstance(data, bytes) else data.encode()
     return "\n".join(finding.text("f") for finding in findings_of(raw))
 

@@ -19,7 +19,7 @@ from pushplan.util.arrays import FloatArray
 
 
 class ByContacts(StableSet):
-    """What a user writes: the margins of contacts alone, in Python."""
+    """A user's set: the margins of contacts alone, in Python."""
 
     name = "by-contacts"
 
@@ -52,7 +52,7 @@ def test_compiled_margins_and_those_of_contacts_give_the_same_set(
 
 
 def test_a_narrow_cone_of_translations_is_found(make_chain: ChainMaker) -> None:
-    """Where all contacts hold by less than they could, 0.01 rad wide: the meridians end where the cone does."""
+    """A cone of translations of 0.01 rad in which all contacts hold; the meridians end at its boundary."""
     chain = make_chain.boxes(2, contact_friction=0.005)
     chain = replace(chain, contacts=(chain.contacts[0], replace(chain.contacts[1], friction=0.005)))
     refined, cone = stable_set(chain, "translation").refined_meridians(), there(stable_set(chain).translation_cone())
@@ -64,7 +64,7 @@ def test_a_narrow_cone_of_translations_is_found(make_chain: ChainMaker) -> None:
 @pytest.mark.parametrize("minimum", [0.0, 0.05])
 @pytest.mark.parametrize("seed", range(4))
 def test_meridian_ends_enclose_the_boundary(make_chain: ChainMaker, seed: int, minimum: float) -> None:
-    """Stable at every end returned, not stable 2e-12 rad further, and in agreement with dense samples between."""
+    """Stable at every returned end, unstable 2e-12 rad beyond, and in agreement with dense samples between."""
     stable = stable_set(make_chain.random(seed, 2, feet=seed % 2 == 1))
     length = stable.chain.characteristic_length
     rows = stable.meridians(minimum, count=128)
@@ -80,7 +80,7 @@ def test_meridian_ends_enclose_the_boundary(make_chain: ChainMaker, seed: int, m
 
 
 def test_several_intervals_on_one_meridian_are_all_found(make_chain: ChainMaker) -> None:
-    """A made-up set of two bands, one only 0.002 rad wide, on a generic margin."""
+    """A synthetic set of two bands, one only 0.002 rad wide, with a generic margin."""
 
     class Bands(StableSet):
         name = "bands"
@@ -102,7 +102,7 @@ def test_several_intervals_on_one_meridian_are_all_found(make_chain: ChainMaker)
 
 
 def test_a_pole_inside_the_set_belongs_to_meridians_and_region(make_chain: ChainMaker) -> None:
-    """A made-up set of all left turns about points within 0.05 m of the origin."""
+    """A synthetic set of all left turns about points within 0.05 m of the origin."""
 
     class Cap(StableSet):
         name = "cap"
@@ -146,7 +146,9 @@ def test_cor_region_holds_exactly_the_stable_cors(make_chain: ChainMaker, name: 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_translation_cone_agrees_with_the_paper(make_chain: ChainMaker, seed: int) -> None:
-    """Algorithm 3: per contact, the friction cone and the directions from the ends through the COF; intersected."""
+    """Algorithm 3: for each contact the friction cone and the directions from its ends through the COF,
+    intersected.
+    """
     chain = make_chain.random(seed, 3)
     cone = stable_set(chain).translation_cone()
     low, high = -np.pi, np.pi
@@ -165,7 +167,7 @@ def test_translation_cone_agrees_with_the_paper(make_chain: ChainMaker, seed: in
 
 @pytest.mark.parametrize("share", [0.5, 0.99])
 def test_planning_works_in_a_set_smaller_than_the_sample_spacing(share: float) -> None:
-    """A heavy object far ahead of the plate leaves turns to one side only, within a degree or two."""
+    """A heavy object far ahead of the plate allows only turns to one side, within a degree or two."""
     wedge = [[0.0, -0.034], [0.038, -0.022], [0.038, 0.012], [0.0, 0.034]]
     objects = [
         box("a", 0.246, 0.34, mass=0.09),

@@ -1,4 +1,4 @@
-"""The sets that are polyhedral cones, against the geometry that defines them; and odd chains in every set."""
+"""Polyhedral sets against their geometric definition, and odd chains in every set."""
 
 import re
 from collections.abc import Callable
@@ -135,7 +135,7 @@ INTERVALS = tuple(f"{name} of intervals" for name in STABLE_SETS if name != "cof
 
 
 def make(chain: Chain, name: str) -> StableSet:
-    """Return a set of a chain, or that of all masses and floor frictions within 30 % of its own."""
+    """Return a set of a chain, or of all masses and floor frictions within 30 % of the nominal ones."""
     name, _, rest = name.partition(" ")
     if not rest:
         return stable_set(chain, name)
@@ -145,7 +145,7 @@ def make(chain: Chain, name: str) -> StableSet:
 
 
 def odd_chains(make_chain: ChainMaker) -> list[Chain]:
-    """No friction on the floor or in contacts, huge friction, slivers, one or two feet, a centre off the middle."""
+    """Return chains with zero or huge friction, slivers, one or two feet, or an eccentric load."""
     sliver = np.array([[-0.05, -1e-7], [0.05, -1e-7], [0.05, 1e-7], [-0.05, 1e-7]])
     return [
         make_chain.boxes(2),
@@ -162,7 +162,9 @@ def odd_chains(make_chain: ChainMaker) -> list[Chain]:
 
 
 def odd_twists(chain: Chain) -> FloatArray:
-    """About corners, middles of edges, contact ends, centres of friction, near these, and far; and hardly moving."""
+    """Return twists about corners, edge midpoints, contact ends and centres of friction, near and far, and tiny
+    ones.
+    """
     corners = [obj.outline_chain for obj in chain.objects]
     contacts = np.array([end for c in chain.contacts for end in (c.right, c.left)])
     middles = [0.5 * (points + np.roll(points, -1, axis=0)) for points in corners]
@@ -192,7 +194,7 @@ def test_odd_chains_and_twists_give_finite_margins(make_chain: ChainMaker, name:
 
 @pytest.mark.parametrize("name", [*STABLE_SETS, *INTERVALS])
 def test_nothing_is_stable_without_friction(make_chain: ChainMaker, name: str) -> None:
-    """Nor does anything fail: regions are empty, radii infinite, cones None."""
+    """There is no error either: regions are empty, radii infinite, cones None."""
     slow = name.startswith("robust")
     for chain in (make_chain.boxes(1, floor_friction=0.0), make_chain.boxes(2, contact_friction=0.0))[slow:]:
         stable = make(chain, name)
@@ -261,7 +263,7 @@ def test_invalid_questions_are_refused(what: str, make_chain: ChainMaker) -> Non
 
 @pytest.mark.parametrize("seed", range(3))
 def test_stable_over_intervals_of_friction_is_stable_at_all_their_ends(make_chain: ChainMaker, seed: int) -> None:
-    """Three objects or four: where their centre may be is a polygon that its middle does not mirror onto itself."""
+    """With three or four objects, the possible centres form a polygon without point symmetry."""
     chain = make_chain.random(seed, 3 + seed % 2, tree=seed == 2)
     ends = {
         obj.name: (0.7 * obj.floor_friction, (1.1 + 0.4 * i) * obj.floor_friction)

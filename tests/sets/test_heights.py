@@ -1,4 +1,4 @@
-"""Pushes above the floor: what the sets allow holds on an elastic floor from which objects partly lift."""
+"""Pushes above the floor: twists in the sets hold on an elastic floor from which objects partly lift."""
 
 import re
 import runpy
@@ -35,7 +35,7 @@ def cubes(
     share: float = 0.2,
     masses: tuple[float, ...] = (1.0, 1.0),
 ) -> IntervalChain:
-    """Return cubes with contacts at heights in spans, whose frictions and loads may be off by a share."""
+    """Return cubes with intervals of contact heights, frictions and loads."""
     chain = make.boxes(len(spans), contact_friction=0.45, pusher_friction=0.5)
     contacts = tuple(
         replace(c, height=h, friction=(1.0 - share) * c.friction) for c, h in zip(chain.contacts, spans, strict=True)
@@ -50,7 +50,7 @@ def cubes(
 
 
 def lifted(rest: FloatArray, points: FloatArray, center: FloatArray) -> FloatArray:
-    """Return max(0, a + b . x) times the load at rest (k,) on an elastic floor, its centre where it shall be."""
+    """Return max(0, a + b . x) times the loads at rest (k,) on an elastic floor, with a given centre."""
     basis = np.column_stack([np.ones(len(points)), points - center])
     active = np.ones(len(points), dtype=np.bool_)
     for _ in range(60):
@@ -65,7 +65,7 @@ def lifted(rest: FloatArray, points: FloatArray, center: FloatArray) -> FloatArr
 
 
 def carried(interval: IntervalChain, v: FloatArray, dv: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Return the wrenches (n, 3) of all contacts in one world that the intervals allow."""
+    """Return the wrenches (n, 3) of all contacts in one sample of the intervals."""
     chain, n = interval.chain, len(interval.chain.objects)
     height = [rng.uniform(*span) for span in chain.contact_heights]
     total = np.zeros((n, 3))
@@ -103,7 +103,7 @@ def carried(interval: IntervalChain, v: FloatArray, dv: FloatArray, rng: np.rand
 
 
 def least_row(interval: IntervalChain, v: FloatArray, dv: FloatArray, rng: np.random.Generator) -> float:
-    """Return the least of all contact conditions, N and N m, in one such world."""
+    """Return the smallest of all contact conditions, N and N m, in one sample."""
     least = np.inf
     for contact, (fx, fy, m) in zip(interval.chain.contacts, carried(interval, v, dv, rng), strict=True):
         normal, aside = np.array([fx, fy]) @ contact.normal, np.array([fx, fy]) @ contact.tangent
@@ -113,7 +113,7 @@ def least_row(interval: IntervalChain, v: FloatArray, dv: FloatArray, rng: np.ra
 
 
 def test_inertia_moves_known_loads_as_the_balance_of_moments_says(make_chain: ChainMaker) -> None:
-    """On feet, of which none lifts, everything is known, and the contacts' margins agree to rounding."""
+    """Without lifting feet, everything is known, and the contacts' margins agree to rounding."""
     feet = np.array([[-0.04, -0.04], [0.05, -0.03], [0.04, 0.04], [-0.03, 0.05]])
     chain = make_chain.boxes(3, support=lambda _: FeetSupport(feet, np.full(4, 0.25)), contact_height=0.02)
     chain = replace(chain, objects=tuple(replace(obj, center_height=0.05) for obj in chain.objects))
@@ -144,7 +144,7 @@ SPANS = {
 
 @pytest.mark.parametrize("what", SPANS)
 def test_twists_in_the_set_hold_for_every_sample(make_chain: ChainMaker, what: str) -> None:
-    """Frictions, loads, heights and accelerations at random: no condition of an allowed push is missed."""
+    """Random frictions, loads, heights and accelerations violate no condition of an allowed push."""
     rng = np.random.default_rng(7)
     interval = cubes(make_chain, SPANS[what], z=0.05, masses=(0.5, 2.0) if "heavy" in what else (1.0, 1.0))
     dynamics = ContactDynamics(interval.chain, interval=interval)
@@ -222,7 +222,7 @@ def test_planned_pushes_hold_in_an_engine_with_six_degrees_of_freedom() -> None:
 
 
 def _uneven(make: ChainMaker) -> IntervalChain:
-    """Return three boxes, two of them pushed by the first, nothing of them equal: masses, heights, spans."""
+    """Return three boxes, two of them pushed by the first, with different masses, heights and intervals."""
     chain, heights = make.boxes(3), [(0.01, 0.02), (0.0, 0.005), (0.03, 0.034)]
     contacts = tuple(
         replace(c, height=h, pusher=min(c.pusher, 0)) for c, h in zip(chain.contacts, heights, strict=True)
@@ -239,7 +239,7 @@ def _uneven(make: ChainMaker) -> IntervalChain:
 
 
 def test_load_shifts_are_those_of_the_worst_heights_and_masses(make_chain: ChainMaker) -> None:
-    """By enumeration: inertia of what an object pushes acts at another height than what pushes the object."""
+    """By enumeration; the inertia of a pushed object acts at another height than its own push."""
     interval, worst = _uneven(make_chain), np.zeros((3, 3))
     for mass, height in product(product(*interval.mass), product(*interval.chain.contact_heights)):
         for i, k in ((0, 1), (0, 2)):

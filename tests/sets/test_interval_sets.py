@@ -1,4 +1,4 @@
-"""Loads, frictions and pressures known only within bounds: what is in the set holds for all of them."""
+"""Loads, frictions and pressures within bounds: twists in the set hold for all of them."""
 
 import itertools
 from dataclasses import replace
@@ -35,7 +35,7 @@ def with_loads(interval: IntervalChain, loads: FloatArray) -> Chain:
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4])
 def test_the_set_is_that_of_all_vertices(make_chain: ChainMaker, n: int) -> None:
-    """Exactly; and its margin is no larger than that of any vertex."""
+    """Exactly; the margin is not larger than that of any vertex."""
     for seed in range(4):
         interval = widened(make_chain.random(seed, n, tree=seed == 3, feet=seed == 1))
         twists = forward_twists(interval.chain, seed)
@@ -48,7 +48,7 @@ def test_the_set_is_that_of_all_vertices(make_chain: ChainMaker, n: int) -> None
 
 @pytest.mark.parametrize("name", ["ecof", "translation", "stable", "robust"])
 def test_nothing_between_the_vertices_is_missed(make_chain: ChainMaker, name: str) -> None:
-    """Random loads in the intervals, contact frictions above the lowest: what is in the set is stable for them."""
+    """With random loads in the intervals and contact frictions above the lowest, twists in the set are stable."""
     inside = 0
     for seed in range(3):
         interval = widened(make_chain.random(seed, 3))
@@ -75,7 +75,7 @@ def test_sets_over_intervals_are_nested(make_chain: ChainMaker) -> None:
 
 
 def test_fractions_of_feet(make_chain: ChainMaker) -> None:
-    """The set holds for random fractions in the intervals; each point outside fails for some vertex."""
+    """The set holds for random fractions in the intervals; each twist outside fails for some vertex."""
     feet = np.array([[-0.04, -0.04], [0.05, -0.03], [0.04, 0.04], [-0.03, 0.05]])
     chain = make_chain.boxes(2, support=lambda _: FeetSupport(feet, np.full(4, 0.25)))
     spans = [(0.1, 0.4), (0.2, 0.35), (0.1, 0.3), (0.15, 0.5)]
@@ -115,21 +115,23 @@ OUTLINES = {
 
 
 def chain_on(support: Support, outline: FloatArray) -> Chain:
-    """Return one object pushed by a plate somewhere; mechanics does not ask where."""
+    """Return one object and a plate that need not touch, because mechanics does not check it."""
     obj = PushedObject("box", outline, 1.0, 0.3, support, np.array([0.3, 0.1, 0.4]))
     contact = Contact(np.array([0.0, -0.05]), np.array([0.0, 0.06]), 0.4, 0, -1)
     return Chain((obj,), (contact,), Pusher(np.array([[-0.03, -0.1], [0.0, -0.1], [0.0, 0.1], [-0.03, 0.1]]), 0.4))
 
 
 def pulls_of(points: FloatArray, twist: FloatArray, length: float) -> FloatArray:
-    """Return the wrenches (c, 3) that unit loads at points (c, 2) ask for, moments divided by the length."""
+    """Return the wrenches (c, 3) for unit loads at points (c, 2), moments divided by the length."""
     u = np.stack([twist[0] - twist[2] * points[:, 1], twist[1] + twist[2] * points[:, 0]], axis=1)
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     return np.column_stack([u, (points[:, 0] * u[:, 1] - points[:, 1] * u[:, 0]) / length])
 
 
 def worst(pulls: FloatArray, parts: FloatArray, rows: FloatArray) -> FloatArray:
-    """Return the largest sum p theta r over |theta| <= 1 with sum p theta = 0: by sorting, as theta is a sign."""
+    """Return the largest sum p theta r over |theta| <= 1 with sum p theta = 0, by sorting, because theta is a
+    sign.
+    """
     losses = []
     for r in (pulls @ rows.T).T:
         order = np.argsort(r)
@@ -141,7 +143,7 @@ def worst(pulls: FloatArray, parts: FloatArray, rows: FloatArray) -> FloatArray:
 
 @pytest.mark.parametrize("name", OUTLINES)
 def test_the_worst_pressure_within_the_share_is_a_tight_bound(name: str, monkeypatch: Patch) -> None:
-    """The worst one found by sorting thirty times as many cells; centres of rotation inside, near and far."""
+    """The worst pressure comes from sorting thirty times as many cells; CORs are inside, near and far."""
     chain, rng = chain_on(UniformSupport(OUTLINES[name]), OUTLINES[name]), np.random.default_rng(0)
     coarse, _ = chain.objects[0].support.cells()
     near = coarse[rng.integers(len(coarse), size=60)] + rng.normal(size=(60, 2)) * 0.03
@@ -163,7 +165,7 @@ def test_the_worst_pressure_within_the_share_is_a_tight_bound(name: str, monkeyp
 
 
 def test_cells_have_the_load_and_the_centre_of_the_pressure() -> None:
-    """Exactly, as every cell stands for its own centre of load; affine pressures to the size of a cell."""
+    """Exactly, because every cell has its own centre of load; for affine pressures up to the size of a cell."""
     for outline in OUTLINES.values():
         support = UniformSupport(outline)
         points, parts = support.cells()

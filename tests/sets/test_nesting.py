@@ -1,4 +1,4 @@
-"""Every set that knows less lies inside the one that knows more, whatever the pressure turns out to be."""
+"""Sets with less knowledge lie inside those with more, for every pressure."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ from pushplan.util.arrays import FloatArray
 
 
 def near_boundary(stable: StableSet, rng: np.random.Generator, count: int) -> FloatArray:
-    """Return twists (2 count, 3): some within 0.001 rad of the boundary, some anywhere forward."""
+    """Return twists (2 count, 3): some within 0.001 rad of the boundary, some in any forward direction."""
     found = stable.meridians(count=64)
     length = stable.chain.characteristic_length
     forward: FloatArray = rng.normal(size=(count, 3)) * [0.3, 0.3, 0.5 / length] + np.array([1.0, 0.0, 0.0])
@@ -31,7 +31,9 @@ def near_boundary(stable: StableSet, rng: np.random.Generator, count: int) -> Fl
 
 
 def on_few_points(support: Support, rng: np.random.Generator) -> FeetSupport:
-    """Return a mix of extreme pressures with a support's centre: basic solutions, of at most three points each."""
+    """Return a mixture of extreme pressures with a support's centre: basic solutions with at most three points
+    each.
+    """
     hull = support.hull
     points = np.concatenate([hull, rng.dirichlet(np.full(len(hull), 0.3), size=24) @ hull])  # most near its edges
     equations, fractions = np.vstack([points.T, np.ones(len(points))]), np.zeros(len(points))
@@ -44,7 +46,7 @@ def on_few_points(support: Support, rng: np.random.Generator) -> FeetSupport:
 
 
 def nested(chain: Chain, seed: int, rounds: int = 2) -> tuple[int, int]:
-    """Check the nesting on random twists; return how many `robust` allows, and for how many loads it was tried."""
+    """Check the nesting on random twists; return the number of twists in `robust` and of tested loads."""
     robust, stable, rng = (stable_set(chain, "robust"), stable_set(chain, "stable"), np.random.default_rng(seed))
     twists = np.concatenate([near_boundary(each, rng, 40) for each in (robust, stable)])
     margins, tried = robust.margin(twists), 0
@@ -63,7 +65,7 @@ def nested(chain: Chain, seed: int, rounds: int = 2) -> tuple[int, int]:
 
 @pytest.mark.parametrize("n", [1, 2, 4, 6])
 def test_stable_is_inside_robust_is_inside_ecof(make_chain: ChainMaker, n: int) -> None:
-    """For random polygons, and pressures on few points with the same centres, as the worst ones are."""
+    """For random polygons, and pressures on few points with the same centres, which are the worst ones."""
     chains = [make_chain.random(seed + 10 * n, n, tree=seed == 1) for seed in range(2)]
     found = [nested(chain, seed, rounds=4) for seed, chain in enumerate(chains)]
     assert sum(inside for inside, _ in found) > 0
@@ -72,7 +74,7 @@ def test_stable_is_inside_robust_is_inside_ecof(make_chain: ChainMaker, n: int) 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_nesting_holds_for_pushes_above_the_floor(make_chain: ChainMaker, n: int) -> None:
-    """The load shifts with the friction force, in `ecof` by an affine pressure, in the others in any way."""
+    """The load shifts with the friction force: in `ecof` as an affine pressure, in the other sets arbitrarily."""
     chains = {seed: raised(make_chain.random(seed, n), 0.05 + 0.05 * seed) for seed in range(0, 12, 3)}
     found = [nested(chain, seed) for seed, chain in chains.items()]
     inside, tried = np.sum(found, axis=0)
@@ -81,7 +83,7 @@ def test_nesting_holds_for_pushes_above_the_floor(make_chain: ChainMaker, n: int
 
 
 def raised(chain: Chain, part: float) -> Chain:
-    """Return the chain pushed at a height that uses `part` of the room that its loads have to shift."""
+    """Return the chain pushed at a height that uses `part` of the possible load shift."""
     low = replace(chain.pusher, contact_height=0.0)
     heights = []
     for obj, area in zip(chain.objects, load_areas(replace(chain, pusher=low)), strict=True):
@@ -93,7 +95,7 @@ def raised(chain: Chain, part: float) -> Chain:
 
 @pytest.mark.parametrize("name", ["cof", "translation", "stable", "robust"])
 def test_all_sets_agree_on_translations(make_chain: ChainMaker, name: str) -> None:
-    """Where nothing turns, only the centres count; margins are those of `ecof`, but for the measure of `stable`."""
+    """Without rotation only the centres count; margins equal those of `ecof`, except for the measure of `stable`."""
     angle = np.linspace(-np.pi, np.pi, 400)
     twists = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
     found = 0

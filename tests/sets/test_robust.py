@@ -23,7 +23,7 @@ from pushplan.util.arrays import FloatArray
 
 
 def placed_on(area: LoadArea, rng: np.random.Generator) -> Chain:
-    """Return one object with that load area and unit friction load, pushed through a random contact."""
+    """Return one object with a load area and unit friction load, pushed through a random contact."""
     support: Support = FeetSupport(area.points, None, area.center)
     if area.solid:
         support = UnknownSupport(area.points, area.center)
@@ -68,7 +68,7 @@ def random_area(rng: np.random.Generator, solid: bool, high: bool) -> LoadArea:
 
 
 def random_twist(rng: np.random.Generator, area: LoadArea) -> FloatArray:
-    """Return a twist, for one in four about a COR under the object."""
+    """Return a twist; one in four is about a COR under the object."""
     twist = rng.normal(size=3) * [1.0, 1.0, rng.choice([0.1, 1.0, 5.0])]
     if rng.uniform() < 0.25:
         cor = rng.dirichlet(np.ones(len(area.points))) @ area.points
@@ -79,7 +79,7 @@ def random_twist(rng: np.random.Generator, area: LoadArea) -> FloatArray:
 @pytest.mark.parametrize("high", [False, True])
 @pytest.mark.parametrize("solid", [False, True])
 def test_least_rows_agree_with_a_linear_program(solid: bool, high: bool) -> None:
-    """Never above it, and below it by no more than its finite number of points, and ours, explain."""
+    """Never above it, and below it only by the error of the finite numbers of points."""
     rng = np.random.default_rng(3)
     for _ in range(8):
         area = random_area(rng, solid, high)
@@ -94,7 +94,9 @@ def test_least_rows_agree_with_a_linear_program(solid: bool, high: bool) -> None
 
 
 def test_the_worst_pressure_attains_the_bound(make_chain: ChainMaker) -> None:
-    """On the boundary of the set, the worst pressure brings the contact to the brink; a little outside, it breaks."""
+    """On the boundary of the set, the worst pressure reaches the limit of the contact; a little outside, it exceeds
+    it.
+    """
     tried = 0
     for seed in range(6):
         chain = make_chain.random(seed, 1 + seed % 3)

@@ -1,4 +1,4 @@
-"""A box or a row of boxes in a room, and a robot that is somewhere else."""
+"""A box or a row of boxes in a room, and a robot elsewhere in it."""
 
 from collections.abc import Callable
 from typing import Any
@@ -46,5 +46,5 @@ def problem_document(drive: str = "car", boxes: int = 1, **changes: Any) -> dict
 
 @pytest.fixture(scope="session")
 def problem() -> Problem:
-    """Makes scenarios of several pushes; see `problem_document`."""
+    """Return a factory of multi-push scenarios; see `problem_document`."""
     return lambda drive="car", boxes=1, **changes: scenario_from_document(problem_document(drive, boxes, **changes))

@@ -1,4 +1,4 @@
-"""Ways of the robot alone: words that lead where they should, as the drive can, and around what is in the way."""
+"""Transits of the robot: steering paths that end at the goal, respect the drive, and avoid obstacles."""
 
 import math
 

@@ -57,7 +57,7 @@ CAR = {"car": {"axle": [-0.3, 0.0, 0.0], "min_radius": 1.0}}
 
 
 def document(row: Mapping[str, Any] | None = None, **more: Any) -> dict[str, Any]:
-    """Return the file with another place of the row, and other keys."""
+    """Return the document with another row and other keys."""
     goals = {"row": {"of": ["a", "b", "c"], **(row or {"pose": [3.0, 2.0, 0.0]})}}
     return {**DOCUMENT, "goals": goals, **more}
 
@@ -190,7 +190,9 @@ def test_a_row_continues_from_placed_objects(row: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("drive", [{}, {"drive": CAR}], ids=["omnidirectional", "car"])
 def test_an_object_close_behind_and_beside_the_row_is_pushed_away_first(drive: dict[str, Any]) -> None:
-    """Only a plate with its end at the object's own has room beside the row: the whole of it would push that, too."""
+    """Only a plate whose end is at the object's end has room beside the row; a whole plate would push the row,
+    too.
+    """
     at_rear = {"of": ["b", "c"], "pose": [3.0, 2.0, 0.0], "placed": ["c"]}
     stated = document({**at_rear, "tolerance": {"position": "10 mm", "angle": "2 deg"}})
     objects = [dict(obj) for obj in stated["objects"] if obj["name"] != "a"]
@@ -339,7 +341,7 @@ def test_an_object_that_the_robot_cannot_reach_is_proven_unreachable(
 
 
 def test_a_lost_object_is_brought_to_the_delivered_ones() -> None:
-    """Two of three have been delivered, a little off; the third was lost beside the room's middle."""
+    """Two of three were delivered with small errors; the third was lost beside the middle of the room."""
     plan = solved(document(gather="never"))
     rest = RestPlanner(plan.scenario, plan, (5e-3, np.radians(1.0)), 0.2, Observer())
     second = [k for k, segment in enumerate(plan.segments) if segment.kind == "retreat"][1]
@@ -408,7 +410,7 @@ def test_an_object_at_its_place_counts_as_placed(
 
 
 def test_a_stated_order_is_kept_even_if_another_one_is_cheaper() -> None:
-    """c is near its place at the front, and the plate near a, which stands last: any order takes another one."""
+    """c is near its place at the front, and the plate is near a, the last one; a free order differs."""
     places = {"a": [2.2, 2.0, 0.0], "b": [1.6, 2.6, 0.0], "c": [1.0, 2.0, 0.0]}
     objects = [{**one, "pose": places[one["name"]]} for one in DOCUMENT["objects"]]
     orders = []

@@ -1,4 +1,4 @@
-"""Several pushes and several objects where contacts are real: they go as planned, and what is off comes home too."""
+"""Multi-push plans and rearrangements with real contacts: they go as planned, and displaced objects arrive, too."""
 
 import math
 from dataclasses import replace
@@ -37,7 +37,7 @@ def test_a_world_of_other_objects_is_refused(found: Plan) -> None:
 
 
 def test_displaced_objects_also_reach_their_goals(found: Plan) -> None:
-    """Which are all 2 mm and half a degree off where they are believed to be."""
+    """All of them are 2 mm and half a degree off their nominal poses."""
     world = World.from_scenario(found.scenario)
     report = simulate(found, world.with_object_poses(se2.compose(world.object_poses, OFF)))
     assert report.jammed_at is None

@@ -1,4 +1,4 @@
-"""Plans of several pushes: whole, timed, executed, judged; and refused with the reason."""
+"""Multi-push plans: complete, timed, executed, checked; or refused with the reason."""
 
 from dataclasses import replace
 from typing import Any

@@ -1,4 +1,4 @@
-"""Several objects to goals of their own: in an order that works, with as little as possible put out of the way."""
+"""Rearrangements: a feasible order with as few displaced objects as possible."""
 
 import math
 from collections.abc import Mapping
@@ -30,7 +30,9 @@ HERE, THERE = (1.0, 1.0), (1.0, 2.0)
 
 
 def boxes(ways: Mapping[str, tuple[tuple[float, float], tuple[float, float] | None]], **more: Any) -> Scenario:
-    """Return boxes that go from one place to another, in any of four orientations; those without one may be moved."""
+    """Return boxes that go from one place to another, in any of four orientations; those without a goal can be
+    moved.
+    """
     document: dict[str, Any] = problem_document()
     (shape,) = document.pop("objects")
     for key in ("start", "goal"):
@@ -43,7 +45,7 @@ def boxes(ways: Mapping[str, tuple[tuple[float, float], tuple[float, float] | No
 
 
 def corners(*radii: float) -> dict[str, Any]:
-    """Return a polygon whose corners lie around the middle at angles of their own, the first one at -x."""
+    """Return a polygon with corners at given angles about its centre, the first one at -x."""
     angles = np.pi + 2.0 * np.pi * np.arange(len(radii)) / len(radii)
     return {"polygon": np.column_stack([radii * np.cos(angles), radii * np.sin(angles)]).tolist()}
 
@@ -55,7 +57,7 @@ def moves(found: Plan) -> list[str]:
 
 
 def require(scenario: Scenario, found: Plan) -> None:
-    """Check that the whole is judged a solution, and that every object with a goal is there."""
+    """Check that the plan passes the validator and every object with a goal arrives."""
     assert found.solved, found.reason
     assert Validator(scenario).flaw(found.segments, found.execution) == ""
     assert off_goals(found) < 2e-3
@@ -63,7 +65,7 @@ def require(scenario: Scenario, found: Plan) -> None:
 
 
 def off_goals(found: Plan) -> float:
-    """Return the larger of the largest errors (m, rad) at the end of a plan."""
+    """Return the largest errors (m, rad) at the end of a plan."""
     after = found.segments[-1].after
     return max(worst_at_goal(found.scenario, np.stack([after[name] for name in found.scenario.poses])))
 
@@ -92,7 +94,7 @@ def test_a_longer_search_makes_the_same_transfers_cheaper(monkeypatch: Patch) ->
 
 @pytest.mark.parametrize("stated", [{}, {"tolerance": {"position": 0.002, "angle": 0.004}}])
 def test_an_object_ends_within_the_tolerance_where_that_saves_a_detour(stated: dict[str, Any]) -> None:
-    """A car's robot cannot push by 0.1 m and 5 mm aside at once."""
+    """A car cannot push by 0.1 m ahead and 5 mm sideways in one push."""
     goals = {"a": {"pose": [1.1, 1.005, 0.0], **stated}, "b": [2.1, 1.0, 0.0]}
     scenario = boxes({"a": ((1.0, 1.0), None), "b": ((2.0, 1.0), None)}, goals=goals)
     found = plan(scenario, first=True, time_limit=LIMIT)
@@ -106,7 +108,7 @@ BOXES = {"a": ((1.0, 1.0), (1.0, 2.0)), "b": ((2.0, 1.0), (2.5, 2.0)), "c": ((3.
 
 
 def test_the_cost_of_a_tour_is_that_of_the_cheapest_order() -> None:
-    """Every order is gone through by itself, from each end of a push to each face."""
+    """Every order is enumerated, from each end of a push to each face."""
     scenario = boxes(BOXES)
     pieces = RearrangementSearch.of(scenario, PlanSettings().completed(scenario)).pieces
     poses = np.array([scenario.task.by_name[piece.name].start for piece in pieces])
@@ -127,7 +129,7 @@ def test_the_cost_of_a_tour_is_that_of_the_cheapest_order() -> None:
 
 
 def test_a_box_that_blocks_another_is_moved_first() -> None:
-    """The one that is nearest to the robot waits: what it costs to push it round the other one is not paid."""
+    """The box nearest to the robot waits, which saves pushing it around the other one."""
     scenario = boxes({"near": ((1.0, 1.0), (1.0, 2.6)), "in its way": ((1.0, 2.0), (3.0, 2.0))})
     found = plan(scenario, first=True, time_limit=LIMIT)
     require(scenario, found)

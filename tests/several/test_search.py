@@ -1,4 +1,4 @@
-"""The search for several pushes: exact graphs, sound bounds, descents that only descend, faces that fit."""
+"""The search of multi-push plans: exact graphs, sound bounds, monotonic descents, usable faces."""
 
 import itertools
 import time
@@ -36,7 +36,7 @@ def prepared_of(scenario: Scenario) -> MultiPushSearch:
 
 
 def by_enumeration(pushes: FloatArray, changes: FloatArray, first: FloatArray, goals: int, most: int) -> float:
-    """Return the cheapest cost of all sequences, each looked at."""
+    """Return the smallest cost of all sequences, by enumeration."""
     modes, nodes, _ = pushes.shape
     best = np.inf
     for count in range(1, most + 1):
@@ -89,7 +89,7 @@ def test_the_cheapest_tours_match_all_orders() -> None:
 
 
 def side_by_side(problem: Problem, second_is: float = 0.15) -> Scenario:
-    """Two boxes 5 cm apart, side by side before a plate of 40 cm; the chain frame is at the first one."""
+    """Return two boxes 5 cm apart, side by side before a plate of 40 cm; the chain frame is at the first one."""
     objects = [
         {"name": "a", "shape": {"box": [0.15, 0.15]}, "mass": 1.0, "offset": 0.1},
         {"name": "b", "shape": {"box": [second_is, 0.15]}, "mass": 1.0, "pose": [0.5 * second_is, -0.2, 0.0]},
@@ -109,7 +109,7 @@ def test_stacks_side_by_side_are_pushed_only_where_the_plate_touches_all(problem
 
 
 def test_a_push_goes_around_an_obstacle_that_blocks_every_single_steering_path(problem: Problem) -> None:
-    """The box may be pushed from behind only, and a pillar stands in the middle of its way."""
+    """The box can only be pushed from behind, and a pillar blocks its path."""
     pillar = [{"circle": 0.3, "center": [2.0, 1.0]}]
     goal = {"pose": [3.0, 1.0, 0.0], "of": "b0"}
     asked = problem("omnidirectional", pusher={"faces": ["rear"]}, obstacles=pillar, goal=goal)
@@ -121,7 +121,7 @@ def test_a_push_goes_around_an_obstacle_that_blocks_every_single_steering_path(p
 
 
 def test_the_plate_takes_no_pose_with_an_overlap(problem: Problem) -> None:
-    """In the notch of an L the plate of 20 cm finds no room; on its outer faces it does."""
+    """In the notch of an L, the plate of 20 cm has no room; on its outer faces it has."""
     notched = [[0.0, 0.0], [0.3, 0.0], [0.3, 0.1], [0.1, 0.1], [0.1, 0.3], [0.0, 0.3]]
     document = problem_document(goal={"pose": [1.0, 2.0, 0.0], "of": "b0"})
     document["objects"][0]["shape"] = {"polygon": notched}
@@ -180,7 +180,7 @@ def test_more_search_never_makes_a_plan_worse_and_none_beats_the_bound(problem: 
 
 
 def test_costs_to_go_start_at_the_plate_after_the_retreat(problem: Problem) -> None:
-    """Of every contact with every goal, as a plan drives there; the plate stands beside the middle of a face."""
+    """For each contact and goal, as in a plan; the plate stands beside the middle of a face."""
     pusher = {"faces": "all", "offsets": ["-20 mm", "30 mm"]}
     goals = [{"pose": pose, "of": "b0"} for pose in ([1.0, 0.8, 0.5], [-0.9, 1.2, -2.0])]
     for goal in goals:
@@ -250,7 +250,7 @@ def test_many_goals_and_offsets_need_little_memory_and_respect_the_time_limit(pr
 
 @pytest.mark.parametrize("sense", [1.0, -1.0])
 def test_a_random_push_follows_one_of_the_contact_s_twists(sense: float) -> None:
-    """Wherever the contact is on the load, and whichever way it looks."""
+    """For every position and heading of the contact on the load."""
     families = np.array([[[0.5, 0.1, 2.0], [1.0, 0.0, 0.0], [0.5, -0.2, -1.0]]])
     contact, load, state = np.array([0.1, 0.07, 0.5]), np.array([1.0, -2.0, 2.5]), np.array([3], dtype=np.uint64)
     mode = PackedMode(families, contact, np.zeros(3), families[0, 1], 0.02, 0.05, 0.05, 0.0, 2.0)

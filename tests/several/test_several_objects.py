@@ -1,4 +1,4 @@
-"""Files in which several objects have goals of their own: read, refused with the place, planned, recorded."""
+"""Files with goals for several objects: read, refused with the place, planned, recorded."""
 
 import json
 from dataclasses import replace
@@ -77,7 +77,7 @@ obstacles:
 
 
 def test_an_object_that_makes_room_returns_to_its_goal(tmp_path: Path, capsys: Captured) -> None:
-    """Blue stands on its goal, in the mouth of the alcove in which red's goal is."""
+    """Blue stands on its goal, at the entrance of the alcove with red's goal."""
     path = tmp_path / "alcove.yaml"
     path.write_text(ALCOVE, "utf-8")
     assert main(["plan", str(path), "--first", "--time-limit", "120", "--no-log", "--json"]) == 0
@@ -90,7 +90,7 @@ def test_an_object_that_makes_room_returns_to_its_goal(tmp_path: Path, capsys: C
 @pytest.mark.parametrize("command", ["check", "plan"])
 @pytest.mark.parametrize("goals", ["[1.2, 1.1, 90 deg]", "[{pose: [1.2, 1.0, 0]}, {pose: [1.1, 1.0, 0]}]"])
 def test_goals_that_overlap_are_refused_at_once(command: str, goals: str, tmp_path: Path, capsys: Captured) -> None:
-    """The red box starts on its goal; wherever the other goes, it would stand on it."""
+    """The red box starts on its goal and would overlap the other one on its goal."""
     stated = SWAP.replace("red-box: {pose: [2.2, 2.2, 0.0], symmetry: 2}", "red-box: [1.2, 1.0, 0.0]")
     file = tmp_path / "swap.yaml"
     file.write_text(stated.replace("other: [2.2, 1.0, 90 deg]", f"other: {goals}"), "utf-8")

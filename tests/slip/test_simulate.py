@@ -1,4 +1,4 @@
-"""Simulated slip against mechanics worked out otherwise, measured pushes, and its solver."""
+"""Simulated slip against independent mechanics and measured pushes, and its solver."""
 
 import runpy
 from dataclasses import replace
@@ -28,12 +28,12 @@ make = ChainMaker()
 
 
 def on_feet(outline: FloatArray) -> FeetSupport:
-    """Four even feet, a little inside the corners."""
+    """Return four equal feet a little inside the corners."""
     return FeetSupport(0.9 * outline, np.full(len(outline), 1.0 / len(outline)))
 
 
 def pushed(world: World, twist: tuple[float, float, float], way: float = 0.1, step: float = 1e-3) -> ContactReport:
-    """Push with a constant twist for `way` m of the fastest corner."""
+    """Push with a constant twist until the fastest corner has moved by `way`, m."""
     vx, vy, omega = twist
     rate = np.hypot(vx, vy) + world.chain.reach * abs(omega)
     duration = way / rate
@@ -103,7 +103,9 @@ def test_nothing_goes_through_walls_obstacles_or_one_another() -> None:
 
 
 def scattered(seed: int) -> World:
-    """Four polygons at random headings, every other one not convex, before a turned plate; a triangle and a disc."""
+    """Return four polygons at random headings, every other one non-convex, before a turned plate; a triangle and a
+    disc.
+    """
     rng = np.random.default_rng(seed)
     chain = make.boxes(1, size=(0.08, 0.12), pusher_friction=float(rng.uniform(0.1, 0.5)))
     start, beside = np.array([0.4, -0.3, rng.uniform(-3.0, 3.0)]), []
@@ -122,7 +124,7 @@ def scattered(seed: int) -> World:
 
 @pytest.mark.parametrize("seed", [1, 3, 8])
 def test_only_touched_bodies_move_and_none_overlap(seed: int) -> None:
-    """Bodies that stand and touch anyhow, corner to corner and face to face; shapely says where they are."""
+    """Bodies rest and touch in random ways, corner to corner and face to face; shapely computes the overlaps."""
     world, rng = scattered(seed), np.random.default_rng(seed)
     simulator, (wall, disc), entered, moved = SlipSimulator(world), world.obstacles, 0.0, 0
     assert isinstance(wall, PolygonObstacle)
@@ -288,7 +290,7 @@ def test_every_step_of_random_pushes_is_solved(count: int) -> None:
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_the_force_of_the_plate_balances_floor_friction(count: int) -> None:
-    """Floor friction from the feet's own displacements, in the plate's frame in the middle of every step."""
+    """Floor friction follows from the feet's displacements, in the plate's frame in the middle of every step."""
     rng = np.random.default_rng(10 + count)
     for friction in (0.05, 0.8):  # slides, sticks
         chain = make.boxes(count, contact_friction=friction, pusher_friction=friction, support=on_feet)

@@ -1,4 +1,4 @@
-"""Trials: sampled worlds, rates with intervals, the command, its picture and its log."""
+"""Trials: Monte Carlo samples, rates with intervals, the command, its picture and its log."""
 
 import json
 from dataclasses import replace
@@ -60,7 +60,7 @@ def test_statistics_of_trials_match_their_reports(trials: Trials) -> None:
 
 
 def test_contacts_hold_in_a_sample_only_with_inertia() -> None:
-    """Against margins at every sample of the trajectory, object by object, of ten plans."""
+    """Against margins at every sample of the trajectory, for each object of ten plans."""
     held = lost = 0
     for name in TEN:
         found = plan(pushplan.load_scenario(name), seed=1, first=True, iterations=2_000, time_limit=60.0)
@@ -101,7 +101,7 @@ def test_objects_with_pose_errors_touch_and_do_not_overlap() -> None:
 
 
 def test_the_outcome_of_each_sample_is_logged(planned: Plan, tmp_path: Path) -> None:
-    """In a log that is written as they end, also should they be killed, and which is verified by trying again."""
+    """The log grows with each sample, so that a kill loses none, and is verified by new trials."""
     log, halves = tmp_path / "trials.mcap", list[RecordedRun]()
 
     def ended(end: TrialEnd) -> None:

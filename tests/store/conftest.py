@@ -1,4 +1,4 @@
-"""Logs of every kind: one push, several pushes, several objects, a closed loop, trials, and one without a plan."""
+"""Logs of every kind: one push, multi-push, rearrangement, closed loop, trials, and one without a plan."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping
@@ -29,7 +29,7 @@ KINDS = ("push", "multi-push", "rearrangement", "closed loop", "trial", "no plan
 
 @dataclass(frozen=True)
 class Case:
-    """What a log is written of."""
+    """Contents of a log."""
 
     plan: Plan
     execution: Execution | None = None
@@ -56,7 +56,7 @@ class Case:
 
 
 def _closed_loop(plan: Plan) -> Case:
-    """Return a closed loop: the objects end up a little aside, measured with noise."""
+    """Return a closed loop whose objects end with a lateral offset, measured with noise."""
     execution = there(plan.execution)
     rng = np.random.default_rng(3)
     aside = np.linspace(0.0, 0.01, len(execution.t))[:, None, None] * rng.normal(size=3)
@@ -69,7 +69,7 @@ def _closed_loop(plan: Plan) -> Case:
 
 
 def _trial(plan: Plan) -> Case:
-    """Return trials of a plan and, in the same log, the course of one of them, in which contacts move."""
+    """Return trials of a plan and, in the same log, the execution of one sample with slip."""
     ends: list[TrialEnd] = []
     uncertainty = TrialUncertainty(contact_friction=0.6, load=0.3, position=2e-3)
     trials = execute_trials(plan, 2, uncertainty, seed=3, progress=ends.append)
@@ -110,7 +110,7 @@ Edit = Callable[[Any], Iterator[Any]]
 
 
 def rewritten(log: Path, to: Path, edit: Edit) -> Path:
-    """Write a log again, with sound checksums, whatever `edit` makes of its records."""
+    """Write a log again after `edit` has changed its records, with correct checksums."""
     schemas: dict[int, int] = {}
     channels: dict[int, int] = {}
     with log.open("rb") as source, to.open("wb") as target:
@@ -142,7 +142,7 @@ def rewritten(log: Path, to: Path, edit: Edit) -> Path:
 
 
 def record_names(log: Path) -> dict[str, list[Any]]:
-    """Return the messages by topic, attachments and metadata by name, schemas and channels by what they are."""
+    """Return the names of messages (by topic), attachments, metadata, schemas and channels."""
     found: dict[str, list[Any]] = {}
     topics: dict[int, str] = {}
     with log.open("rb") as stream:

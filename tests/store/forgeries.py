@@ -1,6 +1,7 @@
-"""Logs that lie and are sound otherwise: of a plan that is none in the scenario stated, or of other numbers.
+"""Forged logs that are otherwise sound: plans that are invalid in the stated scenario, or wrong numbers.
 
-A forger has all of pushplan: what is recorded was executed in the scenario stated, and digests and messages fit.
+A forger has all of pushplan: the recorded plan was executed in the stated scenario, and digests and messages are
+correct.
 """
 
 import json
@@ -49,7 +50,7 @@ def honest(kind: str) -> Plan:
 
 
 def _stated(plan: Plan, edit: Callable[[Document], object]) -> Plan:
-    """Return a plan as one of another scenario, executed there as far as it can be."""
+    """Return a plan with another scenario, executed there as far as possible."""
     document = yaml.safe_load(plan.scenario.source)
     edit(document)
     scenario = scenario_from_document(document).settled(plan.segments[-1].after)
@@ -69,7 +70,7 @@ def _load(scenario: Scenario, segment: Segment) -> Any:
 
 
 def _put(*keys: str, value: Any) -> Callable[[Document], object]:
-    """Return what sets a value in a document."""
+    """Return a function that sets a value in a document."""
 
     def edit(document: Document) -> None:
         place = document
@@ -81,7 +82,7 @@ def _put(*keys: str, value: Any) -> Callable[[Document], object]:
 
 
 def _middle(plan: Plan, kind: str) -> list[float]:
-    """Return where the plate is in the middle of the longest segment of a kind."""
+    """Return the pose of the plate in the middle of the longest segment of a kind."""
     longest = max((s for s in plan.segments if s.kind == kind), key=lambda s: s.cost)
     return [float(value) for value in longest.path.poses_at([0.5 * longest.path.cost])[0][:2]]
 
@@ -92,7 +93,7 @@ def _obstacle(plan: Plan, kind: str) -> Plan:
 
 
 def _limit(name: str, share: float) -> Callable[[Plan], Plan]:
-    """Return what makes a limit of the robot a share of the largest value that is driven."""
+    """Return a function that sets a limit of the robot to a share of its largest used value."""
 
     def forge(plan: Plan) -> Plan:
         twists = np.abs(_trajectory(plan).twists)
@@ -177,7 +178,7 @@ def _execution(plan: Plan, change: Callable[[Execution], Execution]) -> Plan:
 
 
 def _shifted(pose: Any, by: float) -> Any:
-    """Return a pose of a document moved along x; of a goal with further wishes, its pose."""
+    """Return a pose of a document moved along x; also the pose of a goal with further keys."""
     if isinstance(pose, dict):
         return {**pose, "pose": _shifted(pose["pose"], by)}
     return [pose[0] + by, *pose[1:]]
@@ -207,7 +208,7 @@ def _robot_moved(plan: Plan) -> Plan:
 
 
 def _object_added(plan: Plan) -> Plan:
-    """State that one more object stands on the way."""
+    """Add one more object on the path."""
     pose = np.array([*_middle(plan, "transit"), 0.0])
     extra = {"name": "crate", "shape": {"box": [0.04, 0.04]}, "mass": 1.0, "pose": pose.tolist()}
     segments = tuple(
@@ -229,7 +230,7 @@ def _weights(**words: float) -> Callable[[Plan], Plan]:
 
 
 def _largest(plan: Plan, keys: Sequence[str], values: Sequence[Any]) -> Plan:
-    """State the first of some values with which the scenario can be at all."""
+    """Set the first of some values for which the scenario is valid."""
     for value in values:
         try:
             return _stated(plan, _put(*keys, value=value))
@@ -239,7 +240,7 @@ def _largest(plan: Plan, keys: Sequence[str], values: Sequence[Any]) -> Plan:
 
 
 def _fatter(plan: Plan) -> Plan:
-    """State as large a robot as start and goal allow."""
+    """Make the robot as large as start and goal allow."""
     boxes = [{"box": [size, size], "pose": [-0.5 * size, 0.0, 0.0]} for size in np.arange(2.0, 0.2, -0.05).tolist()]
     return _largest(plan, ["robot", "footprint"], boxes)
 
@@ -249,7 +250,7 @@ def _largest_clearance(plan: Plan) -> Plan:
 
 
 def _walled(plan: Plan) -> Plan:
-    """State the smallest room that start and goal allow."""
+    """Make the workspace as small as start and goal allow."""
     lows = [[low, 9.0] for low in np.arange(0.5, -3.0, -0.02).tolist()]
     return _largest(plan, ["workspace", "y"], lows)
 
@@ -269,7 +270,7 @@ def _margins(change: Callable[[Segment], Segment]) -> Callable[[Plan], Plan]:
 
 @dataclass(frozen=True)
 class Forgery:
-    """A lie about a run of a kind, and what writes its log."""
+    """A forgery of a run of a kind, and a function that writes its log."""
 
     kind: str
     name: str
@@ -366,7 +367,7 @@ def _watched() -> ClosedLoopRun:
 
 
 def _closed_loop(**changes: Callable[[ClosedLoopRun], Any]) -> Callable[[Path], None]:
-    """Return what writes the log of the closed loop with some fields changed."""
+    """Return a function that writes the log of the closed loop with some fields changed."""
     return lambda path: replace(_watched(), **{name: of(_watched()) for name, of in changes.items()}).write(path)
 
 
@@ -378,7 +379,7 @@ def _replanned(run: ClosedLoopRun) -> tuple[Replan, ...]:
 
 
 def _trials(change: Callable[[TrialEnd], TrialEnd]) -> Callable[[Path], None]:
-    """Return what writes the log of trials whose first one ended otherwise."""
+    """Return a function that writes the log of trials with another outcome of the first one."""
 
     def write(path: Path) -> None:
         ends = list(execute_trials(honest("push"), 2, TrialUncertainty(contact_friction=0.6), seed=3).ends)
@@ -396,7 +397,7 @@ def _trials(change: Callable[[TrialEnd], TrialEnd]) -> Callable[[Path], None]:
 
 
 def _unsolved(change: Callable[[Plan], Plan]) -> Callable[[Path], None]:
-    """Return what writes the log of a plan that was not found."""
+    """Return a function that writes the log of an unsolved plan."""
 
     def write(path: Path) -> None:
         plan = pushplan.plan(scenario_from_text(WALL), seed=1, time_limit=60.0, iterations=500)
@@ -411,7 +412,7 @@ def _nearer(plan: Plan) -> Plan:
 
 
 def _elsewhere(run: ClosedLoopRun) -> Plan:
-    """Return the first plan of a loop as one whose path has an obstacle on it."""
+    """Return the first plan of a loop, with an obstacle on its path."""
     return replace(run.plan, cost=0.5 * (run.plan.cost or 0.0), segments=_shorter_path(run.plan).segments)
 
 

@@ -1,4 +1,4 @@
-"""What is made of a log of any kind shows the execution: page, picture of the film, bag, tables, layout."""
+"""Exports of a log of any kind show its execution: page, film, bag, tables, layout."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""No log that lies is confirmed. Every fourth forgery is made here, all of them by `benchmarks/attacks.py`."""
+"""Forged logs are not verified. These tests use every fourth forgery; `benchmarks/attacks.py` uses all."""
 
 from pathlib import Path
 

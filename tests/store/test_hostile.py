@@ -1,4 +1,4 @@
-"""Hostile files end in one typed error after little work; a run is recorded as it grows, where it belongs."""
+"""Hostile files end in one typed error after little work; a run is recorded as it grows, in the right folder."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Logs as other tools write them again, and as older versions of pushplan wrote them: read and verified."""
+"""Logs rewritten by other tools, and logs of older versions of pushplan: read and verified."""
 
 import random
 from collections.abc import Callable, Iterator
@@ -29,7 +29,7 @@ def _sorted_by_name(found: Records) -> Records:
 
 
 def _shuffled(found: Records) -> Records:
-    """Return attachments and metadata in any order, between messages, those of a topic in their order."""
+    """Return attachments and metadata in random order between the messages; messages of a topic keep their order."""
     topics = [one for one in found if isinstance(one[1], records.Message)]
     others = [one for one in found if not isinstance(one[1], records.Message)]
     random.Random(1).shuffle(others)
@@ -46,7 +46,7 @@ WAYS: dict[str, tuple[Callable[[Records], Records], dict[str, Any]]] = {
 
 
 def _again(log: Path, to: Path, order: Callable[[Records], Records], options: dict[str, Any], foreign: bool) -> Path:
-    """Write a log again with the records in another order, chunks of another kind, and what others have recorded."""
+    """Write a log again with its records in another order, other chunks, and foreign records."""
     names = record_names(log)
     ids = {channel.id: channel for channel in names.pop("channel")}
     kinds = {schema.id: schema for schema in names.pop("schema")}
@@ -122,7 +122,7 @@ def test_older_logs_are_verified_after_a_topic_is_added(
 
 
 def test_older_logs_are_verified_after_a_field_is_added(logs: dict[str, Path], tmp_path: Path) -> None:
-    """The log is written as a version would have that knew no `omega` yet; one with another type is none of ours."""
+    """The log is one of a version without `omega`; a log with another type of it is refused."""
 
     def without(record: Any, number: int = 5) -> Iterator[Any]:
         if isinstance(record, records.Schema) and record.name == "pushplan.Twist":

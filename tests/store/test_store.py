@@ -1,4 +1,4 @@
-"""Logs of every kind: written and read back bit for bit, verified, and no change of them goes unnoticed."""
+"""Logs of every kind: read back bit for bit and verified; every change is noticed."""
 
 import dataclasses
 import json
@@ -32,7 +32,7 @@ EVERY = pytest.mark.parametrize("kind", KINDS)
 
 
 def assert_same(first: Any, second: Any) -> None:
-    """Compare objects, arrays and numbers bit for bit; loads by what they are, scenarios by what they state."""
+    """Compare objects, arrays and numbers bit for bit, and loads and scenarios by their contents."""
     if isinstance(first, Load):
         assert first.links == second.links
         assert_same(first.chain.places, second.chain.places)
@@ -124,7 +124,7 @@ def noticed(path: Path) -> bool:
 
 
 def changed(record: Any, topic: str) -> list[Any]:
-    """Return a record with one value, or one bit of its content, changed; none where it says nothing."""
+    """Return a record with one value or one bit changed; None for an empty record."""
     if isinstance(record, records.Metadata):
         key = next(key for key in record.metadata if key not in ("format", "sha256"))
         words = {**record.metadata, key: record.metadata[key] + "1"}
@@ -146,7 +146,7 @@ KINDS_OF = {topic.name: topic for topic in schemas.TOPICS}
 
 
 def _alter(message: Any) -> bool:
-    """Change the last value that a message holds; return whether it holds any."""
+    """Change the last value of a message; return whether it has one."""
     for field, value in reversed(message.ListFields()):
         several = hasattr(value, "extend")
         if field.message_type is not None:
@@ -164,9 +164,8 @@ def _alter(message: Any) -> bool:
 
 
 def test_every_change_of_a_topic_attachment_or_metadata_is_noticed(logs: dict[str, Path], tmp_path: Path) -> None:
-    """One record of each is changed or dropped, some repeated or moved, in a file that is sound as MCAP.
-
-    Each in the smallest log that has such a record.
+    """One record of each is changed or dropped, some are repeated or moved, in the smallest log with such a record;
+    the file stays valid MCAP.
     """
     passed = []
     groups: dict[str, tuple[str, list[Any]]] = {}
@@ -243,7 +242,7 @@ def test_a_truncated_log_is_read_up_to_its_end_or_refused(
 def test_every_written_part_is_in_the_file_at_once(
     cases: dict[str, Case], tmp_path: Path, monkeypatch: Patch
 ) -> None:
-    """The file as a kill would leave it after so many attachments holds every one of them."""
+    """After a kill at any attachment, the file has every attachment up to it."""
     case, attach, names, files = cases["closed loop"], RunLogWriter._attach, list[str](), list[bytes]()
 
     def noted(log: RunLogWriter, name: str, data: bytes, *more: Any) -> None:

@@ -1,4 +1,4 @@
-"""Packaged scenarios planned once, by travel, without a margin and without inertia, for the tests of timing."""
+"""Packaged scenarios planned once by travel, without margin and inertia, for the tests of timing."""
 
 from collections.abc import Callable
 from functools import cache
@@ -39,9 +39,8 @@ def planned() -> Planned:
 
 
 def use_by_differences(trajectory: Trajectory, limits: Limits, h: float = 2e-3) -> FloatArray:
-    """Return the largest share (3,) of the limits on speed, acceleration and jerk in the world.
-
-    Across breaks as well: where the acceleration is continuous, the third difference is a mean of the jerk.
+    """Return the largest share (3,) of the limits on speed, acceleration and jerk in the world. It includes the
+    breaks: with a continuous acceleration, the third difference is a mean of the jerk.
     """
     poses = trajectory.poses_at(np.arange(0.0, trajectory.duration, h))
     linear = (limits.speed, limits.acceleration, limits.jerk)

@@ -1,4 +1,4 @@
-"""Blended trajectories: they end on the goal, keep limits and margin, touch nothing, and save time."""
+"""Blended trajectories: they end on the goal, keep limits, margin and clearance, and save time."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -67,7 +67,7 @@ def test_packaged_scenarios_take_nearly_the_time_without_stops(planned: Planned,
 def _free(
     make_chain: ChainMaker, template: Scenario, *arcs: tuple[float, float, float, float]
 ) -> tuple[Scenario, PushPath]:
-    """A scenario without obstacles for two boxes, and a path of the given twists and lengths."""
+    """Return a scenario without obstacles for two boxes, and a path with some twists and lengths."""
     chain = make_chain.boxes(2, size=(0.1, 0.2))
     values = np.array(arcs)
     twists = values[:, :3] / cost_rate(values[:, :3])[:, None]
@@ -80,7 +80,7 @@ TURNS = [(1.0, 0.0, 0.0, 0.4), (1.0, -0.1, 0.8, 0.3), (1.0, 0.1, -0.8, 0.3), (1.
 
 
 def test_a_blend_interpolates_the_twists_of_two_arcs_linearly(make_chain: ChainMaker, planned: Planned) -> None:
-    """Arcs long enough for their steps not to overlap: the phase-synchronised blend between two twists."""
+    """The arcs are so long that their steps do not overlap: the phase-synchronised blend of two twists."""
     scenario, path = _free(make_chain, planned("one-box")[0], *TURNS)
     blend = _blend(scenario, path)
     assert not blend.stops
@@ -95,7 +95,7 @@ def test_a_blend_interpolates_the_twists_of_two_arcs_linearly(make_chain: ChainM
 
 
 def test_needles_at_cut_corners_change_the_path_or_force_a_stop(make_chain: ChainMaker, planned: Planned) -> None:
-    """Needles that the blend would hit and the exact motion passes at half a millimetre."""
+    """The blend would hit the needles, and the exact motion passes them by half a millimetre."""
     scenario, path = _free(make_chain, planned("one-box")[0], *TURNS, *TURNS[2:0:-1], *TURNS)
     pusher = replace(scenario.chain.pusher, limits=Limits(speed=0.4, angular_speed=2.0))
     scenario = scenario.with_load(chain=replace(scenario.chain, pusher=pusher))
@@ -120,7 +120,7 @@ def test_needles_at_cut_corners_change_the_path_or_force_a_stop(make_chain: Chai
 
 
 def _swept(trajectory: Trajectory) -> shapely.Geometry:
-    """What pusher and boxes pass over."""
+    """Return the area that pusher and boxes sweep over."""
     body = np.array([[-0.03, -0.1], [0.2, -0.1], [0.2, 0.1], [-0.03, 0.1]])
     poses = trajectory.poses_at(np.arange(0.0, trajectory.duration, 5e-3))
     return shapely.union_all([shapely.Polygon(transform_points(pose, body)) for pose in poses])

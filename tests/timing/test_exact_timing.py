@@ -1,4 +1,4 @@
-"""Exact timing: profiles, limits of arcs from pusher and contacts, also where the directions differ."""
+"""Exact timing: profiles, limits of arcs from pusher and contacts, also with limits that depend on direction."""
 
 from dataclasses import replace
 from itertools import product
@@ -47,7 +47,7 @@ def test_a_timed_path_ends_where_the_path_ends_and_stops_at_every_corner(seed: i
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_least_time_is_a_lower_bound_from_stop_to_stop(seed: int) -> None:
-    """Which is what it takes where nothing limits the jerk and no arc bends: so it is a close bound."""
+    """It is the exact time without a jerk limit and with straight arcs, so the bound is close."""
     rng = np.random.default_rng(seed)
     path, limits = _path(rng, 7), Limits(0.2, (-0.3, 0.5), 5.0, 1.0, 2.0, 20.0)
     least = float(least_times(path.twists, path.lengths, limits).sum())
@@ -62,7 +62,7 @@ LIMITS = ArcLimits(0.2, 0.5, 0.3, 5.0)
 
 
 def test_braking_can_be_weaker_than_accelerating() -> None:
-    """Length/v + (v/a + a/j) / 2 for the way up and likewise down."""
+    """Length/v + (v/a + a/j) / 2 for the acceleration, and the same for braking."""
     profile = rest_to_rest(2.0, LIMITS)
     usual = 2.0 / 0.2 + (0.2 / 0.5 + 0.5 / 5.0) / 2.0 + (0.2 / 0.3 + 0.3 / 5.0) / 2.0
     assert profile.duration == pytest.approx(usual, abs=1e-9)
@@ -74,7 +74,7 @@ FAST = Limits(speed=2.0, acceleration=20.0, jerk=1e3, angular_speed=20.0, angula
 
 
 def _stable_twists(contacts: ContactDynamics, seed: int, count: int) -> FloatArray:
-    """Unit-cost twists (count, 3) along which every contact holds by some margin."""
+    """Return unit-cost twists (count, 3) along which every contact holds by some margin."""
     rng = np.random.default_rng(seed)
     twists = rng.normal(size=(4000, 3)) * [0.2, 0.2, 1.5] + [1.0, 0.0, 0.0]
     margins = contacts.margins(1e-6 * twists, np.zeros_like(twists)).min(axis=1)
@@ -85,7 +85,7 @@ def _stable_twists(contacts: ContactDynamics, seed: int, count: int) -> FloatArr
 
 @pytest.mark.parametrize("n", [1, 3])
 def test_contacts_hold_at_every_corner_of_the_speed_rectangle(make_chain: ChainMaker, n: int) -> None:
-    """And in all of it, as their conditions are linear in s'^2 and s''."""
+    """They then hold in the whole rectangle, because their conditions are linear in s'^2 and s''."""
     contacts = ContactDynamics(make_chain.boxes(n))
     for twist in _stable_twists(contacts, n, 20):
         found = contact_limits(twist, 1.0, Bounds(FAST, contacts))
@@ -94,7 +94,7 @@ def test_contacts_hold_at_every_corner_of_the_speed_rectangle(make_chain: ChainM
 
 
 def test_a_twist_without_a_margin_is_refused_with_advice(make_chain: ChainMaker) -> None:
-    """On the boundary of the stable set any acceleration would slip."""
+    """On the boundary of the stable set any acceleration would cause slip."""
     contacts = ContactDynamics(make_chain.boxes(1))
     inside, outside = np.array([1.0, 0.0, 0.0]), np.array([1.0, 0.0, 20.0])
     for _ in range(60):

@@ -1,4 +1,4 @@
-"""Default plans keep half of their margin with inertia: by finite differences of poses, in worlds built anew."""
+"""Default plans keep half of their margin with inertia, computed from finite differences of poses."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ ROUNDING = 0.005
 
 
 def motion(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
-    """Body twists (m, 3) and their rates (m, 3) every millisecond of a motion, by differences of its poses."""
+    """Return body twists (m, 3) and their rates (m, 3) every millisecond of a motion, by differences of its poses."""
     poses = trajectory.poses_at(np.arange(0.0, trajectory.duration, H))
     steps = np.diff(poses, axis=0)
     middle = 0.5 * (poses[1:, 2] + poses[:-1, 2])

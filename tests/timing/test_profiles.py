@@ -1,4 +1,4 @@
-"""Every step of every trajectory is what Ruckig answers: seen at Ruckig's own call."""
+"""Every step of every trajectory is a result of Ruckig, checked at Ruckig's own call."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ RUCKIG = ruckig.Ruckig
 
 
 class Asked:
-    """Stands for `ruckig.Ruckig`; keeps what was asked and answered, and stretches the answers in time."""
+    """Stand-in for `ruckig.Ruckig` that records inputs and outputs, and stretches the durations."""
 
     requests: list[tuple[list[float], list[float]]]
     answers: list[ruckig.Trajectory]
@@ -67,7 +67,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> type[Asked]:
 
 
 def _changing(trajectory: Trajectory) -> FloatArray:
-    """Return how long (s,) the twist changes, in a row each time."""
+    """Return the durations (s,) of the successive changes of the twist."""
     changes = np.any(trajectory.coefficients[:, 1:] != 0.0, axis=(1, 2))
     ends = np.flatnonzero(np.diff(changes, prepend=False, append=False)).reshape(-1, 2)
     return np.array([trajectory.breaks[end] - trajectory.breaks[begin] for begin, end in ends])
@@ -82,7 +82,7 @@ CORNERED = PushPath(
 
 
 def _cornered() -> Section:
-    """Return a section whose steps are far apart: none is wider than it is asked for at first."""
+    """Return a section with distant steps, none of which is widened at first."""
     section = make_part(CORNERED, np.arange(3), Bounds(ROOMY), np.full(3, 0.2))
     assert isinstance(section, Section)
     return section
@@ -98,7 +98,7 @@ def test_single_steps_use_the_limits_of_the_pusher(asked: type[Asked]) -> None:
 
 
 def test_steps_take_twice_as_long_if_ruckig_says_so(asked: type[Asked]) -> None:
-    """The starts, corners and ends of blended pushes; and all of pushes from stop to stop, transits and closings."""
+    """The starts, corners and ends of blended pushes; and all steps of stop-to-stop pushes, transits and closings."""
     once = _changing(joined(CORNERED, [_cornered()], CORNERED.lengths, 100.0))
     plans = [pushplan.plan(scenario_from_text(text), seed=1, first=True) for text in (MULTI, ROW)]
     assert {"transit", "approach", "push", "close", "retreat"} <= {s.kind for plan in plans for s in plan.segments}
@@ -114,7 +114,7 @@ def test_steps_take_twice_as_long_if_ruckig_says_so(asked: type[Asked]) -> None:
 @settings(max_examples=10)
 @given(st.integers(0, 10**6))
 def test_a_blended_twist_is_the_sum_of_ruckig_s_steps(seed: int) -> None:
-    """Steps overlap, some are widened; Ruckig's own evaluation at random times."""
+    """Steps overlap, and some are widened; compared with Ruckig's own evaluation at random times."""
     rng = np.random.default_rng(seed)
     twists = rng.normal(size=(6, 3)) * [0.3, 0.1, 1.5] + [1.0, 0.0, 0.0]
     path = PushPath(np.zeros(3), twists / cost_rate(twists)[:, None], rng.exponential(0.15, 6) + 0.01)
@@ -146,7 +146,7 @@ def test_a_blended_twist_is_the_sum_of_ruckig_s_steps(seed: int) -> None:
 
 @given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
 def test_a_step_is_a_trapezoid_of_its_rate(rate: float, jerk: float) -> None:
-    """It takes the time of the largest rate if that is reached, else that of the jerk alone."""
+    """It takes the time of the largest rate if that is reached, otherwise that of the jerk alone."""
     bounds = 10.0 ** np.array([[rate, jerk]])
     long = max(1.0 / bounds[0, 0], np.sqrt(1.0 / bounds[0, 1]))
     np.testing.assert_allclose(step_windows(bounds), [[long, 1.0 / bounds[0, 1] / long]], rtol=1e-12)
@@ -165,7 +165,7 @@ def test_errors_of_ruckig_become_timing_errors() -> None:
 
 
 def test_steps_use_the_limits_of_their_direction() -> None:
-    """From rest the speed grows, to rest it falls; between, either bound may count, less the centripetal part."""
+    """From rest the speed grows, to rest it falls; between, either bound can count, less the centripetal part."""
     limits = Limits(acceleration=(-0.3, 0.7), angular_acceleration=(-1.0, 3.0), jerk=8.0, angular_jerk=50.0)
     levels = np.array(
         [[0.0, 0, 0], [0.2, 0, 0], [0.5, 0, 0], [0.5, 0, 0.1], [0.5, 0, -0.1], [0, 0, -0.1], [0.0, 0, 0]]

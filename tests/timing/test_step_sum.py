@@ -1,4 +1,4 @@
-"""The sum of smooth steps, bounds on its motion, and what it sweeps over."""
+"""The sum of smooth steps, bounds on its motion, and the area that it sweeps over."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ from pushplan.util.arrays import FloatArray
 
 
 def _at(pieces: Pieces, times: FloatArray) -> FloatArray:
-    """Values (m, 3) of the twist at times from its beginning."""
+    """Return the values (m, 3) of the twist at times from its beginning."""
     begins = np.concatenate([[0.0], np.cumsum(pieces.durations)])
     index = np.clip(np.searchsorted(begins, times, side="right") - 1, 0, len(pieces.durations) - 1)
     tau = (times - begins[index])[:, None]
@@ -121,7 +121,7 @@ def _motion(seed: int) -> Trajectory:
 
 
 def _distances(chain: Chain, discs: FloatArray, trajectory: Trajectory, times: FloatArray) -> FloatArray:
-    """Distance (m,) of the chain from the discs at times."""
+    """Return the distances (m,) of the chain from the discs at some times."""
     body = shapely.union_all([shapely.Polygon(moving.outline) for moving in chain.bodies])
     corners = shapely.get_coordinates(body)
     poses = trajectory.poses_at(times)

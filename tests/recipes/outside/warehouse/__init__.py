@@ -1,1 +1,1 @@
-"""A package of somebody else: what docs/contributing.md says of each extension, tried by `test_recipes.py`."""
+"""A third-party package with the extensions of docs/contributing.md; `test_recipes.py` uses it."""

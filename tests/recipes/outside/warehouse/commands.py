@@ -1,4 +1,4 @@
-"""A command: how far a scenario's objects have to go."""
+"""A command that prints how far the objects of a scenario must go."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pushplan.cli.console import Console
 @p.command
 @p.scenario_argument
 def distance(console: Console, scenario: str) -> int:
-    """Say how far it is from start to goal as the crow flies."""
+    """Print the straight distance from start to goal."""
     stated = load_scenario(scenario)
     far = float(np.hypot(*(stated.goal.pose_chain - stated.start)[:2]))
     console.say((stated.name, "bold"), f": {far:.3f} m")

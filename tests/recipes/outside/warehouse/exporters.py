@@ -1,4 +1,4 @@
-"""An exporter: where everything ends, for a spreadsheet."""
+"""An exporter of the final poses for a spreadsheet."""
 
 from __future__ import annotations
 

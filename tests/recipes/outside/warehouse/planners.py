@@ -1,4 +1,4 @@
-"""A planner: one of OMPL's that picks its states at random."""
+"""A planner of OMPL that picks its states at random."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ompl import control
 
 
 def patient_rrt(space_information: Any) -> Any:
-    """Return an RRT that seldom aims at the goal."""
+    """Return an RRT with a small goal bias."""
     planner = control.RRT(space_information)
     planner.setGoalBias(0.02)
     return planner

@@ -1,4 +1,4 @@
-"""A stable set: that of the friction cones, for a robot that shall not turn on the spot."""
+"""A stable set of the friction cones without tight turns."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pushplan.util.arrays import FloatArray
 
 
 class WideTurnsSet(StableSet):
-    """Leaves out turns about centres nearer than `RADIUS`, m."""
+    """Stable set without turns about centres nearer than `RADIUS`, m."""
 
     name = "wide-turns"
     RADIUS = 0.5
@@ -19,7 +19,7 @@ class WideTurnsSet(StableSet):
         self.exact = stable_set(chain, "ecof")
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
-        """Return the margins (k, n), at most the angle by which a turn is wider than it has to be."""
+        """Return the margins (k, n), at most the angle by which a turn is wider than necessary."""
         v, turn = np.hypot(twists[:, 0], twists[:, 1]), np.abs(twists[:, 2])
         wide = np.arctan2(v, turn) - np.arctan(self.RADIUS)
         return np.asarray(np.minimum(self.exact.contact_margin_values(twists), wide[:, None]))

@@ -1,4 +1,4 @@
-"""A simulator: a wet floor, on which everything slides more easily than a world says."""
+"""A simulator of a wet floor with less friction than the world states."""
 
 from __future__ import annotations
 
@@ -9,5 +9,5 @@ from pushplan.slip.world import World
 
 
 def wet_floor(plan: Plan, world: World) -> ContactReport:
-    """Execute a plan where contacts have a tenth of their friction."""
+    """Execute a plan with a tenth of the contact friction."""
     return slip(plan, world.with_contact_friction(0.1))
