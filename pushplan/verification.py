@@ -1,6 +1,6 @@
 """Verifies a run log: validates its plan in its scenario, recomputes its numbers and executes it again.
 
-All data that scenario and plan determine are compared. The report lists the data that are not.
+All data that scenario and plan determine are compared. The report lists the data that are not compared.
 """
 
 from __future__ import annotations

@@ -217,7 +217,7 @@ class _Spread(NamedTuple):
 
 
 def push_room(obj: PushedObject, height: float) -> float:
-    """Return the remaining shift (m) of an object's load, beyond that by a push at a height, until a part lifts.
+    """Return the largest additional shift (m) of an object's load, during a push at a height, that lifts no part.
 
     Raises:
         SupportError: If the load is not known.

@@ -221,10 +221,9 @@ class Row(TaskGoal):
 
     Attributes:
         of: Names of the objects, from the pusher outward.
-        pose: Pose (3,) of the middle of the row's rear face in the world, +x along the push; None with `wall`, and
-            if the row can stand anywhere.
-        wall: Side of the workspace at the row's front, one of `names.WALLS`; None with `pose`, and if the row can
-            stand anywhere.
+        pose: Pose (3,) of the middle of the row's rear face in the world, +x along the push; None for a row at a
+            wall or anywhere.
+        wall: Side of the workspace at the row's front, one of `names.WALLS`; None for a row at a pose or anywhere.
         order: `given` for the order of `of`, `any` for any order.
         gather: One of `names.GATHER`.
         friction: Lowest and highest coefficient between two objects of the row.

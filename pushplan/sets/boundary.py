@@ -244,7 +244,7 @@ def _searched(f: Family, table: Table, gaps: Gaps, chosen: IntArray) -> Brackets
 SMALLEST_GAP = 1e-6
 """Resolution of the longitudes at which intervals begin, end or merge, rad."""
 _FIRST = (72, 37)
-"""Numbers of the first samples, which are 5 degrees apart."""
+"""Numbers of longitudes and latitudes of the first samples, 5 degrees apart."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -94,7 +94,7 @@ def sampled(f: Family, member: IntArray, x: FloatArray) -> FloatArray:
 
 
 def find_intervals(f: Family, samples: FloatArray) -> Brackets:
-    """Return all intervals with f > 0 that samples, or searches for peaks and dips between them, find.
+    """Return all intervals with f > 0 that samples show; peaks and dips between samples are searched for, too.
 
     Args:
         f: Function f(i, x), continuous or not; values at or below -`PROMISING` need not be exact.
