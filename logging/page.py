@@ -144,7 +144,7 @@ def _plan(run: Run | RecordedRun, scene: Scene) -> dict[str, Any]:
     if not plan.segments:
         facts.append("no plan")
     elif plan.path is not None:
-        facts.append(f"{len(plan.path.lengths)} arcs, cost {plan.path.cost:.3f} m")
+        facts.append(f"{len(plan.path.lengths)} arcs, path cost {plan.path.cost:.3f} m")
     else:
         count, travel = len(plan.pushes), sum(segment.path.cost for segment in plan.segments)
         pushes = f"{count} push{'es' if count > 1 else ''}, {plan.pushed_distance:.3f} m pushed"

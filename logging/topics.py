@@ -289,7 +289,7 @@ def plan_sentence(plan: Plan) -> str:
         count, travel = len(plan.pushes), sum(segment.path.cost for segment in plan.segments)
         driven = f"{plan.pushed_distance:.4f} m pushed of {travel:.4f} m driven"
         return f"{who}: {count} push{'es' if count > 1 else ''}, {driven}{took}{notes}"
-    return f"{who}: a path of {len(plan.path.lengths)} arcs, cost {plan.path.cost:.4f} m{took}{notes}"
+    return f"{who}: a path of {len(plan.path.lengths)} arcs, path cost {plan.path.cost:.4f} m{took}{notes}"
 
 
 def execution_sentence(scenario: Scenario, execution: Execution) -> str:
