@@ -5,7 +5,7 @@ forked from it. Runs share no state, each has its own peak memory, and each can 
 `concurrent.futures` starts these processes one after the other: from threads of this process, or from the workers of
 a Dask cluster.
 
-The memory of a run counts beyond the code and kernels that it starts with. A thread of the run checks its resident
+The memory limit of a run excludes the code and kernels that it starts with. A thread of the run checks its resident
 set several times a second. The kernel (RLIMIT_DATA) refuses memory to a run that grows faster. A limit of the address
 space (RLIMIT_AS) would not help: compiled code and thread stacks reserve much more than they use.
 """

@@ -190,7 +190,7 @@ def _ranking(results: Results) -> str:
 
 
 def _arriving(results: Results, runs: pd.DataFrame | None = None) -> list[str]:
-    """Return the cell of the column of trials for the valid runs, or its title; nothing without trials."""
+    """Return the cell of the trials column for some runs, or its title; an empty list without trials."""
     if results.runs.trial_success.isna().all():
         return []
     if runs is None:

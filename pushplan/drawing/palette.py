@@ -67,7 +67,7 @@ EVENTS = {
 """Events of a closed loop; other kinds of events have no mark."""
 
 ARRIVED, MISSED = "#2f9a55", "#c8322b"
-"""Trial samples that arrive or miss the tolerance."""
+"""Trial samples that arrive, and samples that miss the tolerance."""
 
 MARGINS = ((0.0, SLIPS), (0.05, "#e3a23c"), (0.1, "#4f9d8c"), (0.2, "#1d5f9c"))
 """Scale of margins: values and colours, interpolated linearly and constant beyond the ends."""
