@@ -57,8 +57,8 @@ def _why_empty(stable: StableSet, drive: Drive, margin: float) -> str:
     """Return which contact does not hold, in general or for the twists of the drive."""
     if isinstance(stable, ForceLimitedSet):
         return stable.too_heavy(segment_ends(control_segments(stable.inside, drive, margin)))
-    asked = max(0.0, margin - MARGIN_FLOOR)
-    what, _ = emptiness(stable, asked)
+    required = max(0.0, margin - MARGIN_FLOOR)
+    what, _ = emptiness(stable, required)
     if what or drive.axle is None:
         return what or f"no push has a margin above {margin:g}"
     twists = drive_twists(stable, drive)
@@ -67,7 +67,7 @@ def _why_empty(stable: StableSet, drive: Drive, margin: float) -> str:
     weakest = contact_words(stable.chain, weakest_contact(stable, twists[best]))
     return (
         f"the {drive.kind} cannot push the chain: its best push keeps {weakest} with a margin of "
-        f"{margins[best]:.3g}; it must be above {asked:.3g}; an omnidirectional pusher could push it; "
+        f"{margins[best]:.3g}; it must be above {required:.3g}; an omnidirectional pusher could push it; "
         f"allowed: {HELP}, or another place of the axle"
     )
 

@@ -164,18 +164,18 @@ class Outcome:
     @classmethod
     def without_plan(cls, proof: Diagnosis, margin: float) -> Outcome:
         """Return the outcome of a proven failure without a search, with the lowest margin of the search."""
-        told = proof.text, (proof,), None
-        return cls((), margin, margin, 0, (), lambda segments: math.inf, explain=lambda: told)
+        explanation = proof.text, (proof,), None
+        return cls((), margin, margin, 0, (), lambda segments: math.inf, explain=lambda: explanation)
 
     def remarks_on(self, scenario: Scenario, segments: Segments) -> tuple[str, ...]:
         """Return the remarks on a plan, and the load that does not allow the usual margin of `auto`."""
-        asked, pushes = self.margin_asked, [one for one in segments if one.load is not None and one.pushes]
-        if scenario.stability.margin != AUTO or asked >= self.usual_margin or not pushes:
+        margin, pushes = self.margin_asked, [one for one in segments if one.load is not None and one.pushes]
+        if scenario.stability.margin != AUTO or margin >= self.usual_margin or not pushes:
             return self.remarks
         load = min(pushes, key=lambda push: push.margin).load
         names = ", ".join(f"'{name}'" for name in load.names) if load is not None else ""
-        most = f"no push of {names} has more than {asked / MARGIN_SHARE:.2g}"
-        return (f"margin {asked:.2g} instead of {self.usual_margin:.2g}: {most}", *self.remarks)
+        most = f"no push of {names} has more than {margin / MARGIN_SHARE:.2g}"
+        return (f"margin {margin:.2g} instead of {self.usual_margin:.2g}: {most}", *self.remarks)
 
 
 class Improvements:

@@ -159,24 +159,24 @@ class PushSearch(TaskSearch):
         families = self.posing.controls(posed, self.stable).families
         return Steering(self.posing.scene(posed), families, self.stable, margin)
 
-    def _rest(self, previous: PushPath, asked: Scenario) -> FloatArray | None:
+    def _rest(self, previous: PushPath, scenario: Scenario) -> FloatArray | None:
         """Return the arcs onto an earlier path and along its rest; None if none are free and stable."""
         steering = self.steering()
         return rejoin(
             steering.scene,
             steering.families,
-            asked.clearance,
+            scenario.clearance,
             lambda twists: self.stable.margin(twists) > self.margins[0],
             previous,
-            asked.start,
-            asked.goal.pose_chain,
+            scenario.start,
+            scenario.goal.pose_chain,
         )
 
     def search(self, question: Question, budget: Budget, observer: Observer) -> Outcome:
         """Return the best plan found; see `TaskSearch.search`."""
         scenario, limit = question.scenario, budget.time_limit
         self._check_ends(scenario, question.validator)
-        known = None if question.previous is None else self._rest(question.previous, scenario)
+        reused = None if question.previous is None else self._rest(question.previous, scenario)
         stop = StopRule(
             limit,
             int(STALL * math.sqrt(limit)),
@@ -189,13 +189,13 @@ class PushSearch(TaskSearch):
         improvements = Improvements(observer, budget.began)
         _, make = planner_named(self._settings.planner or scenario.planner.name)
         own = self if scenario is self.load.problem else self.of(scenario)
-        searches = _Searches(own, scenario, make, stop, budget.seed, budget.began, budget.gap, improvements, known)
+        searches = _Searches(own, scenario, make, stop, budget.seed, budget.began, budget.gap, improvements, reused)
         try:
             attempt = searches.with_margins()
         except OutOfTimeError as error:
             reason = str(error)
-            told = (reason, (Diagnosis("time", reason, False),), None)
-            return Outcome((), self.margins[0], self.margins[0], 0, (), _cost, explain=lambda: told)
+            explanation = (reason, (Diagnosis("time", reason, False),), None)
+            return Outcome((), self.margins[0], self.margins[0], 0, (), _cost, explain=lambda: explanation)
         return own._outcome(attempt, searches.monitor, budget, improvements)
 
     def _outcome(
@@ -274,9 +274,9 @@ class _Searches:
         budget: Stopping rule of all searches together.
         seed: Seed of the random numbers.
         began: Value of `time.perf_counter` before the set-up, which counts towards the time limit.
-        good_enough: Relative gap to the lower bound at which a path is good enough; 0 for the best path.
+        gap: Relative gap to the lower bound at which a path is good enough; 0 for the best path.
         improvements: Successively better paths.
-        known: Arcs that reuse an earlier path; None if there are none.
+        reused: Arcs that reuse an earlier path; None if there are none.
     """
 
     of: PushSearch
@@ -285,9 +285,9 @@ class _Searches:
     budget: StopRule
     seed: int
     began: float
-    good_enough: float
+    gap: float
     improvements: Improvements
-    known: FloatArray | None
+    reused: FloatArray | None
     _monitor: InfeasibilityMonitor | None = None
     _common: Common | None = None
 
@@ -358,11 +358,11 @@ class _Searches:
             # Rank by travel at first, because the other objectives take long to build.
             posed, budget = by_travel(posed), replace(budget, enough=0.5)
         problem = posing(posed, self.of.stable, self.began + budget.time_limit)
-        if self.known is not None:  # its twists may lie on no segment
-            problem = problem.with_segments(np.vstack([problem.segments, np.tile(self.known[:, :3], 2)]))
+        if self.reused is not None:  # its twists may lie on no segment
+            problem = problem.with_segments(np.vstack([problem.segments, np.tile(self.reused[:, :3], 2)]))
         session = self._session(posed, problem, budget)
-        if self.known is not None:
-            session.offer(self.known)
+        if self.reused is not None:
+            session.offer(self.reused)
         return Attempt(posed, self._search(posed, session))
 
     def _session(self, posed: Scenario, problem: Problem, budget: StopRule) -> Session:
@@ -370,7 +370,7 @@ class _Searches:
 
         def improved(path: PushPath, cost: float, iterations: int, seconds: float) -> None:
             self.improvements.add(cost, iterations, self.of.segments(posed, path), seconds)
-            if self.good_enough > 0.0:  # computed late, because it takes longer than most first paths
+            if self.gap > 0.0:  # computed late, because it takes longer than most first paths
                 session.raise_lower_bound(bound())
 
         if self._common is None:

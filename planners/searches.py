@@ -69,10 +69,10 @@ def prepare_search(scenario: Scenario, settings: PlanSettings, meridians: int) -
     found = {SEARCHES.get((task, type(goal))) for goal in scenario.task.goals}
     if len(found) == 1 and (prepare := found.pop()) is not None:
         return prepare(scenario, settings, meridians)
-    known = ", ".join(goal.__name__ for of, goal in SEARCHES if of is task)
-    asked = ", ".join(sorted({type(goal).__name__ for goal in scenario.task.goals})) or "none"
+    types = ", ".join(goal.__name__ for of, goal in SEARCHES if of is task)
+    given = ", ".join(sorted({type(goal).__name__ for goal in scenario.task.goals})) or "none"
     raise PlanningError(
-        f"there is no search for a {task.__name__} with goals of types {asked}; allowed: goals of one type of {known}"
+        f"there is no search for a {task.__name__} with goals of types {given}; allowed: goals of one type of {types}"
     )
 
 

@@ -107,8 +107,8 @@ class InfeasibilityMonitor:
             del self._stages[stage]
             return
         self._expected = GROWTH[stage] * took
-        known = [(item.cause, item.proven) for item in found]
-        self.reasons = [item for item in self.reasons if (item.cause, item.proven) not in known] + found
+        replaced = [(item.cause, item.proven) for item in found]
+        self.reasons = [item for item in self.reasons if (item.cause, item.proven) not in replaced] + found
 
 
 def _passages(scenario: Scenario, pose: Callable[[], Problem]) -> Iterator[list[Diagnosis]]:

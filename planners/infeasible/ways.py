@@ -173,5 +173,5 @@ def _corners(shape: BaseGeometry, ends: FloatArray, most: float) -> tuple[FloatA
     back = np.roll(corners, 1, axis=0) - corners
     back[begins] = back[np.roll(begins, -1) - 1]  # a ring ends with its first corner
     through = np.linalg.norm(corners - ends[0], axis=1) + np.linalg.norm(corners - ends[1], axis=1)
-    kept = (np.diff(ring, append=-1) == 0) & (through <= most + TOUCH)
-    return corners[kept], np.stack([back, forth], axis=1)[kept]
+    near = (np.diff(ring, append=-1) == 0) & (through <= most + TOUCH)
+    return corners[near], np.stack([back, forth], axis=1)[near]

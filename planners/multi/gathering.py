@@ -332,18 +332,18 @@ def _explanation(beams: _Beams, limit: float) -> tuple[str, tuple[Diagnosis, ...
         what = f"the search got as far as holding {held}"
         what += f", with {len(farthest.left)} left to take" if farthest.left else ", but not to the row"
         hand = beams.steps.hands.hand(farthest.members)
-    told = [Diagnosis("order", what, False)]
-    told += [Diagnosis("closing", text, False) for text in beams.steps.hands.unsure]
+    diagnoses = [Diagnosis("order", what, False)]
+    diagnoses += [Diagnosis("closing", text, False) for text in beams.steps.hands.unsure]
     radius = math.inf if hand is None else _radius(hand)
     area = beams.steps.scenario.workspace
     if hand is not None and area is not None and math.isfinite(radius):
         x, y = area.xmax - area.xmin, area.ymax - area.ymin
         if radius > 0.25 * min(x, y):
             wide = f"its smallest turning radius is {radius:.2f} m, in a room of {x:.3g} x {y:.3g} m"
-            told.append(Diagnosis("wide turns", wide, False, {"radius": radius}))
-    reasons = "; ".join(one.text for one in told)
+            diagnoses.append(Diagnosis("wide turns", wide, False, {"radius": radius}))
+    reasons = "; ".join(one.text for one in diagnoses)
     reason = f"no plan found within the time limit of {limit:g} s that brings {names} into a row: {reasons}"
-    return reason, tuple(told), None
+    return reason, tuple(diagnoses), None
 
 
 def _radius(hand: Hand) -> float:

@@ -156,10 +156,10 @@ class Graph:
         change[:old] = self._change
         can_begin, can_end = (
             np.concatenate(
-                [known, [approaches_are_free(self._room.robot, c.packed, poses, back) for c in self._room.contacts]],
+                [flags, [approaches_are_free(self._room.robot, c.packed, poses, back) for c in self._room.contacts]],
                 axis=1,
             )
-            for known, back in ((self._can_begin, False), (self._can_end, True))
+            for flags, back in ((self._can_begin, False), (self._can_end, True))
         )
         leaves, arrives, fresh = np.arange(new) > self.goals, np.arange(new) > 0, np.arange(new) >= old
         leaves[0] = True  # no push begins at a goal or ends at the start

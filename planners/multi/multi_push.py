@@ -248,8 +248,8 @@ def least_margins(modes: Sequence[ContactMode], plans: Iterable[Segments], level
     pushes = [segment for plan in plans for segment in plan if segment.kind == PUSH]
     if not pushes:
         return min(mode.margin(0) for mode in modes), min(mode.margin(level) for mode in modes)
-    asked = [mode.margin(0) for mode in modes if any(push.load is mode.load for push in pushes)]
-    return min(asked), min(push.margin for push in pushes)
+    first = [mode.margin(0) for mode in modes if any(push.load is mode.load for push in pushes)]
+    return min(first), min(push.margin for push in pushes)
 
 
 def plan_cost(scenario: Scenario, segments: Segments) -> float:
@@ -301,16 +301,16 @@ def _explanation(
     room: PushRoom, query: Query, found: Found, limit: float
 ) -> tuple[str, tuple[Diagnosis, ...], Nearest | None]:
     """Return the reasons why a search found no plan, proven ones first."""
-    told = sorted(_reasons(room, query, found), key=lambda reason: not reason.proven)
-    if not told:
+    reasons = sorted(_reasons(room, query, found), key=lambda reason: not reason.proven)
+    if not reasons:
         first = [room.contacts[k].mode.place.face for k in np.flatnonzero(found.begins & found.leaves)]
         faces = ", ".join(dict.fromkeys(first))
         text = f"the search was still running after {found.looked_at} pushes and transits (first pushes: {faces})"
-        told = [Diagnosis("time", text, False)]
-    words = "; ".join(reason.text for reason in told)
-    if not any(reason.proven for reason in told):
+        reasons = [Diagnosis("time", text, False)]
+    words = "; ".join(reason.text for reason in reasons)
+    if not any(reason.proven for reason in reasons):
         words = f"no plan found within the time limit of {limit:g} s: {words}"
-    return words, tuple(told), None
+    return words, tuple(reasons), None
 
 
 def _reasons(room: PushRoom, query: Query, found: Found) -> Iterator[Diagnosis]:

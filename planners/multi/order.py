@@ -510,10 +510,10 @@ class Order:
     def _taken(self, now: Situation, piece: int) -> BaseGeometry:
         """Return the area of the other pieces and of the remaining pieces' goals, with a buffer."""
         pieces = self._pieces
-        kept = pieces[piece].search.scenario.clearance + ROOM
+        distance = pieces[piece].search.scenario.clearance + ROOM
         areas = [other.area(now.poses[k]) for k, other in enumerate(pieces) if k != piece]
         areas += [area for k in now.left if k != piece for area in pieces[k].goal_areas]
-        return shapely.union_all(areas).buffer(kept)
+        return shapely.union_all(areas).buffer(distance)
 
     def _scattered(self, pose: FloatArray) -> Iterator[FloatArray]:
         for _ in range(SCATTERED):

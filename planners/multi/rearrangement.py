@@ -50,11 +50,11 @@ class RearrangementSearch(TaskSearch):
         wrong = overlapping_goals(scenario)
         if wrong:
             raise PlanningError("; ".join(wrong.values()))
-        pieces, known = [], dict[str, MultiPushSearch]()
+        pieces, by_kind = [], dict[str, MultiPushSearch]()
         for load in scenario.loads:
-            alone, twin = scenario.alone(load.name), known.get(load.kind)
+            alone, twin = scenario.alone(load.name), by_kind.get(load.kind)
             search = MultiPushSearch.of(alone, settings) if twin is None else twin.of_twin(alone)
-            known.setdefault(load.kind, search)
+            by_kind.setdefault(load.kind, search)
             pieces.append(Piece(load.name, search, scenario.goals.get(load.name, ())))
         return cls(scenario, tuple(pieces))
 

@@ -90,12 +90,12 @@ def _walls(scenario: Scenario) -> list[tuple[FloatArray, FloatArray, float]]:
     row, area = scenario.transport.row, scenario.workspace
     if row.wall is None or area is None:
         return []
-    kept = scenario.clearance + BESIDE_A_WALL
+    distance = scenario.clearance + BESIDE_A_WALL
     sides = {
-        "xmin": ([area.xmin + kept, area.ymin], [area.xmin + kept, area.ymax], math.pi),
-        "xmax": ([area.xmax - kept, area.ymin], [area.xmax - kept, area.ymax], 0.0),
-        "ymin": ([area.xmin, area.ymin + kept], [area.xmax, area.ymin + kept], -0.5 * math.pi),
-        "ymax": ([area.xmin, area.ymax - kept], [area.xmax, area.ymax - kept], 0.5 * math.pi),
+        "xmin": ([area.xmin + distance, area.ymin], [area.xmin + distance, area.ymax], math.pi),
+        "xmax": ([area.xmax - distance, area.ymin], [area.xmax - distance, area.ymax], 0.0),
+        "ymin": ([area.xmin, area.ymin + distance], [area.xmax, area.ymin + distance], -0.5 * math.pi),
+        "ymax": ([area.xmin, area.ymax - distance], [area.xmax, area.ymax - distance], 0.5 * math.pi),
     }
     return [
         (np.array(begin), np.array(end), heading)

@@ -263,8 +263,8 @@ class Steps:
         if key not in self._priced:
             found = self._worked_out(now, chance)
             self._priced[key] = None if found is None else (found, found.cost - now.cost)
-        kept = self._priced[key]
-        return None if kept is None else replace(kept[0], cost=now.cost + kept[1], before=now)
+        cached = self._priced[key]
+        return None if cached is None else replace(cached[0], cost=now.cost + cached[1], before=now)
 
     def _worked_out(self, now: Node, chance: Chance) -> Node | None:
         hand = self.hands.held(now.members)

@@ -93,7 +93,7 @@ class Ends:
         entries = np.array([mode.robot_at(pose, mode.approach) for mode in modes])
         exits = plates_after(room, goals)
         places = np.column_stack([exits[:, :2], np.cos(exits[:, 2]), np.sin(exits[:, 2])]).round(6) + 0.0
-        _, kept, place = np.unique(places, axis=0, return_index=True, return_inverse=True)
+        _, firsts, place = np.unique(places, axis=0, return_index=True, return_inverse=True)
         every = np.ones((len(modes), len(goals)), dtype=np.bool_)
         pushes, alone = (
             room.scenario.transport,
@@ -111,11 +111,11 @@ class Ends:
         costs[tuple(np.array([*among], dtype=int).reshape(-1, 2).T)] = push_costs(
             list(among.values()), contacts, pose, goals, alone + ends < most
         )
-        least = np.full((len(modes), len(kept), *costs.shape[:2]), math.inf)
+        least = np.full((len(modes), len(firsts), *costs.shape[:2]), math.inf)
         contact = np.repeat(np.arange(len(modes)), len(goals))
         by_push = np.minimum(costs + ends, most).transpose(2, 3, 0, 1).reshape(len(contact), *costs.shape[:2])
         np.minimum.at(least, (contact, place.reshape(-1)), by_push)
-        return cls(entries, exits[kept], least.transpose(2, 3, 0, 1))
+        return cls(entries, exits[firsts], least.transpose(2, 3, 0, 1))
 
 
 class Tours:

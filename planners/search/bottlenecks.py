@@ -147,10 +147,10 @@ def aligned_poses(problem: Problem, known: dict[tuple[float, ...], list[Gap]] | 
     least, most = extent.width + 2.0 * scene.clearance, NARROW * extent.width
     beside = BESIDE * (extent.front - extent.back)
     found: dict[tuple[float, ...], FloatArray] = {}
-    known, asked = {} if known is None else known, (least, most, FACING * extent.width)
-    if asked not in known:
-        known[asked] = gaps_in(scene, *asked)
-    for gap in known[asked]:
+    known, key = {} if known is None else known, (least, most, FACING * extent.width)
+    if key not in known:
+        known[key] = gaps_in(scene, *key)
+    for gap in known[key]:
         for sense in (1.0, -1.0):
             ahead = sense * gap.through
             begin, end = (gap.begin, gap.end) if sense > 0.0 else (-gap.end, -gap.begin)

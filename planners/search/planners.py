@@ -158,10 +158,10 @@ class LatticeRounds:
         """Return the lattice with the distances from start and goal that all rounds share."""
         session, problem = self._session, self._session.problem
         middle = middle_of(problem)
-        asked = (*self._box, *middle, Extent.of(problem).width)
-        if asked not in session.common.room:
-            session.common.room[asked] = floor_of(problem, session.start, self._box)
-        return Lattice(problem, session.start, middle, *session.common.room[asked])
+        key = (*self._box, *middle, Extent.of(problem).width)
+        if key not in session.common.room:
+            session.common.room[key] = floor_of(problem, session.start, self._box)
+        return Lattice(problem, session.start, middle, *session.common.room[key])
 
 
 class AnytimePlanner(ob.Planner):  # type: ignore[misc]

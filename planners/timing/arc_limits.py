@@ -143,10 +143,10 @@ def limits_of_arcs(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> l
 
 def _no_room(twist: FloatArray, bounds: Bounds) -> TimingError:
     least = min(float(one.rows(twist, bounds.margin).alpha.min()) for one in bounds.conditions)
-    kept = f" above a margin of {bounds.margin:.3g}" if bounds.margin > 0.0 else ""
+    above = f" above a margin of {bounds.margin:.3g}" if bounds.margin > 0.0 else ""
     return TimingError(
         f"an arc along the twist {np.round(twist, 4).tolist()} leaves the contacts no room for inertia: one "
-        f"condition has a reserve of only {least:.3g} N{kept}; raise stability.margin, or use "
+        f"condition has a reserve of only {least:.3g} N{above}; raise stability.margin, or use "
         "quasi-static contact limits"
     )
 
@@ -201,19 +201,19 @@ def _fastest(lengths: FloatArray, tried: ArcLimits, least: FloatArray) -> IntArr
     An arc that is too short to reach the top speed counts as just long enough. A lower top speed, which leaves more
     room for acceleration, then wins. The lower bounds `least` (k, n) of the times save calls of Ruckig.
     """
-    times, known = np.full(least.shape, np.inf), least.min(axis=1)
+    times, shortest = np.full(least.shape, np.inf), least.min(axis=1)
     for _ in range(2):  # the first result rules out most others
-        asked = np.nonzero((least <= known[:, None]) & (least < np.inf) & np.isinf(times))
-        each = ArcLimits(*(bound[asked] for bound in tried))
-        found, cruising = times_from_rest_to_rest(lengths[asked[0]], each).T
+        pending = np.nonzero((least <= shortest[:, None]) & (least < np.inf) & np.isinf(times))
+        each = ArcLimits(*(bound[pending] for bound in tried))
+        found, cruising = times_from_rest_to_rest(lengths[pending[0]], each).T
         short = cruising == 0.0
         if short.any():
             speed, up, down, jerk = (bound[short] for bound in each)
             found[short] = sum(
                 step_windows(np.stack([rate, jerk]).T / speed[:, None]).sum(axis=1) for rate in (up, down)
             )
-        times[asked] = found
-        known = times.min(axis=1)
+        times[pending] = found
+        shortest = times.min(axis=1)
     return np.asarray(times.argmin(axis=1))
 
 

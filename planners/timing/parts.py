@@ -31,7 +31,7 @@ def remembered(method: Callable[[P, FloatArray], T]) -> Callable[[P, FloatArray]
     """Cache the results of a part's method by the lengths of its arcs."""
 
     @wraps(method)
-    def known(self: P, lengths: FloatArray) -> T:
+    def cached(self: P, lengths: FloatArray) -> T:
         answers = self.__dict__.setdefault(f"_{method.__name__}_for", {})
         key = lengths[self.arcs].tobytes()
         if key not in answers:
@@ -39,7 +39,7 @@ def remembered(method: Callable[[P, FloatArray], T]) -> Callable[[P, FloatArray]
         answer: T = answers[key]
         return answer
 
-    return known
+    return cached
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,9 +318,9 @@ def _change(
     Raises:
         NoFitError: If the conditions need a negative length.
     """
-    kept = np.eye(len(lengths))
+    identity = np.eye(len(lengths))
     share = least_change(
-        effects * lengths, error, np.vstack([matrix * lengths, kept]), np.append(missing, -kept.sum(axis=1))
+        effects * lengths, error, np.vstack([matrix * lengths, identity]), np.append(missing, -identity.sum(axis=1))
     )
     if share is None:
         raise NoFitError("no non-negative arc lengths avoid all collisions")

@@ -62,8 +62,8 @@ def find_touches(scene: Scene, trajectory: Trajectory, reach: float) -> Touches:
     while ends.shape[1]:
         low, high, g, h = ends
         free = g + h - (high - low) >= 2.0 * scene.kept
-        known = (np.minimum(g, h) < least_gap(scene)) & (high - low <= FINE)
-        low, high, g, h = ends[:, ~free & ~known]
+        resolved = (np.minimum(g, h) < least_gap(scene)) & (high - low <= FINE)
+        low, high, g, h = ends[:, ~free & ~resolved]
         middle = 0.5 * (low + high)
         m = _gaps(scene, trajectory, travel, middle)
         places.append(middle)
