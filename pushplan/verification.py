@@ -59,7 +59,7 @@ def verify_log(path: Path | str) -> VerifyReport:
 
 
 def verify_run(run: RecordedRun) -> VerifyReport:
-    """Recompute the data of a run from its plan or measurements, and compare. The run must hold its messages.
+    """Recompute the data of a run from its plan or measurements, and compare. `run` must contain its messages.
 
     Raises:
         PushplanError: If the recorded plan cannot be executed at all.

@@ -18,7 +18,7 @@ from pushplan.sets.intervals import PROMISING, Brackets, Family, find_intervals,
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 MarginFunction = Callable[[FloatArray, float], FloatArray]
-"""margin(twists (k, 3), floor) -> (k,): margins, exact above the floor; all others are any numbers up to it."""
+"""margin(twists (k, 3), floor) -> margins (k,); values up to the floor need not be exact, values above it must be."""
 
 
 class BoundaryProblem(NamedTuple):
