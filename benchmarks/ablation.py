@@ -1,4 +1,4 @@
-"""What each part of `auto` gains: the same searches without it, on four families of scenes, by CPU time.
+"""Gain by each part of `auto`: the same searches without it, on four families of scenes, by CPU time.
 
 Run `python benchmarks/ablation.py [--families series ...] [--parts lattice ...] [--seeds 6] [--seconds 1]`.
 Every scene is planned with `auto` as it is, again with other seeds (what differs there is chance), and with one
@@ -40,7 +40,7 @@ FAMILIES = ("everyday", "dense", "series", "gaps")
 
 @dataclass(frozen=True)
 class Run:
-    """Durations (s) of the plans with the shares of the time, and CPU seconds to the first path; infinite if none."""
+    """Durations (s) of the plans for each share of the time, and CPU seconds to the first path; infinite if none."""
 
     durations: tuple[float, ...]
     first: float

@@ -1,4 +1,4 @@
-"""Attacks on what must not be lost, hurt or believed: strangers' files, silly calls, kills, outputs.
+"""Attacks on robustness and data safety: hostile files, invalid calls, kills, outputs.
 
 Run `python benchmarks/attacks.py -o DIR [--only PART ...] [--count N] [--seed 1]`. A whole run takes hours.
 
@@ -59,7 +59,7 @@ PARTS: dict[str, tuple[int, Callable[[Path, int, int], Attacks]]] = {
 
 
 def main() -> int:
-    """Attack, print what became of it and return the exit code."""
+    """Attack, print the results and return the exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("-o", "--output", required=True, metavar="DIR")
     parser.add_argument("--only", nargs="*", choices=[*PARTS], default=[*PARTS])
@@ -77,7 +77,7 @@ def main() -> int:
 
 
 def _done(path: Path, attacks: Attacks) -> list[Row]:
-    """Do the attacks that are not done yet; return what became of all of them."""
+    """Run the attacks that have no result yet; return all results."""
     lines = path.read_text().splitlines() if path.exists() else []
     rows = {str(row["key"]): row for row in map(json.loads, lines)}
     found: list[Row] = []
@@ -96,7 +96,7 @@ def _done(path: Path, attacks: Attacks) -> list[Row]:
 
 
 def _print(part: str, rows: list[Row]) -> int:
-    """Print how many attacks ended how; return how many are wrong."""
+    """Print the number of attacks by outcome; return the number of wrong ones."""
     wrong = sum(row["verdict"] == "WRONG" for row in rows)
     costs = [
         f", at most {max(float(row[name]) for row in rows):.1f} {unit}"

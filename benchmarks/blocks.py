@@ -1,4 +1,4 @@
-"""Blocks of boxes side by side: do plans hold in a physics engine with the small gaps that real blocks have?
+"""Blocks of boxes side by side: do plans hold in a physics engine with the small gaps of real blocks?
 
 Run `python benchmarks/blocks.py [--plans 60] [--draws 10] [--seed 5900]`. Columns of unequal boxes (2 x 1, 3 x 1,
 2 x 2, 3 x 2), a plate that is wider or narrower than the block, among obstacles. Every plan is executed in MuJoCo at
@@ -31,7 +31,7 @@ KEPT, ARRIVED = (5e-4, math.radians(0.3)), (2e-3, math.radians(0.5))
 
 
 def document(columns: int, rows: int, wide: bool, random: np.random.Generator) -> dict[str, Any]:
-    """Return a scenario file's document of a block with unequal boxes among obstacles."""
+    """Return a scenario document of a block with unequal boxes among obstacles."""
     objects: list[dict[str, Any]] = []
     plate = columns * WIDTH + (0.1 if wide else -0.1)
     first = -0.5 * (columns - 1) * WIDTH
@@ -66,7 +66,7 @@ def document(columns: int, rows: int, wide: bool, random: np.random.Generator) -
 
 
 def apart(world: World, gaps: FloatArray) -> World:
-    """Return a world whose columns stand apart by gaps (columns - 1,), m, about the middle one."""
+    """Return a world whose columns are separated by gaps (columns - 1,), m, about the middle one."""
     places = np.array([obj.pose_chain for obj in world.chain.objects])
     column = np.round((places[:, 1] - places[:, 1].min()) / WIDTH).astype(int)
     aside = np.concatenate([[0.0], np.cumsum(gaps)])
@@ -75,7 +75,7 @@ def apart(world: World, gaps: FloatArray) -> World:
 
 
 def held(report: Any, plate: FloatArray) -> tuple[float, float]:
-    """Return how far (m, rad) objects move on the plate, poses (m, 3), once that has driven `SETTLED`."""
+    """Return the largest motion (m, rad) of objects on the plate with poses (m, 3) after it has driven `SETTLED`."""
     driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(plate[:, :2], axis=0).T))])
     on_plate = se2.relative(plate[:, None], report.objects)[driven > SETTLED]
     off = on_plate - on_plate[0]

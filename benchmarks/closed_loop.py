@@ -1,4 +1,4 @@
-"""Closed loop against open loop in the same disturbed worlds.
+"""Closed loop against open loop in the same disturbed samples.
 
 Run `python benchmarks/closed_loop.py [--worlds 2] [--random 40] [--only NAME ...]`; prints a line a scenario and each
 figure next to what is wanted, and exits 1 on a miss. Every packaged scenario, and random ones of one to four
@@ -15,13 +15,13 @@ Loads that are unknown are even in these worlds.
 `--plans 40` does so with random plans of several pushes of one load, and of several objects, in place of these. The
 plate is off where it believes to be by up to 5 mm and 2 deg, drawn anew, at every approach.
 
-`--harsh` lets one thing at a time go wrong, and badly, in every packaged scenario: an object is displaced by 8 mm and
-5 deg; all contacts have 0.7 of the friction that is believed; an object is dragged aside by 20 mm within a second; a
-second passes without a measurement; the floor is thirty times as rough. Objects of a chain that have been moved
-against one another cannot all reach their goals in one push: runs that say so are counted apart.
+`--harsh` applies one large error at a time in every packaged scenario: an object is displaced by 8 mm and 5 deg; all
+contacts have 0.7 of the nominal friction; an object is dragged sideways by 20 mm within a second; a second passes
+without a measurement; the floor is thirty times as rough. Objects of a chain that have moved relative to one another
+cannot all reach their goals in one push; runs that report this are counted separately.
 
-`--physics 10` lets MuJoCo (extra `physics`) simulate the world of the first ten runs as well, at full speed and with
-all inertia: the same controller goes through it all once more, disturbed likewise.
+`--physics 10` also simulates the first ten runs in MuJoCo (extra `physics`), at full speed and with inertia, with the
+same controller and disturbances.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ MEDIAN, MOST = 0.020, 0.100
 
 @dataclass(frozen=True)
 class Row:
-    """One world: whether the goal's object arrives, and what it took."""
+    """Result in one sample: whether the goal's object arrives, and the effort."""
 
     closed: bool
     opened: bool | None
@@ -88,7 +88,7 @@ class Row:
 
 
 def random_scenarios(count: int) -> list[tuple[Scenario, Plan]]:
-    """Return so many random scenarios that have a plan."""
+    """Return `count` random scenarios that have a plan."""
     found: list[tuple[Scenario, Plan]] = []
     seed = 0
     with tempfile.TemporaryDirectory() as folder:
@@ -104,7 +104,7 @@ def random_scenarios(count: int) -> list[tuple[Scenario, Plan]]:
 
 
 def disturbed(scenario: Scenario, duration: float, random: np.random.Generator) -> tuple[World, Disturbance]:
-    """Return a world whose friction is off, and a disturbance."""
+    """Return a world with other frictions, and a disturbance."""
     world = World.from_scenario(scenario)
     for name in world.names:
         world = world.with_contact_friction(1.0 + OFF * random.choice([-1.0, 1.0]), name)
@@ -139,7 +139,7 @@ def several_pushes(only: list[str] | None) -> Iterator[tuple[Scenario, Plan]]:
 
 
 def _spots(random: np.random.Generator, count: int) -> FloatArray:
-    """Return poses (count, 3) in the room that are apart from one another."""
+    """Return separated poses (count, 3) in the room."""
     spots: list[FloatArray] = []
     while len(spots) < count:
         spot = random.uniform(-0.8 * ROOM, 0.8 * ROOM, 3) * [0.6, 0.6, 1.0]
@@ -220,7 +220,7 @@ class Astray:
 def carry_out(
     scenario: Scenario, result: Plan, seed: int, verbose: bool, simulator_of: Callable[[World], Simulator]
 ) -> Row:
-    """Carry out a plan of several pushes with errors of approach, a disturbance and noise; and whatever happens."""
+    """Execute a multi-push plan with approach errors, a disturbance and noise."""
     assert result.trajectory is not None
     random = np.random.default_rng([seed, *scenario.name.encode()])
     world, disturbance = disturbed(scenario, result.trajectory.duration, random)
@@ -248,7 +248,7 @@ HARSH = ("displaced", "slippery", "dragged", "unseen", "rough floor")
 
 @dataclass(eq=False)
 class Blinded:
-    """A robot that sees nothing for a while, s."""
+    """A robot without measurements for a time, s."""
 
     controller: Controller
     begin: float
@@ -261,7 +261,7 @@ class Blinded:
 
 
 def harsh(scenario: Scenario, what: str, seed: int, verbose: bool) -> Row:
-    """Let one thing go wrong."""
+    """Apply one large error."""
     random = np.random.default_rng([seed, *what.encode(), *scenario.name.encode()])
     world, controller = World.from_scenario(scenario), Controller(scenario)
     assert controller.plan.trajectory is not None
@@ -290,17 +290,17 @@ def harsh(scenario: Scenario, what: str, seed: int, verbose: bool) -> Row:
 
 
 def way_of(poses: FloatArray) -> float:
-    """Return how far the plate goes along poses (m, 3), m."""
+    """Return the distance of the plate along poses (m, 3), m."""
     return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
 
 
 def judge(scenario: Scenario, object_poses: FloatArray) -> FloatArray:
-    """Return how far (m) and by what angle (rad) the worst of the goal's objects is off."""
+    """Return the largest distance (m) and angle (rad) of the goal's objects from the goal."""
     return Aim.of(scenario.goal, scenario.chain, POSITION, ANGLE).errors(object_poses)
 
 
 def one(scenario: Scenario, result: Plan, seed: int, verbose: bool, physics: bool) -> Row:
-    """Run both loops in one world."""
+    """Run both loops in one sample."""
     assert result.trajectory is not None
     random = np.random.default_rng([seed, len(scenario.name)])
     world, disturbance = disturbed(scenario, result.trajectory.duration, random)
@@ -376,7 +376,7 @@ def main() -> int:
 
 
 def endured(only: list[str] | None, worlds: int, verbose: bool) -> Iterator[Row]:
-    """Let every packaged scenario, or those that are named, endure every large disturbance; print a line each."""
+    """Run packaged scenarios, all or the named ones, with every large disturbance; print a line for each."""
     for what, name, seed in itertools.product(HARSH, only or example_names(), range(worlds)):
         row = harsh(load_scenario(name), what, seed, verbose)
         print(f"{what:12} {name:22} {_told(row)}", flush=True)
@@ -384,7 +384,7 @@ def endured(only: list[str] | None, worlds: int, verbose: bool) -> Iterator[Row]
 
 
 def carried_out(problems: Iterator[tuple[Scenario, Plan]], verbose: bool, physics: int) -> Iterator[Row]:
-    """Carry out plans of several pushes, the first of them in MuJoCo, too; print a line each."""
+    """Execute multi-push plans, the first ones in MuJoCo, too; print a line for each."""
     for k, (scenario, result) in enumerate(problems):
         row = carry_out(scenario, result, 1, verbose, SlipSimulator)
         print(f"{scenario.name:12} {_told(row)}", flush=True)
@@ -404,7 +404,7 @@ def _told(row: Row) -> str:
 
 
 def report(rows: list[Row]) -> int:
-    """Print every figure next to what is wanted; return the exit code."""
+    """Print every figure with its target; return the exit code."""
     misses = 0
     shares = {}
     for who, ends in (("closed", [row.closed for row in rows]), ("open", [row.opened for row in rows])):

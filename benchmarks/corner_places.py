@@ -1,4 +1,4 @@
-"""Objects that touch what pushes them with a corner only, shifted or turned on it."""
+"""Objects that touch their pusher only with a corner, after a shift or a turn."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def turned_places(chain: Chain, index: int, angle: float) -> FloatArray:
 
 
 def _followed(chain: Chain, moved: FloatArray, index: int) -> FloatArray:
-    """Return motions where all that an object carries has been moved along its contact's normal until it touches."""
+    """Return motions in which all objects carried by one move along its contact's normal until they touch."""
     carried = carried_objects(chain)
     for child, contact in enumerate(chain.contacts):
         if contact.pusher == index:

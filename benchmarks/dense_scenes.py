@@ -1,4 +1,4 @@
-"""Dense scenes with several passages, the same for the same number: where planners stay in a wrong passage.
+"""Dense scenes with several passages, in which planners can stay in a wrong one; reproducible by number.
 
 Three kinds in turn: a chain that is exactly a Dubins car with a turning radius of 0.5 m among fifteen polygons;
 random chains and drives among up to forty obstacles; and random chains in rooms with walls across, each with two or
@@ -48,10 +48,9 @@ HARD = (6, 12, 24, 42, 123, 143, 145, 153)
 
 
 def scene(number: int) -> Document:
-    """Return the document of a scene; whether there is a path is left to chance.
+    """Return the document of a scene; it need not have a path.
 
-    Raises:
-        GeneratorError: When start and goal find no place.
+    Raises: GeneratorError: If start and goal find no place.
     """
     rng = np.random.Generator(np.random.PCG64([17, number]))
     kind = KINDS[number % len(KINDS)]
@@ -77,13 +76,13 @@ def scene(number: int) -> Document:
 
 
 def scenes(numbers: Sequence[int]) -> Iterator[Scenario]:
-    """Yield the scenes of some numbers."""
+    """Yield the scenes with some numbers."""
     for number in numbers:
         yield scenario_from_text(scenario_yaml(scene(number)), f"scene {number}")
 
 
 def _body(sections: Document) -> np.ndarray[Any, Any]:
-    """Return the corners of all that moves, in the chain frame."""
+    """Return the corners of all moving bodies in the chain frame."""
     whole = {**sections, "start": [0, 0, 0], "goal": {"pose": [9, 0, 0]}}
     chain = scenario_from_text(scenario_yaml(whole), "chain").chain
     return np.concatenate([moving.outline for moving in chain.bodies])
@@ -115,7 +114,9 @@ def _walls(rng: np.random.Generator) -> list[np.ndarray[Any, Any]]:
 def _ends(
     rng: np.random.Generator, body: np.ndarray[Any, Any], walls: list[np.ndarray[Any, Any]]
 ) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any], list[Any]]:
-    """Draw start and goal off the walls, and what they cover, with some way before the start and behind the goal."""
+    """Draw start and goal clear of the walls, and their cover, with free distance before the start and behind the
+    goal.
+    """
     inside = shapely.box(0.0, 0.0, SIDE, SIDE).buffer(-CLEARANCE)
     blocked = shapely.union_all([shapely.Polygon(wall) for wall in walls]).buffer(CLEARANCE)
     for _ in range(2_000):

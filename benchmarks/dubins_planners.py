@@ -72,7 +72,7 @@ class Car:
         return se2.compose(pose, self.middle)
 
     def chain_at(self, state: Any) -> FloatArray:
-        """Return the pose (3,) of the chain frame with the car at an OMPL state."""
+        """Return the pose (3,) of the chain frame for an OMPL state of the car."""
         theta = state.getYaw() - self.middle[2]
         c, s = math.cos(theta), math.sin(theta)
         x, y = self.middle[0], self.middle[1]
@@ -80,7 +80,7 @@ class Car:
 
 
 def _straight(straights: FloatArray, heading: float) -> FloatArray:
-    """Return the translation (3,) along a heading, if it is among those between `straights` (f, 2)."""
+    """Return the translation (3,) along a heading if it lies between `straights` (f, 2)."""
     across = straights @ [-math.sin(heading), math.cos(heading)]
     leaning = np.arctan2(across, straights @ [math.cos(heading), math.sin(heading)])
     if not leaning.min() - 1e-9 <= 0.0 <= leaning.max() + 1e-9:
@@ -93,19 +93,19 @@ def _straight(straights: FloatArray, heading: float) -> FloatArray:
 
 
 class SweptWords(ob.MotionValidator):  # type: ignore[misc]
-    """Says of two states whether one of our words joins them without touching anything."""
+    """Motion validator: whether a collision-free steering path joins two states."""
 
     def __init__(self, information: Any, session: Session, car: Car) -> None:
         super().__init__(information)
         self._session, self._car = session, car
 
     def checkMotion(self, first: Any, second: Any) -> bool:  # noqa: N802 OMPL's name
-        """Return whether a free word joins two states."""
+        """Return whether a collision-free steering path joins two states."""
         self._session.spent(1)
         return self.word(self._car.chain_at(first), self._car.chain_at(second)) is not None
 
     def word(self, begin: FloatArray, end: FloatArray) -> FloatArray | None:
-        """Return the arcs (3, 4) from one pose of the chain frame to another, None if they are blocked."""
+        """Return the arcs (3, 4) between two poses of the chain frame; None if they are blocked."""
         scene = self._session.problem.scene
         _, _, arcs = connect(scene, self._car.family[None], begin, end, tries=TRIES)
         return arcs
@@ -180,7 +180,7 @@ class BITStarOverDubins(OverDubins):
 
 
 def _note(session: Session, planner: Any, words: SweptWords, car: Car) -> None:
-    """Hand the branches of OMPL's tree to the session, and the way to its node nearest to the goal."""
+    """Send the branches of OMPL's tree to the session, and the path to its node nearest to the goal."""
     data = ob.PlannerData(planner.getSpaceInformation())
     planner.getPlannerData(data)
     if session.solved and data.numEdges() <= session.common.branches.size:
@@ -198,7 +198,7 @@ def _note(session: Session, planner: Any, words: SweptWords, car: Car) -> None:
 
 
 def _way_to(node: int, poses: FloatArray, parents: IntArray, start: FloatArray, words: SweptWords) -> FloatArray:
-    """Return the arcs (k, 4) from the start to a node of a tree, up to the first edge that is blocked."""
+    """Return the arcs (k, 4) from the start to a node of a tree, up to the first blocked edge."""
     way = [node]
     while parents[way[-1]] >= 0:
         way.append(int(parents[way[-1]]))

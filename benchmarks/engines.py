@@ -1,4 +1,4 @@
-"""What OMPL's trees do for `auto`, and how two checkouts compare: both are asked in turn, by CPU time.
+"""Gain of `auto` by OMPL's trees, and comparison of two checkouts in turn, by CPU time.
 
     python benchmarks/engines.py [OTHER_CHECKOUT] [--families everyday dense series gaps] [--seeds 20]
         [--scenes 22] [--best-seeds 6]
@@ -33,7 +33,7 @@ FREE = 0.7
 
 
 def serve(checkout: str, count: int) -> None:
-    """Answer questions, a line of JSON each: family, number of the scene, seed, and what is asked."""
+    """Answer requests, one line of JSON each: family, number of the scene, seed, and the quantity."""
     sys.path[0] = str(Path(checkout) / "benchmarks")
     time.perf_counter = time.process_time  # searches then count CPU time, whatever else the machine does
     import ablation
@@ -118,7 +118,7 @@ class Checkout:
         return json.loads(self._process.stdout.readline())
 
     def ask(self, *question: Any) -> Any:
-        """Return the answer to a question."""
+        """Return the answer to a request."""
         assert self._process.stdin is not None
         self._process.stdin.write(json.dumps(question) + "\n")
         self._process.stdin.flush()
@@ -129,7 +129,7 @@ Times = np.ndarray[Any, Any]
 
 
 def ask_all(family: str, here: Checkout, there: Checkout | None, seeds: int, best_seeds: int) -> dict[str, Times]:
-    """Return the answers (scenes, seeds) by what was asked; both checkouts answer each question in turn."""
+    """Return the answers (scenes, seeds) by quantity; both checkouts answer each request in turn."""
     answers: dict[str, list[list[Any]]] = {}
     for number, name in enumerate(here.scenes[family]):
         row: dict[str, list[Any]] = {}
@@ -159,7 +159,7 @@ def ask_all(family: str, here: Checkout, there: Checkout | None, seeds: int, bes
 
 
 def report(family: str, names: list[str], found: dict[str, Times]) -> None:
-    """Print a line for each scene, and what they say together."""
+    """Print a line for each scene, and a summary."""
     first, without, by = 1e3 * found["first"], 1e3 * found["without"], found["by OMPL"]
     before = 1e3 * found.get("first before", np.full(first.shape, np.nan))
     print(f"\n{family}: {len(names)} scenes, {first.shape[1]} seeds; ms of CPU to a first path")
@@ -194,7 +194,7 @@ def report(family: str, names: list[str], found: dict[str, Times]) -> None:
 
 
 def tenth(values: Times) -> float:
-    """Return what nine tenths of some values stay below."""
+    """Return the 90th percentile of some values."""
     return float(np.quantile(values, 0.9, method="higher"))
 
 

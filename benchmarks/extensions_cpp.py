@@ -44,7 +44,7 @@ def posed(scenario: Scenario) -> tuple[Scenario, Problem]:
 
 
 class Unreached(ob.GoalRegion):  # type: ignore[misc]
-    """A goal that no state is in: the tree grows on."""
+    """A goal that no state reaches, so that the tree keeps growing."""
 
     def distanceGoal(self, state: Any) -> float:  # noqa: N802 OMPL's name
         del state
@@ -52,7 +52,7 @@ class Unreached(ob.GoalRegion):  # type: ignore[misc]
 
 
 def why_not() -> str | None:
-    """Why there is nothing to compare with, None if there is."""
+    """Return the reason why no comparison is possible; None if it is."""
     if shutil.which("g++") is None:
         return "no C++ compiler (g++)"
     if not any((folder / "ompl").is_dir() for folder in INCLUDES):
@@ -61,7 +61,7 @@ def why_not() -> str | None:
 
 
 def build(folder: Path, name: str = "extensions") -> Path:
-    """Compile one of the programs beside this file into a folder, and return it."""
+    """Compile a program from this folder into another folder, and return its path."""
     program = folder / name
     includes = [f"-I{path}" for path in INCLUDES if path.is_dir()]
     command = [
@@ -108,8 +108,8 @@ def write(problem: Problem, scenario: Scenario, path: Path) -> None:
 def improvements(
     program: Path, problem: Problem, scenario: Scenario, planner: str, seed: int, seconds: float
 ) -> list[tuple[float, float]]:
-    """CPU seconds and costs (m) of the ever better paths of a planner in C++, never shortened: `hybrid_astar`, or one
-    of OMPL's in `extensions`.
+    """Return CPU seconds and costs (m) of the improving paths of a planner in C++ without shortening: `hybrid_astar`,
+    or one of OMPL's in `extensions`.
     """
     data = program.with_name(f"{planner}-{seed}.txt")
     write(problem, scenario, data)
@@ -120,7 +120,7 @@ def improvements(
 
 
 def core_arcs(problem: Problem, scenario: Scenario, extensions: int, seed: int) -> tuple[float, float]:
-    """CPU seconds per arc that the core adds to a tree at a random node, and the share of arcs kept."""
+    """Return the CPU seconds per arc that the core adds to a tree at a random node, and the share of valid arcs."""
     random = np.random.default_rng(seed)
     arcs, nodes = random.random((extensions, 3)).tolist(), random.random(extensions).tolist()
     tree = Tree(problem, scenario.start, scenario.chain.reach)
@@ -132,7 +132,7 @@ def core_arcs(problem: Problem, scenario: Scenario, extensions: int, seed: int) 
 
 
 def python_rrt(problem: Problem, scenario: Scenario, extensions: int, seed: int) -> tuple[float, float]:
-    """CPU seconds per extension of OMPL's RRT with the propagator from the core, and the share of arcs kept."""
+    """Return the CPU seconds per extension of OMPL's RRT with the core's propagator, and the share of valid arcs."""
     ou.setLogLevel(ou.LOG_NONE)
     ou.RNG.setSeed(seed)
     session = Session(problem, scenario.start, StopRule(math.inf, stall=10**12), seed)
@@ -148,7 +148,7 @@ def python_rrt(problem: Problem, scenario: Scenario, extensions: int, seed: int)
 
 
 def compare(name: str, extensions: int, repeats: int) -> str:
-    """One line for a scenario, or why there is none."""
+    """Return a line for a scenario, or the reason why there is none."""
     missing = why_not()
     if missing is not None:
         return f"C++ comparison skipped: {missing}"

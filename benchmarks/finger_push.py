@@ -1,4 +1,4 @@
-"""An object and the round fingers of a hand, in the slip simulator: how robots push in most measurements."""
+"""An object and the round fingers of a hand in the slip simulator, as in most measurements of pushes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class FingerPush:
 
     @cached_property
     def packed(self) -> core.World:
-        """What is pushed."""
+        """Packed bodies for `core.slip`."""
         pieces = cut(0, self.obj.outline)
         discs = [Piece(1, disc[None, :2], np.ones(1), float(disc[2])) for disc in self.fingers]
         count = len(pieces)

@@ -1,4 +1,4 @@
-"""The force that plans say pushing takes against the force of the plate in MuJoCo, by impulse over 50 ms.
+"""The needed force of plans against the force of the plate in MuJoCo, by impulse over 50 ms.
 
 Run `python benchmarks/forces.py [NAME ...] [--iterations 300]`; prints for every packaged scenario with known loads
 the largest force of the plan, and by how much impulses of the plate differ from the plan's in windows of 50 ms: while
@@ -35,7 +35,7 @@ ALLOWED = 0.05
 
 
 def impulses(plan: Plan) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return mean forces in windows (k,), N, in MuJoCo and by the plan, and the largest accelerations there (k,)."""
+    """Return mean forces in windows (k,), N, of MuJoCo and of the plan, and the largest accelerations there (k,)."""
     (segment,), chain = plan.segments, plan.scenario.chain
     trajectory, steps = segment.contact_trajectory, round(WINDOW / HARD.time_step)
     count = math.floor(trajectory.duration / WINDOW) * steps

@@ -1,4 +1,4 @@
-"""How far plans are at most above the least possible, as they state it: `python benchmarks/gaps.py`.
+"""Optimality gaps that plans state: `python benchmarks/gaps.py`.
 
 Packaged scenarios, ranked by travel and by time, and goals beside, behind and turned on the spot in an empty room.
 The searches end by iterations, so that every machine prints the same numbers but for the last column.
@@ -34,7 +34,7 @@ def cases() -> Iterator[tuple[str, str, Scenario]]:
 
 
 def solved(scenario: Scenario, by: str) -> Plan:
-    """Plan without a price of arcs, so that what is ranked is what the bound is of."""
+    """Plan without a cost of arcs, so that the ranked cost is the one of the bound."""
     asked = scenario.with_planner(cost=by, arc_price=0.0)
     return pushplan.plan(asked, seed=1, iterations=ITERATIONS, time_limit=600.0)
 

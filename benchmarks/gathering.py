@@ -81,7 +81,7 @@ class Family:
 
     @classmethod
     def named(cls, name: str) -> Family:
-        """Return the family of a name."""
+        """Return the family with a name."""
         drive, side, count, *more = name.split("-")
         kinds = [word for word in more if word in KINDS]
         return cls(
@@ -150,7 +150,7 @@ class Family:
 
 
 def number_of(text: str) -> int:
-    """Return a number of a text, the same in every process."""
+    """Return a number for a text that is the same in every process."""
     return int.from_bytes(text.encode()[-8:], "little")
 
 
@@ -181,7 +181,7 @@ def in_order(document: Document) -> Document:
 
 
 def planned(document: Document, seconds: float, first: bool = False) -> tuple[Plan | None, float]:
-    """Return a plan, None where there is none, and the CPU seconds that it took."""
+    """Return a plan, None without one, and its CPU seconds."""
     began = time.process_time()
     try:
         found = plan(scenario_from_document(document), seed=1, time_limit=seconds, first=first)
@@ -191,7 +191,7 @@ def planned(document: Document, seconds: float, first: bool = False) -> tuple[Pl
 
 
 def compared(document: Document, seconds: float) -> Document:
-    """Return what three planners make of a room."""
+    """Return the results of three planners in a room."""
     result: Document = {}
     for gather in ("auto", "never"):
         found, _ = planned({**document, "gather": gather}, seconds)
@@ -209,7 +209,7 @@ def compared(document: Document, seconds: float) -> Document:
 
 
 def checked(count: int, families: Sequence[str], seed: int, seconds: float) -> int:
-    """Check first plans of rows of all families, of `auto` and `never` in turn; return how many are wrong."""
+    """Check first plans of rows of all families, of `auto` and `never` in turn; return the number of wrong ones."""
     plans, wrong = 0, 0
     for k in range(2 * count):
         name, gather = families[k % len(families)], ("auto", "never")[(k // len(families)) % 2]
@@ -228,7 +228,7 @@ def checked(count: int, families: Sequence[str], seed: int, seconds: float) -> i
 
 
 def off(world: World, random: np.random.Generator) -> World:
-    """Return a world whose objects stand off and whose frictions are other than stated."""
+    """Return a world with pose errors and other frictions."""
     poses = np.array(world.object_poses)
     poses += random.uniform(-1.0, 1.0, poses.shape) * [POSITION, POSITION, ANGLE]
     world = world.with_object_poses(poses)
@@ -236,7 +236,7 @@ def off(world: World, random: np.random.Generator) -> World:
 
 
 def executed(found: Plan, seed: int, how: str) -> tuple[float, float, bool]:
-    """Return how far objects end off their places in the row, m and rad, and whether one was lost or it jammed."""
+    """Return the largest final errors of objects in the row, m and rad, and whether one was lost or it jammed."""
     world = off(World.from_scenario(found.scenario), np.random.default_rng(seed))
     if how == "closed":
         run = run_closed_loop(found.scenario, world, plan=found, seed=seed)
@@ -249,7 +249,7 @@ def executed(found: Plan, seed: int, how: str) -> tuple[float, float, bool]:
 
 
 def ratios(rows: Sequence[Mapping[str, Any]], over: str) -> str:
-    """Return the median of the ratios with its interval, and the worst."""
+    """Return the median ratio with its interval, and the worst ratio."""
     pairs = [(row["auto"], row[over]) for row in rows if row.get("auto") and row.get(over)]
     if len(pairs) < 2:
         return "-"
@@ -319,7 +319,7 @@ def main() -> None:
 
 
 def _with_errors(families: Sequence[str], count: int, given: argparse.Namespace, how: str) -> int:
-    """Execute plans in worlds that are not as stated; return how many lost an object."""
+    """Execute plans in worlds with errors; return the number of plans that lost an object."""
     ends, k = [], 0
     while len(ends) < count and k < 20 * count:
         family = Family.named(families[k % len(families)])

@@ -64,7 +64,7 @@ class Case:
     knowing: bool = True
 
     def scenario(self, goal: list[float]) -> Scenario:
-        """Return the problem of reaching a goal."""
+        """Return the problem with a goal."""
         names = ["near", "far"][: len(self.heights)]
         objects = [box(name, self.side, self.side, 1.0) for name in names]
         pairs = [["pusher", "near"], names]
@@ -81,7 +81,7 @@ class Case:
 
 @dataclass(frozen=True)
 class World:
-    """What a scenario leaves open: frictions, heights of contacts (n,) and where masses are off (n, 2), m."""
+    """Unknown values of a scenario: frictions, heights of contacts (n,) and offsets of the masses (n, 2), m."""
 
     floor: float
     contact: float
@@ -90,7 +90,7 @@ class World:
 
     @classmethod
     def drawn(cls, case: Case, rng: np.random.Generator) -> World:
-        """Return a world, every other one at ends of the intervals; a load off by 20 % moves by side / 20."""
+        """Return a world, every other one at interval ends; a load shift of 20 % moves the mass by side / 20."""
         n, spans = len(case.heights), np.array(case.heights)
         one = rng.uniform(-1.0, 1.0, 2 + 3 * n)
         one = np.sign(one) if rng.random() < 0.5 else one
@@ -100,7 +100,7 @@ class World:
 
 
 def model_of(case: Case, world: World, dt: float) -> Any:
-    """Return the engine's model: every pair that may touch is stated, and nothing else touches."""
+    """Return the engine's model; only declared pairs can touch."""
     spec = mujoco.MjSpec()
     option = spec.option
     option.timestep, option.cone, option.impratio = dt, mujoco.mjtCone.mjCONE_ELLIPTIC, 1e4
@@ -143,7 +143,7 @@ def model_of(case: Case, world: World, dt: float) -> Any:
 
 
 def carried_out(case: Case, world: World, motion: Trajectory, dt: float = 1e-3) -> FloatArray:
-    """Return the most (4,) that contacts slid and opened (mm), turned, and that boxes tilted (deg) in a world."""
+    """Return the largest slide and opening (mm), turn and tilt (deg), (4,), in a world."""
     model = model_of(case, world, dt)
     data = mujoco.MjData(model)
     settle = int(0.2 / dt)
@@ -165,7 +165,7 @@ def carried_out(case: Case, world: World, motion: Trajectory, dt: float = 1e-3) 
 
 
 def _seen(data: Any, k: int) -> list[float]:
-    """Return x, y and heading of a box in the frame of what pushes it, and its tilt, rad."""
+    """Return x, y and heading of a box in the frame of its pusher, and its tilt, rad."""
     own, pushing = data.body(f"box{k}"), data.body(f"box{k - 1}" if k else "plate")
     turned, base = own.xmat.reshape(3, 3), pushing.xmat.reshape(3, 3)
     x, y, _ = base.T @ (own.xpos - pushing.xpos)
@@ -175,7 +175,9 @@ def _seen(data: Any, k: int) -> list[float]:
 
 
 def tried(case: Case, worlds: int, seed: int) -> tuple[int, int, str]:
-    """Return how many runs held, of how many, and the most that was seen; or 0 of 0 and why nothing is planned."""
+    """Return the number of runs that held, of all runs, and the largest values; or 0, 0 and the reason without a
+    plan.
+    """
     rng = np.random.default_rng(seed)
     found = []
     for goal in GOALS:

@@ -1,4 +1,4 @@
-"""Is the joint robustness of plans true and tight? A search for worse errors by other means.
+"""Is the joint robustness of plans correct and tight? An independent search for worse errors.
 
 Run `python benchmarks/joint_errors.py [--plans 100] [--seed 101] [--restarts 50]`. Random problems are planned, and
 the packaged scenarios; of each plan `robustness.joint`, rho, is asked. Then combinations of errors are sought that
@@ -35,7 +35,7 @@ from pushplan.util.arrays import FloatArray
 
 
 def leaning(obj: PushedObject, shares: FloatArray) -> Support:
-    """Return the load of an object leaning along the chain frame's x and y by (2,) shares at once."""
+    """Return the load of an object shifted along the chain frame's x and y by (2,) shares together."""
     support, axes = obj.support, rotate(-float(obj.pose_chain[2]), np.eye(2))
     if isinstance(support, UniformSupport):
         center = support.center
@@ -48,7 +48,7 @@ def leaning(obj: PushedObject, shares: FloatArray) -> Support:
 
 
 def one_off(chain: Chain, index: int, aside: float = 0.0, angle: float = 0.0) -> Motion:
-    """Return one object aside (m) or turned about its contact's middle (rad), with all others as believed."""
+    """Return one object shifted sideways (m) or turned about its contact's midpoint (rad), all others nominal."""
     distances, turns = np.zeros((2, 1, len(chain.objects)))
     distances[0, index], turns[0, index] = aside, angle
     return displace(chain, aside_slides(chain, distances), turns)
@@ -85,7 +85,7 @@ def off_by(box: ErrorBox, scale: float, point: FloatArray) -> Chain:
 
 
 def least(box: ErrorBox, scale: float, point: FloatArray, moments: Moments) -> float:
-    """Return the least margin of that chain at all moments, -1 where there is none."""
+    """Return the smallest margin of that chain at all moments; -1 if it is invalid."""
     try:
         return float(dynamic_margins(off_by(box, scale, point), moments.twists, moments.rates).min())
     except PushplanError:

@@ -103,7 +103,7 @@ NOTICED, SURVIVED, STOPPED, NONE = "noticed", "SURVIVED", "STOPPED", "no mutant:
 
 
 class Mutant(NamedTuple):
-    """A change of a file: what stands from `begin` to `end` is replaced."""
+    """A change of a file: the replacement of the text from `begin` to `end`."""
 
     path: str
     begin: int
@@ -112,7 +112,7 @@ class Mutant(NamedTuple):
 
 
 def python_mutants(path: str, source: str) -> Iterator[Mutant]:
-    """Yield the changes of a Python file; what is written to be read, or to be raised, stays."""
+    """Yield the changes of a Python file; texts and raised errors stay."""
     starts = [0]
     for line in source.splitlines(keepends=True):
         starts.append(starts[-1] + len(line))
@@ -188,13 +188,13 @@ def core_mutants(path: str, source: str) -> Iterator[Mutant]:
 
 
 def fitting(path: str) -> list[str]:
-    """Return the tests that fit a file, none if nobody knows."""
+    """Return the tests of a file; none if they are unknown."""
     matches = [key for key in FITTING if re.match(key, path)]
     return [f"tests/{name}" for name in FITTING[max(matches, key=len)].split()] if matches else []
 
 
 class Checkout:
-    """A copy of the checkout, in which mutants live for as long as it takes to kill them."""
+    """A copy of the checkout in which mutants are tested."""
 
     def __init__(self, folder: Path, limit: int) -> None:
         self.folder, self.limit = folder, limit
@@ -203,7 +203,7 @@ class Checkout:
         self._environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
 
     def run(self, *words: str) -> tuple[str, str]:
-        """Run Python in the copy; return how a mutant ends there, and the last line that was said."""
+        """Run Python in the copy; return the outcome of a mutant, and the last line of output."""
         command = [sys.executable, "-W", "ignore", *words]
         done = subprocess.run(
             command, cwd=self.folder, env=self._environment, capture_output=True, text=True, preexec_fn=self._limit
@@ -215,13 +215,13 @@ class Checkout:
         resource.setrlimit(resource.RLIMIT_CPU, (self.limit, self.limit + 5))
 
     def end_of(self, path: str) -> tuple[str, str]:
-        """Return how the tests that fit a file end, after a build if it is the core's, and the test that failed."""
+        """Return the outcome of the tests of a file, after a build if it is the core's, and the failed test."""
         if "/core/" in path and self.run("building.py")[0] != SURVIVED:
             return NONE, ""
         return self.run("-m", "pytest", "-q", "-x", "-n", "0", "-p", "no:cacheprovider", *fitting(path))
 
     def end_with(self, mutant: Mutant) -> tuple[str, str]:
-        """Return the same with a mutant, and put the file right again."""
+        """Return the outcome with a mutant, and restore the file."""
         file = self.folder / mutant.path
         before = file.read_text(encoding="utf-8")
         file.write_text(before[: mutant.begin] + mutant.text + before[mutant.end :], encoding="utf-8")
@@ -234,7 +234,7 @@ class Checkout:
 
 
 def every_mutant(only: list[str]) -> list[Mutant]:
-    """Return all changes of the files that tests are known for, or of some rooms."""
+    """Return all changes of the files with known tests, or of some rooms."""
     found: list[Mutant] = []
     for pattern in ("pushplan/**/*.py", "planners/**/*.py", "sim/**/*.py", "logging/**/*.py", "pushplan/core/*.?pp"):
         for file in sorted(ROOT.glob(pattern)):
@@ -247,7 +247,7 @@ def every_mutant(only: list[str]) -> list[Mutant]:
 
 
 def main() -> int:
-    """Try the changes and print which of them nobody noticed."""
+    """Test the changes and print the unnoticed ones."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--only", default="", help="parts of paths, with commas")
     parser.add_argument("--count", type=int, default=200, help="changes that are tried, drawn by the seed")

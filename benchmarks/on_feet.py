@@ -1,4 +1,4 @@
-"""Scenarios put on four feet an object with known loads: what a plan and a physics engine know equally well."""
+"""Scenarios on four feet per object with known loads, so that a plan and a physics engine have the same knowledge."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ def problems(family: str, count: int) -> Iterator[Scenario]:
 
 
 def run_cpp(scenario: Scenario, planner: str, seed: int, seconds: float, programs: Path) -> Run:
-    """Search with all of the time by a planner in C++."""
+    """Search for the whole time with a planner in C++."""
     chosen, problem = extensions_cpp.posed(scenario)
     name = "hybrid_astar" if planner == "hybrid-astar" else "extensions"
     found = extensions_cpp.improvements(programs / name, problem, chosen, planner.removeprefix("cpp-"), seed, seconds)
@@ -103,7 +103,7 @@ def run_cpp(scenario: Scenario, planner: str, seed: int, seconds: float, program
 
 
 def run(scenario: Scenario, planner: str, seed: int, seconds: float) -> Run:
-    """Search with all of the time."""
+    """Search for the whole time."""
     try:
         found = Planner(scenario, planner=planner).plan(
             first=False, timed=False, explain=False, seed=seed, time_limit=seconds, gap=0.0
@@ -171,7 +171,7 @@ def compare(given: argparse.Namespace, programs: Path) -> dict[str, list[str]]:
 
 
 def cell(runs: list[Run]) -> str:
-    """Return what is said of a planner's runs on a family."""
+    """Return the text of a planner's results on a family."""
     costs = np.array([one.cost for one in runs])
     solved = np.isfinite(costs)
     if not solved.any():

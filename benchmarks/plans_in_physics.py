@@ -1,4 +1,4 @@
-"""Do plans hold in a physics engine, at their own speed, with full inertia, also when the world is not as stated?
+"""Do plans hold in a physics engine, at their own speed, with full inertia, also in worlds with errors?
 
 Run `python benchmarks/plans_in_physics.py [--problems 40] [--scenarios two-crates ...] [--settings old plain ...]
 [--out results.jsonl] [--tolerance]`. Every packaged scenario and random problems, all on four feet an object with
@@ -74,14 +74,14 @@ LEFT, RIGHT, FRONT, BACK = (0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """What the engine gets: a chain, and how its objects stand off their places (n, 3), or None."""
+    """World of the engine: a chain, and pose errors of its objects (n, 3), or None."""
 
     chain: Chain
     placed: FloatArray | None = None
 
 
 def perturbed(name: str, chain: Chain) -> dict[str, World]:
-    """Return the world as stated and those that differ; which object, and to which side, follows from the name."""
+    """Return the nominal world and those with errors; object and sign follow from the name."""
     rng = np.random.default_rng(zlib.crc32(name.encode()))
     low, high, aside, askew = rng.integers(0, len(chain.objects), 4)
     sides = rng.choice([-1.0, 1.0], 2)
@@ -99,7 +99,7 @@ def perturbed(name: str, chain: Chain) -> dict[str, World]:
 
 
 def within(robustness: Any, chain: Chain) -> dict[str, World]:
-    """Return worlds that differ by 0.9 of a plan's robustness in one thing each."""
+    """Return worlds with errors of 0.9 of a plan's robustness in one number each."""
     share = OF_TOLERANCE
     worlds = {
         "contact friction": World(with_contact_friction(chain, 1.0 - share * (1.0 - robustness.contact_friction)))
@@ -159,7 +159,7 @@ def attempt(name: str, document: Document, setting: str, tolerance: bool) -> Doc
 
 
 def merged(document: Mapping[str, Any], added: Mapping[str, Any]) -> Document:
-    """Return a document with the values of another in place of, or beside, its own."""
+    """Return a document with the values of another added or replaced."""
     result = dict(document)
     for key, value in added.items():
         old = result.get(key)
@@ -168,7 +168,7 @@ def merged(document: Mapping[str, Any], added: Mapping[str, Any]) -> Document:
 
 
 def problems(scenarios: Sequence[str], count: int) -> Iterator[tuple[str, Document]]:
-    """Yield names and documents of packaged scenarios and of random problems that the old way has a path for."""
+    """Yield names and documents of packaged scenarios and of random problems that the setting `old` solves."""
     for name in scenarios:
         yield name, on_feet(yaml.safe_load(example_text(name)))
     seed = found = 0
@@ -191,7 +191,7 @@ def _random(seed: int) -> Document | None:
 
 
 def run_all(arguments: argparse.Namespace) -> list[Document]:
-    """Attempt what the file of results does not have yet; return all that was asked for."""
+    """Run the attempts without a result in the file; return all requested results."""
     path: Path = arguments.out
     wanted = [
         (name, document, setting, arguments.tolerance)
@@ -229,12 +229,12 @@ def _line(result: Document) -> str:
 
 
 def holds(world: Document) -> bool:
-    """Whether a plan held in the world as stated: contacts and final poses."""
+    """Return whether a plan held in the nominal world: contacts and final poses."""
     return bool(world["kept"] and world["position"] <= POSITION and world["angle"] <= ANGLE)
 
 
 def table(results: list[Document], settings: list[str]) -> str:
-    """Return the survivors of every setting in every world as a Markdown table."""
+    """Return the number of plans that held, for every setting and world, as a Markdown table."""
     planned = [result for result in results if "worlds" in result]
     names = list(planned[0]["worlds"])
     heads = ["setting", "planned", *names, "all eight", "arcs", "way", "time"]
@@ -267,13 +267,13 @@ def _row(cells: list[str]) -> str:
 
 
 def _change(results: list[Document], first: dict[str, Document], key: str) -> str:
-    """Mean change against the first setting, over the problems that both solve."""
+    """Return the mean change against the first setting, over the problems that both solve."""
     ratios = [result[key] / first[result["problem"]][key] for result in results if result["problem"] in first]
     return f"{100.0 * (np.mean(ratios) - 1.0):+.1f} %" if ratios else "-"
 
 
 def verdict(results: list[Document], tolerance: bool) -> int:
-    """Tell of plans that failed where they should not; return the exit code. `old` only shows what was."""
+    """Print the plans that failed unexpectedly; return the exit code. `old` is for comparison only."""
     failed = []
     for result in results:
         for name, world in result.get("worlds", {}).items():

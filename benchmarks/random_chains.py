@@ -1,4 +1,4 @@
-"""Random chains and trees of objects, and how figures are printed: for scripts here that measure slip."""
+"""Random chains and trees of objects, and printed figures, for scripts that measure slip."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PLATE = np.array([[-0.03, -0.08], [0.0, -0.08], [0.0, 0.08], [-0.03, 0.08]])
 
 
 def random_chain(rng: np.random.Generator) -> Chain:
-    """One to four quadrilaterals, each with its rear edge somewhere on the front edge of the one before."""
+    """Return one to four quadrilaterals, each with its rear edge somewhere on the front edge of its predecessor."""
     objects: list[PushedObject] = []
     contacts: list[Contact] = []
     line, half = np.zeros(3), 0.08
@@ -32,7 +32,7 @@ def random_chain(rng: np.random.Generator) -> Chain:
 
 
 def random_outline(rng: np.random.Generator) -> tuple[FloatArray, float]:
-    """A quadrilateral (4, 2) with its rear edge on x = 0, and the direction of the normal of its front edge, rad."""
+    """Return a quadrilateral (4, 2) with its rear edge on x = 0, and the angle of its front edge's normal, rad."""
     rear, front = rng.uniform(0.03, 0.06, 2)
     depth, shift, lean = rng.uniform(0.04, 0.1), rng.uniform(-0.02, 0.02), rng.uniform(-0.3, 0.3)
     y = shift + np.array([-front, front])
@@ -41,7 +41,7 @@ def random_outline(rng: np.random.Generator) -> tuple[FloatArray, float]:
 
 
 def random_support(rng: np.random.Generator, outline: FloatArray) -> Support:
-    """Even pressure, or three to six feet with random loads."""
+    """Return even pressure, or three to six feet with random loads."""
     if rng.random() < 0.5:
         return UniformSupport(outline)
     count = int(rng.integers(3, 7))
@@ -58,7 +58,7 @@ def on_feet(name: str, outline: FloatArray, mass: float, pose: FloatArray) -> Pu
 
 
 def random_tree(rng: np.random.Generator) -> Chain:
-    """A wide box with two stacks on it, of one and of one or two boxes."""
+    """Return a wide box with two stacks on it, of one and of one or two boxes."""
     friction = rng.uniform(0.1, 0.5, 4)
     depth = rng.uniform(0.05, 0.1, 4)
     left, right = rng.uniform(0.025, 0.055, 2)
@@ -84,7 +84,7 @@ def random_tree(rng: np.random.Generator) -> Chain:
 
 
 def tell(what: str, value: float, relation: str, wanted: float) -> bool:
-    """Print a figure next to what is wanted; tell whether it is met."""
+    """Print a figure with its target; return whether it is met."""
     met = {"<": value < wanted, "<=": value <= wanted, "=": value == wanted, ">=": value >= wanted}[relation]
     print(f"{'ok  ' if met else 'MISS'} {what}: {value:.4g} (wanted {relation} {wanted:g})")
     return met

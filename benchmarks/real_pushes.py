@@ -1,13 +1,13 @@
-"""Real pushes that others have measured, against the slip simulator.
+"""Real pushes from published measurements against the slip simulator.
 
 Run `python benchmarks/real_pushes.py real_pushes.npz [--fit] [--speed 10]`; prints every figure next to what is
 wanted. The file holds pushes from github.com/robinzhoucmu/Pushing (Apache-2.0; the single pushes were recorded by the
 MIT MCube lab, Yu et al., IROS 2016), as arrays in SI units:
 
-* `push_*`: straight pushes with one round tip, against even pressure and a friction that nobody measured; with
-  `--fit` friction, heavier border and two tilts of the pressure are found from 80 pushes a set and judged by others.
-* `line_*`: pushes with two fingers. Each run is predicted from what other runs tell: the outline's place in the
-  measured frame by their resting poses, the friction by the other objects.
+* `push_*`: straight pushes with one round tip, against even pressure and an unmeasured friction; with `--fit`,
+  friction, border share and two tilts of the pressure are fitted to 80 pushes a set and tested on others.
+* `line_*`: pushes with two fingers. Each run is predicted from other runs: the outline's place in the
+  measured frame from their resting poses, the friction from the other objects.
 * `force_*`: force, moment and motion on three feet with loads that follow from the centre of mass.
 """
 
@@ -80,7 +80,7 @@ def outcomes(data: Data, push: FingerPush, which: IntArray) -> FloatArray:
 
 
 def single_pushes(data: Data, speed: int) -> bool:
-    """Predict with even pressure, nothing fitted; the mean over sets counts."""
+    """Predict with even pressure, without a fit; the mean over sets counts."""
     rows, others = [], []
     for k, which in sets_of(data, speed):
         outline = data[f"shape_{data['set_shape'][k]}"].astype(float)
@@ -96,14 +96,14 @@ def single_pushes(data: Data, speed: int) -> bool:
 
 
 def sets_of(data: Data, speed: int) -> list[tuple[int, IntArray]]:
-    """Return the sets at a speed (mm/s) that have pushes, and these."""
+    """Return the sets that have pushes at a speed (mm/s), and these pushes."""
     numbers = np.flatnonzero(data["set_speed_mm_s"] == speed)
     found = [(int(k), np.flatnonzero(data["push_set"] == k)) for k in numbers]
     return [(k, which) for k, which in found if len(which)]
 
 
 def fitted_push(outline: FloatArray, unknowns: FloatArray) -> FingerPush:
-    """Return the push with friction, border and tilts as the fit has them, bent into what is allowed."""
+    """Return the push with the fitted friction, border and tilts, clipped to the allowed range."""
     border = float(np.clip(unknowns[1], 0.0, MOST_BORDER))
     tilts = np.clip(unknowns[2:4], -MOST_TILT, MOST_TILT)
     pressed = PressedOutline.from_outline(outline, degree=9, marks=48)
@@ -113,7 +113,7 @@ def fitted_push(outline: FloatArray, unknowns: FloatArray) -> FingerPush:
 
 
 def fit(data: Data, outline: FloatArray, which: IntArray) -> FloatArray:
-    """Return friction, border and tilts that bring predicted final poses nearest to the measured ones."""
+    """Return friction, border and tilts with the smallest error of the predicted final poses."""
     measured = data["push_final"][which].astype(float)
 
     def cost(unknowns: FloatArray) -> float:
@@ -130,7 +130,7 @@ def fit(data: Data, outline: FloatArray, which: IntArray) -> FloatArray:
 
 
 def identified_pushes(data: Data, speed: int) -> bool:
-    """Fit on at most 80 pushes of each set, predict the others."""
+    """Fit on at most 80 pushes of each set, and predict the others."""
     rows = []
     for k, which in sets_of(data, speed):
         outline = data[f"shape_{data['set_shape'][k]}"].astype(float)
@@ -182,7 +182,7 @@ def line_pushes(data: Data) -> bool:
 
 
 def _with_friction(data: Data, samples: list[FloatArray], friction: float) -> FloatArray:
-    """Return how far off (k, 2) every push ends, mm and deg, the outline placed by other runs."""
+    """Return the final errors of all pushes (k, 2), mm and deg, with the outline pose from other runs."""
     found = np.zeros((len(samples), 2))
     for name, shape in SHAPES.items():
         outline = data[f"shape_{shape}"].astype(float)
@@ -200,7 +200,7 @@ def _with_friction(data: Data, samples: list[FloatArray], friction: float) -> Fl
 
 
 def identified_lines(data: Data) -> bool:
-    """Let `pushplan identify` learn from half of the pushes of an object's side, and predict the other half."""
+    """Identify with `pushplan identify` from half of the pushes of an object's side, and predict the other half."""
     samples = np.split(data["line_samples"].astype(float), data["line_start"][1:-1])
     rows, plain = [], []
     for name, shape in SHAPES.items():
@@ -229,7 +229,7 @@ def identified_lines(data: Data) -> bool:
 
 
 def _as_measured(outline: FloatArray, courses: list[FloatArray]) -> tuple[World, list[MeasuredPush]]:
-    """Return pushes of one side of an object as the package takes them: the two fingers are a plate."""
+    """Return pushes of one side of an object as measured pushes of the package; the two fingers are a plate."""
     turned = float(np.median([se2.relative(course[-1, 4:7], course[-1, 1:4])[2] for course in courses]))
     along = np.diff(se2.rotate(turned, np.vstack([outline, outline[:1]])), axis=0)
     off_square = se2.wrap_angle(np.arctan2(along[:, 1], along[:, 0]) + 0.5 * np.pi)  # of faces to the rear
@@ -259,7 +259,7 @@ def _as_measured(outline: FloatArray, courses: list[FloatArray]) -> tuple[World,
 
 
 def _ends_off(world: World, push: MeasuredPush) -> tuple[float, float]:
-    """Return how far a push is predicted to end off where it does, mm and deg, from where it began."""
+    """Return the error of a push's predicted final pose, mm and deg."""
     there, plate = world.with_object_poses(push.object_poses[0]), resampled(push.plate_poses)
     report = simulate_poses(np.arange(len(plate), dtype=float), plate, there)
     distance, angle = off(report.objects[-1], push.object_poses[-1])[0]
@@ -267,7 +267,7 @@ def _ends_off(world: World, push: MeasuredPush) -> tuple[float, float]:
 
 
 def frame_offset(outline: FloatArray, resting: list[FloatArray]) -> FloatArray:
-    """Return by what (2,) the outline is off in the measured frame: fingers at rest touch it."""
+    """Return the offset (2,) of the outline in the measured frame, from fingers that touch it at rest."""
 
     def gaps(offset: FloatArray) -> FloatArray:
         polygon = shapely.Polygon(outline + offset)
@@ -283,7 +283,7 @@ def frame_offset(outline: FloatArray, resting: list[FloatArray]) -> FloatArray:
 
 
 def from_rest(course: FloatArray) -> FloatArray:
-    """Return the course from the last moment on at which the hand stood still before the object moved."""
+    """Return the measured push from the last moment at which the hand stood still before the object moved."""
     way = np.hypot(*(course[:, 1:3] - course[0, 1:3]).T) + 0.03 * np.abs(course[:, 3] - course[0, 3])
     steps = np.hypot(*np.diff(course[:, 4:6], axis=0).T) + 0.03 * np.abs(np.diff(course[:, 6]))
     still = np.flatnonzero(steps[: int(np.argmax(way > 1.5e-3))] < 2e-5)
@@ -303,7 +303,7 @@ def resampled(poses: FloatArray) -> FloatArray:
 
 
 def wrench_directions(data: Data) -> bool:
-    """Compare the direction of the floor's wrench with the one measured, moments over the feet's mean distance."""
+    """Compare the direction of the floor's wrench with the measured one, moments over the feet's mean distance."""
     angles: dict[str, list[float]] = {}
     for name, feet, twist, wrench in zip(
         data["force_name"], data["force_feet"], data["force_twist"], data["force_wrench"], strict=True

@@ -82,7 +82,7 @@ SQUARE = 0.5 * SIDE * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.
 
 @dataclass(frozen=True)
 class Instance:
-    """Blocks, where they shall go, and where the car's axle is at first: poses (3,) in the room, m and rad."""
+    """Blocks, their goals, and the initial pose of the car's axle: poses (3,) in the room, m and rad."""
 
     blocks: dict[str, FloatArray]
     goals: dict[str, FloatArray]
@@ -91,7 +91,7 @@ class Instance:
 
     @property
     def plate(self) -> FloatArray:
-        """(3,) pose of the car's plate at first."""
+        """Initial pose of the car's plate, (3,)."""
         return se2.compose(self.robot, [AXLE, 0.0, 0.0])
 
     def target(self, block: str) -> FloatArray:
@@ -120,7 +120,7 @@ def read_instances(path: Path) -> tuple[Instance, ...]:
 
 
 def drawn_instances(path: Path, count: int, more: int) -> tuple[Instance, ...]:
-    """Return instances of a nominal layout with poses off it, and some blocks more."""
+    """Return instances of a nominal layout with pose errors, and some further blocks."""
     stated = json.loads(path.read_text("utf-8"))
 
     def off(random: np.random.Generator, pose: list[float]) -> FloatArray:
@@ -144,7 +144,7 @@ def drawn_instances(path: Path, count: int, more: int) -> tuple[Instance, ...]:
 
 
 def template(walls: str = "loose", height: float = ROOM[1]) -> dict[str, Any]:
-    """Return what all instances have in common, as a scenario file states it; places in it stand for any."""
+    """Return the common part of all instances as a scenario document, with placeholder poses."""
     out = WALLS[walls]
     return {
         "format": "pushplan/1",
@@ -164,7 +164,7 @@ def template(walls: str = "loose", height: float = ROOM[1]) -> dict[str, Any]:
 
 
 def write_scenarios(instance: Instance, name: str, walls: str, folder: Path) -> None:
-    """Write a scenario file for each block of an instance whose goal is free, the others in its way."""
+    """Write a scenario file for each block with a free goal; the other blocks are obstacles."""
     folder.mkdir(parents=True, exist_ok=True)
     stated = template(walls)
     for block in instance.assignment:
@@ -189,7 +189,7 @@ def write_scenarios(instance: Instance, name: str, walls: str, folder: Path) -> 
 
 @dataclass(frozen=True)
 class Row:
-    """What became of a block: CPU time (s), way of the block over the straight line, pushes."""
+    """Result of a block: CPU time (s), path length of the block over the straight line, pushes."""
 
     refused: bool
     seconds: float
@@ -335,7 +335,7 @@ def _row(prepared: MultiPushSearch, scenario: Scenario, began: float, straight: 
 
 
 def _way(scenario: Scenario, found: PushSequence) -> float:
-    """How far the middle of the block goes, m; it is as far ahead of every contact."""
+    """Return the path length of the block's centre, m; the centre has the same distance from every contact."""
     ahead = float(scenario.chain.objects[0].pose_chain[0])
     arcs = np.concatenate([step.arcs for step in found.steps])
     return float((np.hypot(arcs[:, 0], arcs[:, 1] + ahead * arcs[:, 2]) * arcs[:, 3]).sum())

@@ -93,7 +93,7 @@ def room(kind: str, drive: str, count: int, seed: int, gap: float = 0.3) -> dict
 def _apart(
     random: np.random.Generator, count: int, side: float, least: float, others: list[list[float]]
 ) -> list[list[float]]:
-    """Return places at least so far apart from one another, from other places and from the robot's start."""
+    """Return places with a smallest distance from one another, from other places and from the robot's start."""
     found: list[list[float]] = []
     while len(found) < count:
         place = random.uniform(0.5, side - 0.5, 2).tolist()
@@ -157,7 +157,7 @@ def rooms(count: int, number: int, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def main() -> None:
-    """Print a line for each room, and how many of greedy's were solved."""
+    """Print a line for each room, and the number of the greedy loop's rooms that were solved."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--objects", type=int, default=10)
     parser.add_argument("--rooms", type=int, default=18)

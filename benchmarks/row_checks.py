@@ -50,7 +50,7 @@ def inside(pose: Pose, other: Pose) -> Pose:
 
 
 def apart(pose: Pose, other: Pose) -> float:
-    """Return by how much two poses differ, m or rad."""
+    """Return the difference of two poses, m or rad."""
     turn = (pose[2] - other[2] + math.pi) % (2.0 * math.pi) - math.pi
     return max(math.hypot(pose[0] - other[0], pose[1] - other[1]), abs(turn))
 
@@ -145,12 +145,12 @@ def _put_pose(frame: Pose, own: Pose) -> Pose:
 
 
 def _moved(at: Pose, twist: Sequence[float], length: float, aside: float) -> Pose:
-    """Return a plate's pose after an arc of the frame that lies beside its own, m to the left."""
+    """Return a plate's pose after an arc of the frame at a lateral distance, m, left positive."""
     return _put_pose(after(_put_pose(at, (0.0, aside, 0.0)), twist, length), (0.0, -aside, 0.0))
 
 
 def _drives(drive: Any, twist: Sequence[float]) -> bool:
-    """Tell whether a drive makes a twist of the plate."""
+    """Return whether a drive can execute a twist of the plate."""
     if not isinstance(drive, Mapping):
         return True
     car = drive["car"]
@@ -163,7 +163,7 @@ def _drives(drive: Any, twist: Sequence[float]) -> bool:
 def _at_goals(
     document: Mapping[str, Any], shapes: Mapping[str, shapely.Geometry], now: Mapping[str, Pose]
 ) -> Iterator[str]:
-    """Yield which objects are not at their goals in the end, in any of the orientations that count as one."""
+    """Yield the objects that do not end at their goals, in any of the equivalent orientations."""
     del shapes
     for name, goal in document["goals"].items():
         x, y, theta = inside(tuple(goal["pose"]), now[name])
@@ -176,7 +176,7 @@ def _at_goals(
 def _row(
     document: Mapping[str, Any], shapes: Mapping[str, shapely.Geometry], now: Mapping[str, Pose]
 ) -> Iterator[str]:
-    """Yield what is wrong with the row in the end."""
+    """Yield the final errors of the row."""
     row = document["goals"]["row"]
     bodies = [put(shapes[name], now[name]) for name in row["of"]]
     together = shapely.union_all([body.buffer(1e-5, join_style="mitre") for body in bodies])

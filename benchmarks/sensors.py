@@ -1,4 +1,4 @@
-"""The closed loop where sensors and robots err: every packaged push with each error, in the world as planned.
+"""The closed loop with errors of sensors and robots: every packaged push with each error, in the nominal world.
 
 Run `python benchmarks/sensors.py [--seeds 101 102 103] [--only NAME ...] [--filter ERROR ...] [--disturbances]
 [--jobs 2]`; prints a line an error: runs that arrive with at most three replans, travel over the plan's, and how many
@@ -110,7 +110,7 @@ class Errors:
     swapped: float = 0.0
 
     def and_(self, other: Errors) -> Errors:
-        """Return both errors at once; the first of two of the same number."""
+        """Return both errors together; of the same number, the first one."""
         nominal, mine = Errors(), vars(self)
         return Errors(**{k: _either(mine[k], v, getattr(nominal, k)) for k, v in vars(other).items()})
 
@@ -240,7 +240,7 @@ class Erring:
 
 @dataclass(frozen=True)
 class Row:
-    """One run."""
+    """Result of one run."""
 
     name: str
     arrived: bool
@@ -263,12 +263,12 @@ class Row:
 
     @property
     def good(self) -> bool:
-        """Whether it arrived as it should."""
+        """Whether it arrived correctly."""
         return self.arrived and self.replans <= MOST_REPLANS
 
     @property
     def missed(self) -> bool:
-        """Whether something happened that nothing put back and that went on for too long unnoticed."""
+        """Whether a lasting deviation went unnoticed for too long."""
         usual = ControlSettings()
         put_back = self.left[0] <= usual.position_slack and self.left[1] <= usual.angle_slack
         late = self.slid[0] > ON_ARCS or self.slid[1] > ANYWHERE
@@ -293,7 +293,7 @@ class Sliding(SlipSimulator):
         self.slid, self.since, self._time = (0.0, 0.0), math.inf, 0.0
 
     def move(self, twist: ArrayLike, duration: float) -> Trace:
-        """Move as any world does, and let the objects slide."""
+        """Move like any world, and let the objects slide."""
         trace = super().move(twist, duration)
         x, y, turn = np.asarray(twist) * duration
         step, events = float(math.hypot(x, y)), self._controller.events
@@ -402,7 +402,7 @@ def run(job: Job) -> Row:
 
 @cache
 def _problem(name: str) -> tuple[Scenario, Plan]:
-    """Return a scenario of the matrix and the plan that it begins with."""
+    """Return a scenario of the matrix and its first plan."""
     if name in MATRIX["single"]:
         return _first(name, False)
     if "-" in name and name.rpartition("-")[2].isdigit():
@@ -450,7 +450,7 @@ def endure(job: Job) -> Row:
 
 
 def matrix(kind: str, only: Sequence[str], seeds: Sequence[int], what: str, jobs: int, verbose: bool) -> None:
-    """Run the problems of a kind, and print a line a run that is not good, a problem, and all."""
+    """Run the problems of a kind, and print a line for each bad run, each problem, and all together."""
     every, names = list[Row](), [name for name in MATRIX[kind] if name in (only or [name])]
     with ProcessPoolExecutor(jobs) as pool:
         asked = [Job(name, "all", ALL, seed, what, False, False) for name in names for seed in seeds]
@@ -470,7 +470,7 @@ def matrix(kind: str, only: Sequence[str], seeds: Sequence[int], what: str, jobs
 
 
 def _disturbed(world: World, duration: float, random: np.random.Generator) -> tuple[World, Disturbance]:
-    """Return a world whose friction is off, and a disturbance."""
+    """Return a world with other frictions, and a disturbance."""
     for name in world.names:
         world = world.with_contact_friction(1.0 + 0.2 * random.choice([-1.0, 1.0]), name)
         world = world.with_floor_friction(1.0 + 0.2 * random.choice([-1.0, 1.0]), name)
@@ -484,7 +484,7 @@ def _kick(duration: float, count: int, random: np.random.Generator) -> Disturban
 
 
 def _left(course: SimulatedPush, time: float) -> tuple[float, float]:
-    """Return how far (m, rad) the worst object is, `HEALED` after a disturbance, from where it stood on the plate."""
+    """Return the largest displacement (m, rad) of an object on the plate, `HEALED` after a disturbance."""
     k = np.searchsorted(course.t, [time - 1e-9, time + HEALED]) - [1, 0]
     before, after = (relative(course.poses[i], course.object_poses[i]) for i in np.clip(k, 0, len(course.t) - 1))
     apart = relative(before, after)
@@ -492,7 +492,7 @@ def _left(course: SimulatedPush, time: float) -> tuple[float, float]:
 
 
 def _beside(world: World, off: tuple[float, float], random: np.random.Generator) -> World:
-    """Return the world with the plate off where it is believed to be, and still in contact: objects stand aside."""
+    """Return the world with a pose error of the plate that keeps its contact; the objects have a lateral offset."""
     way, sign = random.uniform(-math.pi, math.pi), random.choice([-1.0, 1.0])
     shift = np.array([off[0] * math.cos(way), off[0] * math.sin(way), sign * off[1]])
     return replace(world, start=compose(world.start, shift))

@@ -33,7 +33,7 @@ def snake(lanes: int = 8, width: float = 1.6, length: float = 6.0, gap: float = 
 
 
 def maze(side: int, seed: int, cell: float = 1.0, chain: dict[str, Any] | None = None) -> Scenario:
-    """Return a maze of square cells, all of which a depth-first walk has joined to a tree, for any chain."""
+    """Return a maze of square cells that a depth-first walk has joined to a tree, for any chain."""
     rng = np.random.Generator(np.random.PCG64([23, side, seed]))
     seen, stack, opened = {(0, 0)}, [(0, 0)], set()
     while stack:
@@ -65,7 +65,7 @@ def maze(side: int, seed: int, cell: float = 1.0, chain: dict[str, Any] | None =
 
 
 def office(side: int, seed: int, room: float = 3.0, door: float = 1.0, closed: float = 0.3) -> Scenario:
-    """Return square rooms, most of which have doors somewhere in their walls; there may be no passage."""
+    """Return square rooms, most of them with doors somewhere in their walls; there need not be a passage."""
     rng = np.random.Generator(np.random.PCG64([29, side, seed]))
     walls: list[Wall] = []
     for here, there in _pairs(side):
@@ -82,7 +82,7 @@ def office(side: int, seed: int, room: float = 3.0, door: float = 1.0, closed: f
 
 
 def three_walls(clearance: float) -> Scenario:
-    """Return three walls across a room, each with a gap that leaves the plate so much on each side."""
+    """Return three walls across a room, each with a gap that leaves `clearance`, m, beside the plate."""
     walls = []
     for x, y in ((3.0, 2.2), (6.0, 3.8), (9.0, 2.6)):
         half = PLATE / 2 + clearance
@@ -92,14 +92,14 @@ def three_walls(clearance: float) -> Scenario:
 
 
 def gap(clearance: float) -> Scenario:
-    """Return one wall with a gap that leaves the plate so much on each side."""
+    """Return one wall with a gap that leaves `clearance`, m, beside the plate."""
     half = PLATE / 2 + clearance
     walls = [(2.0, 0.0, 2.1, 2.0 - half), (2.0, 2.0 + half, 2.1, 4.0)]
     return _scenario(f"gap-{1e3 * clearance:g}mm", walls, (4.0, 4.0), [0.6, 1.2, 0.0], [3.4, 2.8, 0.0])
 
 
 def corridor(clearance: float, length: float = 3.0) -> Scenario:
-    """Return a wall so thick with a gap that leaves the plate so much on each side."""
+    """Return a thick wall with a gap that leaves `clearance`, m, beside the plate."""
     half, end = PLATE / 2 + clearance, 2.0 + length
     walls = [(2.0, 0.0, end, 2.0 - half), (2.0, 2.0 + half, end, 4.0)]
     name = f"corridor-{1e3 * clearance:g}mm"
@@ -107,7 +107,7 @@ def corridor(clearance: float, length: float = 3.0) -> Scenario:
 
 
 def scenes(quick: bool = False) -> Iterator[Scenario]:
-    """Yield the rooms of the benchmark tables; only those that take milliseconds if `quick`."""
+    """Yield the rooms of the benchmark tables; if `quick`, only those that take milliseconds."""
     yield snake(8)
     for side in (8, 10):
         for seed in range(1, 4):
@@ -141,13 +141,13 @@ def _neighbours(cell: tuple[int, int], side: int) -> list[tuple[int, int]]:
 
 
 def _pairs(side: int) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Cells that have a side in common, the left or lower one first."""
+    """Return cells with a common side, the left or lower one first."""
     cells = [(i, j) for i in range(side) for j in range(side)]
     return [(cell, there) for cell in cells for there in _neighbours(cell, side) if there > cell]
 
 
 def _between(here: tuple[int, int], there: tuple[int, int], cell: float, low: float, high: float) -> Wall:
-    """Return the wall between two cells, the second right of or above the first, cut short at both ends."""
+    """Return the wall between two cells, the second right of or above the first, shortened at both ends."""
     i, j = here
     if there[0] > i:
         x = (i + 1) * cell

@@ -1,4 +1,4 @@
-"""The slip simulator against MuJoCo: do the same contacts slip, and do the objects end in the same places?
+"""The slip simulator against MuJoCo: do the same contacts slip, and do the objects end at the same poses?
 
 Run `python benchmarks/slip_in_physics.py [--chains 120] [--pushes 6] [--first 1] [--jobs 1]`; prints every
 figure next to what is wanted and exits 1 if one is missed. Chains are those of `random_chains.py` with
@@ -72,7 +72,7 @@ def slide(chain: Chain, twist: FloatArray, travel: float) -> ContactReport:
 
 
 def same_first(mine: ContactReport, physics: ContactReport) -> bool:
-    """Tell whether the contact that slips first in MuJoCo is the first here, or slips at the same time as that."""
+    """Return whether the first slipping contact in MuJoCo is also the first here, or slips at the same time."""
     if mine.loss is None or physics.kept:
         return False
     first = int(np.argmin(physics.moved_at))
@@ -81,7 +81,7 @@ def same_first(mine: ContactReport, physics: ContactReport) -> bool:
 
 
 def show(rows: FloatArray, seconds: float) -> bool:
-    """Print the counts; tell whether the promises hold."""
+    """Print the counts; return whether all targets are met."""
     margin, mine, physics, first = rows[:, 3], rows[:, 4] > 0.0, rows[:, 5] > 0.0, rows[:, 6] > 0.0
     decided, slips = np.abs(margin) > DECIDED, ~mine & ~physics
     print(

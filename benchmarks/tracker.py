@@ -41,7 +41,7 @@ EFFORT = np.array([math.inf, 0.02, 0.1])
 
 
 class LinearSteering(Steering):
-    """Corrects errors by the gains of a regulator that knows the path ahead."""
+    """Correction of errors with the gains of a regulator that knows the path ahead."""
 
     def __init__(self, plan: Plan) -> None:
         super().__init__(plan)
@@ -91,12 +91,12 @@ class Tracker:
 
     @property
     def over(self) -> bool:
-        """Whether the plan is at its end."""
+        """Whether the plan has ended."""
         return self._following.drive.over
 
     @property
     def phase(self) -> Phase:
-        """It knows of nothing but the plan."""
+        """State of the tracker, which follows the plan only."""
         return Phase.ARRIVED if self.over else Phase.PUSHING
 
     def step(
@@ -119,7 +119,7 @@ class Tracker:
         return np.asarray(twist)
 
     def _see(self, poses: FloatArray, time: float) -> None:
-        """Move the plate by a share of what the objects say that it is off."""
+        """Move the plate by a share of its pose error, as measured with the objects."""
         then = next((plate for t, plate in reversed(self._before) if t <= time), self._before[0][1])
         off = relative(then, compose(poses, inverse(self._places)))
         off = off[~np.isnan(off[:, 0])]

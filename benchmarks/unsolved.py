@@ -1,4 +1,4 @@
-"""What `auto` leaves unsolved although another planner of the package solves it: 310 problems, by CPU time.
+"""Problems that `auto` leaves unsolved although another planner of the package solves them: 310, by CPU time.
 
 Run `python benchmarks/unsolved.py [--kinds maze ...] [--seeds 3] [--seconds 2] [--from 0] [--share 1]`.
 Every problem is put to `auto` with default settings until it has a plan; those that it does not solve with every seed
@@ -106,7 +106,7 @@ def leaning(number: int) -> Scenario:
 
 
 def pocket(number: int) -> Scenario:
-    """Return a U that is open away from the goal, with the start in it, or the other way round."""
+    """Return a U that is open away from the goal, with the start in it, or the reverse."""
     rng = _rng("pocket", number)
     wide, deep, turned = rng.uniform(1.0, 1.6), rng.uniform(0.8, 1.6), rng.uniform(-0.6, 0.6)
     turn = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
@@ -121,7 +121,7 @@ def pocket(number: int) -> Scenario:
 
 
 def near(number: int) -> Scenario:
-    """Return a goal that is near: sideways, behind, or turned on the spot, in a room with three short walls."""
+    """Return a near goal: sideways, behind, or turned on the spot, in a room with three short walls."""
     rng = _rng("near", number)
     start = np.array([3.0, 2.0, rng.uniform(-3.0, 3.0)])
     goal = start + np.append(rng.uniform(-0.25, 0.25, 2), rng.uniform(-0.6, 0.6))
@@ -155,7 +155,7 @@ KINDS: dict[str, tuple[Callable[[int], Scenario], int]] = {
 
 @dataclass
 class Tally:
-    """Of one kind of problem: CPU seconds to the plans of `auto`, and how many problems or runs there are of what."""
+    """Results of one kind of problem: CPU seconds to the plans of `auto`, and counts of problems or runs."""
 
     firsts: list[float] = field(default_factory=list)
     runs: int = 0
@@ -166,7 +166,7 @@ class Tally:
 
 
 def problems(kind: str, begin: int, share: float) -> Iterator[Scenario]:
-    """Yield the problems of a kind; numbers whose start or goal is not free are passed over."""
+    """Yield the problems of a kind; numbers with a blocked start or goal are skipped."""
     make, count = KINDS[kind]
     number, wanted = begin, max(1, round(share * count))
     while wanted:
@@ -182,12 +182,12 @@ def problems(kind: str, begin: int, share: float) -> Iterator[Scenario]:
 
 
 def first_plan(scenario: Scenario, planner: str, seed: int, limit: float) -> Plan:
-    """Search until there is a plan, for so many seconds of CPU time at most."""
+    """Search until there is a plan, for at most `limit` s of CPU time."""
     return Planner(scenario, planner=planner).plan(first=True, seed=seed, time_limit=limit)
 
 
 def measure(kind: str, given: argparse.Namespace) -> Tally:
-    """Put the problems of a kind to `auto`, and those that it leaves unsolved to the others."""
+    """Solve the problems of a kind with `auto`, and its unsolved ones with the other planners."""
     tally, seeds = Tally(), range(1, given.seeds + 1)
     for scenario in problems(kind, given.begin, given.share):
         tally.problems += 1

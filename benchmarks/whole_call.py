@@ -1,4 +1,4 @@
-"""What one plan takes from call to checked, timed result, and how many a second `Planner` answers; with the memory.
+"""Time and memory of one plan from call to checked, timed result, and answers of `Planner` per second.
 
 Run `python benchmarks/whole_call.py [--questions 100]`. Chains of 1, 3, 8 and 20 boxes in light rooms, and three
 boxes among fifteen obstacles. Every whole call gets a scenario of its own, read anew; times are CPU times of one
@@ -32,7 +32,7 @@ ROOM = 0.02
 
 
 def light_room(count: int) -> Scenario:
-    """A row of small boxes in a room that grows with it, with three obstacles."""
+    """Return a row of small boxes in a room of proportional size, with three obstacles."""
     side = 7.0 + 0.5 * count
     square = 0.25 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     return build_scenario(
@@ -55,7 +55,7 @@ def problems() -> Iterator[tuple[str, Callable[[], Scenario]]]:
 
 
 def whole_calls(make: Callable[[], Scenario]) -> float:
-    """Median CPU time of a first plan, ms."""
+    """Return the median CPU time of a first plan, ms."""
     taken = []
     for _ in range(CALLS):
         scenario = make()
@@ -79,7 +79,7 @@ def free_poses(scenario: Scenario, count: int) -> FloatArray:
 
 
 def asked(ask: Callable[[FloatArray, FloatArray], Plan], pairs: FloatArray) -> tuple[float, int]:
-    """Mean CPU time of questions that were answered with a path, s, and how many were not."""
+    """Return the mean CPU time of queries with a path, s, and the number of queries without one."""
     gc.collect()
     taken, without = [], 0
     for start, goal in pairs:

@@ -1,4 +1,4 @@
-"""Small files and few numbers that would take gigabytes or hours if nothing bounded that."""
+"""Small files and short inputs that would need gigabytes or hours without limits."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
 
 
 def png(width: int, height: int, row: bytes, rows: int | None = None) -> bytes:
-    """Return a picture in one byte of grey a cell whose rows are all, or by turns with the inverse, the same."""
+    """Return a picture with one byte of grey per cell whose rows are all equal, or alternate with the inverse."""
     packer = zlib.compressobj(9)
     other = bytes(255 - value for value in row)
     data = b"".join(
@@ -44,7 +44,7 @@ def png(width: int, height: int, row: bytes, rows: int | None = None) -> bytes:
 def _map(
     folder: Path, picture: bytes | None, image: str = "office.png", told: Mapping[str, Any] | None = None
 ) -> list[str]:
-    """Write a scenario with a map of a picture; None makes its name a pipe; `told` is what the map's file says."""
+    """Write a scenario with a map of a picture; None names a pipe instead; `told` is the map's file."""
     documents = yaml.safe_load(DOCUMENTS.read_text())
     (folder / "attack.yaml").write_text(json.dumps(documents["scenarios"]["mapped"]))
     (folder / "office.yaml").write_text(json.dumps({**documents["map"], "image": image, **(told or {})}))
@@ -163,7 +163,7 @@ def _text(folder: Path, random: Random) -> list[str]:
 
 
 def _motion(folder: Path, random: Random) -> list[str]:
-    """Limits, sizes and ways by which motions last for hours, or have millions of samples."""
+    """Return limits, sizes and paths whose motions last for hours, or have millions of samples."""
     document = yaml.safe_load(DOCUMENTS.read_text())["scenarios"][random.choice(("mapped", "faces", "rich"))]
     document.pop("obstacles", None)
     small = random.choice((1e-9, 1e-6, 1e-4, 3e-4, 1e-3, 1e-2))
@@ -184,7 +184,7 @@ def _motion(folder: Path, random: Random) -> list[str]:
 
 
 def _many(folder: Path, random: Random) -> list[str]:
-    """Objects, corners, feet and obstacles up to their limits and beyond."""
+    """Return objects, corners, feet and obstacles up to their limits and beyond."""
     document = yaml.safe_load(DOCUMENTS.read_text())["scenarios"]["rich"]
     count = random.choice((50, 500, 5000, 12_000))
     match random.choice(("obstacles", "objects", "feet", "corners")):

@@ -1,6 +1,6 @@
-"""Silly numbers and objects handed to what users call from Python.
+"""Invalid numbers and objects as arguments of the Python interface.
 
-Each call ends in an error of pushplan's own or, where it is no number or path at all, a TypeError as Python has it.
+Each call must raise an error of pushplan or, for values that are not a number or path at all, Python's TypeError.
 """
 
 from __future__ import annotations
@@ -156,7 +156,7 @@ PICKLED: dict[str, Callable[[], object]] = {
 
 
 def every() -> list[tuple[str, Callable[[], object]]]:
-    """Return name and call of everything that is tried."""
+    """Return name and call of every attack."""
     found: list[tuple[str, Callable[[], object]]] = []
     for calls, values in ((WITH_NUMBERS, NUMBERS), (WITH_POSES, POSES), (WITH_OTHERS, OTHERS)):
         found += [(f"{name} {value!r:.40}", partial(call, value)) for name, call in calls.items() for value in values]
@@ -164,7 +164,7 @@ def every() -> list[tuple[str, Callable[[], object]]]:
 
 
 def attacks(count: int, seed: int) -> Iterator[tuple[str, Attack]]:
-    """Yield so many of the calls, and all that is pickled."""
+    """Yield `count` of the calls, and all pickles."""
     stable(), plan(), planner()
     for name, make in PICKLED.items():
         yield f"{seed}-pickle-{name}", partial(_pickled, name, make)

@@ -1,4 +1,4 @@
-"""Ctrl-C at random moments of programs and commands, imports included: nothing aborts, nothing is called a defect."""
+"""Ctrl-C at random moments of programs and commands, also during imports: nothing aborts or reports a defect."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PROGRAMS = {
 
 
 def attacks(count: int, seed: int) -> Iterator[tuple[str, Attack]]:
-    """Yield interrupts of everything in turn; of half of them a second one follows."""
+    """Yield interrupts of all programs in turn; half of them get a second one."""
     names = [*PROGRAMS]
     for k in range(count):
         yield f"{seed}-interrupt-{k}", partial(attack, names[k % len(names)], Random(f"{seed}-interrupt-{k}"))
@@ -57,7 +57,7 @@ def attack(name: str, random: Random) -> Row:
 
 @cache
 def _seconds(name: str) -> float:
-    """Return how long a program takes that is not interrupted."""
+    """Return the duration of a program without interrupts, s."""
     with tempfile.TemporaryDirectory(prefix="attack-") as folder:
         began = time.monotonic()
         _started(name, folder).communicate()

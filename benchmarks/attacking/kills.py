@@ -1,4 +1,4 @@
-"""SIGKILL at random moments: what was told by then is in what is left, and that is read."""
+"""SIGKILL at random moments: all reported results are in the remaining files, which can be read."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def _samples(run: RecordedRun) -> list[float]:
 
 
 def _seconds(run: RecordedRun) -> list[float]:
-    """Return the times that may have been told when these samples had been written: a rest of 1 s comes later."""
+    """Return the times that can be reported once these samples are written: a rest of 1 s comes later."""
     end = 0.0 if run.execution is None else float(run.execution.t[-1])
     return [float(k) for k in range(int(end + 0.5) + 2)]
 
@@ -96,7 +96,7 @@ limits: {time: 60 s, iterations: 2000, run: 10 min, memory: 1 GB}
 
 
 def attacks(count: int, seed: int) -> Iterator[tuple[str, Attack]]:
-    """Yield kills of everything in turn."""
+    """Yield kills of all programs in turn."""
     kinds = [*KINDS, "bench"]
     for k in range(count):
         kind, random = kinds[k % len(kinds)], Random(f"{seed}-kill-{k}")
@@ -131,7 +131,7 @@ def _kill(kind: str, random: Random) -> Row:
 
 
 def _judged(log: Path, told: list[float], known: Callable[[RecordedRun], list[float]]) -> Row:
-    """Return the verdict on what is left of what had told these numbers."""
+    """Return the result of checking the remains of a program that has reported these numbers."""
     left = log if log.exists() else log.with_name(f"{log.name}.partial")
     if not left.exists() or left.stat().st_size == 0:
         return {"verdict": "WRONG" if told else "no log yet", "why": "no log" if told else ""}
@@ -155,7 +155,7 @@ def _judged(log: Path, told: list[float], known: Callable[[RecordedRun], list[fl
 
 
 def _kill_bench(random: Random) -> Row:
-    """Kill a batch, look at its results, resume it."""
+    """Kill a batch, check its results, and resume it."""
     moment = random.uniform(0.0, 12.0)
     with tempfile.TemporaryDirectory(prefix="attack-") as place:
         folder = Path(place)
@@ -185,7 +185,7 @@ def _kill_bench(random: Random) -> Row:
 
 
 def _rows(database: Path) -> set[Any]:
-    """Return the results of a folder: key, number and outcome of each run that is over."""
+    """Return the results of a folder: key, number and outcome of each finished run."""
     if not database.exists():
         return set()
     with sqlite3.connect(database) as connection:

@@ -1,4 +1,4 @@
-"""Logs of every kind, altered: bytes at random, and values, messages, words and attachments one at a time."""
+"""Damaged logs of every kind: random bytes, and single values, messages, metadata and attachments."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def sound(folder: Path) -> dict[str, Path]:
 
 
 def _short() -> Scenario:
-    """Return a push of 3 s: verifying a closed loop has its controller steer all of it again."""
+    """Return a push of 3 s, because the verification of a closed loop repeats all of its control."""
     stated = yaml.safe_load(example_text("free-space"))
     return scenario_from_document({**stated, "goal": {"pose": [0.5, 0.1, "15 deg"], "of": "far"}})
 
@@ -159,7 +159,7 @@ def _tampered(log: Path, kind: str, name: str, found: list[Any], how: str, key: 
 
 
 def forgeries(count: int) -> Iterator[tuple[str, Attack]]:
-    """Yield logs that lie: of plans that are none in the scenario stated, and of other numbers."""
+    """Yield forged logs: plans that are invalid in the stated scenario, or wrong numbers."""
     for forgery in FORGERIES[:count]:
         key = f"{forgery.kind}: {forgery.name}"
         yield key, lambda forgery=forgery: {"group": forgery.kind, **measured(partial(_forged, forgery))}  # type: ignore[misc]
@@ -177,7 +177,7 @@ def _forged(forgery: Forgery, folder: Path) -> Row:
 
 
 def _instead(victim: Any, name: str, how: str, random: Random) -> tuple[list[Any], str]:
-    """Return what stands in the place of a record, and the same in words; no words where it says nothing."""
+    """Return the replacement of a record and its description, which is empty for an empty record."""
     if how != "changed":
         return [victim, victim] if how == "repeated" else [], how
     if isinstance(victim, records.Metadata):

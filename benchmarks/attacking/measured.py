@@ -1,4 +1,4 @@
-"""An attack in a process of its own: what it takes, which programs it starts, and what it writes elsewhere."""
+"""Runs an attack in its own process and measures its time, memory, child processes and files elsewhere."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def measured(work: Callable[[Path], Row], limit: float = 0.0) -> Row:
 
 
 def _attacked(work: Callable[[Path], Row], folder: Path, writing: int) -> None:
-    """Do the attack in the child, tell the row, and end."""
+    """Run the attack in the child, report the row, and end."""
     outside: list[str] = []
 
     def hook(event: str, args: tuple[Any, ...]) -> None:

@@ -1,4 +1,4 @@
-"""Every output option of every command against what it could destroy."""
+"""Every output option of every command against files that it could destroy."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from output_options import OPTIONS, words
 
 
 def attacks(folder: Path) -> Iterator[tuple[str, Attack]]:
-    """Yield every output option against everything that it could destroy."""
+    """Yield every output option with every target that it could destroy."""
     log = sound(folder)["push"]
     for command, option, suffix in OPTIONS:
         for place in ("link", "pipe", "folder"):
@@ -46,7 +46,7 @@ def attacks(folder: Path) -> Iterator[tuple[str, Attack]]:
 
 
 def _attack(folder: Path, log: Path, command: str, option: str, suffix: str, place: str) -> Row:
-    """Run a command whose output is named like a link, a pipe or a folder; look whether that is still there."""
+    """Run a command whose output has the name of a link, a pipe or a folder; check that this still exists."""
     path, aside = folder / f"{place}{suffix}", folder / f"aside{suffix}"
     for old in (path, aside):
         if old.is_dir() and not old.is_symlink():

@@ -1,4 +1,4 @@
-"""Mutated scenarios of every kind: each is refused with words, or planned; what is called solved has to be."""
+"""Mutated scenarios of every kind: each must be refused with a message or planned; every solution must be valid."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def picture() -> bytes:
 
 
 def documents() -> dict[str, Any]:
-    """Return the documents that are mutated, by name."""
+    """Return the documents to mutate, by name."""
     packaged = {name: yaml.safe_load(load_scenario(name).source) for name in example_names()}
     return {**packaged, **yaml.safe_load(DOCUMENTS.read_text())["scenarios"]}
 
@@ -100,7 +100,7 @@ def _mutated_at(document: Any, key: str, random: Random) -> Any:
 
 
 def _scaled(value: Any, random: Random) -> Any:
-    """Return a value with its numbers changed by up to a factor of 3, now and then much more."""
+    """Return a value with its numbers scaled by up to a factor of 3, sometimes much more."""
     if isinstance(value, dict):
         return {key: _scaled(one, random) for key, one in value.items()}
     if isinstance(value, list):
@@ -121,7 +121,7 @@ def _holders(node: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _planned(document: Any, name: str, random: Random, folder: Path) -> Row:
-    """Plan what a mutated document states."""
+    """Plan a mutated document."""
     told, image = yaml.safe_load(DOCUMENTS.read_text())["map"], bytearray(picture())
     if name == "mapped" and random.random() < 0.5:
         told = mutated_document(told, random)
@@ -208,7 +208,7 @@ def _limits(scenario: Scenario) -> shapely.Geometry | None:
 
 
 def told(rows: list[Row]) -> str:
-    """Return how many keys were mutated, and which of the schema's names are not among them."""
+    """Return the number of mutated keys, and the keys of the schema that are not among them."""
     schema = json.loads((Path(__file__).parents[2] / "pushplan" / "scenario.schema.json").read_text())
     declared = {str(name) for holder, key in places(schema) if key == "properties" for name in holder[key]}
     mutated = {str(row["place"]) for row in rows}

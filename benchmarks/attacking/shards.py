@@ -98,7 +98,7 @@ def main() -> None:
 
 
 def quick(spec: RunSpec, folder: Path) -> Outcome:
-    """Return what the problem and the seed say, and leave a log."""
+    """Return a result that follows from problem and seed, and write a log."""
     chance = random.Random(spec.key).random()
     (folder / "run.mcap").write_text(spec.key)
     if chance < 0.05:
