@@ -1,5 +1,6 @@
 """Diagnosis of failures: every cause, no false proof of infeasibility, the nearest path."""
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -182,6 +183,7 @@ def test_a_goal_beside_the_wall_is_proven_out_of_reach_because_of_the_drive() ->
     (found,) = result.diagnosis
     assert (found.cause, found.proven) == ("boxed in", True)
     assert "the tightest turn that the car drive can make has a radius of 2.38 m (without" in found.text
+    assert re.search(r"without the drive: [\d.]+ m; with the axle at the contact: [\d.]+ m\)", found.text)
 
 
 TURNING = (

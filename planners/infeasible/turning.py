@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from pushplan.core.problem import find_words
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
 from pushplan.mechanics.sphere import TurningRadii
-from pushplan.planners.controls import control_segments, segment_ends, smallest_radii, steering_families
+from pushplan.planners.controls import control_segments, drive_radii, segment_ends, smallest_radii, steering_families
 from pushplan.plans.diagnosis import Diagnosis
 from pushplan.plans.path import PushPath
 from pushplan.scenario.model import Scenario
@@ -162,7 +163,7 @@ def tightest_turn(scenario: Scenario, stable: StableSet, segments: FloatArray) -
     of_set = _of_set(scenario, stable)
     if of_set is None:
         return ""
-    made, alone = _drive_words(scenario, f"{min(of_set):.3g} m")
+    made, alone = _drive_words(scenario, f"{min(of_set):.3g} m", stable)
     return f"; the tightest turn{made} has a radius of {min(smallest_radii(segments)):.3g} m{alone}"
 
 
@@ -181,7 +182,7 @@ def _too_wide(
     else:
         return
     of_set = _of_set(scenario, stable)
-    made, alone = ("", "") if of_set is None else _drive_words(scenario, f"{min(of_set):.3g} m")
+    made, alone = ("", "") if of_set is None else _drive_words(scenario, f"{min(of_set):.3g} m", stable)
     text = f"perhaps the turns are too wide: the tightest one{made}, of radius {radius:.3g} m{alone}, {what}"
     yield Diagnosis("wide turns", text, False, {"radius": radius, "across": across, **_numbers(of_set)})
 
@@ -211,9 +212,13 @@ def _of_set(scenario: Scenario, stable: StableSet) -> TurningRadii | None:
     return smallest_radii(control_segments(stable, Drive(), scenario.required_margin, 128))
 
 
-def _drive_words(scenario: Scenario, of_set: str) -> tuple[str, str]:
-    """Return the phrases for the turns of a drive, and for those of the set without it."""
-    return f" that the {scenario.chain.pusher.drive.kind} drive can make", f" (without the drive: {of_set})"
+def _drive_words(scenario: Scenario, of_set: str, stable: StableSet) -> tuple[str, str]:
+    """Return the phrases for the turns of a drive, and for those without it or with its axle at the contact."""
+    drive = scenario.chain.pusher.drive
+    near = replace(drive, axle=None if drive.axle is None else drive.axle * [0.0, 1.0, 1.0])
+    radius = min(drive_radii(stable, near, scenario.required_margin))
+    closer = f"; with the axle at the contact: {radius:.3g} m" if math.isfinite(radius) else ""
+    return f" that the {drive.kind} drive can make", f" (without the drive: {of_set}{closer})"
 
 
 def _numbers(of_set: TurningRadii | None) -> dict[str, float]:
@@ -224,7 +229,7 @@ def _numbers(of_set: TurningRadii | None) -> dict[str, float]:
 
 def _no_turning(scenario: Scenario, stable: StableSet, turn: float) -> list[Diagnosis]:
     """Return the diagnoses without turns: a fixed heading, or a goal outside the cone of straight pushes."""
-    made = "" if scenario.chain.pusher.drive.axle is None else _drive_words(scenario, "")[0]
+    made = "" if scenario.chain.pusher.drive.axle is None else _drive_words(scenario, "", stable)[0]
     set_name = f"no push of the set {stable.name}{made} turns the chain"
     if abs(turn) > SAME_ANGLE:
         text = f"the goal cannot be reached: {set_name}, and it needs a turn of {math.degrees(turn):.4g} deg"
@@ -257,7 +262,7 @@ def _one_sided(scenario: Scenario, stable: StableSet, turn: float, radii: Turnin
     if sign * turn <= SAME_ANGLE and sign * aside <= SAME_ANGLE:
         return []
     radius, of_set = min(radii), _of_set(scenario, stable)
-    made, alone = ("", "") if of_set is None else _drive_words(scenario, _sides(of_set))
+    made, alone = ("", "") if of_set is None else _drive_words(scenario, _sides(of_set), stable)
     text = (
         f"perhaps the turns are one-sided: every stable turn{made} goes to the {able}, with a radius of "
         f"{radius:.3g} m or more{alone}, but the goal lies or turns to the {unable}"
