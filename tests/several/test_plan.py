@@ -116,7 +116,7 @@ def test_a_box_that_no_push_frees_from_a_corner_is_reported(problem: Problem) ->
 
 def test_a_goal_without_room_for_a_retreat_is_reported(problem: Problem) -> None:
     walls = [{"box": [0.5, 0.02], "pose": [2.0, 1.0 + y, 0.0]} for y in (-0.1, 0.1)]
-    walls += [{"box": [0.02, 0.2], "pose": [2.0 + x, 1.0, 0.0]} for x in (-0.14, 0.14)]
+    walls += [{"box": [0.02, height], "pose": [2.0 + x, 1.0, 0.0]} for x, height in ((-0.14, 0.2), (0.45, 0.6))]
     scenario = problem("car", obstacles=walls, goal={"pose": [2.0, 1.0, 0.0], "of": "b0"})
     found = plan(scenario, time_limit=60.0)
     assert not found.solved
