@@ -88,8 +88,8 @@ def encode(value: object) -> bytes:
     types = {"f": "<f8", "i": "<i8", "u": "<i8", "b": "|b1"}
     kept = [np.asarray(array, dtype=types[array.dtype.kind]) for array in arrays]
     data = b"".join(_planes(array) for array in kept)
-    told = [[array.dtype.str, list(array.shape)] for array in kept]
-    head = json.dumps({"value": tree, "arrays": told}, separators=(",", ":"))
+    layouts = [[array.dtype.str, list(array.shape)] for array in kept]
+    head = json.dumps({"value": tree, "arrays": layouts}, separators=(",", ":"))
     return _HEAD + b"%d\n" % len(data) + head.encode() + b"\n" + zstandard.compress(data)
 
 
@@ -184,17 +184,17 @@ def decode(data: bytes, scenario: Scenario) -> Any:
         if zstandard.frame_content_size(frame) != size:
             raise CodecError(f"an attachment claims {size} bytes of arrays, but its data have another size")
         numbers = zstandard.ZstdDecompressor().decompress(frame, max_output_size=size) if size else b""
-        told = json.loads(head)
-        return _Decoder(_arrays(numbers, told["arrays"]), scenario).value(told["value"])
+        document = json.loads(head)
+        return _Decoder(_arrays(numbers, document["arrays"]), scenario).value(document["value"])
     except PushplanError:
         raise
     except (ValueError, LookupError, TypeError, RecursionError, OverflowError, zstandard.ZstdError) as error:
         raise CodecError(f"a damaged attachment ({type(error).__name__}: {error})") from error
 
 
-def _arrays(data: bytes, told: list[list[Any]]) -> list[NDArray[Any]]:
+def _arrays(data: bytes, layouts: list[list[Any]]) -> list[NDArray[Any]]:
     found, at = [], 0
-    for dtype, sides in told:
+    for dtype, sides in layouts:
         shape = tuple(sides)
         if dtype not in _NUMBERS or len(shape) > 4 or not all(type(n) is int and n >= 0 for n in shape):
             raise CodecError(f"an array has the invalid type {dtype!r} or shape {shape}")

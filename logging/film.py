@@ -180,8 +180,8 @@ class Film(Still):
         self._place_contacts(sample, plate)
         self._now.set_xdata([time, time])
         margin = self.scene.margins[sample]
-        told = "nothing is pushed" if np.isnan(margin) else f"smallest margin {margin:.3f}"
-        self._words.set_text(f"{time:6.2f} s    {told}")
+        margin_text = "nothing is pushed" if np.isnan(margin) else f"smallest margin {margin:.3f}"
+        self._words.set_text(f"{time:6.2f} s    {margin_text}")
         self._part.set_text(next((name for low, _, name in reversed(self._parts) if low <= time), ""))
         self.canvas.restore_region(self._background)
         for artist in self._moving:

@@ -174,8 +174,8 @@ class Digest:
 
     def add_words(self, name: str, words: Mapping[str, str]) -> None:
         """Add a metadata record as JSON with sorted fields, without the digest."""
-        told = {key: words[key] for key in sorted(words) if key != DIGEST}
-        self.add(name, json.dumps(told).encode(), b"metadata")
+        fields = {key: words[key] for key in sorted(words) if key != DIGEST}
+        self.add(name, json.dumps(fields).encode(), b"metadata")
 
     def hexdigest(self) -> str:
         """Return the SHA-256 of the sorted SHA-256 digests of all added parts."""

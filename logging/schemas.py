@@ -189,9 +189,9 @@ def older(topic: Topic, schema: bytes) -> tuple[MessageClass | None, list[str]]:
         schema: Declarations of the log, as in `Topic.schema`.
     """
     try:
-        told = descriptor_pb2.FileDescriptorSet.FromString(schema)
+        declared = descriptor_pb2.FileDescriptorSet.FromString(schema)
         ours = descriptor_pb2.FileDescriptorSet.FromString(topic.schema)
-        known = {file.name: file for file in told.file}
+        known = {file.name: file for file in declared.file}
         missing: list[str] = []
         for file in list(ours.file):
             if file.name not in known:
@@ -204,10 +204,10 @@ def older(topic: Topic, schema: bytes) -> tuple[MessageClass | None, list[str]]:
                 missing += [f"{message.name}.{field.name}" for field in message.field if field.name not in fields]
                 _without(message.field, fields)
                 _without(message.oneof_decl, {one.name for one in before.oneof_decl})
-        if ours != told:
+        if ours != declared:
             return None, []
         pool = descriptor_pool.DescriptorPool()
-        for file in told.file:
+        for file in declared.file:
             pool.Add(file)
         return message_factory.GetMessageClass(pool.FindMessageTypeByName(topic.kind)), missing
     except (DecodeError, ValueError, TypeError, KeyError):

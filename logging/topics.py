@@ -183,8 +183,8 @@ class _Messages:
                 continue
             replan = feedback.replans[k]
             plan = replan.result
-            told = schemas.Plan(solved=False, reason=replan.reason) if plan is None else _plan(plan)
-            yield self._sent(schemas.REPLANS, time, told)
+            message = schemas.Plan(solved=False, reason=replan.reason) if plan is None else _plan(plan)
+            yield self._sent(schemas.REPLANS, time, message)
             if plan is not None:
                 yield from self._paths(plan, time)
 
@@ -211,8 +211,8 @@ class _Messages:
 def _plan(plan: Plan) -> MessageClass:
     names = ("solved", "reason", "planner", "stable_set", "seed", "cost", "lower_bound", "duration")
     least = min((s.min_margin for s in plan.pushes if s.min_margin is not None), default=None)
-    told = {name: getattr(plan, name) for name in (*names, "margin_asked", "margin")}
-    return schemas.Plan(**told, min_margin=least)
+    fields = {name: getattr(plan, name) for name in (*names, "margin_asked", "margin")}
+    return schemas.Plan(**fields, min_margin=least)
 
 
 def poses_in_world(poses: FloatArray) -> PosesInFrame:

@@ -284,9 +284,9 @@ class RunLogWriter:
         for instant, topic, data in messages(replace(run, lines=lines)):
             self._send(instant, topic, data)
         self._writer.flush()  # type: ignore[no-untyped-call]
-        told = {**metadata.result_words(run), **words, "finished_at": metadata.now()}
-        self._digest.add_words(metadata.RESULT, told)
-        self._writer.add_metadata(metadata.RESULT, {**told, metadata.DIGEST: self._digest.hexdigest()})
+        fields = {**metadata.result_words(run), **words, "finished_at": metadata.now()}
+        self._digest.add_words(metadata.RESULT, fields)
+        self._writer.add_metadata(metadata.RESULT, {**fields, metadata.DIGEST: self._digest.hexdigest()})
         self._writer.finish()  # type: ignore[no-untyped-call]
 
     def __enter__(self) -> Self:

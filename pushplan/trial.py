@@ -190,10 +190,10 @@ def check_trials(run: RecordedRun) -> list[Check]:
 def _read_trial_fields(run: RecordedRun) -> tuple[int, TrialUncertainty | None, bool]:
     """Return seed and uncertainty of the samples of a log, and whether the simulator is pushplan's own."""
     try:
-        words = run.fields[TRIAL]
-        told = json.loads(words["uncertainty"])
-        uncertainty = None if told is None else TrialUncertainty(**told)
-        return int(words["seed"]), uncertainty, words["simulator"] == SIMULATORS[0]
+        fields = run.fields[TRIAL]
+        values = json.loads(fields["uncertainty"])
+        uncertainty = None if values is None else TrialUncertainty(**values)
+        return int(fields["seed"]), uncertainty, fields["simulator"] == SIMULATORS[0]
     except (KeyError, TypeError, ValueError, PushplanError) as error:
         what = f"the seed and uncertainty of the trials cannot be read: {error}"
         raise RunLogError(str(run.path), what) from error

@@ -321,8 +321,8 @@ class Steering:
         stable = segment.load.stable_set(self._plan.stable_set)
         fine = np.ones(len(twists), dtype=bool)
         moves = np.abs(twists).max(axis=1) > 0.0
-        asked = se2.twist_of(segment.load.frame_plate, twists[moves])
-        fine[moves] = stable.margin(asked) >= SHARE * max(0.0, least)
+        contact_twists = se2.twist_of(segment.load.frame_plate, twists[moves])
+        fine[moves] = stable.margin(contact_twists) >= SHARE * max(0.0, least)
         return fine
 
     def _change(self, twist: FloatArray, error: FloatArray) -> FloatArray:

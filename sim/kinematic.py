@@ -117,18 +117,18 @@ def contacts_along(segment: Segment, planned: str, t: FloatArray) -> tuple[str, 
     problem = segment.pushed_load.problem
     own = segment.contact_trajectory
     fresh = own.changes_at(t)
-    asked, rates = own.directions_at(t[fresh]), own.rates_at(t[fresh])
+    twists, rates = own.directions_at(t[fresh]), own.rates_at(t[fresh])
     judge = judging_set(problem, planned)
-    state = contact_state(judge.chain, asked) if judge.loads_known else None
+    state = contact_state(judge.chain, twists) if judge.loads_known else None
     exact = state is not None and isinstance(judge, EcofSet)
-    margins = state.margins if state is not None and exact else judge.contact_margins(asked)
+    margins = state.margins if state is not None and exact else judge.contact_margins(twists)
     dynamics = contact_dynamics(problem, judge.name)
     floor = state.wrenches if state is not None and dynamics.chain is judge.chain else None
     force, last = PushForce(dynamics), np.cumsum(fresh) - 1
     known = {
         "margins": margins[last],
-        "dynamic_margins": dynamics.margins(asked, rates, floor)[last],
-        "needed_forces": force.moving(asked, rates, floor)[last],
+        "dynamic_margins": dynamics.margins(twists, rates, floor)[last],
+        "needed_forces": force.moving(twists, rates, floor)[last],
     }
     _count_starts(known["needed_forces"], force, segment, t)
     if state is not None:

@@ -409,9 +409,9 @@ def judged(
         if load is not None and len(rows):
             stable = judging_set(load.problem, planned)
             own = np.array(columns_of(load.chain, names))
-            asked = se2.twist_of(load.frame_plate, twists[rows])
-            asked[-1] = 0.0  # the twist after the last sample belongs to the next segment
-            margins[np.ix_(rows, own)] = stable.contact_margins(moving(asked))
+            contact_twists = se2.twist_of(load.frame_plate, twists[rows])
+            contact_twists[-1] = 0.0  # the twist after the last sample belongs to the next segment
+            margins[np.ix_(rows, own)] = stable.contact_margins(moving(contact_twists))
     return judge, margins
 
 

@@ -113,9 +113,9 @@ class Controller:
         self._estimator: Estimator | None = None  # of the last push, with the errors of clock and wheels
         self._standing = Standing(scenario.poses, settings, self._sightings)
         self._delivered = Deliveries(scenario, settings, self._standing)
-        asked = self._delivered.tolerance, settings.friction, observer
+        planning = self._delivered.tolerance, settings.friction, observer
         wary = self._replanner is None and bears(plan, settings.friction)
-        self._rest_planner = RestPlanner(scenario, plan, *asked, wary)
+        self._rest_planner = RestPlanner(scenario, plan, *planning, wary)
         self._plate = self._told = np.array(scenario.plate_start)
         self._alone = 0.0, 0.0  # distance (m) and angle (rad) that the plate has driven since the last push
         self._odometry = Odometry(self._plate)
@@ -249,14 +249,14 @@ class Controller:
 
     def _twist(self) -> FloatArray:
         """Return the commanded twist (3,) of the plate frame."""
-        told = np.zeros(3)
+        command = np.zeros(3)
         if self._push is not None:
-            told = twist_of(self._push.load.chain.pusher.plate_pose, self._push.twist())
+            command = twist_of(self._push.load.chain.pusher.plate_pose, self._push.twist())
         elif self._following is not None and not self.over and not self._following.drive.over:
             twist = self._following.twist(self._plate)
-            told = twist if self._estimator is None else self._estimator.asked(twist, self._wheels)
-        self._odometry.drive(told, 1.0 / self.settings.rate)
-        return np.array(told)
+            command = twist if self._estimator is None else self._estimator.asked(twist, self._wheels)
+        self._odometry.drive(command, 1.0 / self.settings.rate)
+        return np.array(command)
 
     def _spare(self, k: int) -> float:
         """Return the remaining travel, m, without the travel of the segments from k on."""
@@ -395,9 +395,9 @@ class Controller:
         if self._rests > RESTS:
             self._give_up(f"the goal is not reached after {RESTS} plans for the rest: {why}")
             return
-        asked = self._plate, self._standing.by_name, self._obstacles, self._delivered.names, self._rests
+        state = self._plate, self._standing.by_name, self._obstacles, self._delivered.names, self._rests
         most = self._most - self._odometry.travel
-        replan = self._rest_planner.plan(self._now, *asked, most, self._slips, self._stalled)
+        replan = self._rest_planner.plan(self._now, *state, most, self._slips, self._stalled)
         self._slips = Counter()
         self.replans.append(replan)
         result = replan.result

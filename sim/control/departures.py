@@ -131,8 +131,8 @@ def find_slide(estimator: Estimator, chain: Chain, after: float) -> Slide | None
     size = slope / np.maximum(left, 1e-12) * np.tile(shapes[-1], moves.shape[-1])
     far = np.abs(size)
     of_all = [r < len(chain.objects) and chain.contacts[k].pusher == PLATE for r, k in enumerate(which)]
-    asked = _asked(far, np.outer(of_all, rises).ravel(), np.log(3.0 * len(along)) + 10.0)
-    beyond = np.where(far < LEAST * estimator.settings.position_slack, -np.inf, gain - asked)
+    required = _required_gain(far, np.outer(of_all, rises).ravel(), np.log(3.0 * len(along)) + 10.0)
+    beyond = np.where(far < LEAST * estimator.settings.position_slack, -np.inf, gain - required)
     best = int(np.argmax(beyond))
     if beyond[best] <= 0.0:
         return None
@@ -141,7 +141,7 @@ def find_slide(estimator: Estimator, chain: Chain, after: float) -> Slide | None
     return Slide(which[move], float(size[best]), since)
 
 
-def _asked(far: FloatArray, ramps_of_all: BoolArray, usual: float) -> FloatArray:
+def _required_gain(far: FloatArray, ramps_of_all: BoolArray, usual: float) -> FloatArray:
     """Return the required gain of slides (q,) with sizes `far`, m; it is lower for ramps of all objects."""
     lower = (usual - ENOUGH) * np.clip((far - SURELY) / (LONG - SURELY), 0.0, 1.0)
     return np.asarray(usual - np.where(ramps_of_all, lower, 0.0))

@@ -230,8 +230,8 @@ class Estimator:
         s, c, w = self.values[WHEELS]
         x, y, turn = twist_of(wheels, twist)
         size = (1 + s) ** 2 + c**2
-        told = [((1 + s) * x + c * y) / size, ((1 + s) * y - c * x) / size, turn / (1 + w)]
-        return twist_of(inverse(wheels), told)
+        command = [((1 + s) * x + c * y) / size, ((1 + s) * y - c * x) / size, turn / (1 + w)]
+        return twist_of(inverse(wheels), command)
 
     def unbiased(self, poses: FloatArray, places: FloatArray) -> FloatArray:
         """Return measured poses (n, 3) without their bias along contact normals and in angle.

@@ -413,10 +413,10 @@ class PushLoop:
 
     def _come_up(self, measured: FloatArray, sure: bool = False) -> None:
         """Correct the pose of the plate by the measured poses of the load (n, 3); see `Touch.told`."""
-        told = self._touch.told(self.plate, measured, sure)
-        if told is None:
+        correction = self._touch.told(self.plate, measured, sure)
+        if correction is None:
             return
-        shift, text = told
+        shift, text = correction
         self._tell("touch", text)
         self._take_place(compose(self.plate, shift))
         known, places = self.estimator, self.scenario.chain.places

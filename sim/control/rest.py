@@ -173,8 +173,8 @@ class RestPlanner:
         levels = [(self._friction, None), *levels] if self._wary else levels
         for faces, (friction, margin) in itertools.product(self._faces(avoided), levels):
             try:
-                asked = self._asked(plate, poses, obstacles, delivered).with_task(faces=faces)
-                several = not asked.task.one_load
+                remaining = self._remaining(plate, poses, obstacles, delivered).with_task(faces=faces)
+                several = not remaining.task.one_load
                 settings = PlanSettings(
                     first=several,
                     time_limit=TIME_LIMIT,
@@ -184,7 +184,7 @@ class RestPlanner:
                     observer=self._observer,
                 )
                 make = partial(_planned, settings=settings, first=several)
-                result = planned_for_least(asked, friction, make)
+                result = planned_for_least(remaining, friction, make)
                 reason = result.reason
             except PushplanError as error:
                 result, reason = None, str(error)
@@ -205,12 +205,12 @@ class RestPlanner:
         usual = 0.0 if stated == AUTO else float(stated)
         return (CAREFUL, None) if usual < CAREFUL and not self._scenario.task.flush else (None,)
 
-    def _asked(
+    def _remaining(
         self, plate: FloatArray, poses: Poses, obstacles: tuple[Obstacle, ...], delivered: frozenset[str]
     ) -> Scenario:
         """Return the scenario with the current poses of plate and objects and the remaining goals."""
         loads = tuple(replace(load, start=load.start_for(poses[load.name])) for load in self._scenario.loads)
         by_name = {load.name: load for load in loads}
         goals = tuple(goal.remaining(by_name, delivered) for goal in self._goals)
-        asked = self._scenario.with_task(loads=loads, goals=goals, robot_start=plate)
-        return replace(asked, obstacles=obstacles)
+        remaining = self._scenario.with_task(loads=loads, goals=goals, robot_start=plate)
+        return replace(remaining, obstacles=obstacles)

@@ -47,5 +47,5 @@ def errors_in_words(values: FloatArray, sigma: FloatArray, prior: FloatArray) ->
             found.append(text)
         elif sigma[k] > 0.8 * prior[k] and value < prior[k]:
             open_yet.append(text.split(" ")[0])
-    told = ", ".join(found)
-    return told + (f"; not observable yet: {', '.join(open_yet)}" if found and open_yet else "")
+    errors = ", ".join(found)
+    return errors + (f"; not observable yet: {', '.join(open_yet)}" if found and open_yet else "")
