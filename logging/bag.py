@@ -157,7 +157,7 @@ class _Contents:
         self._margins = [f"/margins/c{k:02d}_{re.sub('[^A-Za-z0-9]+', '_', name)}" for k, name in names]
 
     def write(self) -> None:
-        """Write all messages; those about fixed things are repeated."""
+        """Write all messages, and repeat those of the fixed scene."""
         still: dict[str, Callable[[int], Any]] = {"/footprint": self._footprint}
         moving: dict[tuple[schemas.Topic, int], bytes] = {}  # the first sample replaces the initial message
         for instant, topic, data in messages(self._run):
@@ -178,7 +178,7 @@ class _Contents:
                 self._bag.send(name, instant, message)
 
     def _standing(self, topic: schemas.Topic, message: Any) -> dict[str, Callable[[int], Any]]:
-        """Return factories of the messages about fixed things, by topic."""
+        """Return factories of the messages of the fixed scene, by topic."""
         if topic is schemas.SCENE or (topic is schemas.PLAN_NEAREST and message.entities):
             return {topic.name: partial(self._markers, message.entities)}
         if topic not in (schemas.PLAN_PATH, schemas.PLAN_SMOOTHED):

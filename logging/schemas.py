@@ -1,7 +1,7 @@
-"""Protobuf messages of a run log: Foxglove's if a viewer knows them, and small own ones otherwise.
+"""Protobuf messages of a run log: Foxglove's if a viewer knows them, otherwise small ones of pushplan.
 
-The own messages (package `pushplan`) are declared in `_MESSAGES` and built here, without generated code. Field
-numbers never change their meaning; new fields get new numbers. Units are SI and radians.
+The messages of pushplan (package `pushplan`) are declared in `_MESSAGES` and built here, without generated code.
+Field numbers never change their meaning; new fields get new numbers. Units are SI and radians.
 
 - `Plan`: numbers of a plan, or the reason why there is none. `Segment`: a part of a plan, sent when it begins.
 - `Progress`: one improvement of the best path. `Costs`: all of them in one message, for a plot over iterations.
@@ -97,7 +97,7 @@ def _file_of(kind: str) -> str:
 
 
 def _file_descriptor(name: str) -> descriptor_pb2.FileDescriptorProto:
-    """Return the file of one own message; each has its own file, so that a new one does not change the others.
+    """Return the file of one message; each has its own file, so that a new one does not change the others.
 
     A field is declared as `NUMBER [optional | repeated] TYPE NAME`.
     """
@@ -242,7 +242,7 @@ REPLANS = Topic("/plan/replans", Plan)
 
 @cache
 def signal_topic(signal: Signal) -> Topic:
-    """Return the own topic of a series; the fields of its message are the columns.
+    """Return the separate topic of a series; the fields of its message are the columns.
 
     Raises:
         TypeError: If another message has the same name.

@@ -33,7 +33,7 @@ class Signal:
         columns: Columns of the table, behind `NAME.` for objects and contacts; two of a contact end in `_x` and `_y`.
         of: Owner of the series; arrays of objects and contacts have an axis of them behind that of the samples.
         topic: Topic for viewers; empty for none.
-        frame: Frame of the messages on an own topic, with the columns as fields; empty if `topics` builds others.
+        frame: Frame of the messages on a separate topic, with the columns as fields; empty if `topics` builds others.
         page: Whether the page has it; a single number of the plate is shown beside the time.
         decided: Whether it follows from scenario and plan, so that verification compares it.
         since: Revision that introduced it: `schemas.REVISION` plus 1 at that time.
@@ -103,7 +103,7 @@ def check_signals(kind: type, table: Mapping[str, Signal]) -> None:
         if one.since < latest or (one.since and arrays[name].default is MISSING):
             raise TypeError(f"series {name!r}: newer series must be last and have the default None")
         if (one.topic == MARGINS) != (one.of == "contact" and one.topic != "") or (one.frame and one.of != "plate"):
-            raise TypeError(f"series {name!r}: contacts must be on {MARGINS}, and only the plate can have own topics")
+            raise TypeError(f"series {name!r}: contacts must be on {MARGINS}; only the plate has separate topics")
         latest = one.since
 
 

@@ -328,7 +328,7 @@ class PushLoop:
         elif not flush:
             self._close(poses)
         elif not nearer:
-            self._give_up(f"objects have slid against one another: they cannot all be nearer than {off}")
+            self._give_up(f"objects have slid relative to one another: they cannot all come nearer than {off}")
         else:
             self._replan(contacts, measured, off)
 

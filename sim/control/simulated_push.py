@@ -116,7 +116,7 @@ def _apart(simulator: Simulator, frame: FloatArray, poses: FloatArray) -> FloatA
 
 
 class Driver(Protocol):
-    """Controller of the plate; see `Controller`."""
+    """Interface of a driver of the plate, such as `Controller` and `OpenLoop`."""
 
     @property
     def load(self) -> Load | None:

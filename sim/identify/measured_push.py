@@ -28,8 +28,8 @@ class MeasuredPush:
 
     Attributes:
         plate_poses: Poses of the plate, that is of the chain frame, (m, 3).
-        object_poses: Poses of the objects' own frames, (m, n, 3); NaN at times without a measurement. The prediction
-            is compared with the times at which all objects were measured; two of them are enough.
+        object_poses: Poses of the objects' own frames, (m, n, 3); NaN at times without a measurement. Predictions
+            are compared at the times when all objects were measured; at least two are needed.
         name: Name in messages.
         wrenches: Wrenches of the plate on all objects that it touches, in the chain frame about its origin, (m, 3):
             N, N, N m. None without a force sensor.

@@ -227,7 +227,7 @@ def test_a_signal_is_an_array_and_an_entry_in_the_table(tmp_path: Path, monkeypa
     [
         ("margins", {"since": 1}, "have the default None"),
         ("lambdas", {"since": 1}, "newer series must be last"),
-        ("objects", {"frame": "world"}, "only the plate can have own topics"),
+        ("objects", {"frame": "world"}, "only the plate has separate topics"),
         ("needed_forces", {"topic": "/margins"}, "contacts must be on /margins"),
         ("forces", {"topic": "/forces"}, "contacts must be on /margins"),
         ("twists", {"topic": "/plan/plan"}, "a message Plan already exists"),
