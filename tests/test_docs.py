@@ -78,7 +78,7 @@ def _quick(monkeypatch: Patch) -> Iterator[None]:
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Record a run for pages that use one before they make one."""
     log = tmp_path_factory.mktemp("recorded") / "run.mcap"
-    pushplan.run(load_scenario("free-space"), log=log, first=True)
+    pushplan.run(load_scenario("free-space"), log=log, first=True, time_limit=600.0)
     return log
 
 
@@ -142,7 +142,9 @@ def _leave_measurements() -> None:
         shutil.copy("worst.mcap", f"{day}.mcap")
     Path("mine.yaml").write_text(example_text("two-crates"))
     scenario = load_scenario("mine.yaml")
-    report = pushplan.simulate(pushplan.plan(scenario, first=True), pushplan.World.from_scenario(scenario))
+    report = pushplan.simulate(
+        pushplan.plan(scenario, first=True, time_limit=600.0), pushplan.World.from_scenario(scenario)
+    )
     poses = np.concatenate([report.poses[:, None], report.objects], axis=1)[::20]
     table = np.column_stack([report.t[::20], poses.reshape(len(poses), -1)])
     np.savetxt("push-1.csv", table, delimiter=",", header="t and poses")

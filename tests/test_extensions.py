@@ -62,7 +62,7 @@ def exporter(run, path, **how):
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("run") / "run.mcap"
-    pushplan.run(pushplan.load_scenario("one-box"), log=path, seed=1, iterations=200)
+    pushplan.run(pushplan.load_scenario("one-box"), log=path, seed=1, iterations=200, time_limit=600.0)
     return path
 
 

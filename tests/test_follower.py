@@ -41,7 +41,7 @@ DRIVES = {
 @cache
 def pushed(drive: str) -> Plan:
     scenario = pushplan.scenario_from_text(SCENARIO.format(robot=DRIVES[drive]))
-    found = plan(scenario, first=True, seed=1)
+    found = plan(scenario, first=True, seed=1, time_limit=600.0)
     assert found.solved
     return found
 
@@ -162,7 +162,7 @@ NODE = Path(__file__).parents[1] / "examples" / "ros2" / "follower_node.py"
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("node") / "run.mcap"
-    pushplan.run(pushplan.load_scenario("carts"), log=file, first=True, seed=1)
+    pushplan.run(pushplan.load_scenario("carts"), log=file, first=True, seed=1, time_limit=600.0)
     return file
 
 

@@ -41,7 +41,7 @@ def bound_of(scenario: Scenario) -> float:
 
 def test_without_obstacles_the_bound_is_straight_travel_plus_the_needed_turns() -> None:
     scenario = scenario_from_text(AHEAD.replace("[2.0, 0.0, 0.0]", "[3.0, 4.0, -90 deg]"), "ahead.yaml")
-    result = plan(scenario.with_planner(cost="travel", arc_price=0.0), iterations=20_000)
+    result = plan(scenario.with_planner(cost="travel", arc_price=0.0), iterations=20_000, time_limit=600.0)
     bound = there(result.lower_bound)
     assert 5.0 + TURN_WEIGHT * math.pi / 2.0 < bound_of(scenario) < bound < there(result.path).cost < 1.03 * bound
 

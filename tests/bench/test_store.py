@@ -142,7 +142,7 @@ def test_tables_columns_and_views_are_those_that_ompls_reader_makes(database: Pa
 @pytest.fixture(scope="module")
 def done() -> Run:
     """Return a run with all defaults."""
-    return pushplan.run(pushplan.load_scenario("one-box"), iterations=2000)
+    return pushplan.run(pushplan.load_scenario("one-box"), iterations=2000, time_limit=600.0)
 
 
 def quasi_static(plan: Plan) -> Plan:

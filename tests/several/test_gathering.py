@@ -334,7 +334,7 @@ def test_an_object_that_the_robot_cannot_reach_is_proven_unreachable(
         stated = {
             key: value for key, value in {**DOCUMENT, **more, "obstacles": obstacles}.items() if value is not None
         }
-        plan = pushplan.plan(scenario_from_document(stated), seed=1, iterations=1)
+        plan = pushplan.plan(scenario_from_document(stated), seed=1, iterations=1, time_limit=600.0)
         (why,) = plan.diagnosis
         assert (why.cause, why.proven, why.blocking) == ("boxed in", True, blocking)
         assert told in plan.reason or "goals" not in stated

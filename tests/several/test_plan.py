@@ -149,7 +149,12 @@ def test_options_of_single_pushes_are_refused(problem: Problem, option: Any) -> 
 
 
 def test_only_contacts_that_a_plan_uses_count_for_its_margin(problem: Problem) -> None:
-    result = plan(problem("omnidirectional", **ROUND, pusher={"offsets": [0.0, 0.15]}), first=True, iterations=3)
+    result = plan(
+        problem("omnidirectional", **ROUND, pusher={"offsets": [0.0, 0.15]}),
+        first=True,
+        iterations=3,
+        time_limit=600.0,
+    )
     assert {push.load.offset for push in result.pushes if push.load is not None} == {0.0}
     assert result.notes == []
     assert there(result.margin) == there(result.margin_asked) == min(push.margin for push in result.pushes)

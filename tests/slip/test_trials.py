@@ -30,7 +30,7 @@ SLIPPERY = TrialUncertainty(contact_friction=0.6, load=0.3, position=2e-3)
 
 @pytest.fixture(scope="module")
 def planned() -> Plan:
-    return plan(pushplan.load_scenario("two-crates"), seed=1, first=True)
+    return plan(pushplan.load_scenario("two-crates"), seed=1, first=True, time_limit=600.0)
 
 
 @pytest.fixture(scope="module")

@@ -100,7 +100,7 @@ def test_single_steps_use_the_limits_of_the_pusher(asked: type[Asked]) -> None:
 def test_steps_take_twice_as_long_if_ruckig_says_so(asked: type[Asked]) -> None:
     """The starts, corners and ends of blended pushes; and all steps of stop-to-stop pushes, transits and closings."""
     once = _changing(joined(CORNERED, [_cornered()], CORNERED.lengths, 100.0))
-    plans = [pushplan.plan(scenario_from_text(text), seed=1, first=True) for text in (MULTI, ROW)]
+    plans = [pushplan.plan(scenario_from_text(text), seed=1, first=True, time_limit=600.0) for text in (MULTI, ROW)]
     assert {"transit", "approach", "push", "close", "retreat"} <= {s.kind for plan in plans for s in plan.segments}
     scenarios = [replace(plan.scenario, trajectory="exact") for plan in plans]
     exact = [time_segments(scenario, plan.segments) for scenario, plan in zip(scenarios, plans, strict=True)]

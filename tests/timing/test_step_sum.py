@@ -86,7 +86,7 @@ def test_bounds_hold_and_are_tight_on_short_pieces(seed: int) -> None:
 
 @pytest.fixture(scope="module")
 def motion() -> Trajectory:
-    return there(plan(load_scenario("two-crates"), first=True).trajectory)
+    return there(plan(load_scenario("two-crates"), first=True, time_limit=600.0).trajectory)
 
 
 def _away(share: float, begin: FloatArray, end: FloatArray, points: FloatArray, placed: FloatArray) -> float:
