@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.faces import pushed_at, pusher_at, ways_through
+from pushplan.mechanics.faces import face_pairs, pushed_at, pusher_at
 from pushplan.plans.diagnosis import Diagnosis
 from pushplan.plans.execution import Execution, StabilityLoss, TrialEnd
 from pushplan.plans.load import Load, row_load
@@ -293,9 +293,7 @@ def _in_row(scenario: Scenario, names: tuple[str, ...], faces: tuple[str, ...], 
     members = []
     for name, face in zip(names, faces, strict=True):
         own = [
-            way
-            for way in ways_through(scenario.task.by_name[name].chain.objects[0].outline)
-            if way.across is not None
+            way for way in face_pairs(scenario.task.by_name[name].chain.objects[0].outline) if way.across is not None
         ]
         known = [way.face for way in own]
         members.append((name, face if face in known or not known else known[0]))

@@ -185,8 +185,8 @@ class _ClosedLoopRecording(Recording):
             "sensor": asdict(sensor),
             "disturbances": [asdict(disturbance) for disturbance in disturbances],
         }
-        words = {name: json.dumps(value) for name, value in found.items()}
-        self.write(lambda log: log.note(CONTROL, words))
+        control = {name: json.dumps(value) for name, value in found.items()}
+        self.write(lambda log: log.note(CONTROL, control))
 
     def begin(self, plan: Plan, controller: Controller | None = None) -> None:
         """Write the plan that is executed first."""
@@ -260,9 +260,9 @@ def run_closed_loop(
         SupportError: If the load under an object is not known.
         OutputError: See `pushplan.run`.
     """
-    there = World.from_scenario(scenario) if world is None else world
-    asked = settings if watched else None, sensor, seed, tuple(disturbances)
-    with _ClosedLoopRecording(scenario, plan, *asked, observer, progress, log, runs) as recording:
+    world = World.from_scenario(scenario) if world is None else world
+    setup = settings if watched else None, sensor, seed, tuple(disturbances)
+    with _ClosedLoopRecording(scenario, plan, *setup, observer, progress, log, runs) as recording:
         driver: Controller | OpenLoop
         if watched:
             driver = controller = Controller(scenario, settings, plan=plan, observer=observer)
@@ -274,7 +274,7 @@ def run_closed_loop(
             driver = OpenLoop(plan, settings.rate)
         recording.begin(plan, controller)
         course = simulate_push(
-            there,
+            world,
             driver,
             settings.rate,
             disturbances,
@@ -290,7 +290,7 @@ def run_closed_loop(
         events = events_until(float(course.t[-1]), course.names, disturbances, controller)
         replans = () if controller is None else tuple(controller.replans)
         known = (None, None) if controller is None else (controller.measured_error, controller.camera_error)
-        done = ClosedLoopRun(scenario, plan, course, events, replans, outcome, reason, *asked, *known)
+        done = ClosedLoopRun(scenario, plan, course, events, replans, outcome, reason, *setup, *known)
         return recording.completed(done)
 
 
@@ -325,9 +325,9 @@ def check_closed_loop(run: RecordedRun) -> list[Check]:
     if run.feedback is None or run.execution is None or run.plan is None:
         raise RunLogError(str(run.path), "the log holds no closed loop")
     try:
-        words = run.fields[CONTROL]
-        told, sensor = json.loads(words["settings"]), Sensor(**json.loads(words["sensor"]))
-        settings = None if told is None else ControlSettings(**told)
+        fields = run.fields[CONTROL]
+        stated, sensor = json.loads(fields["settings"]), Sensor(**json.loads(fields["sensor"]))
+        settings = None if stated is None else ControlSettings(**stated)
     except (KeyError, TypeError, ValueError, PushplanError) as error:
         raise RunLogError(str(run.path), f"the settings of the closed loop cannot be read: {error}") from error
     execution, feedback = run.execution, run.feedback
@@ -340,7 +340,7 @@ def check_closed_loop(run: RecordedRun) -> list[Check]:
         controller = Controller(run.scenario, settings, plan=run.plan)
         twists = _twists(controller, execution, feedback, sensor)
         checks.append(series_check("twist", execution.t, execution.twists, twists, ROUNDING))
-        checks += _said(controller, feedback)
+        checks += _event_checks(controller, feedback)
         if run.outcome in ("arrived", "gave up"):
             ended = controller.phase.value
             what = "" if ended == run.outcome else f"{run.outcome!r} instead of {ended!r}"
@@ -358,14 +358,14 @@ def _twists(controller: Controller, execution: Execution, feedback: Feedback, se
     return np.array(twists)
 
 
-def _said(controller: Controller, feedback: Feedback) -> Iterator[Check]:
+def _event_checks(controller: Controller, feedback: Feedback) -> Iterator[Check]:
     """Compare the events and the replanned paths."""
-    told = [event for event in feedback.events if event.kind != "disturbance"]  # unknown to the controller
-    found, expected = ([(e.kind, e.text) for e in events] for events in (told, controller.events))
+    observed = [event for event in feedback.events if event.kind != "disturbance"]  # unknown to the controller
+    found, expected = ([(e.kind, e.text) for e in events] for events in (observed, controller.events))
     differs = next((k for k, pair in enumerate(zip(found, expected, strict=False)) if pair[0] != pair[1]), None)
     if differs is not None:
         what = f"{': '.join(found[differs])!r} instead of {': '.join(expected[differs])!r}"
-        yield Check("events", math.inf, 0.0, told[differs].time, what)
+        yield Check("events", math.inf, 0.0, observed[differs].time, what)
     else:
         yield Check("number of events", abs(len(found) - len(expected)), 0.0)
     yield Check("number of replans", abs(len(feedback.replans) - len(controller.replans)), 0.0)
@@ -381,8 +381,8 @@ def _apart(first: Plan | None, second: Plan | None) -> float:
     if forms[0] != forms[1] or first.reason != second.reason:
         return math.inf
     knots = [[s.path.knots for s in plan.segments] for plan in (first, second)]
-    told = [(plan.cost, plan.duration, plan.margin, plan.margin_asked) for plan in (first, second)]
-    if [one is None for one in told[0]] != [one is None for one in told[1]]:
+    stated = [(plan.cost, plan.duration, plan.margin, plan.margin_asked) for plan in (first, second)]
+    if [one is None for one in stated[0]] != [one is None for one in stated[1]]:
         return math.inf
-    numbers = [np.array([0.0 if one is None else one for one in each]) for each in told]
+    numbers = [np.array([0.0 if one is None else one for one in each]) for each in stated]
     return max(float(np.abs(a - b).max()) for a, b in [*zip(*knots, strict=True), tuple(numbers)])

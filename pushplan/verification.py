@@ -106,9 +106,9 @@ class _PlanChecks:
     """
 
     def __init__(self, run: RecordedRun, plan: Plan, same: bool) -> None:
-        self._run, self._plan, self._words = run, plan, run.fields.get(metadata.RUN, {})
+        self._run, self._plan, self._fields = run, plan, run.fields.get(metadata.RUN, {})
         # Another commit can time paths differently and prove other bounds.
-        self._same = same and self._words.get("git", "") == metadata.git_commit()
+        self._same = same and self._fields.get("git", "") == metadata.git_commit()
         # A closed loop plans more cautiously than the scenario requires: with less friction and more clearance.
         self._watched = CONTROL in run.fields
         self.left_out = [NOT_DECIDED]
@@ -117,11 +117,11 @@ class _PlanChecks:
         """Yield the comparisons."""
         run, plan = self._run, self._plan
         try:
-            scenario = metadata.settings_in(self._words).applied(run.scenario)
+            scenario = metadata.settings_in(self._fields).applied(run.scenario)
         except (ValueError, PushplanError) as error:
             yield _differs("settings", str(error))
             return
-        yield from self._check_words(scenario)
+        yield from self._check_metadata(scenario)
         if not plan.segments or not (plan.solved or plan.undelivered):
             yield from self._check_unsolved(scenario)
             return
@@ -147,7 +147,7 @@ class _PlanChecks:
         """Return the scenario's own load for a recorded load."""
         return None if load is None else load_of(scenario, load.names, load.face, load.offset, load.faces)
 
-    def _check_words(self, scenario: Scenario) -> Iterator[Check]:
+    def _check_metadata(self, scenario: Scenario) -> Iterator[Check]:
         """Compare the metadata of the run with scenario and plan."""
         run, plan = self._run, self._plan
         expected = {
@@ -158,8 +158,8 @@ class _PlanChecks:
             "seed": str(plan.seed),
         }
         for name, value in expected.items():
-            if name in self._words and not (name == "seed" and CONTROL in run.fields):
-                yield _same(f"{metadata.RUN} {name}", self._words[name], value)
+            if name in self._fields and not (name == "seed" and CONTROL in run.fields):
+                yield _same(f"{metadata.RUN} {name}", self._fields[name], value)
         yield _same("objective", plan.objective, scenario.planner.cost)
         outcome = run.fields.get(metadata.RESULT, {}).get("outcome")
         if outcome in ("solved", "unsolved"):
@@ -179,8 +179,8 @@ class _PlanChecks:
         """Check that an unsolved plan has no numbers, and check the error of its nearest path."""
         plan, nearest = self._plan, self._plan.nearest
         self.left_out.append("the reason why there is no plan")
-        said = [plan.cost, plan.robustness, plan.execution, plan.segments or None]
-        yield _same("numbers of an unsolved plan", sum(one is not None for one in said), 0)
+        stated = [plan.cost, plan.robustness, plan.execution, plan.segments or None]
+        yield _same("numbers of an unsolved plan", sum(one is not None for one in stated), 0)
         yield _same("reason", bool(plan.reason), True)
         if nearest is None or not scenario.task.held:
             return
@@ -206,19 +206,19 @@ class _PlanChecks:
 
     def _check_loads(self) -> Iterator[Check]:
         """Compare the recorded loads with those of the scenario."""
-        apart = 0.0
+        difference = 0.0
         for segment, own in zip(self._plan.segments, self._own, strict=True):
             if segment.load is not None and own.load is not None and segment.load is not own.load:
-                apart = max(apart, _apart(segment.load, own.load, self._watched))
-        yield Check("objects, contacts and frictions of loads", apart)
+                difference = max(difference, _apart(segment.load, own.load, self._watched))
+        yield Check("objects, contacts and frictions of loads", difference)
         if self._scenario.task.held or self._scenario.task.flush:
             return
         choice, pushes = self._scenario.transport, [s.load for s in self._own if s.kind == PUSH]
         for load in {id(load): load for load in pushes if load is not None}.values():
             chain = next(one.chain for one in choice.loads if load.names[0] in one.names)
             allowed = [(place.face, place.offset) for place in places(chain, choice.faces, choice.offsets)]
-            there = any(face == load.face and abs(aside - load.offset) <= EXACT for face, aside in allowed)
-            what = "" if there else f"{load.face} with {1e3 * load.offset:.3g} mm, which the scenario does not allow"
+            fits = any(face == load.face and abs(aside - load.offset) <= EXACT for face, aside in allowed)
+            what = "" if fits else f"{load.face} with {1e3 * load.offset:.3g} mm, which the scenario does not allow"
             yield _none(f"face that pushes {', '.join(load.names)}", what)
         if choice.one_load:
             over = len(self._plan.pushes) - choice.most
@@ -242,13 +242,13 @@ class _PlanChecks:
 
     def _check_motion(self) -> Iterator[Check]:
         """Time the path again and compare the trajectories."""
-        apart, timed = 0.0, [s for s in self._own if s.trajectory is not None]
+        difference, timed = 0.0, [s for s in self._own if s.trajectory is not None]
         for segment in timed:
             trajectory = segment.trajectory
             assert trajectory is not None
             ends = (trajectory.start, segment.path.start), (trajectory.break_poses[-1], segment.path.end)
-            apart = max(apart, *(max(pose_error(*pair)) for pair in ends))
-        yield Check("ends of the trajectory and of the path", apart, EXACT)
+            difference = max(difference, *(max(pose_error(*pair)) for pair in ends))
+        yield Check("ends of the trajectory and of the path", difference, EXACT)
         if not timed or self._watched or not self._same or self._set is None:
             self.left_out += ["the timing of the path (other version, closed loop or unknown set)"] if timed else []
             return

@@ -23,7 +23,7 @@ import numpy as np
 
 from pushplan.errors import EmptyStableSetError, PlanningError
 from pushplan.geometry import se2
-from pushplan.mechanics.faces import ways_through
+from pushplan.mechanics.faces import face_pairs
 from pushplan.planners.infeasible.diagnosis import beyond_reach
 from pushplan.planners.multi.hands import MARGIN, Floor, Hand, Hands
 from pushplan.planners.multi.multi_push import MultiPushSearch, plan_cost
@@ -401,7 +401,7 @@ def with_one_moved(steps: Steps, budget: Budget, observer: Observer) -> Iterator
 def _set_aside(alone: Scenario) -> Scenario:
     """Return the problem of one object, with added offsets that align an end of the plate with an end of a face."""
     plate = float(np.ptp(alone.chain.pusher.outline[:, 1]))
-    over = {0.5 * (plate - way.length) for way in ways_through(alone.chain.objects[0].outline)}
+    over = {0.5 * (plate - way.length) for way in face_pairs(alone.chain.objects[0].outline)}
     aside = sorted(round(one, 9) for one in over if one > 0.0)
     offsets = dict.fromkeys((*alone.transport.offsets, *(sign * one for one in aside for sign in (1.0, -1.0))))
     return alone.with_task(offsets=tuple(offsets))

@@ -20,7 +20,7 @@ from pushplan.core.transit import find_transit, shortened
 from pushplan.errors import ChainError, EmptyStableSetError, PlanningError, TippingError
 from pushplan.geometry import se2
 from pushplan.geometry.convex import bounding_circle, convex_pieces, flatten
-from pushplan.mechanics.faces import Place, Through, ways_through
+from pushplan.mechanics.faces import FacePair, Place, face_pairs
 from pushplan.mechanics.support import UniformSupport
 from pushplan.planners.controls import margins_to_try
 from pushplan.planners.multi.contact_modes import ContactMode
@@ -140,7 +140,7 @@ class Hands:
 
     def __init__(self, scenario: Scenario, settings: PlanSettings, level: int = 0) -> None:
         self.scenario, self.settings, self.level = scenario, settings, level
-        self.ways: dict[Member, Through] = {}
+        self.ways: dict[Member, FacePair] = {}
         self.forms: dict[Member, int] = {}
         self.why: dict[str, str] = {}
         self._modes: dict[tuple[int, ...], ContactMode | None] = {}
@@ -153,7 +153,7 @@ class Hands:
             obj = scenario.task.by_name[name].chain.objects[0]
             even = isinstance(obj.support, UniformSupport)  # outline and centre describe it fully
             load = obj.support.cells() if obj.support.known and not even else (obj.support.hull,)
-            for way in ways_through(obj.outline, scenario.transport.faces):
+            for way in face_pairs(obj.outline, scenario.transport.faces):
                 key = b"".join(_form(scenario, name, way, load))
                 self.ways[name, way.face] = way
                 self.forms[name, way.face] = keys.setdefault(key, len(keys))
@@ -264,7 +264,7 @@ class Hands:
             return None
 
 
-def _form(scenario: Scenario, name: str, way: Through, load: tuple[FloatArray, ...]) -> Iterator[bytes]:
+def _form(scenario: Scenario, name: str, way: FacePair, load: tuple[FloatArray, ...]) -> Iterator[bytes]:
     """Yield the data that identify an object and a pushed face, whatever the object's name."""
     body = scenario.task.by_name[name]
     obj, into = body.chain.objects[0], se2.inverse(way.entry)

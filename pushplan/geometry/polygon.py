@@ -233,8 +233,8 @@ def find_touch(first: FloatArray, second: FloatArray) -> FloatArray | None:
 def _gap(first: FloatArray, second: FloatArray) -> float:
     """Return the distance of two outlines, or a lower bound above `TOUCH`."""
     low, high = first.min(axis=0) - second.max(axis=0), second.min(axis=0) - first.max(axis=0)
-    apart = float(max(low.max(), high.max()))
-    return apart if apart > TOUCH else float(shapely.distance(shapely.Polygon(first), shapely.Polygon(second)))
+    gap = float(max(low.max(), high.max()))
+    return gap if gap > TOUCH else float(shapely.distance(shapely.Polygon(first), shapely.Polygon(second)))
 
 
 def _shared_pieces(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -259,11 +259,11 @@ def _lines(pieces: FloatArray) -> list[FloatArray]:
     """Group pieces (k, 2, 2) that are on a straight line and have the same direction."""
     groups: list[list[FloatArray]] = []
     for piece in pieces:
-        home = next((group for group in groups if _aligned(group[0], piece)), None)
-        if home is None:
+        match = next((group for group in groups if _aligned(group[0], piece)), None)
+        if match is None:
             groups.append([piece])
         else:
-            home.append(piece)
+            match.append(piece)
     lines = [np.array(group) for group in groups]
     return [line for line in lines if np.linalg.norm(line[:, 1] - line[:, 0], axis=1).sum() > SHORTEST_CONTACT]
 

@@ -80,7 +80,7 @@ def places(
 
 
 @dataclass(frozen=True, eq=False)
-class Through:
+class FacePair:
     """A face at which an object is pushed, and the opposite face, which pushes the next object.
 
     Attributes:
@@ -102,7 +102,7 @@ class Through:
         return None if self.exit is None else se2.relative(self.entry, self.exit)
 
 
-def ways_through(outline: FloatArray, faces: Sequence[str | float] | None = None) -> tuple[Through, ...]:
+def face_pairs(outline: FloatArray, faces: Sequence[str | float] | None = None) -> tuple[FacePair, ...]:
     """Return the faces at which an object can be pushed, with their opposite faces.
 
     Args:
@@ -110,15 +110,15 @@ def ways_through(outline: FloatArray, faces: Sequence[str | float] | None = None
         faces: See `places`.
     """
     wanted = None if faces is None else tuple(faces)
-    return _ways_through(np.asarray(outline, dtype=np.float64).tobytes(), wanted)
+    return _face_pairs(np.asarray(outline, dtype=np.float64).tobytes(), wanted)
 
 
 @lru_cache(maxsize=256)
-def _ways_through(corners: bytes, faces: tuple[str | float, ...] | None) -> tuple[Through, ...]:
-    return tuple(_each_way_through(np.frombuffer(corners).reshape(-1, 2), faces))
+def _face_pairs(corners: bytes, faces: tuple[str | float, ...] | None) -> tuple[FacePair, ...]:
+    return tuple(_each_face_pair(np.frombuffer(corners).reshape(-1, 2), faces))
 
 
-def _each_way_through(outline: FloatArray, faces: tuple[str | float, ...] | None) -> Iterator[Through]:
+def _each_face_pair(outline: FloatArray, faces: tuple[str | float, ...] | None) -> Iterator[FacePair]:
     edges = list(_edges(outline))
     for begin, end in edges:
         normal = _outward(begin, end)
@@ -131,7 +131,7 @@ def _each_way_through(outline: FloatArray, faces: tuple[str | float, ...] | None
             0.5 * (b + e) for b, e in edges if abs(float(se2.wrap_angle(_outward(b, e) - heading))) < PARALLEL
         ]
         front = max(opposite, key=lambda middle: float(middle @ ahead), default=None)
-        yield Through(
+        yield FacePair(
             face_name(normal),
             entry,
             float(np.linalg.norm(end - begin)),

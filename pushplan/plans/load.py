@@ -18,7 +18,7 @@ from pushplan.errors import ChainError
 from pushplan.geometry import se2
 from pushplan.geometry.polygon import find_touch
 from pushplan.mechanics.chain import PLATE, Chain, Contact
-from pushplan.mechanics.faces import Place, Through, face_name, pushed_from, ways_through
+from pushplan.mechanics.faces import FacePair, Place, face_name, face_pairs, pushed_from
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.scenario.loads import PlacedLoad
 from pushplan.scenario.model import Scenario
@@ -185,16 +185,16 @@ Member = tuple[str, str]
 """Name of an object and of the face, in its own frame, at which it is pushed."""
 
 
-def way_through(body: PlacedLoad, face: str) -> Through:
+def way_through(body: PlacedLoad, face: str) -> FacePair:
     """Return a face of an object by its name.
 
     Raises:
         ChainError: If it has no such face.
     """
     outline = body.chain.objects[0].outline
-    found = [way for way in ways_through(outline) if way.face == face]
+    found = [way for way in face_pairs(outline) if way.face == face]
     if len(found) != 1:
-        known = ", ".join(way.face for way in ways_through(outline))
+        known = ", ".join(way.face for way in face_pairs(outline))
         raise ChainError(f"{body.chain.objects[0].name!r} has no face {face!r}; its faces are {known}")
     return found[0]
 

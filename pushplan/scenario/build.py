@@ -12,7 +12,7 @@ import shapely
 from pushplan.geometry import se2
 from pushplan.geometry.polygon import TOUCH, overlap_depth
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.faces import ways_through
+from pushplan.mechanics.faces import face_pairs
 from pushplan.scenario.chain import build_bodies, check_differ, widened
 from pushplan.scenario.goals import Poses, Row, TaskGoal
 from pushplan.scenario.layout import millimetres, outline_of
@@ -143,8 +143,8 @@ def _in_place(row: Row, loads: tuple[PlacedLoad, ...]) -> Row:
     by_name = {load.name: load for load in loads}
     if row.pose is None or row.placed or not set(row.of) <= set(by_name):
         return row
-    ways = {name: ways_through(by_name[name].chain.objects[0].outline) for name in row.of}
-    lengths = [{round(float(one.across[0]), 9) for one in each if one.across is not None} for each in ways.values()]
+    pairs = {name: face_pairs(by_name[name].chain.objects[0].outline) for name in row.of}
+    lengths = [{round(float(one.across[0]), 9) for one in each if one.across is not None} for each in pairs.values()]
     best: tuple[str, ...] = ()
     for length in {sum(each) for each in product(*lengths)}:
         front, found = se2.compose(row.pose, [length, 0.0, 0.0]), tuple[str, ...]()
@@ -154,7 +154,7 @@ def _in_place(row: Row, loads: tuple[PlacedLoad, ...]) -> Row:
             each = [
                 (name, se2.compose(by_name[name].pose, one.exit), se2.compose(by_name[name].pose, one.entry))
                 for name in names
-                for one in ways[name]
+                for one in pairs[name]
                 if one.exit is not None
             ]
             errors = [se2.pose_error(leaves, front) for _, leaves, _ in each]
@@ -208,10 +208,10 @@ def _placed_object(file: RearrangementFile, i: int, attachments: Attachments, so
 def _on_the_plate(outline: FloatArray) -> tuple[float, ...] | None:
     """Return the pose of an object with its rear edge, or else its longest possible edge, flat against the plate."""
     flat = []
-    for way in ways_through(outline):
-        pose = se2.inverse(way.entry).round(15)
+    for pair in face_pairs(outline):
+        pose = se2.inverse(pair.entry).round(15)
         if se2.transform_points(pose, outline)[:, 0].min() >= -TOUCH:
-            flat.append((pose[2] == 0.0, way.length, tuple(map(float, pose))))
+            flat.append((pose[2] == 0.0, pair.length, tuple(map(float, pose))))
     return max(flat)[2] if flat else None
 
 
@@ -231,7 +231,7 @@ def _check_row(scenario: Scenario, row: Row, source: Source) -> None:
     length, faces, loads = 0.0, scenario.transport.faces, scenario.task.by_name
     for i, name in enumerate(row.of):
         outline = loads[name].chain.objects[0].outline
-        depths = [way.across[0] for way in ways_through(outline, faces) if way.across is not None]
+        depths = [pair.across[0] for pair in face_pairs(outline, faces) if pair.across is not None]
         if not depths:
             what = f"'{name}' cannot stand in a row: no face that the plate may push is parallel to an opposite face"
             source.error(("goals", "row", "of", i), what)
@@ -267,8 +267,8 @@ def _check_apart(scenario: Scenario, source: Source) -> None:
     for one, other in combinations(names, 2):
         gap = float(standing[one].distance(standing[other]))
         if gap < kept:
-            there = (_outlines(loads[name].chain, loads[name].start) for name in (one, other))
-            depth = max(overlap_depth(a, b) for a, b in product(*there))
+            both = (_outlines(loads[name].chain, loads[name].start) for name in (one, other))
+            depth = max(overlap_depth(a, b) for a, b in product(*both))
             if depth <= TOUCH and any({one, other} <= placed for placed in flush):
                 continue
             where = f"overlaps '{one}' by {millimetres(depth)}" if depth else f"is {millimetres(gap)} from '{one}'"

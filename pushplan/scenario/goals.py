@@ -17,7 +17,7 @@ import numpy as np
 
 from pushplan.geometry import polygon, se2
 from pushplan.geometry.polygon import TOUCH, find_touch, overlap_depth
-from pushplan.mechanics.faces import ways_through
+from pushplan.mechanics.faces import face_pairs
 from pushplan.scenario.loads import PlacedLoad
 from pushplan.scenario.parts import Workspace
 from pushplan.util.arrays import FloatArray, frozen
@@ -195,10 +195,10 @@ class Poses(TaskGoal):
 
     def shortfall(self, end: End) -> str:
         """See `TaskGoal`."""
-        load, there = end.loads[self.load], end.start_of(self.load)
-        if self.load not in end.exact and any(goal.is_reached(there) for goal in self.any_of):
+        load, pose_chain = end.loads[self.load], end.start_of(self.load)
+        if self.load not in end.exact and any(goal.is_reached(pose_chain) for goal in self.any_of):
             return ""
-        errors = [se2.pose_error(there, goal.pose_chain) for goal in self.any_of]
+        errors = [se2.pose_error(pose_chain, goal.pose_chain) for goal in self.any_of]
         if any(position <= EXACT and angle <= EXACT for position, angle in errors):
             return ""
         position, angle = min(errors, key=lambda error: error[0] + load.chain.reach * error[1])
@@ -274,16 +274,16 @@ class Row(TaskGoal):
             obj, found = loads[name].chain.objects[0], []
             for turn in polygon.symmetries(obj.outline):  # a symmetric object can be turned
                 pose = se2.compose(poses[name], turn)
-                there = se2.compose(pose, se2.inverse(obj.pose_chain))
-                found.append(Goal(pose, name, there, *self.tolerance))
+                pose_chain = se2.compose(pose, se2.inverse(obj.pose_chain))
+                found.append(Goal(pose, name, pose_chain, *self.tolerance))
             places[name] = tuple(found)
         return replace(self, places=places)
 
     def slack(self, tolerance: tuple[float, float]) -> tuple[float, float]:
         """See `TaskGoal`: a turn of the front object within its tolerance moves the others aside."""
-        there = np.array([goals[0].pose[:2] for goals in self.places.values()])
+        positions = np.array([goals[0].pose[:2] for goals in self.places.values()])
         position, angle = tolerance
-        return position + angle * float(np.linalg.norm(np.ptp(there, axis=0))), angle
+        return position + angle * float(np.linalg.norm(np.ptp(positions, axis=0))), angle
 
     def resumed(self, end: End, tolerance: tuple[float, float]) -> Row:
         """See `TaskGoal`: the order of the objects is kept."""
@@ -331,8 +331,8 @@ class Row(TaskGoal):
             depth = overlap_depth(outlines[behind], outlines[before])
             if touch is None or len(touch) != 1 or depth > TOUCH:
                 return f"'{behind}' is not flush with '{before}' in the row"
-        ways = {name: list(ways_through(obj.outline)) for name, obj in bodies.items()}
-        rears = [se2.compose(end.poses[order[0]], way.entry) for way in ways[order[0]]]
+        pairs = {name: list(face_pairs(obj.outline)) for name, obj in bodies.items()}
+        rears = [se2.compose(end.poses[order[0]], pair.entry) for pair in pairs[order[0]]]
         # Placed objects are at their measured poses, and the others stand flush with them.
         allowed = self.tolerance if self.placed else (EXACT, EXACT)
         errors = [] if self.pose is None else [se2.pose_error(rear, self.pose) for rear in rears]
@@ -340,7 +340,7 @@ class Row(TaskGoal):
         if position > allowed[0] or angle > allowed[1]:
             off = f"{1e3 * position:.3g} mm and {np.degrees(angle):.2g} deg"
             return f"the row's rear, at '{order[0]}', misses its goal by {off}"
-        fronts = [se2.compose(end.poses[order[-1]], way.exit) for way in ways[order[-1]] if way.exit is not None]
+        fronts = [se2.compose(end.poses[order[-1]], pair.exit) for pair in pairs[order[-1]] if pair.exit is not None]
         if self.wall is not None and not self.placed and not any(self._is_at_wall(front, end) for front in fronts):
             return f"the row's front, at '{order[-1]}', is not at the wall"
         return ""

@@ -104,8 +104,8 @@ class PlacedLoad(Bodies):
 
     def poses(self, start: FloatArray | None = None) -> dict[str, FloatArray]:
         """Return poses (3,) of the objects' own frames with the chain frame at a pose (3,); None for its start."""
-        there = se2.compose(self.start if start is None else start, self.chain.places)
-        return dict(zip(self.names, there, strict=True))
+        poses = se2.compose(self.start if start is None else start, self.chain.places)
+        return dict(zip(self.names, poses, strict=True))
 
     @property
     def kind(self) -> str:

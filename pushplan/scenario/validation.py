@@ -27,11 +27,11 @@ def validate(model: type[Model], source: Source) -> Model | None:
     try:
         valid = model.model_validate(source.root.plain())
     except ValidationError as error:
-        told = set[Place]()
+        reported = set[Place]()
         for detail in error.errors(include_url=False, include_context=False):
             place = _place(source, detail["loc"])
-            if place not in told and not any(place[: len(at)] == at for at in known):
-                told.add(place)
+            if place not in reported and not any(place[: len(at)] == at for at in known):
+                reported.add(place)
                 source.error(place, _sentence(model, detail), at_key=detail["type"] == "extra_forbidden")
         return None
     return None if known else valid
@@ -73,8 +73,8 @@ def _sentence(model: type[BaseModel], detail: ErrorDetails) -> str:
             keys = [key for parent in parents for key in parent.model_fields]
             return f"unknown key{nearest(str(location[-1]), keys)} allowed: {', '.join(dict.fromkeys(keys))}"
         case "literal_error" if isinstance(value, str):
-            words = detail["msg"].replace(" or ", ", ").removeprefix("Input should be ").replace("'", "")
-            return f"{show(value)}{nearest(value, words.split(', '))} allowed: {description}"
+            choices = detail["msg"].replace(" or ", ", ").removeprefix("Input should be ").replace("'", "")
+            return f"{show(value)}{nearest(value, choices.split(', '))} allowed: {description}"
         case "model_type":
             keys = [key for parent in inner for key in parent.model_fields]
             return f"{show(value)}; allowed: a mapping with the keys {', '.join(dict.fromkeys(keys))}"
@@ -131,11 +131,11 @@ def salvage(source: Source) -> tuple[ScenarioFile, set[str]] | None:
         depth = {"objects": 3, "pusher": 2}.get(str(place[0]), 1) if place else 1
         if len(place) < depth or place[0] == "snap":
             return None
-        *way, key = place[:depth]
+        *parents, key = place[:depth]
         if depth > 1 and difflib.get_close_matches(str(key), _GEOMETRY, n=1):
             return None
         body = data
-        for step in way:
+        for step in parents:
             body = body[step]
         stand_in = _STAND_INS.get(tuple(0 if isinstance(step, int) else step for step in place[:depth]))
         if stand_in is None:

@@ -154,9 +154,9 @@ class SphereSamples(NamedTuple):
 
     def on_meridians(self, floor: float) -> FloatArray:
         """Return the samples (k, 3) of longitudes with a sample above the floor: index, latitude and value."""
-        hope = np.flatnonzero(self.value.max(axis=1) > floor)
-        latitude = np.tile(self.latitude, len(hope))
-        return np.column_stack([np.repeat(hope, len(self.latitude)), latitude, self.value[hope].ravel()])
+        promising = np.flatnonzero(self.value.max(axis=1) > floor)
+        latitude = np.tile(self.latitude, len(promising))
+        return np.column_stack([np.repeat(promising, len(self.latitude)), latitude, self.value[promising].ravel()])
 
 
 def _around(of: np.ufunc, value: FloatArray) -> FloatArray:

@@ -124,9 +124,9 @@ def _runs(refined: RefinedMeridians) -> list[FloatArray]:
     live: list[list[FloatArray]] = []
     for block in _blocks(refined):
         pairs = _pairs([run[-1][-1] for run in live], block[0])
-        heirs = {i: block[:, j] for i, j in pairs}
-        done += [run for i, run in enumerate(live) if i not in heirs]
-        grown = [[*run, heirs[i]] for i, run in enumerate(live) if i in heirs]
+        continued = {i: block[:, j] for i, j in pairs}
+        done += [run for i, run in enumerate(live) if i not in continued]
+        grown = [[*run, continued[i]] for i, run in enumerate(live) if i in continued]
         taken = {j for _, j in pairs}
         live = grown + [[block[:, j]] for j in range(block.shape[1]) if j not in taken]
         live.sort(key=lambda run: float(run[-1][-1, 1]))

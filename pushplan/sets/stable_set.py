@@ -220,7 +220,7 @@ def sphere_area(refined: RefinedMeridians) -> float:
     """
     rows = refined.meridians
     first = np.append(np.searchsorted(rows.longitude, refined.longitude), len(rows))
-    count, apart = np.diff(first), np.diff(refined.longitude)
+    count, spacing = np.diff(first), np.diff(refined.longitude)
     gaps = np.flatnonzero(count[:-1] == count[1:])  # all other gaps are at most SMALLEST_GAP wide
     area = 0.0
     for j in range(count.max(initial=0)):
@@ -228,7 +228,7 @@ def sphere_area(refined: RefinedMeridians) -> float:
         for end, sign in ((rows.upper, +1.0), (rows.lower, -1.0)):
             a, b = end[first[k] + j], end[first[k + 1] + j]
             height = np.sin(0.5 * (a + b)) / np.cos(0.5 * (a - b))
-            area += sign * float(2.0 * np.arctan(np.tan(0.5 * apart[k]) * height).sum())
+            area += sign * float(2.0 * np.arctan(np.tan(0.5 * spacing[k]) * height).sum())
     return area
 
 

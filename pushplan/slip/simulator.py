@@ -95,12 +95,12 @@ class SlipSimulator:
         """Move the plate with a constant body twist (3,), in steps of at most `step`."""
         with np.errstate(invalid="ignore"):  # 0 times infinity is NaN, which `frozen` refuses
             motion = frozen(numbers(twist, "twist") * duration, (3,), "motion of the plate")
-        way = float(np.hypot(motion[0], motion[1])) + self.reach * abs(float(motion[2]))
-        if not (way <= FARTHEST and duration >= 0.0):
+        distance = float(np.hypot(motion[0], motion[1])) + self.reach * abs(float(motion[2]))
+        if not (distance <= FARTHEST and duration >= 0.0):
             raise PushplanError(
-                f"the move is {way:.3g} m in {duration} s; allowed: up to {FARTHEST:g} m, in a time of at least 0 s"
+                f"the move is {distance:.3g} m in {duration} s; allowed: up to {FARTHEST:g} m in at least 0 s"
             )
-        count = max(1, int(np.ceil(way / self.step)))
+        count = max(1, int(np.ceil(distance / self.step)))
         return self.follow(np.tile(motion / count, (count, 1)))
 
     def follow(self, motions: FloatArray) -> core.Trace:

@@ -70,16 +70,16 @@ class Interruption:
             if what.exc_type is KeyboardInterrupt:
                 Interruption._dropped = True
             else:
-                told(what)
+                previous(what)
 
-        told, sys.unraisablehook = sys.unraisablehook, drop
+        previous, sys.unraisablehook = sys.unraisablehook, drop
         try:
             with _handling(note):
                 yield
             if Interruption._dropped:
                 raise KeyboardInterrupt
         finally:
-            sys.unraisablehook, Interruption._dropped = told, False
+            sys.unraisablehook, Interruption._dropped = previous, False
 
 
 @contextlib.contextmanager
