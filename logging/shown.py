@@ -138,7 +138,7 @@ def _in_words(scenario: Scenario, done: Sequence[Segment], later: Sequence[Segme
     onto = " and ".join(dict.fromkeys(one.onto for one in pushes if one.onto))
     way = f"push {what} {pushed:.2f} m"
     if first is not None and onto:
-        way = f"push {' and '.join(first.names)} onto {onto}, and all of them on, {pushed:.2f} m in all,"
+        way = f"push {' and '.join(first.names)} onto {onto}, then all together, {pushed:.2f} m in total,"
     if first is not None and first.face and any(one.kind == APPROACH for one in done):
         single = len(first.names) == 1
         face = f"the {first.face} face of {first.names[0]}" if single else f"the face '{first.face}'"
