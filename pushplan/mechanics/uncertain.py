@@ -1,7 +1,7 @@
 """Packs chains with uncertain loads and frictions into arrays for the core.
 
-The wrenches of inertia are linear in the masses in the same way. The mass of an object with an uncertain load is
-assumed to be distributed like its load.
+The wrenches of inertia are linear in the masses, as the wrenches of friction are in the loads. The mass of an object
+with an uncertain load is assumed to be distributed like its load.
 """
 
 from __future__ import annotations
