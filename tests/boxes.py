@@ -15,10 +15,10 @@ from browser import chromium as started
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
 SCREENS = [(width, dark) for width in (390, 1280) for dark in (False, True)]
-"""Width of a phone and of a desk, in pixels; on light and on dark ground."""
+"""Widths of a phone and a desktop, pixels; light and dark."""
 
 KEPT = os.environ.get("PUSHPLAN_SCREENS")
-"""Folder in which pictures of what is shown are kept, to be looked at; none are kept without it."""
+"""Folder for pictures of the pages; without it, none are saved."""
 
 _ERRORS = ("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded")
 

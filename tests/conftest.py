@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import TypeVar
 
-# Its threads spin while they wait; on these small matrices that took up to six times the work.
+# Its threads spin while they wait, which took up to six times the work on these small matrices.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# Where it is set, each of the hundreds of processes that tests start compiles all of pushplan anew.
+# If it is set, each of the hundreds of processes that tests start compiles all of pushplan again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 import numpy as np
@@ -26,8 +26,8 @@ from pushplan.util.arrays import FloatArray
 
 _exit_code = pytest.StashKey[int]()
 
-# Hypothesis has a test fail when an example takes longer than 0.2 s, or when making them takes long; the first one
-# pays for imports, and machines that test are often busy.
+# Hypothesis fails a test if an example takes longer than 0.2 s, or if its generation is slow. The first example
+# includes imports, and test machines are often busy.
 settings.register_profile(
     "patient", settings(), max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
@@ -65,7 +65,7 @@ Captured = pytest.CaptureFixture[str]
 Patch = pytest.MonkeyPatch
 
 LONG = ("test_docs", "test_every_kind", "test_screens", "test_controller", "test_run", "test_view")
-"""Files that take 45 to 10 s of a processor; others less, or as long as their processes sleep."""
+"""Files that take 45 to 10 s of CPU time; others take less, or mostly sleep."""
 
 
 def there(value: Value | None) -> Value:

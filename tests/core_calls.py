@@ -33,7 +33,7 @@ from pushplan import core
 from pushplan.scenario.file import example_text
 
 REFUSED = (ValueError, TypeError, IndexError, OverflowError, MemoryError, RuntimeError, AttributeError)
-"""What a call may raise."""
+"""Errors that a call can raise."""
 
 FLOATS = (math.nan, math.inf, -math.inf, 0.0, -1.0, 1e-308, 1e99, -1e99, 1e308, -1e308, 2.0**63)
 WHOLE = (-1, 0, 1, 2, -(2**31), -(2**63), 2**63 - 1, 2**62, 2**40, 2**32 + 1, 2**64)
@@ -51,10 +51,10 @@ OTHERS: tuple[Any, ...] = (
     1 + 2j,
 )
 MOST = 12
-"""Calls of one function that are kept as they were."""
+"""Calls of each function that are kept unchanged."""
 
 HANGS = 600.0
-"""Seconds after which a call is taken to be one that does not end."""
+"""Time limit of a call, s."""
 
 Call = tuple[tuple[Any, ...], dict[str, Any]]
 
@@ -81,7 +81,7 @@ def workloads(loaded: Callable[[], Any]) -> None:
     planner = pushplan.Planner(scenario, time_limit=600.0, iterations=300)
     planner.reach([scenario.start], [scenario.goal.pose])
     planner.with_obstacles(scenario.obstacles).plan(first=True)
-    # What only tests call as it is, or only rare plans.
+    # Functions that only tests or rare plans call directly.
     core.driving.find_reeds_shepp(0.3, -0.2, 1.0)
     core.driving.find_drives(
         core.driving.Wheels(core.driving.WheelKind.CAR, np.zeros(3), 0.4), np.zeros(3), np.ones(3)
@@ -104,7 +104,7 @@ def workloads(loaded: Callable[[], Any]) -> None:
     tree.take(problem)
     loads, twists, _ = loaded()
     for function in (core.uncertain.rows_of, core.uncertain.sloped_rows_of, core.uncertain.forces_of):
-        with suppress(ValueError):  # of some loads only the centre is known
+        with suppress(ValueError):  # for some loads only the centre is known
             function(loads, twists)
 
 
@@ -257,7 +257,7 @@ def main() -> int:
         args, kwargs = copied(random.choice(recorder.calls[name]))
         places = [(args := list(args), i) for i in range(len(args))] + [(kwargs, key) for key in kwargs]
         method = not name.endswith("__init__") and "." in name.partition(".")[2]
-        if method:  # as it is when it has been made: many change, some for good
+        if method:  # in its initial state: many change, some permanently
             args[0] = fresh(args[0])
         for holder, key in random.sample(places[method:], min(random.choice((1, 1, 2, 3)), len(places) - method)):
             holder[key] = changed(holder[key], random, pool)

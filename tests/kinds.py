@@ -102,7 +102,7 @@ obstacles: [{circle: 0.1, center: [0.8, -0.5]}]
 )
 """Two columns of boxes side by side, of unequal lengths."""
 FAST["push"] = example_text("two-crates").replace("speed: 0.2,", "speed: 0.5,")
-"""Scenarios of a faster robot: then there is less to simulate, to write and to read again."""
+"""Scenarios with a faster robot, which shortens simulation and logs."""
 
 KINDS = ("push", "multi-push", "rearrangement", "gathering", "closed loop", "unsolved", "not executed")
 EVENTS = (
@@ -120,7 +120,7 @@ def made(kind: str) -> Run:
     scenario = load_scenario("two-crates") if text is None else scenario_from_text(text)
     plan = pushplan.plan(scenario, first=True, seed=1, time_limit=60.0)
     assert plan.solved == (kind != "unsolved"), plan.reason
-    if kind == "unsolved":  # with all that a search leaves
+    if kind == "unsolved":  # with all results of a search
         free = replace(scenario, obstacles=scenario.obstacles[1:])
         nearest = Nearest(pushplan.plan(free, first=True, seed=1, time_limit=60.0).segments, (1.2, 0.1))
         plan = replace(plan, nearest=nearest, tree=np.random.default_rng(0).uniform(0.0, 0.7, (50, 2, 3)))

@@ -8,12 +8,12 @@ from pushplan.cli.main import COMMANDS, MORE, pushplan
 from pushplan.cli.parameters import PATH
 
 _SUFFIXES = {"plot": ".svg", "output": ".mcap", "recovered": ".mcap", "worst": ".mcap", "name": ".yaml"}
-"""By the option's name; an export's suffix is its name."""
+"""Suffixes by the option's name; the suffix of an export is its name."""
 
 _FOLDERS = {"compare", "runs", "shards"}
 _INPUTS = {"maps", "map_file", "log", "logs", "suite"}
 _ELSEWHERE = {("bench", "output"), ("identify", "output")}
-"""Need more than a scenario or the log of a plan; tested with the commands."""
+"""Options that need more than a scenario or the log of a plan; other tests cover them."""
 
 
 def _declared() -> list[tuple[str, str]]:

@@ -35,7 +35,7 @@ def timed(scenario: Scenario, path: PushPath, stable_set: str | None = None, rat
 
 
 ARC_PRICE = 0.002
-"""What an arc counts beside its length, m."""
+"""Cost of an arc beside its length, m."""
 
 
 def plain(scenario: Scenario) -> Scenario:

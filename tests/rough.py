@@ -35,7 +35,7 @@ def first_plans() -> Iterator[None]:
     completed = PlanSettings.completed
 
     def first(settings: PlanSettings, scenario: Scenario) -> PlanSettings:
-        limit = 60.0 if settings.time_limit is None else 20.0 * settings.time_limit  # whatever the machine
+        limit = 60.0 if settings.time_limit is None else 20.0 * settings.time_limit  # independent of the machine
         return completed(replace(settings, first=True, time_limit=limit), scenario)
 
     with pytest.MonkeyPatch.context() as patch:

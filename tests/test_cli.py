@@ -214,7 +214,7 @@ def test_files_of_the_user_are_replaced_only_on_request(capsys: Captured) -> Non
         assert f"{name}: this file exists and is not a result of pushplan" in capsys.readouterr().err
         assert Path(name).read_text() == "format: pushplan/1"
         assert main([*words, "--overwrite"]) == 0
-        assert main(words) == 0  # it is one now
+        assert main(words) == 0  # now it is a benchmark folder
 
 
 def test_a_folder_with_other_files_is_refused_as_output_of_a_benchmark(capsys: Captured) -> None:

@@ -22,7 +22,7 @@ from pushplan.scenario.file import example_text, load_scenario
 from pushplan.verification import execute_again
 
 REPEATED = ("--time-limit", "60", "--iterations", "2000")
-"""Ends a search at the same place on every machine."""
+"""Iterations that end a search at the same point on every machine."""
 
 
 @pytest.fixture(scope="module")

@@ -84,7 +84,7 @@ def test_mutated_calls_raise_or_return() -> None:
 
 
 def _asked_again_and_again(lattice: Lattice) -> None:
-    while True:  # until it is at work: between two calls it is not
+    while True:  # until it is in use; between two calls it is free
         _ = lattice.nodes
 
 

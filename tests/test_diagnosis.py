@@ -178,7 +178,7 @@ def test_wide_turns_find_a_path(drive: str, goal: tuple[float, float, float]) ->
 
 
 def test_a_goal_beside_the_wall_is_proven_out_of_reach_because_of_the_drive() -> None:
-    result = pushplan.plan(_room("car", (2.0, 5.0, 0.0)), time_limit=600.0)  # it ends with the proof
+    result = pushplan.plan(_room("car", (2.0, 5.0, 0.0)), time_limit=600.0)  # the search ends with the proof
     assert not result.solved
     (found,) = result.diagnosis
     assert (found.cause, found.proven) == ("boxed in", True)

@@ -34,9 +34,9 @@ from pushplan.util.names import PLANNERS, STABLE_SETS
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 OPTIONAL = ("mujoco", "nanobind", "building")
-"""What benchmarks import that an installation without extras, or without sources, lacks."""
+"""Imports of benchmarks that an installation without extras or sources lacks."""
 SET_UP = {"python3 -m venv .venv", ". .venv/bin/activate", "pip install -e ."}
-"""Lines that set an environment up: what .ci/run and whoever runs this test have done."""
+"""Lines that set up an environment, as .ci/run or the user already has."""
 
 
 def _id(page: Path) -> str:
@@ -119,7 +119,7 @@ def test_every_command_and_all_code_run_in_the_order_of_the_page(
         print(_run(command.replace("\\\n", " "), page.stem == "closed-loop"))
     printed = capsys.readouterr().out
     _require_plain(printed)
-    if page.stem != "README":  # whose output is compared below
+    if page.stem != "README":  # its output is compared below
         assert _labels("\n".join(_blocks(page, "text"))) <= _labels(printed)
 
 
@@ -262,8 +262,10 @@ README = ROOT / "README.md"
 
 def _shape(output: str) -> str:
     """Return output with every number replaced, with bounds marked, which is the same in every run."""
-    output = output.replace("at least ", "")  # what a plan bears is looked at so far and no farther
-    output = re.sub(r"contact [\w-]+", "contact", output)  # how far the search comes says which has the least margin
+    output = output.replace("at least ", "")  # the search of the robustness ends there
+    output = re.sub(
+        r"contact [\w-]+", "contact", output
+    )  # the contact with the least margin depends on the progress of the search
     return re.sub(r"[-+]?\d[\d.]*(e[-+]\d+)?( ms| s|\b)", "#", output)
 
 

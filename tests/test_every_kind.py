@@ -44,11 +44,11 @@ from pushplan.verification import verify_log
 KINDS = ("push", "multi-push", "rearrangement", "gathering", "partial", "block")
 EVERY = pytest.mark.parametrize("kind", KINDS)
 SETTINGS = ControlSettings(time_limit=60.0, rate=25.0)
-"""Iterations end searches, whatever the machine does; half of the usual steps."""
+"""Iterations end searches, independent of the machine; half of the usual step rate."""
 LOOPS = tuple(f"{kind} in closed loop" for kind in KINDS)
 CLOSED = pytest.mark.parametrize("kind", LOOPS)
 GROWN = TemporaryDirectory(prefix="loops-")
-"""Of the logs of closed loops, written as they go."""
+"""Folder of the logs of closed loops, which grow with the run."""
 
 EXECUTED = pytest.mark.parametrize("kind", [*KINDS, *LOOPS])
 

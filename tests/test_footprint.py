@@ -88,7 +88,7 @@ def _numbers(chain: Chain) -> list[Any]:
 def test_pushing_a_row_from_its_far_end_equals_the_reversed_row(offset: float) -> None:
     chain = scenario_from_document(_document((0, 1, 2))).chain
     document = _document((2, 1, 0), turned=True)
-    # The frame is the middle of the contact, which is the plate's own middle: the row moves aside instead.
+    # The frame is at the middle of the contact, which is the plate's middle, so the row moves sideways instead.
     for obj in document["objects"]:
         obj["pose"][1] -= offset
     document["objects"][0]["offset"] = -offset

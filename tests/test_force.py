@@ -56,7 +56,7 @@ def test_no_sample_exceeds_the_force_bound_and_the_heaviest_nearly_reaches_it(
         exact = PushForce(ContactDynamics(chain))
         assert (exact.steady(twists) <= steady * (1.0 + 1e-9)).all()
         assert (exact.moving(twists, rates) <= moving * (1.0 + 1e-9)).all()
-    # Friction points the same way within 90 deg, so that no other world takes more.
+    # Friction points in the same direction within 90 deg, so no other sample needs more.
     assert (steady <= 1.005 * PushForce(ContactDynamics(heaviest)).steady(twists)).all()
 
 
@@ -111,7 +111,7 @@ def crates(**robot: Any) -> dict[str, Any]:
     return {**yaml.safe_load(example_text("two-crates")), "robot": {"limits": robot}}
 
 
-# Sliding the crates takes 4.544 N at least and 5.884 N at most.
+# The crates need 4.544 N to 5.884 N to slide.
 
 
 @pytest.mark.parametrize(("force", "breakaway", "binds"), [("10 N", 1.3, False), (7.7, 1.3, False), (6.2, 1.0, True)])
@@ -201,7 +201,7 @@ def test_output_log_and_page_show_the_force(tmp_path: Path, capsys: Captured) ->
     assert words in run.lines[-1].text
     execution = there(run.execution)
     slipped = replace(execution, wrenches=np.tile([3.0, 4.0, 0.0], (len(execution.t), 1)))
-    assert slipped.force_words(8.0) == "pushed with up to 5 N of 8 N"  # what a start takes is not in it
+    assert slipped.force_words(8.0) == "pushed with up to 5 N of 8 N"  # it does not include the breakaway force
     assert main(["replay", str(log), "--verify", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["force_limit"] == 10.0

@@ -34,7 +34,7 @@ from pushplan.util.arrays import FloatArray
 ITERATIONS = 6000
 
 joint_errors = runpy.run_path(str(Path(__file__).parents[1] / "benchmarks" / "joint_errors.py"))
-"""Chains off in all numbers at once, built anew."""
+"""Functions that build chains with errors in all numbers."""
 
 
 def evenly(count: int) -> FloatArray:
@@ -141,7 +141,7 @@ def test_a_stated_margin_is_never_lowered() -> None:
 def test_all_margins_share_one_time_limit(monkeypatch: Patch) -> None:
     """No margin solves it or proves infeasibility, and each of six searches would use its whole time."""
     looked = count()
-    monkeypatch.setattr("time.perf_counter", lambda: 0.005 * next(looked))  # a clock that nothing else slows
+    monkeypatch.setattr("time.perf_counter", lambda: 0.005 * next(looked))  # CPU time, independent of other programs
     result = plan(u_turn(1.6), time_limit=1.5, planner="rrt")
     assert not result.solved
     assert (result.margin or 1.0) < (result.margin_asked or 0.0)
@@ -153,7 +153,7 @@ MOST = {
     "angle": MOST_ANGLE,
 }  # fmt: skip
 COLUMNS = {"floor_friction": [0], "load": [2, 3], "position": [4], "angle": [5]}
-"""Of each kind in an error box."""
+"""Columns of each kind of error in an error box."""
 AHEAD, STILL = np.array([[0.1, 0.0, 0.0]]), np.zeros((1, 3))
 
 
@@ -171,7 +171,7 @@ def least_at(chain: Chain, moments: Moments, kind: str, size: float) -> float:
     return float(min(found))
 
 
-STRAIGHT = sorted({*example_names()} - {"trapezoids"})  # what slants opens when it is off
+STRAIGHT = sorted({*example_names()} - {"trapezoids"})  # an oblique contact opens with the error
 
 
 @pytest.mark.parametrize("name", STRAIGHT)
@@ -212,7 +212,7 @@ def test_every_margin_is_positive_just_below_the_robustness_and_one_is_not_just_
         for share, holds in ((0.98, True), (1.02, False)):
             least = least_at(scenario.chain, moments, kind, share * size)
             assert (least > 0.0) == holds or (share > 1.0 and size >= MOST[kind]), (kind, share)
-    # And all at once, at corners of the box by lot and at the one that is named.
+    # All errors together, at random corners of the box and at the worst one.
     box = ErrorBox.fixed(scenario.chain)
     scale, corner = JointErrors(ChainMotion(scenario.chain, moments), box).worst()
     assert scale == pytest.approx(robustness.joint, rel=1e-5)
@@ -232,7 +232,7 @@ def test_the_robustness_of_a_plan_is_that_of_its_weakest_push(kind: str) -> None
     ]
     assert len(each) > 1
     friction, *others = zip(*each, strict=True)
-    # A contact friction is the factor down to which it may go; all others are what may be off.
+    # A contact friction is the smallest tolerated factor; all others are tolerated errors.
     np.testing.assert_allclose(astuple(least_robustness(segments)), [max(friction), *map(min, others)], rtol=2e-4)
 
 

@@ -93,9 +93,9 @@ def test_propagation_is_exact_and_stable_and_marks_collisions(scenario: Scenario
 
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_every_planner_solves_the_problem_and_leaves_controls(planner: str, scenario: Scenario) -> None:
-    if planner == "bottlenecks":  # it knows of narrow gaps only
+    if planner == "bottlenecks":  # it handles narrow gaps only
         scenario = pushplan.scenario_from_text(GAP).with_margin(0.02)
-    _information, definition = _solved(scenario, planner)  # which owns its states
+    _information, definition = _solved(scenario, planner)  # it owns its states
     solution = definition.getSolutionPath()
     assert isinstance(solution, oc.PathControl)
     assert solution.check()

@@ -70,7 +70,7 @@ def test_a_pipe_gets_the_bytes_and_stays_a_pipe(tmp_path: Path) -> None:
     os.mkfifo(pipe)
     reader = threading.Thread(target=lambda: got.append(pipe.read_bytes()))
     reader.start()
-    for _ in range(1000):  # the reader counts once it waits in its call
+    for _ in range(1000):  # the reader counts once it blocks in its call
         try:
             write_pieces(pipe, [b"x" * 100_000, b"y"])
             break

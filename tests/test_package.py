@@ -107,7 +107,7 @@ def test_documented_formats_and_python_versions_match_the_code() -> None:
     assert [text[2:].partition("-")[0] for text in document["tool"]["cibuildwheel"]["build"].split()] == [
         python.replace(".", "") for python in pythons
     ]
-    if (ROOT / ".github").is_dir():  # the tests may run away from the sources
+    if (ROOT / ".github").is_dir():  # the tests can run without the sources
         workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "tests.yml").read_text())
         assert workflow["jobs"]["tests"]["strategy"]["matrix"]["python"] == pythons
         assert f'versions="{" ".join(pythons)}"' in (ROOT / ".ci" / "release").read_text()
@@ -144,7 +144,7 @@ def modules() -> dict[str, Path]:
         for file in [*folder.rglob("*.py"), *folder.rglob("*.pyi")]:  # the core has stubs only
             name = ".".join(file.relative_to(home).with_suffix("").parts).removesuffix(".__init__")
             found[name] = file
-    del found["__init__"]  # loads the public names when they are first used
+    del found["__init__"]  # loads the public names on first use
     return found
 
 
@@ -181,7 +181,7 @@ def test_planning_calls_the_documented_functions_in_order(tmp_path: Path, capsys
 
     def note(frame: FrameType, event: str, _: object) -> None:
         code = frame.f_code
-        if event == "call" and code.co_flags & CO_OPTIMIZED:  # no body of a class
+        if event == "call" and code.co_flags & CO_OPTIMIZED:  # not the body of a class
             met[code.co_filename, code.co_qualname.removesuffix(".__init__")] = None
 
     sys.setprofile(note)
@@ -214,7 +214,7 @@ def test_imports_point_downwards_and_form_no_circle() -> None:
     assert upwards == []
     apart = {"planners": "sim", "sim": "planners"}
     assert [(m, t) for m, targets in found.items() for t in targets if apart.get(room[m]) == room[t]] == []
-    tuple(TopologicalSorter(graph(types=True)).static_order())  # raises where modules import one another
+    tuple(TopologicalSorter(graph(types=True)).static_order())  # raises if modules import one another
 
 
 LEFT_BEHIND = {
@@ -228,7 +228,7 @@ LEFT_BEHIND = {
     r"off its place|leans?": "pose error, load-distribution shift", r"soonest|anew": "fastest, recomputed",
     r"cut_off|plan_again": "incomplete, replan",
 }  # fmt: skip
-"""What was said, and what is said."""
+"""Replaced words (pattern) and their replacements."""
 LEFT = re.compile(rf"(?<![\w/.`#-])({'|'.join(LEFT_BEHIND)})(?![\w/`.-]*\.(md|yaml|png))\b", re.IGNORECASE)
 ALLOWED = (
     r"without (finding|a path)|from finding|root finding",

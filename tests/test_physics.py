@@ -114,7 +114,7 @@ def test_floor_friction_of_the_engine_is_coulomb_friction(
     places = np.vstack([chain.places, chain.pusher.plate_pose])
     model = build_model(World.from_chain(chain), places, 2e-3, PhysicsSettings(time_step=0.01))
     joints = model.dofs[:, None] + np.arange(3)
-    model.model.dof_armature[joints] = 1e8  # so heavy that nothing keeps them from going where they are driven
+    model.model.dof_armature[joints] = 1e8  # so heavy that contacts do not slow them down
     for _ in range(100):
         model.data.qpos[joints] = 0.0
         model.data.qvel[joints] = joint_coordinates(model.anchors, twist * 0.01) / 0.01

@@ -39,7 +39,7 @@ from pushplan.sim.kinematic import execute
 from pushplan.util.names import PLANNERS
 
 PATIENT = 60.0
-"""A time limit that no test reaches, so that results do not depend on the machine."""
+"""Time limit that no test reaches, so that results do not depend on the machine."""
 
 
 def _check(scenario: Scenario, result: Plan) -> None:
@@ -224,7 +224,7 @@ def test_pickled_sets_planners_and_controllers_give_the_same_answers(crates: pus
     twists, chain = np.array([[1.0, 0.0, 0.0], [1.0, 0.1, 0.5]]), crates.scenario.chain
     uneven = IntervalChain.from_ranges(chain, pressures={"near": 0.1})
     for stable in (stable_set(chain), stable_set(chain, "robust"), stable_set_over(uneven)):
-        margins = stable.margin(twists)  # also what is worked out late goes along
+        margins = stable.margin(twists)  # lazy fields are pickled, too
         np.testing.assert_array_equal(pickle.loads(pickle.dumps(stable)).margin(twists), margins)
     planner = pickle.loads(pickle.dumps(pushplan.Planner(crates.scenario)))
     assert planner.plan(time_limit=60.0).cost == pytest.approx(crates.cost)
@@ -260,4 +260,4 @@ def test_a_full_turn_of_the_robot_does_not_turn_the_pushed_object(turns: int) ->
     np.testing.assert_allclose(found.poses[-1] - alone.poses[-1], [0.0, 0.0, 2.0 * np.pi * turns], atol=1e-6)
     np.testing.assert_allclose(found.objects[-1], alone.objects[-1], atol=1e-6)
     later = np.interp(alone.t + spun[0].duration, found.t, found.margins[:, 0])
-    assert np.nanmedian(np.abs(later - alone.margins[:, 0])) < 1e-6  # contacts are looked at by the push's own clock
+    assert np.nanmedian(np.abs(later - alone.margins[:, 0])) < 1e-6  # contacts are checked at times of the push

@@ -62,7 +62,7 @@ def _wander(
         poses.append(pose)
 
 
-@pytest.mark.parametrize(("is_goal", "seed"), [(False, 31), (True, 5)])  # of which obstacles shut in start, or goal
+@pytest.mark.parametrize(("is_goal", "seed"), [(False, 31), (True, 5)])  # in which obstacles enclose start or goal
 def test_random_pushes_stay_within_the_cells(is_goal: bool, seed: int) -> None:
     """Poses are checked once per step, like the cells; both ignore the motion between."""
     scenario, _, problem = _random(seed)

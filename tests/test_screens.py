@@ -90,7 +90,7 @@ def test_texts_of_a_film_do_not_overlap(kind: str) -> None:
     figure: Figure = film.canvas.figure
     written = [one for one in figure.findobj(Text) if isinstance(one, Text) and one.get_text().strip()]
     beyond = [one for one in film.plot.get_xticklabels() if one.get_position()[0] > film.plot.get_xlim()[1]]
-    written = [one for one in written if one.axes is not film.floor and one not in beyond]  # of which none is drawn
+    written = [one for one in written if one.axes is not film.floor and one not in beyond]  # none of them is drawn
     extents = [one.get_window_extent() for one in written if one.get_visible()]
     assert len(extents) >= 2
     assert not any(one.overlaps(other) for one, other in combinations(extents, 2))

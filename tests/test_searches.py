@@ -86,7 +86,7 @@ def test_distances_on_the_floor_are_those_of_dijkstra(name: str) -> None:
     point = problem.scene.with_body(flatten([1e-7 * np.array([[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]])]), np.zeros(3))
     middles = np.column_stack([grid[:2] + grid[2] * (cells + 0.5), np.zeros(len(cells))])
     least = max(0.25 * Extent.of(problem).width, 0.71 * grid[2])
-    room = separations(point, middles, 4.0 * least).reshape(shape)  # at least; what is near may have more
+    room = separations(point, middles, 4.0 * least).reshape(shape)  # at least; near ones can have more
     floor = grid[2] * sum(shape)
     for pose, found in zip((start, problem.goal), away, strict=True):
         there = se2.transform_points(pose, middle_of(problem)[:2])

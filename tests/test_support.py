@@ -140,7 +140,7 @@ def test_a_user_s_support_model_is_shown_simulated_and_identified() -> None:
         unknowns = Unknowns.from_world(World.from_chain(chain, scenario.start))
         middle = unknowns.values(np.array([0.0 if one.kind == "border" else 0.5 for one in unknowns.each]))
         center = unknowns.fractions(middle)[0] @ unknowns.loads[0].points
-        np.testing.assert_allclose(center, support.center, atol=1e-5)  # before anything was measured
+        np.testing.assert_allclose(center, support.center, atol=1e-5)  # before any measurement
 
 
 @pytest.mark.parametrize("seed", range(4))

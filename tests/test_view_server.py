@@ -43,7 +43,7 @@ def test_the_own_page_connects(server: Any, origin: str) -> None:
 
 
 ELSEWHERE = ("http://example.org", "http://example.org:{port}", "http://localhost:{port}.example.org")
-"""Names of others, though they may now lead here."""
+"""Names of other hosts, even if they resolve to this one."""
 
 
 @pytest.mark.parametrize(
@@ -97,5 +97,5 @@ def test_a_large_message_ends_the_connection(server: Any) -> None:
     with connected(server, "http://localhost:{port}") as socket:
         socket.send(b"x" * (LARGEST_MESSAGE + 1))
         with pytest.raises(ConnectionClosed) as ended:
-            all(iter(lambda: socket.recv(timeout=30.0), None))  # until it ends
+            all(iter(lambda: socket.recv(timeout=30.0), None))  # until the connection ends
     assert there(ended.value.rcvd).code == 1009

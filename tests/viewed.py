@@ -11,7 +11,7 @@ from pushplan.util.arrays import FloatArray
 from pushplan.view.window import Window
 
 SIZE = (1200, 800)
-"""Of the page, pixels."""
+"""Size of the page, pixels."""
 
 _GRIP = 1.0 / 7.0 + 0.225 / 2.0
 """Middle of the square that drags in the plane, as a share of an arrow's length, along both axes."""

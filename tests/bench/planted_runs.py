@@ -27,7 +27,7 @@ STATUS = {
 
 
 SECONDS = 15 if "COVERAGE_RUN" in os.environ else 3
-"""Time limit of a run; while coverage is measured, every process takes a while to begin and to end."""
+"""Time limit of a run; coverage measurement slows the start and end of every process."""
 
 
 def fate_of(seed: int) -> str:

@@ -84,11 +84,11 @@ def _results(found: Rows) -> list[tuple[object, ...]]:
 
 
 def test_a_batch_killed_at_random_and_resumed_has_the_same_rows(planted: Any, tmp_path: Path) -> None:
-    seeds, rng = range(14, 21), random.Random(1)  # one that hangs, and three more that go wrong, among them
+    seeds, rng = range(14, 21), random.Random(1)  # with one that hangs and three others that fail
     (tmp_path / "suite.yaml").write_text(planted.suite_text(seeds))
     folder = tmp_path / "results-1"
     before: Rows = []
-    while len(before) in (0, len(seeds)):  # also where this process was held up until all was done
+    while len(before) in (0, len(seeds)):  # also if this process was delayed until the end
         shutil.rmtree(folder, ignore_errors=True)
         for sign in (signal.SIGKILL, signal.SIGTERM):
             with _started("work", tmp_path, stdout=subprocess.PIPE) as program:
@@ -235,7 +235,7 @@ def test_modules_in_the_working_directory_are_not_those_of_the_standard_library(
         "import os\n"
         "from pushplan.bench import executor\n"
         "executor.PRELOAD, before = 'secrets', dict(os.environ)\n"
-        "with executor.local_engine(1): print('done', dict(os.environ) == before)\n"  # its own programs get it, too
+        "with executor.local_engine(1): print('done', dict(os.environ) == before)\n"  # its child processes inherit it
     )
     for name in ("secrets", "selectors", "json"):
         (tmp_path / f"{name}.py").write_text("open('executed', 'w').close()\n")

@@ -17,7 +17,7 @@ from pushplan.bench.store import ResultsFolder
 from pushplan.bench.suite import suite_from_text
 
 PATIENCE = 120.0
-"""Seconds after which a cluster that does not start is given up."""
+"""Time limit for the start of a cluster, s."""
 
 REAL = """\
 format: pushplan-suite/1

@@ -164,7 +164,7 @@ def test_a_full_database_is_reported_and_the_rest_is_run_later(fate: str, tmp_pa
                 others.append(sqlite3.connect(folder.database, isolation_level=None))
                 others[0].execute("BEGIN IMMEDIATE")
             elif k == 3:
-                opened[0]._database.execute("PRAGMA max_page_count = 1")  # as full as it can be
+                opened[0]._database.execute("PRAGMA max_page_count = 1")  # the database is now full
             yield replace(outcome, message="x" * 100_000)
 
     class Noted(store.Store):

@@ -127,7 +127,7 @@ def test_wrong_values_are_reported_as_in_scenarios(row: str) -> None:
 def test_a_subset_of_every_packaged_suite_runs(name: str, tmp_path: Path) -> None:
     suite = load_suite(name)
     assert suite.name == name
-    patient = {"time": 600.0, "iterations": 3_000}  # whatever else the machine does
+    patient = {"time": 600.0, "iterations": 3_000}  # independent of the load of the machine
     suite = replace(suite, planners=tuple(one.model_copy(update=patient) for one in suite.planners))
     last = f"problem={suite.problems[-1].name}"
     folder = ResultsFolder(tmp_path)
@@ -145,7 +145,7 @@ planners: [{name: auto, first: true}]
 seeds: 2
 """
 ENDLESS = SUITE.replace("first: true", "time: 86400 s")
-"""Runs that go on for minutes: without a better path a search ends the later, the more time it has."""
+"""Runs that take minutes, because a search without a better path ends late if it has more time."""
 
 
 @pytest.fixture

@@ -35,7 +35,7 @@ from pushplan.util.arrays import FloatArray
 
 STILL = Sensor(position=0.0, angle=0.0)
 SELDOM = ControlSettings(rate=25.0, time_limit=60.0)
-"""Half of the usual steps; iterations end searches, whatever the machine does."""
+"""Half of the usual step rate; iterations end searches, independent of the machine."""
 
 
 @cache
@@ -167,7 +167,7 @@ def test_a_leap_counts_once_a_second_measurement_confirms_it() -> None:
         let, wrong, exchanged = gate.passed(poses, plate, noise)
         return np.isfinite(let[:, 0]).tolist(), wrong, exchanged
 
-    assert passed(away) == ([False, False], [], False)  # the first one may be wrong, too
+    assert passed(away) == ([False, False], [], False)  # the first one can be wrong, too
     assert passed(other) == ([False, True], [], False)
     assert passed(other) == ([True, True], [], False)
     assert passed(away) == ([False, True], [], False)
@@ -178,10 +178,10 @@ def test_a_leap_counts_once_a_second_measurement_confirms_it() -> None:
         assert passed(away[::-1]) == ([True, True], [], True)  # exchanged
     assert passed(np.array([[0.5, 0.0, 0.0], [np.nan] * 3])) == ([False, True], [], True)
     driven = np.array([0.1, 0.0, 0.0])
-    assert passed(away + driven, driven) == ([True, True], [], False)  # carried by the plate meanwhile
+    assert passed(away + driven, driven) == ([True, True], [], False)  # the plate has carried it since
     gate = Gate()
     for far, held in ((0.0, True), (0.0, False), (0.0105, True), (0.0095, False)):
-        assert passed(other + np.array([far, 0.0, 0.0])) == ([not held] * 2, [], False)  # none was wrong
+        assert passed(other + np.array([far, 0.0, 0.0])) == ([not held] * 2, [], False)  # no measurement was wrong
 
 
 @pytest.mark.parametrize("what", ["exchanged", "frozen", "plate"])

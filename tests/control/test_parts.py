@@ -126,7 +126,7 @@ def test_errors_are_estimated_and_predict_later_measurements(what: str, wheels: 
     assert (spread < [4e-3, 5e-3]).all()
     assert estimator.values[3] == pytest.approx(tau, abs=8e-3)
     np.testing.assert_allclose(estimator.values[[4, 6]], scales[[0, 2]], atol=4e-3)
-    # a drift aside looks like a start that is turned, and headings measured turned back
+    # a lateral drift looks like a turned start with headings that are turned back
     assert estimator.values[2] + estimator.values[5] == pytest.approx(start[2] + scales[1], abs=4e-3)
     words = estimator.words()
     assert ("odometry" in words) == (what == "all"), words

@@ -95,7 +95,7 @@ def test_a_loop_writes_what_has_happened_as_it_goes(run: ClosedLoopRun, back: Re
     assert min(execution.t[-1], measured.t[-1]) > 1.9
     for array in ("t", "poses", "objects", "wrenches"):
         np.testing.assert_array_equal(getattr(execution, array), getattr(whole, array)[:count])
-    # margins of a few twists and of many at once are rounded differently
+    # margins of a few twists and of many twists are rounded differently
     np.testing.assert_allclose(execution.margins, whole.margins[:count], atol=1e-12)
     np.testing.assert_array_equal(measured.t, run.simulated.measured.t[: len(measured.t)])
     assert [event.kind for event in stopped[:2]] == ["plan", "disturbance"]
@@ -128,7 +128,7 @@ def test_a_log_that_was_tampered_with_does_not_verify(back: RecordedRun) -> None
 
 def test_the_command_arrives_in_closed_loop_and_verifies(file: Path, tmp_path: Path, capsys: Captured) -> None:
     out, page, clear = (tmp_path / name for name in ("run.mcap", "run.html", "clear.yaml"))
-    # Whichever plan the clock leaves, what is displaced meets no obstacle.
+    # The displaced object meets no obstacle in any plan that the time limit allows.
     clear.write_text(f"{file.read_text()}clearance: 1 cm\n")
     words = f"simulate {clear} --closed-loop --disturb {DISTURBANCE} -o {out} --html {page} --json".split()
     with first_plans():

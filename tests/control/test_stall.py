@@ -39,12 +39,12 @@ def met(gap: float = 0.0, stuck: float = math.inf) -> Callable[[float], list[flo
         (met(), 0.0, "", (), 0.0, None),
         (met(), 0.2, "", (), 0.0, None),
         (met(gap=0.012), 0.15, "", (), 0.0, None),  # the plate was not in contact yet
-        (met(gap=0.025), 0.0, "", (), 0.018, None),  # nor here, as the measurements say
+        (met(gap=0.025), 0.0, "", (), 0.018, None),  # nor here, by the measurements
         (met(stuck=0.0), 0.0, "", ("near", "far"), 0.0, None),
         (met(stuck=0.2), 0.2, "", ("near", "far"), 0.0, None),
         (met(stuck=0.2), 0.0, "", ("near", "far"), 0.0, 0.2),  # the plate is measured, too
         (met(stuck=0.2), 0.0, "other", ("other",), 0.0, None),
-        (lambda way: [min(way, 0.1), 0.0], 0.0, "", ("far",), 0.0, None),  # it has just been met
+        (lambda way: [min(way, 0.1), 0.0], 0.0, "", ("far",), 0.0, None),  # the plate has just met it
         (lambda way: [way, 0.0], 0.0, "", (), 0.0, None),  # its contact slips
         (lambda way: [0.0, math.nan], 0.0, "", ("near", "far"), 0.0, None),
         (lambda way: [way, math.nan], 0.0, "", (), 0.0, None),

@@ -24,7 +24,7 @@ FROZEN = Path(__file__).with_name("outcomes.json")
 Numbers = dict[str, list[float]]
 
 TWO_PLACES = "".join(line for line in SWAP.splitlines(keepends=True) if "name: bin" not in line)
-"""Two objects change places with nothing else in the room."""
+"""Two objects exchange places in an empty room."""
 
 INTERVALS = """\
 format: pushplan/1

@@ -28,7 +28,7 @@ from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
 SAMPLES = 41
-"""Of a measured push."""
+"""Number of samples of a measured push."""
 
 BOX = np.array([[-0.05, -0.04], [0.05, -0.04], [0.05, 0.04], [-0.05, 0.04]])
 

@@ -88,9 +88,9 @@ def test_unknown_cells_of_map_saver_stay_unknown_for_every_threshold(free: float
 def test_each_mode_reads_grey_values_as_map_server_does() -> None:
     greys = [255, 230, 205, 150, 80, 0]
     assert _cells(greys, "trinary") == "..??##"
-    assert _cells(greys, "scale") == "...?##"  # there 205 is an occupancy like any other
+    assert _cells(greys, "scale") == "...?##"  # in this mode 205 is an ordinary occupancy
     assert _cells(greys, "scale", negate=True) == "###??."
-    # In raw the darkness is the occupancy in per cent, and above 100 nothing is known.
+    # In raw the value is the occupancy in per cent, and values above 100 are unknown.
     assert _cells([255, 245, 215, 180, 155, 154, 0], "raw") == "..?##??"
 
 
@@ -275,7 +275,7 @@ def test_obstacles_cover_the_occupied_cells_and_little_more(
     area = found.workspace
     if turned == 0.0:
         np.testing.assert_allclose([area.xmin, area.xmax, area.ymin, area.ymax], [-1.0, 3.0, -2.0, 1.0])
-    else:  # what is beyond the map is no floor
+    else:  # the area outside the map is not floor
         corners = shapely.points([(x, y) for x in (area.xmin, area.xmax) for y in (area.ymin, area.ymax)])
         assert shapely.distance(covered, corners).max() < 1e-9
 

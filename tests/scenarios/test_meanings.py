@@ -32,7 +32,7 @@ from pushplan.util.arrays import FloatArray
 STATED: dict[str, Any] = json.loads(Path(__file__).with_name("meanings.json").read_text("utf-8"))
 OFFICE = Path(__file__).parents[2] / "examples" / "office"
 FEW = 20
-"""Obstacles up to which each is compared; of a map, whose polygons are many, their number and sums."""
+"""Largest number of obstacles that are compared one by one; for maps with more, their number and sums."""
 
 
 @pytest.mark.parametrize("name", STATED)
@@ -158,7 +158,7 @@ def test_every_key_is_described_with_its_default(section: str) -> None:
     fields = dict(SECTIONS[section].model_fields)
     if section == "`pusher`":
         fields |= bodies.MotionLimits.model_fields
-    elsewhere = {"limits", "goals", "gather"}  # files with `goals` are read by themselves
+    elsewhere = {"limits", "goals", "gather"}  # files with `goals` have their own test
     assert set(described) - elsewhere == set(fields) - elsewhere
     for key, field in fields.items():
         last = described.get(key, "").rsplit("|", 1)[-1]
@@ -174,7 +174,7 @@ BEYOND_A_SCHEMA = re.compile(
     r"|is '[^']*'; allowed: .* with a unit|is '[^']*'; allowed: .*a friction angle|'.*' is not a friction angle"
     r"|is the text '.*', which is not finite|is '.*', which is not finite)"
 )
-"""What the loader refuses and a schema cannot."""
+"""Errors that the loader finds and a schema cannot."""
 
 
 @pytest.fixture(scope="module")

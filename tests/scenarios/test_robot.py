@@ -12,7 +12,7 @@ from scenarios.conftest import Changed
 from pushplan.scenario.file import scenario_from_document
 
 ROOMY = "  - {circle: 0.1, center: [1.0, 0.2]}\n", ""
-"""The change that leaves room for a robot at the goal."""
+"""Text to replace and its replacement: without this obstacle a robot has room at the goal."""
 
 
 def with_robot(stated: str) -> tuple[str, str]:
@@ -84,7 +84,7 @@ name: box | planner: {name: rrt} | planner.name: is only for a single push; allo
 name: box | pushes: {most: 0} | pushes.most: is 0; allowed: a whole number from 1 to 100
 name: box | clearance: 0.1\\npushes: {approach: 0.05} | pushes.approach: is 0.05 m, but the robot keeps 0.1 m from the
 """
-"""What is replaced in the file, by what, and what is told; what needs a robot's start is told where there is none."""
+"""Text of the file, its replacement, and the error; a missing start of the robot is an error of its own."""
 
 
 @pytest.mark.parametrize("row", WRONG.splitlines())

@@ -105,7 +105,7 @@ def assert_reads_or_refuses(text: str) -> None:
         assert finding.text("f.yaml").isprintable()
 
 
-# Thousands of obstacles: files load, or are refused with words, by work that grows as they do (no clock is read).
+# Thousands of obstacles: files load or are refused with work that grows linearly (counted without a clock).
 
 HEAD = """\
 format: pushplan/1
@@ -149,7 +149,7 @@ def test_a_body_among_thousands_of_obstacles_gives_few_errors(form: str) -> None
     """A user does not read thousands of lines."""
     findings = [finding.what for finding in _refusal(_met(form, 600)).findings]
     near = [what for what in findings if "'box'" in what]
-    assert 2 <= len(near) <= MOST_LISTED + 1  # those in the same place have the same sentence
+    assert 2 <= len(near) <= MOST_LISTED + 1  # obstacles at the same place give the same sentence
     assert near[0].startswith("at the start, 'box' overlaps the obstacle at (")
     assert near[-1] == (f"at the start, 'box' is too near to more obstacles; only the first {MOST_LISTED} are listed")
 

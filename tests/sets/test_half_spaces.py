@@ -183,7 +183,7 @@ def test_odd_chains_and_twists_give_finite_margins(make_chain: ChainMaker, name:
         margins = stable.contact_margins(odd_twists(chain))
         assert np.isfinite(margins).all()
         assert (np.abs(margins) <= 1.0 + 1e-9).all()
-        # Which samples of an outline are looked at depends on the order of the rows: within what these may miss.
+        # The samples of an outline depend on the order of the rows, so results differ by the sampling error.
         near = 1e-5 if name.startswith("robust") else 1e-9
         np.testing.assert_allclose(stable.margin(odd_twists(chain)), margins.min(axis=1), atol=near)
         if name in STABLE_SETS:

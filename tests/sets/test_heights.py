@@ -25,7 +25,7 @@ from pushplan.util.arrays import FloatArray
 from pushplan.util.names import KNOWN_LOAD_SETS
 
 GRID = 12
-"""Points along a side of a square, in the world."""
+"""Points along a side of a square, in the world frame."""
 
 
 def cubes(

@@ -161,7 +161,7 @@ def test_the_worst_pressure_within_the_share_is_a_tight_bound(name: str, monkeyp
     length = chain.characteristic_length
     exact = SHARE * np.array([worst(pulls_of(places, v, length), parts, packed.facets[0]) for v in twists])
     assert (exact <= counted + 1e-12).all()
-    assert np.median(counted[:60] / exact[:60]) < 1.12  # the others lose next to nothing
+    assert np.median(counted[:60] / exact[:60]) < 1.12  # the others lose almost nothing
 
 
 def test_cells_have_the_load_and_the_centre_of_the_pressure() -> None:

@@ -57,7 +57,7 @@ def nested(chain: Chain, seed: int, rounds: int = 2) -> tuple[int, int]:
             loaded = replace(chain, objects=tuple(objects)) if k else chain
             exact = stable_set(loaded, "ecof").margin(twists)
         except SupportError:
-            continue  # the affine shift would have to pull at some of these points
+            continue  # the affine shift would need tension at some of these points
         tried += 1
         assert not ((margins > 0.0) & (exact < margins - 1e-9)).any()
     return int((margins > 0.0).sum()), tried

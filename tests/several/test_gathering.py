@@ -224,7 +224,7 @@ def test_unequal_boxes_and_polygons_stand_flush() -> None:
 
 def test_an_object_that_no_push_brings_to_the_row_is_moved_first() -> None:
     stated = document({"of": ["a", "b"], "pose": [2.4, 3.2, 0.5 * np.pi]}, gather="never")
-    # Between walls that leave one face of `a` free, and no way to turn.
+    # Walls leave only one face of `a` free and no room to turn.
     walls = [{"box": [0.6, 0.1], "pose": [1.0, y, 0.0]} for y in (0.86, 1.14)]
     objects = [obj for obj in stated["objects"] if obj["name"] != "c"]
     stated |= {"obstacles": walls, "objects": objects}
@@ -359,7 +359,7 @@ def test_a_lost_object_is_brought_to_the_delivered_ones() -> None:
     ended: Any = SimpleNamespace(object_poses=np.array([[*elsewhere.values()]]))
     adopted = Replan(1.0, moved, "", 0.1, rest=True)
     loop = ClosedLoopRun(plan.scenario, plan, ended, (), (adopted,), "arrived", "", None, SENSOR, 1, ())
-    assert loop.goal_errors == pytest.approx((0.0, 0.0), abs=1e-12)  # of the last plan's places
+    assert loop.goal_errors == pytest.approx((0.0, 0.0), abs=1e-12)  # the places of the last plan
 
 
 def test_closing_loads_are_square_and_turned_objects_wait_for_the_next_close() -> None:

@@ -25,7 +25,7 @@ from pushplan.sim.control.rest import CAREFUL, RestPlanner
 from pushplan.util.names import FACES
 
 ROUND = {"goal": {"pose": [0.5, 1.0, 0.0], "of": "b0"}}
-"""Back towards the robot: it has to drive around the box."""
+"""Goal behind the box, towards the robot, which must drive around the box."""
 
 
 @pytest.fixture(scope="module", params=DRIVES)
@@ -188,7 +188,7 @@ def test_a_plan_for_the_rest_has_a_margin_for_corrections_unless_travel_is_too_l
     attempts = rest.plan(*given, np.inf, {}), rest.plan(*walled, np.inf, {})
     assert [(attempt.rest, attempt.solved) for attempt in attempts] == [(True, True), (True, False)]
     wary = there(rest.plan(*given, np.inf, {"b0": 2}).result)
-    for push in (*careful.pushes, *wary.pushes):  # the loop believes what is stated
+    for push in (*careful.pushes, *wary.pushes):  # the loop believes the nominal scenario
         assert there(push.load).chain.contacts[0].friction == pytest.approx(0.5)
     less = [with_contact_friction(there(push.load).chain, 0.8) for push in wary.pushes]
     margins = [
@@ -199,7 +199,7 @@ def test_a_plan_for_the_rest_has_a_margin_for_corrections_unless_travel_is_too_l
     avoided = there(rest.plan(*given, np.inf, {}, careful.pushes[0].pushed_load.faces).result)
     assert careful.pushes[0].pushed_load.face not in {push.pushed_load.face for push in avoided.pushes}
     shut = rest.plan(*given, np.inf, {}, FACES)
-    assert shut.solved, shut.reason  # there is no other
+    assert shut.solved, shut.reason  # there is no other plan
     stated = scenario.with_margin(0.1)
     rest = RestPlanner(stated, first, (5e-3, np.radians(1.0)), 0.2, Observer())
     assert min(push.margin for push in there(rest.plan(*given, 0.0, {}).result).pushes) == pytest.approx(0.1)

@@ -72,7 +72,7 @@ def off_goals(found: Plan) -> float:
 
 @pytest.mark.parametrize(("ways", "orders"), [
     ({"a": (HERE, THERE), "b": (THERE, (2.0, 2.0))}, ["ba"]),  # b stands on a's goal, and has a free one
-    ({"a": (HERE, THERE), "b": (THERE, HERE)}, ["aba", "bab"]),  # one of both is put out of the way
+    ({"a": (HERE, THERE), "b": (THERE, HERE)}, ["aba", "bab"]),  # one of the two must be moved aside
     ({"a": (HERE, THERE), "on": (THERE, None), "aside": ((3.0, 3.0), None)}, ["ona"]),
 ])  # fmt: skip
 def test_goals_are_free_when_needed_and_no_other_object_moves(ways: Any, orders: list[str]) -> None:
@@ -86,7 +86,7 @@ def test_a_longer_search_makes_the_same_transfers_cheaper(monkeypatch: Patch) ->
     scenario = boxes({"a": ((2.0, 2.0), (2.3, 2.5)), "b": ((2.0, 1.0), (2.0, 0.0))})
     planner = Planner(scenario)
     first, looked = planner.plan(time_limit=LIMIT, first=True), count()
-    monkeypatch.setattr("time.perf_counter", lambda: 0.001 * next(looked))  # a clock that nothing else slows
+    monkeypatch.setattr("time.perf_counter", lambda: 0.001 * next(looked))  # CPU time, independent of other programs
     better = planner.plan(first=False, time_limit=1.0)
     require(scenario, better)
     assert there(better.cost) < there(first.cost)
@@ -100,7 +100,7 @@ def test_an_object_ends_within_the_tolerance_where_that_saves_a_detour(stated: d
     found = plan(scenario, first=True, time_limit=LIMIT)
     assert found.solved, found.reason
     off = off_goals(found)
-    assert (there(found.pushed_distance) < 0.25) == (not stated)  # else aside first, or around
+    assert (there(found.pushed_distance) < 0.25) == (not stated)  # otherwise sideways first, or around
     assert off < 1e-9 if stated else 1e-3 < off <= TOLERANCE_USED * math.radians(2.0)
 
 

@@ -281,7 +281,7 @@ def test_every_step_of_random_pushes_is_solved(count: int) -> None:
         assert np.isfinite(trace.forces).all()
         assert not np.isin(trace.end, (slip.JAMMED, slip.UNSOLVED)).any()
         assert trace.residual.max() <= 1e-7
-        assert (trace.end == slip.CONVERGED).mean() > 0.95  # Newton's method, and seldom what takes its place
+        assert (trace.end == slip.CONVERGED).mean() > 0.95  # Newton's method, and seldom its fallback
         assert (trace.forces[:, :, :2] >= -1e-9).all()
         pressed = trace.forces[:, :, :2].sum(axis=2)
         mu_of = np.array([contact.friction for contact in chain.contacts])

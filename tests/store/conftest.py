@@ -106,7 +106,7 @@ def logs(cases: dict[str, Case], tmp_path_factory: pytest.TempPathFactory) -> di
 
 
 Edit = Callable[[Any], Iterator[Any]]
-"""Takes a record of a log and yields what stands in its place."""
+"""Function that takes a record of a log and yields its replacements."""
 
 
 def rewritten(log: Path, to: Path, edit: Edit) -> Path:

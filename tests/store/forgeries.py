@@ -220,7 +220,7 @@ def _object_added(plan: Plan) -> Plan:
 def _drive(kind: str, **words: Any) -> Callable[[Plan], Plan]:
     def edit(document: Document) -> None:
         document["pusher"]["drive"] = {kind: {"axle": [-0.3, 0.0, 0.0], **words}}
-        document.setdefault("robot", {})["base"] = [0.0, 0.0, 0.0]  # as it is without wheels
+        document.setdefault("robot", {})["base"] = [0.0, 0.0, 0.0]  # as for a robot without wheels
 
     return lambda plan: _stated(plan, edit)
 
@@ -298,7 +298,7 @@ EVERY: dict[str, Callable[[Plan], Plan]] = {
     "a reason why there is none": lambda plan: replace(plan, reason="no plan was found in time"),
     "another objective": lambda plan: replace(plan, objective="margin"),
 }
-"""Lies about plans of any kind."""
+"""Forgeries of plans of any kind."""
 
 OWN: dict[str, dict[str, Callable[[Plan], Plan]]] = {
     "push": {
@@ -351,7 +351,7 @@ OWN: dict[str, dict[str, Callable[[Plan], Plan]]] = {
         "the robot elsewhere at first": _robot_moved,
     },
 }
-"""Lies about plans of one kind."""
+"""Forgeries of plans of one kind."""
 
 
 def _row_order(plan: Plan) -> tuple[str, ...]:
@@ -449,7 +449,7 @@ RUNS: dict[str, dict[str, Callable[[Path], None]]] = {
         "an outcome that is better": _outcome("unsolved"),
     },
 }
-"""Lies about runs that are more, or less, than a plan that was executed."""
+"""Forgeries of runs that are not a single executed plan."""
 
 
 def _record(kind: str, forge: Callable[[Plan], Plan], path: Path) -> None:

@@ -92,7 +92,7 @@ def test_exports_of_unexecuted_runs_show_the_reason(runs: dict[str, RecordedRun]
         write_trajectory(run, tmp_path / "run.json")
     assert list(tmp_path.iterdir()) == []
     picture = Still(run).picture().astype(int)
-    assert (picture[-200:].min(axis=2) < 90).any()  # there are words
+    assert (picture[-200:].min(axis=2) < 90).any()  # there is text
     if run.plan.nearest is not None and run.plan.nearest.segments:
         assert (np.abs(picture - np.array(red_green_blue(NEAREST))).max(axis=2) < 60).any()
 

@@ -95,7 +95,7 @@ def test_foreign_records_in_a_log_are_named_and_not_compared(logs: dict[str, Pat
 def test_a_damaged_lz4_chunk_is_refused(logs: dict[str, Path], tmp_path: Path) -> None:
     log = _again(logs["push"], tmp_path / "run.mcap", list, WAYS["compress lz4"][1], foreign=False)
     data = log.read_bytes()
-    at = data.index(b"\x04\x22\x4d\x18")  # with which a frame begins
+    at = data.index(b"\x04\x22\x4d\x18")  # the first bytes of a frame
     for bad in (b"\0" * 40, data[at : at + 40][::-1]):
         log.write_bytes(data[:at] + bad + data[at + 40 :])
         with pytest.raises(RunLogError, match="lz4 data"):
@@ -116,7 +116,7 @@ def test_older_logs_are_verified_after_a_topic_is_added(
     report = verify_log(logs["push"])
     assert [check.text for check in report.mismatches] == []
     assert "topic /new (the log is older)" in report.not_compared
-    monkeypatch.setattr(schemas, "REVISION", new.since)  # a log of today has to have it
+    monkeypatch.setattr(schemas, "REVISION", new.since)  # a current log must have it
     report = verify_log(cases["push"].write(tmp_path / "run.mcap"))
     assert [check.text for check in report.mismatches] == ["/new: 0 messages instead of 1"]
 

@@ -16,11 +16,11 @@ from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 
 MARGINS = {"carts": 0.02, "feet": 0.01}
-"""Of paths that are not planned with a margin of 0."""
+"""Margin of paths that are not planned with a margin of 0."""
 
 SEEDS = {"three-boxes-clutter": 2, "one-box": 3, "parallel-stacks": 2}
-"""Other seeds than 1: its paths run so close past obstacles that blends stop at nearly all corners, or have so short
-arcs between two turns that less than a fifth of the time is saved."""
+"""Seeds to use instead of 1, with which paths are so close to obstacles that blends stop at nearly all corners, or
+have so short arcs between two turns that less than a fifth of the time is saved."""
 
 Planned = Callable[[str], tuple[Scenario, PushPath]]
 

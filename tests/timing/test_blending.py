@@ -45,7 +45,7 @@ def _check(scenario: Scenario, path: PushPath, stable: StableSet, blend: Blend) 
     execution = execute(pushed.scenario, pushed.segments, "ecof")
     assert execution.loss is None
     assert execution.margins.min() > scenario.required_margin
-    assert max(execution.goal_error) < 3e-8  # what integrating with other steps makes of it
+    assert max(execution.goal_error) < 3e-8  # the error of integration with other steps
     assert find_collision(scenario, trajectory.poses_at(np.arange(0.0, trajectory.duration, 2e-3))) is None
     stopped = trajectory.breaks[np.abs(trajectory.twists_at(trajectory.breaks)).max(axis=1) < 1e-9]
     assert len(stopped) == 2 + len(blend.stops)

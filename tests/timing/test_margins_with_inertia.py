@@ -18,7 +18,7 @@ H = 1e-3
 
 SHARE = 0.5
 ROUNDING = 0.005
-"""Differences miss the margin by less, where the twist changes along a step."""
+"""Bound of the error of the differences if the twist changes along a step."""
 
 
 def motion(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:

@@ -74,7 +74,7 @@ def _changing(trajectory: Trajectory) -> FloatArray:
 
 
 ROOMY = Limits(angular_acceleration=20.0, angular_jerk=200.0)
-"""The pusher's linear limits alone decide about the steps between the twists below."""
+"""Limits with which only the pusher's linear limits determine the steps between the twists below."""
 
 CORNERED = PushPath(
     np.zeros(3), np.array([[1.0, 0.0, 0.0], [0.98, 0.0, 0.2], [1.0, 0.0, 0.0]]), np.array([1.0, 0.9, 1.1])
