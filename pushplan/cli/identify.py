@@ -25,10 +25,17 @@ if TYPE_CHECKING:
     metavar="SCENARIO",
     help="Write this scenario with the estimates in place of its numbers to --output, ready for planning.",
 )
+@p.plot_option
 @click.option("--seed", type=p.SEED, metavar="N", default=1, show_default=True, help="Seed of the search.")
 @click.option("--jobs", type=p.COUNT, metavar="N", help="Number of threads (default: one per processor).")
 def identify(
-    console: Console, logs: tuple[Path, ...], output: Path | None, into: str | None, seed: int, jobs: int | None
+    console: Console,
+    logs: tuple[Path, ...],
+    output: Path | None,
+    into: str | None,
+    plot: Path | None,
+    seed: int,
+    jobs: int | None,
 ) -> int:
     """Estimate friction and loads from logs of pushes of the same objects, with measured object poses."""
     if into is not None and output is None:
@@ -38,7 +45,7 @@ def identify(
         from pushplan.scenario.file import load_scenario
 
         target = load_scenario(into)  # early: an unreadable file would waste the estimation
-    p.check_outputs([*names, *([into] if into else [])], None, output)
+    p.check_outputs([*names, *([into] if into else [])], plot, output)
     with console.working(f"estimating from {counted(len(logs), 'log')}") as progress:
         from pushplan.identify import identify as learn
 
@@ -48,6 +55,11 @@ def identify(
     if output is not None:
         _write(found, names, target, output)
         console.say(f"{output}: {'the scenario' if into else 'a part of a scenario'} with the estimates")
+    if plot is not None:
+        with console.working(f"drawing {plot}"):
+            from pushplan.drawing.estimates import plot_estimates
+
+            plot_estimates(found.estimates, plot)
     console.emit(_document(found, output))
     return 0
 

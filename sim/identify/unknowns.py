@@ -6,6 +6,7 @@ pressure is seldom the centroid.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -112,6 +113,12 @@ class Unknown:
         if self.logarithmic:
             return np.asarray(self.low * (self.high / self.low) ** part)
         return np.asarray(self.low + (self.high - self.low) * part)
+
+    def share(self, value: float) -> float:
+        """Return the share of the range from `low` to `high` at a value; the inverse of `value`."""
+        if self.logarithmic:
+            return math.log(value / self.low) / math.log(self.high / self.low)
+        return (value - self.low) / (self.high - self.low)
 
 
 @dataclass(frozen=True, eq=False)
