@@ -12,7 +12,7 @@ _SUFFIXES = {"plot": ".svg", "output": ".mcap", "recovered": ".mcap", "worst": "
 
 _FOLDERS = {"compare", "runs", "shards"}
 _INPUTS = {"maps", "map_file", "log", "logs", "suite"}
-_ELSEWHERE = {("bench", "output"), ("identify", "output")}
+_ELSEWHERE = {("bench", "output"), ("identify", "output"), ("identify", "plot")}
 """Options that need more than a scenario or the log of a plan; other tests cover them."""
 
 

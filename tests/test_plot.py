@@ -12,10 +12,12 @@ from kinds import KINDS, made
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from matplotlib.text import Text
 
 from pushplan.drawing import PICTURE_SUFFIXES, palette
 from pushplan.drawing import figure as plot_figure
+from pushplan.drawing.estimates import plot_estimates
 from pushplan.drawing.plans import plot_plan, plot_scenario
 from pushplan.drawing.scene import PATH_SPACING, Scene
 from pushplan.drawing.sets import plot_stable_sets
@@ -26,6 +28,8 @@ from pushplan.plans.execution import TrialEnd
 from pushplan.plans.plan import Plan
 from pushplan.scenario.parts import Workspace
 from pushplan.sets.named import stable_set
+from pushplan.sim.identify.measured_push import Estimate
+from pushplan.sim.identify.unknowns import Unknown
 
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
 PUSHES = KINDS[:3]
@@ -106,6 +110,24 @@ def test_the_legend_of_stable_sets_covers_nothing_and_is_not_cut_off(
         wheels = Drive(drive, np.array([-0.3, 0.0, 0.0]), 0.8 if drive == "car" else 0.0)
         chain = replace(chain, pusher=replace(chain.pusher, drive=wheels))
     plot_stable_sets(chain, [stable_set(chain, "ecof")] * count, tmp_path / "s.png")
+    _assert_nothing_covered(figures[0])
+
+
+def test_intervals_of_estimates_lie_at_their_shares_of_the_searched_range(tmp_path: Path, monkeypatch: Patch) -> None:
+    figures = _kept_figures(monkeypatch)
+    plain = Unknown("border", 0, "load on the border of near", 0.2, 1.2)
+    log = Unknown("contact_friction", 0, "contact friction pusher-near", 0.01, 1.0, True)
+    told = [
+        Estimate(plain, 0.3, 0.5, 0.7, True),
+        Estimate(log, 0.1, 0.1, 0.1, True),
+        Estimate(log, 0.01, 0.1, 1, False),
+    ]
+    plot_estimates(told, tmp_path / "e.png")
+    (axes,) = figures[0].axes
+    spans = [(bar.get_y() + 0.25, bar.get_x(), bar.get_width()) for bar in axes.patches if isinstance(bar, Rectangle)]
+    inside = [span for span in spans if span[2] < 1.0]
+    assert np.allclose(inside, [(0.0, 0.1, 0.4), (1.0, 0.5, 0.0)])
+    assert "not determined" in {text.get_text() for text in axes.texts}
     _assert_nothing_covered(figures[0])
 
 

@@ -37,7 +37,7 @@ def plot_estimates(estimates: Sequence[Estimate], path: str | Path) -> None:
     keys = [
         Patch(facecolor=PATH, alpha=0.6, label="90 % interval"),
         Line2D([], [], color=INK, marker="|", linestyle="none", label="median"),
-        Patch(facecolor=FAINT, alpha=0.25, label="range of the search; not determined where nothing is on it"),
+        Patch(facecolor=FAINT, alpha=0.25, label="range of the search"),
     ]
     with figure_for(path, _LEFT + _WIDTH + _RIGHT, height) as figure:
         bottom = draw_footer(figure, 0.15, keys) + 0.15
