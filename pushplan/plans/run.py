@@ -24,14 +24,14 @@ KINDS = {
     "touch": "the contact with an object corrects the pose of the plate",
     "pushed": "a push of a multi-push plan has ended",
     "moved": "an object that is not pushed has moved",
-    "room": "the obstacles have changed, and with them the plan",
+    "room": "the obstacles have changed; the plan follows",
     "dropped": "a measurement was rejected: not finite, out of range, or with an invalid time",
     "jump": "the measured pose of the plate jumped",
     "sensor": "an error of a sensor or of the odometry was found",
     "grip": "an object has slid repeatedly; plans now assume the lowest friction",
     "stall": "the plate is driven on, but the pushed objects stand still",
     "unseen": "no measurement has arrived for a while",
-    "arrived": "the goal's object is within its tolerances as measured; camera errors that cannot be excluded",
+    "arrived": "the object is within the tolerances as measured; the text states the camera error that is possible",
     "gave up": "the loop has ended without reaching the goal, with the reason",
 }
 """Kinds of events and their meanings."""
