@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from pushplan.geometry import se2
-from pushplan.geometry.polygon import exit_distance, find_flaw, find_touch, overlap_depth
+from pushplan.geometry.polygon import exit_distance, find_flaw, find_touch, overlap_depth, symmetries
 from pushplan.scenario.layout import box_outline
 from pushplan.util.arrays import FloatArray
 
@@ -128,3 +128,22 @@ def test_outlines_with_swapped_corners_are_invalid_as_in_shapely(outline: FloatA
     swapped[[i, j]] = swapped[[j, i]]
     flaw = find_flaw(swapped)
     assert (flaw is None) == bool(shapely.Polygon(swapped).is_valid)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 6])
+def test_every_turn_that_takes_a_polygon_onto_itself_is_found(count: int) -> None:
+    """About a centroid off the origin; a notch in each part breaks all other symmetries."""
+    part = np.array([[0.1, 0.0], [0.06, 0.015], [0.08, 0.02]])
+    turns = 2.0 * np.pi * np.arange(max(count, 3)) / max(count, 3)
+    corners = np.concatenate([se2.rotate(turn, part) for turn in turns])
+    if count < 3:
+        corners = np.array([[-0.1, -0.05], [0.1, -0.03], [0.1, 0.05], [-0.1, 0.03]]) * (
+            [1.0, count - 1.0] if count > 1 else 1
+        )
+        corners[0] -= [0.0, 0.03 * (count == 1)]
+    outline = np.add(corners, [0.3, -0.2])
+    found = symmetries(outline)
+    assert sorted(pose[2] for pose in found) == pytest.approx(2.0 * np.pi * np.arange(count) / count)
+    for pose in found:
+        seen = shapely.Polygon(se2.transform_points(pose, outline))
+        assert seen.symmetric_difference(shapely.Polygon(outline)).area < 1e-12

@@ -1,11 +1,10 @@
 """The margin and the robustness of a plan: the value of auto, its reduction, and tight limits."""
 
-import runpy
 from dataclasses import astuple
 from functools import cache
 from itertools import count, product
-from pathlib import Path
 
+import joint_errors
 import numpy as np
 import pytest
 import yaml
@@ -32,9 +31,6 @@ from pushplan.sim.robustness import least_robustness, robustness_along, robustne
 from pushplan.util.arrays import FloatArray
 
 ITERATIONS = 6000
-
-joint_errors = runpy.run_path(str(Path(__file__).parents[1] / "benchmarks" / "joint_errors.py"))
-"""Functions that build chains with errors in all numbers."""
 
 
 def evenly(count: int) -> FloatArray:
@@ -162,12 +158,12 @@ def least_at(chain: Chain, moments: Moments, kind: str, size: float) -> float:
     n = len(chain.objects)
     if kind == "contact_friction":
         box = ErrorBox(chain, np.full(n, size), np.zeros((n, 6)))
-        return float(joint_errors["least"](box, 1.0, np.zeros((n, 6)), moments))
+        return joint_errors.least(box, 1.0, np.zeros((n, 6)), moments)
     box, found = ErrorBox(chain, np.zeros(n), np.full((n, 6), size)), []
     for i, column, sign in product(range(n), COLUMNS[kind], (1.0, -1.0)):
         point = np.zeros((n, 6))
         point[i, column] = sign
-        found.append(joint_errors["least"](box, 1.0, point, moments))
+        found.append(joint_errors.least(box, 1.0, point, moments))
     return float(min(found))
 
 
@@ -178,7 +174,7 @@ STRAIGHT = sorted({*example_names()} - {"trapezoids"})  # an oblique contact ope
 def test_shifted_objects_touch_with_their_outline_and_turned_ones_carry_others_along(name: str) -> None:
     chain = load_scenario(name).chain
     for k, size in product(range(len(chain.objects)), (0.004, -0.004)):
-        moved = joint_errors["one_off"](chain, k, aside=size).applied(chain)
+        moved = joint_errors.one_off(chain, k, aside=size).applied(chain)
         bodies = [*(obj.outline_chain for obj in moved.objects), chain.pusher.outline]  # the plate is -1
         for contact in moved.contacts:
             touches = there(find_touch(bodies[contact.pusher], bodies[contact.pushed]))
@@ -187,7 +183,7 @@ def test_shifted_objects_touch_with_their_outline_and_turned_ones_carry_others_a
         shift = moved.places - chain.places
         np.testing.assert_allclose(shift[k, :2], size * chain.contacts[k].tangent, atol=1e-12)
         assert not np.delete(shift, k, axis=0).any()
-        off, own = joint_errors["one_off"](chain, k, angle=size).applied(chain), chain.contacts[k]
+        off, own = joint_errors.one_off(chain, k, angle=size).applied(chain), chain.contacts[k]
         middle = 0.5 * (own.right + own.left)
         np.testing.assert_allclose([off.contacts[k].right, off.contacts[k].left], [own.right, own.left])
         motion = np.append(middle - se2.rotate(size, middle), size)
@@ -218,8 +214,8 @@ def test_every_margin_is_positive_just_below_the_robustness_and_one_is_not_just_
     assert scale == pytest.approx(robustness.joint, rel=1e-5)
     rng = np.random.default_rng(1)
     for point in [corner, *rng.choice([-1.0, 1.0], (8, *corner.shape))]:
-        assert joint_errors["least"](box, 0.98 * scale, point, moments) > 0.0
-    assert joint_errors["least"](box, 1.02 * scale, corner, moments) < 0.0
+        assert joint_errors.least(box, 0.98 * scale, point, moments) > 0.0
+    assert joint_errors.least(box, 1.02 * scale, corner, moments) < 0.0
 
 
 @pytest.mark.parametrize("kind", ["rearrangement", "gathering"])

@@ -27,7 +27,7 @@ from pushplan.sim.control.closing import GAP, ClosingPush, Closings, contacts_at
 from pushplan.sim.control.departures import find_slide
 from pushplan.sim.control.estimator import Estimator, Sample
 from pushplan.sim.control.replanner import BOLD, CAUTION, NEARBY, Replanner, cautious
-from pushplan.sim.control.sensing import Measurements, Sensor
+from pushplan.sim.control.sensing import Measurements, Sensor, Sightings
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance, disturbed
 from pushplan.sim.follower import Drive
@@ -157,6 +157,21 @@ class Watched:
         self.k += 1
 
 
+def test_estimates_are_the_same_wherever_in_the_world_the_plate_begins() -> None:
+    found, places = [], np.array([[0.1, 0.0, 0.0], [0.3, 0.02, 0.5]])
+    for origin in (np.zeros(3), np.array([30.0, -20.0, 2.0])):
+        plate = Watched(2, seed=5, true=compose(origin, [3e-3, -2e-3, 0.01]))
+        plate.believed, plate.noise = origin, 0.0 * NOISE
+        for k in range(400):
+            plate.see(places, places, 20)
+            plate.drive(
+                np.array([0.2, 0.0, 0.3 if k < 200 else -0.3]), np.array([0.202, 0.0, 0.3 if k < 200 else -0.3])
+            )
+        found.append(plate.estimator.values)
+    assert np.abs(found[0]).max() > 1e-3
+    np.testing.assert_allclose(found[1], found[0], atol=1e-6)
+
+
 def test_each_measurement_is_weighted_by_its_stated_noise() -> None:
     """A bad camera with an error of 5 mm is replaced by a good one; nothing moves."""
     plate, places = Watched(1, seed=4), np.zeros((1, 3))
@@ -266,6 +281,17 @@ def test_a_sensor_has_its_rate_delay_and_noise() -> None:
     assert min(came) >= 0.1 - 1e-9
     spread = np.std(np.array(seen.poses), axis=(0, 1))
     np.testing.assert_allclose(spread, [1e-3, 1e-3, np.radians(0.3)], rtol=0.15)
+
+
+def test_what_a_camera_on_the_plate_sees_rests_in_the_world_between_two_steps() -> None:
+    """From the first two steps on; a constant twist leads the plate from one to the next."""
+    seen, rest = Sightings(np.array([1e-3, 0.005])), np.array([[0.4, 0.1, 0.2], [0.5, -0.2, -1.0]])
+    begin, twist, steps = np.array([1.0, -2.0, 2.5]), np.array([0.3, 0.1, -0.8]), (0.0, 0.1, 0.2)
+    for at in (0.04, 0.17):
+        seen.see(at, relative(compose(begin, exp(at * twist)), rest), "plate")
+    come = [one for now in steps for one in seen.come(now, compose(begin, exp(now * twist)), True, lambda *_: None)]
+    assert [at for at, _ in come] == [0.04, 0.17]
+    np.testing.assert_allclose(come[1][1], rest, atol=1e-12)  # the second confirms the first
 
 
 @pytest.mark.parametrize("held", [True, False])

@@ -7,6 +7,7 @@ import pytest
 import shapely
 from conftest import ChainMaker, there
 
+import pushplan.core.boundary as boundary
 from pushplan.mechanics.contacts import cof
 from pushplan.mechanics.sphere import angles_of, twists_about, twists_at
 from pushplan.planners.controls import control_segments, segment_ends
@@ -49,6 +50,47 @@ def test_compiled_margins_and_those_of_contacts_give_the_same_set(
     np.testing.assert_array_equal(mine.longitude, theirs.longitude)
     np.testing.assert_allclose(mine.lower, theirs.lower, rtol=0.0, atol=2e-12)
     np.testing.assert_allclose(mine.upper, theirs.upper, rtol=0.0, atol=2e-12)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_only_intervals_in_order_with_excess_inside_and_none_outside_are_followed(seed: int) -> None:
+    """Five latitudes an interval, one between two; some are out of order, or have the other sign."""
+    rng, wanted = np.random.default_rng(seed), list[tuple[int, list[list[float]]]]()
+    x, value, members = list[float](), list[float](), list[int]()
+    for member in range(6):
+        count = int(rng.integers(1, 4))
+        at = np.sort(rng.uniform(-1.4, 1.4, 6 * count - 1))
+        inside = np.resize([-1.0, 1.0, 1.0, 1.0, -1.0, -1.0], 6 * count - 1)
+        outer, good = np.resize([True, False, False, False, True, False], len(at)), True
+        if rng.random() < 0.3:  # an interval may end at the pole
+            at[-2:] = 0.5 * np.pi, 0.5 * np.pi
+            inside[-1] = 1.0
+        match int(rng.integers(4)):
+            case 0:
+                k = int(rng.integers(len(at) if outer[-1] and inside[-1] < 0.0 else len(at) - 1))
+                inside[k], good = -inside[k], False
+            case 1:
+                k = 5 * int(rng.integers(count))
+                k += k // 5
+                at[k + 2], good = at[k] - 0.1, False
+            case 2 if count > 1:
+                at[6] = at[4] - 1e-3  # begins in the interval before
+                good = False
+        x, value, members = (
+            [*x, *at],
+            [*value, *(inside * rng.uniform(0.1, 1.0, len(at)))],
+            [*members, *[member] * len(at)],
+        )
+        if good:
+            for k in range(0, len(at), 6):
+                ends = [
+                    [at[k + i], at[k + o], value[len(value) - len(at) + k + i], value[len(value) - len(at) + k + o]]
+                    for i, o in ((1, 0), (3, 4))
+                ]
+                wanted.append((member, ends))
+    found, brackets = boundary.followed(np.array(x), np.array(value), np.array(members))
+    assert found.tolist() == [member for member, _ in wanted]
+    np.testing.assert_array_equal(brackets, np.array([ends for _, ends in wanted]).reshape(-1, 2, 4))
 
 
 def test_a_narrow_cone_of_translations_is_found(make_chain: ChainMaker) -> None:

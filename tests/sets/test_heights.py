@@ -1,10 +1,8 @@
 """Pushes above the floor: twists in the sets hold on an elastic floor from which objects partly lift."""
 
 import re
-import runpy
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -208,16 +206,16 @@ def test_the_centres_of_uncertain_feet_are_the_possible_ones(make_chain: ChainMa
 
 
 def test_planned_pushes_hold_in_an_engine_with_six_degrees_of_freedom() -> None:
-    """A small version of `benchmarks/heights.py`: a cube pushed at 55 mm holds, a tower pushed too high falls."""
+    """A cube pushed at 55 mm holds, a tower pushed too high falls."""
     pytest.importorskip("mujoco", reason="MuJoCo is not installed; the extra pushplan[physics] brings it")
-    judge = runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "heights.py"))
-    case, tried = judge["Case"], judge["tried"]
-    held, count, said = tried(case("cube", 0.1, 0.1, ((0.045, 0.055),)), 1, 3)
+    from engine_of_heights import Case, tried
+
+    held, count, said = tried(Case("cube", 0.1, 0.1, ((0.045, 0.055),)), 1, 3)
     assert held == count == 2, said
-    held, count, said = tried(case("tower", 0.06, 0.3, ((0.12, 0.12),)), 1, 3)
+    held, count, said = tried(Case("tower", 0.06, 0.3, ((0.12, 0.12),)), 1, 3)
     assert count == 0
     assert "up to 5" in said
-    held, count, said = tried(case("tower", 0.06, 0.3, ((0.12, 0.12),), knowing=False), 1, 3)
+    held, count, said = tried(Case("tower", 0.06, 0.3, ((0.12, 0.12),), knowing=False), 1, 3)
     assert (held, count) == (0, 2), said
 
 

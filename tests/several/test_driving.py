@@ -63,6 +63,24 @@ def test_an_axle_never_moves_sideways_and_a_car_turns_no_tighter_than_it_can(kin
 
 
 @pytest.mark.parametrize("drive", ["car", "differential", "omnidirectional"])
+def test_ways_are_shortened_anywhere_in_the_world(problem: Problem, drive: str) -> None:
+    for x, y in ((0.0, 0.0), (7.0, -4.0)):
+        start, goal = np.array([x, y, 0.3]), np.array([x + 1.4, y + 0.3, 2.0])
+        standing = [{"box": [0.3, 1.5], "pose": [x + 0.6, y, 0.2]}, {"circle": 0.2, "center": [x - 0.6, y + 0.8]}]
+        room = {"x": [x - 2.0, x + 4.0], "y": [y - 2.0, y + 4.0]}
+        ends = {"start": [x + 3.0, y + 3.0, 0.0], "goal": {"pose": [x + 3.0, y + 1.5, 0.0], "of": "b0"}}
+        scenario = problem(drive, obstacles=standing, robot={"start": start.tolist()}, workspace=room, **ends)
+        around, state = Surroundings(*_scenes(scenario), scenario.start), np.array([1], dtype=np.uint64)
+        wheels = wheels_of(scenario.chain.pusher.drive, np.array([-0.2, 0.0]))
+        arcs = there(
+            find_transit(around, wheels, start, goal, (x - 2.0, y - 2.0, x + 4.0, y + 4.0), 1.0, state, 2000)
+        )
+        shorter = shortened(around, wheels, start, arcs, state, 200)
+        assert max(se2.pose_error(driven(start, shorter), goal)) < 1e-6
+        assert shorter[:, 3].sum() < 0.92 * arcs[:, 3].sum()
+
+
+@pytest.mark.parametrize("drive", ["car", "differential", "omnidirectional"])
 def test_paths_around_obstacles_pass_the_independent_checker(problem: Problem, drive: str) -> None:
     standing = [{"box": [0.3, 1.5], "pose": [0.6, 0.0, 0.0]}, {"circle": 0.2, "center": [-0.6, 0.8]}]
     scenario = problem(drive, obstacles=standing, start=[3.0, 3.0, 0.0], robot={"start": [0.0, 0.0, 0.0]})

@@ -17,6 +17,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.faces import places
 from pushplan.planner import plan
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes
+from pushplan.planners.multi.graph import Graph
 from pushplan.planners.multi.multi_push import MultiPushSearch
 from pushplan.planners.multi.room import Query, lower_bounds
 from pushplan.planners.multi.search import Limits, search
@@ -177,6 +178,18 @@ def test_more_search_never_makes_a_plan_worse_and_none_beats_the_bound(problem: 
     for step in found.best.steps:
         to, on = lower_bounds(room, question, step.after[None])
         assert float(to[0] + on[0]) <= found.best.cost + 1e-9
+
+
+def test_a_graph_keeps_the_poses_that_a_cheaper_plan_can_pass(problem: Problem) -> None:
+    """Those whose bounds to the start and to the goals come to less in sum; the goal is three times as far away."""
+    prepared = prepared_of(problem("car", goal={"pose": [2.5, 2.2, 0.5], "of": "b0"}))
+    room, question = prepared.room(0), question_of(prepared)
+    graph = Graph(room, question, 1, lambda: False)
+    known, poses = len(graph.poses), np.random.default_rng(2).uniform(-1.0, [3.0, 3.0, 2.0], (200, 3))
+    bounds = np.array(graph.lower_bounds(poses)).sum(axis=0)
+    below = float(np.median(bounds))
+    graph.add(poses, below, lambda: False)
+    np.testing.assert_array_equal(graph.poses[known:], poses[bounds < below])
 
 
 def test_costs_to_go_start_at_the_plate_after_the_retreat(problem: Problem) -> None:

@@ -12,6 +12,7 @@ from scenarios.conftest import Changed
 
 from pushplan.cli.main import main
 from pushplan.errors import PushplanError
+from pushplan.geometry import se2
 from pushplan.planner import plan
 from pushplan.scenario.file import scenario_from_document, scenario_from_text
 
@@ -52,6 +53,14 @@ def test_a_scenario_of_several_objects_survives_a_round_trip() -> None:
         assert scenario_from_text(alone.source) == alone
     emptied = replace(scenario, obstacles=(), workspace=None)
     assert emptied.alone("red-box").workspace is None
+
+
+def test_a_load_that_starts_elsewhere_is_there_with_its_first_object() -> None:
+    load = scenario_from_text(SWAP).loads[1]
+    assert load.pose.tolist() == [1.2, 2.2, np.pi / 2.0]  # to the last digit as the file has it
+    moved = replace(load, start=np.array([0.3, -0.4, 1.0]))
+    np.testing.assert_allclose(moved.pose, se2.compose(moved.start, load.chain.objects[0].pose_chain))
+    np.testing.assert_allclose(moved.start_for(moved.pose), moved.start, atol=1e-12)
 
 
 ALCOVE = """\

@@ -56,6 +56,18 @@ def test_the_sum_stays_in_the_hull_of_its_levels(seed: int, steps: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
+def test_a_step_between_equal_levels_changes_nothing(seed: int) -> None:
+    levels, centers, widths = _random(seed, 6)
+    k = 2 + seed
+    pieces = Pieces.through(levels, centers, widths)
+    more = np.insert(levels, k, levels[k], axis=0), np.insert(centers, k, centers[k - 1 : k + 1].mean())
+    same = Pieces.through(*more, np.insert(widths, k, 0.1, axis=0))
+    times = np.linspace(0.0, float(pieces.durations.sum()), 400)
+    assert float(same.durations.sum()) == pytest.approx(times[-1])
+    np.testing.assert_allclose(_at(same, times), _at(pieces, times), atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
 def test_the_motion_agrees_with_an_ode_solver(seed: int) -> None:
     pieces = Pieces.through(*_random(seed, 5))
 
