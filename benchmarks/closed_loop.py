@@ -1,8 +1,7 @@
 """Closed loop against open loop in the same disturbed samples.
 
-Run `python benchmarks/closed_loop.py [--worlds 2] [--random 40] [--only NAME ...]`; prints a line a scenario and each
-figure next to what is wanted, and exits 1 on a miss. Every packaged scenario, and random ones of one to four
-objects with walls and obstacles, are executed in worlds in which
+Run `python benchmarks/closed_loop.py [--worlds 2] [--only NAME ...]`; prints a line a scenario, and the shares that
+arrive. Every packaged scenario is executed in worlds in which
 
 - every coefficient of friction, of contacts and of the floor, is off by 20 %, up or down on its own;
 - one object is displaced by 5 mm and 3 deg at a random moment, in a random direction;
@@ -28,20 +27,15 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.bench.random_problems import generate
-from pushplan.bench.schema import ProblemParameters
 from pushplan.bench.store import Machine
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose, exp, log
@@ -64,8 +58,6 @@ from pushplan.util.arrays import FloatArray
 POSITION, ANGLE = 5e-3, np.radians(1.0)
 DISPLACED, TURNED = 5e-3, np.radians(3.0)
 OFF = 0.2
-WANTED = 0.9
-MEDIAN, MOST = 0.020, 0.100
 
 
 @dataclass(frozen=True)
@@ -85,22 +77,6 @@ class Row:
     travel: float = 0.0
     planned: float = 0.0
     """Way of the plate, and that of the plan, m."""
-
-
-def random_scenarios(count: int) -> list[tuple[Scenario, Plan]]:
-    """Return `count` random scenarios that have a plan."""
-    found: list[tuple[Scenario, Plan]] = []
-    seed = 0
-    with tempfile.TemporaryDirectory() as folder:
-        while len(found) < count:
-            path = Path(folder) / f"random-{seed}.yaml"
-            path.write_text(generate(ProblemParameters(), seed), encoding="utf-8")
-            scenario = load_scenario(path)
-            result = plan(scenario, seed=1, time_limit=1.0)
-            if result.solved:
-                found.append((scenario, result))
-            seed += 1
-    return found
 
 
 def disturbed(scenario: Scenario, duration: float, random: np.random.Generator) -> tuple[World, Disturbance]:
@@ -331,10 +307,9 @@ def one(scenario: Scenario, result: Plan, seed: int, verbose: bool, physics: boo
     return Row(closed, opened, errors[0], tuple(controller.replans), why, seconds, found, there)
 
 
-def main() -> int:
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--worlds", type=int, default=2, help="worlds a scenario")
-    parser.add_argument("--random", type=int, default=40, help="random scenarios")
     parser.add_argument("--only", nargs="*", help="names of scenarios")
     parser.add_argument("--harsh", action="store_true", help="one large disturbance at a time, instead")
     parser.add_argument("--physics", type=int, default=0, help="runs that MuJoCo judges, too")
@@ -345,19 +320,20 @@ def main() -> int:
     print(Machine.this().words)
     if arguments.plans:
         plans = itertools.islice(several_pushes(arguments.only), arguments.plans)
-        return report([*carried_out(plans, arguments.verbose, arguments.physics)])
+        report([*carried_out(plans, arguments.verbose, arguments.physics)])
+        return
     if arguments.harsh:
         rows = [*endured(arguments.only, arguments.worlds, arguments.verbose)]
         apart = [not row.closed and row.why.startswith("objects have slid against one another") for row in rows]
         print(
             f"{sum(apart)} of {len(rows)} runs say that objects have slid too far for one push to bring all to goals"
         )
-        return report([row for row, gone in zip(rows, apart, strict=True) if not gone])
-    problems = [
-        (scenario, plan(scenario, seed=1, time_limit=1.0)) for scenario in map(load_scenario, example_names())
-    ]
-    problems += random_scenarios(arguments.random)
+        report([row for row, gone in zip(rows, apart, strict=True) if not gone])
+        return
     rows: list[Row] = []
+    problems = (
+        (scenario, plan(scenario, seed=1, time_limit=1.0)) for scenario in map(load_scenario, example_names())
+    )
     for scenario, result in problems:
         if arguments.only and scenario.name not in arguments.only:
             continue
@@ -372,7 +348,7 @@ def main() -> int:
         for row in found:
             if not row.closed:
                 print(f"    {1e3 * row.error[0]:.1f} mm {np.degrees(row.error[1]):.2f} deg: {row.why}")
-    return report(rows)
+    report(rows)
 
 
 def endured(only: list[str] | None, worlds: int, verbose: bool) -> Iterator[Row]:
@@ -403,56 +379,29 @@ def _told(row: Row) -> str:
     return f"{arrived} {way}: {off}, {rests} plans for the rest, {row.seconds:.0f} s: {row.why}"
 
 
-def report(rows: list[Row]) -> int:
-    """Print every figure with its target; return the exit code."""
-    misses = 0
-    shares = {}
+def report(rows: list[Row]) -> None:
+    """Print the figures of all runs."""
     for who, ends in (("closed", [row.closed for row in rows]), ("open", [row.opened for row in rows])):
-        count = sum(map(bool, ends))
-        if None in ends:
-            continue
-        low, high = wilson(count, len(rows))
-        shares[who] = count / len(rows)
-        print(f"{who:7} loop: {count} of {len(rows)} arrive ({100 * low:.1f} to {100 * high:.1f} %)")
+        if None not in ends:
+            count = sum(map(bool, ends))
+            low, high = wilson(count, len(rows))
+            print(f"{who:7} loop: {count} of {len(rows)} arrive ({100 * low:.1f} to {100 * high:.1f} %)")
     every = [replan for row in rows for replan in row.replans if not replan.rest]
-    replans = np.array([replan.seconds for replan in every])
-    solved = np.array([replan.seconds for replan in every if replan.solved])
-    for words, value, wanted, good in (
-        ("arrive in closed loop", shares["closed"], f">= {WANTED}", shares["closed"] >= WANTED),
-        (
-            "replan that finds a plan, median CPU ms",
-            1e3 * np.median(solved),
-            f"<= {1e3 * MEDIAN:.0f}",
-            np.median(solved) <= MEDIAN,
-        ),
-        (
-            "replan, also one that finds none, most CPU ms",
-            1e3 * replans.max(),
-            f"<= {1e3 * MOST:.0f}",
-            replans.max() <= MOST,
-        ),
-    ):
-        misses += not good
-        print(f"{'ok  ' if good else 'MISS'} {words}: {value:.3g}, wanted {wanted}")
-    print(
-        f"{len(solved)} replans, and {len(every) - len(solved)} attempts that found none; "
-        f"{np.mean([row.seconds for row in rows]):.2f} s a run"
-    )
-    second = [(row.error, row.physics) for row in rows if row.physics is not None]
+    if solved := [1e3 * replan.seconds for replan in every if replan.solved]:
+        most = 1e3 * max(replan.seconds for replan in every)
+        print(
+            f"{len(solved)} replans, {np.median(solved):.3g} ms of CPU in the median, and {len(every) - len(solved)} "
+            f"attempts that found none, at most {most:.3g} ms"
+        )
+    print(f"{np.mean([row.seconds for row in rows]):.2f} s a run")
+    second = [row for row in rows if row.physics is not None]
     ways = np.array([row.travel / row.planned for row in rows if row.planned > 0.0])
     if len(ways):
         far = sum(row.travel > 2.0 * row.planned + 1.0 for row in rows if row.planned > 0.0)
         print(f"travel over the plan's: {np.median(ways):.2f} in the median, {far} beyond 2 x + 1 m")
     if second:
-        arrived = sum(row.there for row in rows if row.physics is not None)
-        apart = np.array([np.abs(there - here) for here, there in second]) * [1e3, 180.0 / np.pi]
-        print(
-            f"MuJoCo as the world: {arrived} of {len(second)} arrive; errors differ from those of slip by "
-            f"{np.median(apart[:, 0]):.2g} mm and {np.median(apart[:, 1]):.2g} deg in the median, at most "
-            f"{apart[:, 0].max():.2g} mm and {apart[:, 1].max():.2g} deg"
-        )
-    return 1 if misses else 0
+        print(f"MuJoCo as the world: {sum(row.there for row in rows)} of {len(second)} arrive")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

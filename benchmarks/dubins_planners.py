@@ -26,7 +26,7 @@ from pushplan.planners.problem import Box
 from pushplan.planners.search.form import PushInformation, bounds, state_at
 from pushplan.planners.search.planners import AnytimePlanner
 from pushplan.planners.search.session import Session
-from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.arrays import FloatArray
 
 _INSTEAD = "choose a planner that needs none, such as auto"
 
@@ -145,8 +145,6 @@ class OverDubins(AnytimePlanner):
             if definition.hasExactSolution():
                 session.offer(_arcs(definition.getSolutionPath(), car, words, ends))
             session.refine()
-            if self.anew or session.finished:
-                _note(session, planner, words, car)
             if self.anew:
                 planner.clear()
                 definition.clearSolutionPaths()
@@ -177,34 +175,6 @@ class BITStarOverDubins(OverDubins):
         planner.setUseKNearest(False)  # neighbours within a radius: ten times as many edges per second
         planner.setRewireFactor(10.0)  # the radius is made for spaces without turning circles
         return planner
-
-
-def _note(session: Session, planner: Any, words: SweptWords, car: Car) -> None:
-    """Send the branches of OMPL's tree to the session, and the path to its node nearest to the goal."""
-    data = ob.PlannerData(planner.getSpaceInformation())
-    planner.getPlannerData(data)
-    if session.solved and data.numEdges() <= session.common.branches.size:
-        return
-    vertices = range(data.numVertices())
-    poses = np.array([car.chain_at(data.getVertex(i).getState()) for i in vertices]).reshape(-1, 3)
-    parents = np.full(len(poses), -1)
-    for i in vertices:
-        parents[list(data.getEdges(i))] = i
-    session.common.branches.offer((poses, parents))
-    reached = np.flatnonzero(parents >= 0)
-    session.note_nearest(
-        poses[reached], lambda node: _way_to(int(reached[node]), poses, parents, session.start, words)
-    )
-
-
-def _way_to(node: int, poses: FloatArray, parents: IntArray, start: FloatArray, words: SweptWords) -> FloatArray:
-    """Return the arcs (k, 4) from the start to a node of a tree, up to the first blocked edge."""
-    way = [node]
-    while parents[way[-1]] >= 0:
-        way.append(int(parents[way[-1]]))
-    ends = [start, *poses[way[-2::-1]]]
-    found = (words.word(begin, end) for begin, end in itertools.pairwise(ends))
-    return np.concatenate([np.zeros((0, 4)), *itertools.takewhile(lambda word: word is not None, found)])
 
 
 def _space(session: Session, box: Box, car: Car) -> tuple[Any, SweptWords]:

@@ -8,7 +8,7 @@
 // words to the goal (two at most) are tried from a node the more often the nearer it is. The first round asks for a
 // path only; then cells shrink, and each round ends with its cheapest path.
 //
-// Usage: hybrid_astar PROBLEM SECONDS. Reads what `extensions_cpp.py` writes; prints CPU seconds and cost (m) of each
+// Usage: hybrid_astar PROBLEM SECONDS. Reads what `peers.py` writes; prints CPU seconds and cost (m) of each
 // better path, never shortened.
 #include "push_problem.hpp"
 

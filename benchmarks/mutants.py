@@ -1,15 +1,21 @@
 """Mutation testing: do the tests that fit notice when a formula is changed, in Python or in the core?
 
-Run `python benchmarks/mutants.py [--only mechanics,slip] [--count 200] [--seed 1] [--limit 30]`.
+Run `python benchmarks/mutants.py [--only mechanics,slip] [--count 200] [--seed 1] [--map build/mutants]`.
 In a copy of the checkout one sign, operator, comparison, transpose, constant, minimum or end of an interval is
-changed at a time, the core is built again if it is the core's, and the tests that fit run until one fails.
-Prints a line for each change, and how many were noticed. Needs the development environment and g++.
+changed at a time. A change of Python is tried by the tests that run its line, one of the core by the test files
+that fit (`FITTING`), after a build; the quickest tests come first, for `--limit` s in all. Which tests run which line
+is measured once, by coverage, and kept in the folder `--map`. Each mutant is tried in a process forked from one that
+has imported the libraries. Prints a line for each change, and how many were noticed. Needs the development
+environment, coverage and g++.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import hashlib
+import importlib
+import json
 import os
 import random
 import re
@@ -21,57 +27,43 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+import coverage
+import pytest
+
 ROOT = Path(__file__).parents[1]
 
+SOURCES = "pushplan/**/*.py", "planners/**/*.py", "sim/**/*.py", "logging/**/*.py", "pushplan/core/*.?pp"
+LEFT_OUT = re.compile("pushplan/(planners|sim|logging|cli|drawing|view)/|logging/(page|film|shown|rviz)")
+"""Links, and what is there to be looked at."""
+
+NOT_MAPPED = (
+    "test_cli test_cli_plan test_screens test_view test_view_server test_interruption test_core_calls test_package "
+    "test_docs test_docs_seen test_outputs test_extensions test_silly_inputs bench/test_batch bench/test_cluster "
+    "bench/test_suite "
+    "store/test_hostile recipes"
+)
+"""Tests of processes, browsers and documents: too long for one mutant, or coverage does not see what they run."""
+
 FITTING = {
-    "pushplan/geometry": "test_geometry.py test_collision.py scenarios/test_layout.py",
-    "pushplan/mechanics/chain": "test_contacts.py test_laws.py scenarios/test_layout.py",
-    "pushplan/mechanics/faces": "test_contacts.py several/test_search.py several/test_plan.py",
-    "pushplan/mechanics/heights": "sets/test_heights.py",
-    "pushplan/mechanics/dynamics": "test_dynamics.py timing/test_margins_with_inertia.py",
-    "pushplan/mechanics/intervals": "scenarios/test_intervals.py sets/test_interval_sets.py",
-    "pushplan/mechanics/perturb": "test_margins.py test_laws.py",
-    "pushplan/mechanics/uncertain": "sets/test_interval_sets.py sets/test_robust.py test_dynamics.py",
-    "pushplan/mechanics": "test_friction.py test_contacts.py test_support.py test_laws.py",
-    "pushplan/sets/unknown": "sets/test_robust.py sets/test_half_spaces.py sets/test_nesting.py",
-    "pushplan/sets/force": "test_force.py",
-    "pushplan/sets": "sets/test_boundary.py sets/test_half_spaces.py sets/test_nesting.py",
-    "pushplan/scenario/maps": "scenarios/test_map_obstacles.py",
-    "pushplan/scenario": "scenarios",
-    "pushplan/plans/trajectory": "timing test_laws.py",
-    "pushplan/plans": "test_laws.py test_plan.py",
-    "pushplan/slip": "slip test_margins.py",
-    "pushplan/bench": "bench/test_report.py bench/test_suite.py bench/test_store.py",
-    "planners/timing": "timing",
-    "planners/multi/row": "several/test_gathering.py",
-    "planners/multi/gathering": "several/test_gathering.py",
-    "planners/multi": "several/test_rearrangement.py several/test_search.py",
-    "planners/infeasible": "test_pocket.py test_diagnosis.py test_lower_bound.py",
-    "planners/search": "test_searches.py test_ompl.py",
-    "planners": "test_plan.py test_searches.py test_collision.py test_footprint.py",
-    "sim/control": "control/test_parts.py control/test_stall.py",
-    "sim/identify": "identify",
-    "sim/kinematic": "test_plan.py",
-    "sim/physics": "test_physics.py several/test_physics.py",
-    "sim/follower": "test_follower.py",
-    "sim": "test_margins.py slip",
-    "logging/verify": "store/test_store.py store/test_forgeries.py",
-    "logging": "store/test_store.py store/test_exports.py store/test_rewritten.py",
-    "pushplan/core/slip": "test_laws.py slip",
-    "pushplan/core/(timing|step_sum|motion_bounds)": "timing",
-    "pushplan/core/(contacts|friction|inertia)": "test_friction.py test_contacts.py test_dynamics.py",
-    "pushplan/core/(uncertain|centred|robustness)": "sets/test_interval_sets.py sets/test_robust.py test_margins.py",
-    "pushplan/core/(boundary|brackets|sphere)": "sets/test_boundary.py sets/test_half_spaces.py",
-    "pushplan/core/(driving|reeds|transit)": "several/test_driving.py",
-    "pushplan/core/(pushes|samples|sequences)": "several/test_search.py",
-    "pushplan/core/(pockets|infeasible)": "test_pocket.py test_diagnosis.py",
-    "pushplan/core": "test_collision.py test_searches.py test_polish.py",
+    "slip": "slip test_laws test_margins",
+    "timing|step_sum|motion_bounds": "timing test_laws",
+    "contacts|friction|inertia": "test_friction test_contacts test_dynamics sets",
+    "uncertain|centred": "sets test_margins test_laws test_force",
+    "robustness": "test_margins test_laws",
+    "boundary|border|brackets|sphere": "sets test_friction",
+    "driving|reeds|transit|shortening": "several/test_driving several/test_search several/test_gathering",
+    "pushes|samples|sequences": "several/test_search several/test_rearrangement several/test_gathering",
+    "pockets|infeasible": "test_pocket test_diagnosis",
+    "": "test_collision test_searches test_polish test_plan test_ompl test_lower_bound test_footprint",
 }
-"""Beginnings of paths, as regular expressions, and the files below `tests` that fit; the longest match counts."""
+"""Beginnings of names in the core, and what fits below `tests`; the first match counts."""
+
+LIBRARIES = "numpy scipy.optimize scipy.stats scipy.spatial shapely yaml pydantic hypothesis ompl.base mcap"
 
 OPERATORS = {
     ast.Add: ("+", "-"), ast.Sub: ("-", "+"), ast.Mult: ("*", "/"), ast.Div: ("/", "*"),
@@ -187,62 +179,176 @@ def core_mutants(path: str, source: str) -> Iterator[Mutant]:
         at += len(line)
 
 
-def fitting(path: str) -> list[str]:
-    """Return the tests of a file; none if they are unknown."""
-    matches = [key for key in FITTING if re.match(key, path)]
-    return [f"tests/{name}" for name in FITTING[max(matches, key=len)].split()] if matches else []
+class Tests:
+    """Which tests fit a line, the quickest first.
+
+    Attributes:
+        seconds: What each test takes.
+        lines: Tests that run a line, by path and line, as coverage saw them.
+    """
+
+    def __init__(self, folder: Path, checkout: Path) -> None:
+        files = [file for pattern in SOURCES for file in sorted(checkout.glob(pattern))]
+        digest = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+        known = folder / "seconds.json"
+        if not known.exists() or json.loads(known.read_text())["digest"] != digest:
+            folder.mkdir(parents=True, exist_ok=True)
+            if in_fork(checkout, lambda: measure(folder.resolve(), checkout, digest)) > 1:
+                raise SystemExit("the tests did not run to their end")
+        stated = json.loads(known.read_text())
+        self.seconds: dict[str, float] = stated["seconds"]
+        self._data = coverage.CoverageData(str(folder / "lines"))
+        self._data.read()
+        self._paths = {str(Path(file).relative_to(stated["root"])): file for file in self._data.measured_files()}
+        self._kept: dict[str, dict[int, list[str]]] = {}
+
+    def of_line(self, path: str, line: int) -> list[str]:
+        """Return the tests that run a line; those of the file where it is run when it is imported."""
+        if path not in self._kept:
+            found = self._data.contexts_by_lineno(self._paths.get(path, path))
+            self._kept[path] = {k: names for k, tests in found.items() if (names := [test for test in tests if test])}
+        lines = self._kept[path]
+        at = next((k for k in range(line, line - 6, -1) if k in lines), None)  # statements may go on for some lines
+        return self.quickest(lines[at] if at is not None else [test for tests in lines.values() for test in tests])
+
+    def of_core(self, path: str) -> list[str]:
+        """Return the tests that fit a file of the core."""
+        names = next(names for key, names in FITTING.items() if re.match(key, Path(path).name)).split()
+        return self.quickest(test for test in self.seconds if any(test.startswith(f"tests/{name}") for name in names))
+
+    def quickest(self, tests: Iterable[str]) -> list[str]:
+        """Return tests in the order of their times."""
+        return sorted(set(tests), key=lambda test: self.seconds.get(test, 0.0))
+
+
+def in_fork(folder: Path, work: Callable[[], int], cpu: int = 0, output: Path | None = None) -> int:
+    """Return the exit code, or minus the signal, of some work in a folder in a process forked from this one."""
+    child = os.fork()
+    if child:
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if cpu:
+        resource.setrlimit(resource.RLIMIT_CPU, (cpu, cpu + 5))
+        signal.alarm(10 * cpu)
+    if output is not None:
+        file = os.open(output, os.O_CREAT | os.O_TRUNC | os.O_WRONLY)
+        os.dup2(file, 1)
+        os.dup2(file, 2)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    os.chdir(folder)
+    sys.path.insert(0, str(folder))
+    code = 3
+    with suppress(BaseException):
+        code = work()
+    os._exit(code)
+
+
+def measure(folder: Path, checkout: Path, digest: str) -> int:
+    """Run the tests and write which lines each of them runs, and how long it takes."""
+    seconds: dict[str, float] = {}
+    package = [str(checkout.resolve() / name) for name in ("pushplan", "planners", "sim", "logging")]
+    lines = coverage.Coverage(data_file=str(folder / "lines"), source=package, config_file=False)
+
+    class Watch:
+        @pytest.hookimpl(wrapper=True)
+        def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+            lines.switch_context(item.nodeid)
+            began = time.process_time()
+            try:
+                return (yield)
+            finally:
+                seconds[item.nodeid] = time.process_time() - began
+                lines.switch_context("")
+
+        @pytest.hookimpl(tryfirst=True)
+        def pytest_sessionfinish(self) -> None:
+            lines.stop()
+            lines.save()
+            (folder / "seconds.json").write_text(
+                json.dumps({"digest": digest, "root": str(checkout.resolve()), "seconds": seconds})
+            )
+
+    left_out = (f"tests/{name}" for name in NOT_MAPPED.split())
+    ignored = [f"--ignore={name}" if (checkout / name).is_dir() else f"--ignore={name}.py" for name in left_out]
+    lines.erase()
+    lines.start()
+    return int(pytest.main(["-q", "-n", "0", "-p", "no:cacheprovider", "tests", *ignored], plugins=[Watch()]))
+
+
+class InOrder:
+    """Runs tests in a given order."""
+
+    def __init__(self, tests: list[str]) -> None:
+        self._order = {test: k for k, test in enumerate(tests)}
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> Iterator[None]:
+        """Sort them after all others have."""
+        yield
+        items.sort(key=lambda item: self._order.get(item.nodeid, 0))
 
 
 class Checkout:
     """A copy of the checkout in which mutants are tested."""
 
-    def __init__(self, folder: Path, limit: int) -> None:
+    def __init__(self, folder: Path, limit: float) -> None:
         self.folder, self.limit = folder, limit
-        leave = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info")
-        shutil.copytree(ROOT, folder, symlinks=True, ignore=leave)
-        self._environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+        shutil.copytree(ROOT, folder, symlinks=True, ignore=shutil.ignore_patterns(".*", "*.egg-info"))
+        self._output = folder.with_name("output")
+        self._build()
+        self._core = next((folder / "pushplan").glob("core.*.so"))
+        shutil.copy2(self._core, folder.with_name("core"))
 
-    def run(self, *words: str) -> tuple[str, str]:
-        """Run Python in the copy; return the outcome of a mutant, and the last line of output."""
-        command = [sys.executable, "-W", "ignore", *words]
-        done = subprocess.run(
-            command, cwd=self.folder, env=self._environment, capture_output=True, text=True, preexec_fn=self._limit
-        )
-        said = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-        return {0: SURVIVED, -signal.SIGXCPU: STOPPED}.get(done.returncode, NOTICED), "".join(said[-1:])
+    def _build(self) -> bool:
+        return subprocess.run([sys.executable, "building.py"], cwd=self.folder, capture_output=True).returncode == 0
 
-    def _limit(self) -> None:
-        resource.setrlimit(resource.RLIMIT_CPU, (self.limit, self.limit + 5))
-
-    def end_of(self, path: str) -> tuple[str, str]:
-        """Return the outcome of the tests of a file, after a build if it is the core's, and the failed test."""
-        if "/core/" in path and self.run("building.py")[0] != SURVIVED:
-            return NONE, ""
-        return self.run("-m", "pytest", "-q", "-x", "-n", "0", "-p", "no:cacheprovider", *fitting(path))
-
-    def end_with(self, mutant: Mutant) -> tuple[str, str]:
-        """Return the outcome with a mutant, and restore the file."""
-        file = self.folder / mutant.path
-        before = file.read_text(encoding="utf-8")
+    def end_with(self, mutant: Mutant, tests: Tests) -> tuple[str, str]:
+        """Return how a mutant ends, and the test that failed."""
+        file, core = self.folder / mutant.path, "/core/" in mutant.path
+        before, times = file.read_text(encoding="utf-8"), file.stat()
+        line = before.count("\n", 0, mutant.begin) + 1
+        chosen, left = list[str](), self.limit
+        for test in tests.of_core(mutant.path) if core else tests.of_line(mutant.path, line):
+            left -= tests.seconds.get(test, 0.0)
+            if chosen and left < 0.0:
+                break
+            chosen.append(test)
+        if not chosen:
+            return SURVIVED, "no test runs it"
         file.write_text(before[: mutant.begin] + mutant.text + before[mutant.end :], encoding="utf-8")
         try:
-            return self.end_of(mutant.path)
+            if core and not self._build():
+                return NONE, ""
+            return self.end_of(chosen)
         finally:
             file.write_text(before, encoding="utf-8")
-            if "/core/" in mutant.path:
-                self.run("building.py")
+            os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))  # what Python has compiled is still right
+            if core:
+                shutil.copy2(self.folder.with_name("core"), self._core)
+
+    def end_of(self, tests: list[str]) -> tuple[str, str]:
+        """Return how some tests end, and the one that failed."""
+        words = ["-q", "-x", "-n", "0", "-p", "no:cacheprovider", *tests]
+        cpu = 30 + int(3.0 * self.limit)
+        code = in_fork(self.folder, lambda: int(pytest.main(words, plugins=[InOrder(tests)])), cpu, self._output)
+        said = [
+            line for line in self._output.read_text(errors="replace").splitlines() if line[:5] in ("FAILE", "ERROR")
+        ]
+        if code in (pytest.ExitCode.USAGE_ERROR, pytest.ExitCode.NO_TESTS_COLLECTED) and not said:
+            raise SystemExit(self._output.read_text(errors="replace"))
+        stopped = code in (-signal.SIGXCPU, -signal.SIGALRM)
+        return STOPPED if stopped else NOTICED if code else SURVIVED, "".join(said[-1:])[
+            :150
+        ] or f"{len(tests)} tests"
 
 
 def every_mutant(only: list[str]) -> list[Mutant]:
-    """Return all changes of the files with known tests, or of some rooms."""
+    """Return all changes of the sources, or of some rooms."""
     found: list[Mutant] = []
-    for pattern in ("pushplan/**/*.py", "planners/**/*.py", "sim/**/*.py", "logging/**/*.py", "pushplan/core/*.?pp"):
-        for file in sorted(ROOT.glob(pattern)):
-            path = str(file.relative_to(ROOT))
-            linked = re.match("pushplan/(planners|sim|logging)/", path)
-            if not linked and fitting(path) and (not only or any(name in path for name in only)):
-                yields = core_mutants if "/core/" in path else python_mutants
-                found += yields(path, file.read_text(encoding="utf-8"))
+    for file in sorted(file for pattern in SOURCES for file in ROOT.glob(pattern)):
+        path = str(file.relative_to(ROOT))
+        if not LEFT_OUT.match(path) and (not only or any(name in path for name in only)):
+            yields = core_mutants if "/core/" in path else python_mutants
+            found += yields(path, file.read_text(encoding="utf-8"))
     return found
 
 
@@ -251,26 +357,34 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--only", default="", help="parts of paths, with commas")
     parser.add_argument("--count", type=int, default=200, help="changes that are tried, drawn by the seed")
+    parser.add_argument("--begin", type=int, default=0, help="number of the first of them")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--limit", type=int, default=30, help="s of CPU for the tests of a mutant")
+    parser.add_argument("--limit", type=float, default=30.0, help="s of CPU for the tests of a mutant")
+    parser.add_argument("--map", type=Path, default=ROOT / "build" / "mutants", help="folder of what tests run")
     options = parser.parse_args()
+    os.environ |= {"OPENBLAS_NUM_THREADS": "1", "PUSHPLAN_RUNS": tempfile.gettempdir()}
+    for name in LIBRARIES.split():
+        importlib.import_module(name)
     every = every_mutant([name for name in options.only.split(",") if name])
-    chosen = random.Random(options.seed).sample(every, min(options.count, len(every)))
+    chosen = random.Random(options.seed).sample(every, min(options.begin + options.count, len(every)))
     ends: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as temporary:
         copy = Checkout(Path(temporary) / "checkout", options.limit)
-        for mutant in chosen:
-            begun, (end, test) = time.monotonic(), copy.end_with(mutant)
+        tests = Tests(options.map, copy.folder)
+        for number, mutant in enumerate(chosen[options.begin :], options.begin):
+            begun, (end, test) = time.monotonic(), copy.end_with(mutant, tests)
             ends[end] += 1
             source = (copy.folder / mutant.path).read_text(encoding="utf-8")
             line = source.count("\n", 0, mutant.begin)
             sys.stdout.write(
-                f"{end} {mutant.path}:{line + 1} [{source[mutant.begin : mutant.end]}] -> [{mutant.text}] "
+                f"{number} {end} {mutant.path}:{line + 1} [{source[mutant.begin : mutant.end]}] -> [{mutant.text}] "
                 f"{time.monotonic() - begun:.0f} s {test}\n    {source.splitlines()[line].strip()}\n"
             )
             sys.stdout.flush()
     tried = sum(ends.values()) - ends[NONE]
-    sys.stdout.write(f"{ends[NOTICED]} of {tried} noticed, of {len(every)} possible changes\n")
+    sys.stdout.write(
+        f"{ends[NOTICED]} of {tried} noticed, {ends[STOPPED]} stopped, of {len(every)} possible changes\n"
+    )
     return 0
 
 

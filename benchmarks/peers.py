@@ -1,14 +1,13 @@
 """The package's planner against others on the same problems, by CPU time: one command, one table.
 
-    python benchmarks/peers.py [--families everyday dense series gaps many] [--planners ...] [--seconds 1] [--seeds 2]
+    python benchmarks/peers.py [--families everyday dense series gaps] [--planners ...] [--seconds 1] [--seeds 2]
 
 Every problem is searched by travel with all of the time: by `auto`; by OMPL's control planners that the package
 offers; by OMPL's geometric planners over Dubins' car, which the chain is for turns about two of its own points
-(`dubins_planners.py`); and, where there is a C++ compiler and OMPL's headers are installed (`extensions_cpp.py`), by
-OMPL's control planners in C++ (`cpp-...`) and by hybrid A* (`hybrid_astar.cpp`). All see the same stable set, checks
-of collision that prove the same clearance, and the same goal, which all reach exactly by the same words. Those in C++
-have the largest margin that `auto` tries, begin when the problem is read, and do not shorten their paths. Families
-are those of `ablation.py`, and chains of 8, 20 and 50 boxes in a room with pillars.
+(`dubins_planners.py`); and by hybrid A* in C++ (`hybrid_astar.cpp`, needs g++). All see the same stable set, checks
+of collision that prove the same clearance, and the same goal, which all reach exactly by the same words. Hybrid A*
+has the largest margin that `auto` tries, begins when the problem is read, and does not shorten its paths. Families
+are those of `ablation.py`.
 
 Printed for each planner and family: the runs with a path, CPU time to the first one (median and nine tenths, of the
 runs that have one), the share within 1 % of the cheapest path that any run found, and the mean excess over it.
@@ -18,21 +17,22 @@ from __future__ import annotations
 
 import argparse
 import math
+import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import extensions_cpp
 import numpy as np
 from ablation import FAMILIES, scenes
 
 from pushplan.bench.store import Machine
+from pushplan.core.problem import Problem
 from pushplan.errors import PushplanError
 from pushplan.planner import Planner
-from pushplan.scenario.file import scenario_from_document
+from pushplan.planners.controls import margins_to_try
+from pushplan.planners.problem import build_problem, sampling_box
 from pushplan.scenario.model import Scenario
 
 PLANNERS = (
@@ -42,18 +42,8 @@ PLANNERS = (
     "kpiece",
     "dubins_planners:RRTOverDubins",
     "dubins_planners:BITStarOverDubins",
-    "cpp-rrt",
-    "cpp-sst",
-    "cpp-est",
-    "cpp-kpiece",
     "hybrid-astar",
 )
-CPP = ("cpp-", "hybrid-")
-"""How the names of the planners in C++ begin."""
-
-BOXES = (8, 20, 50)
-"""How many boxes the chains of the family `many` have."""
-
 NEAR = 1.01
 
 
@@ -65,45 +55,48 @@ class Run:
     first: float
 
 
-def many() -> Iterator[Scenario]:
-    """Yield chains of boxes in a room with pillars."""
-    for count in BOXES:
-        side = 0.06 * count + 4.0
-        yield scenario_from_document(
-            {
-                "format": "pushplan/1",
-                "name": f"{count}-boxes",
-                "floor": {"friction": 0.3},
-                "objects": [{"name": f"b{i}", "shape": {"box": [0.06, 0.12]}, "mass": 0.5} for i in range(count)],
-                "contacts": {"friction": 0.5},
-                "pusher": {"width": 0.12, "friction": 0.5},
-                "start": [0.5, 0.5, 0.0],
-                "goal": {"pose": [side - 0.5 - 0.06 * count, side - 0.5, 0.0], "of": "b0"},
-                "workspace": {"x": [0.0, side], "y": [0.0, side]},
-                "obstacles": [
-                    {"circle": 0.1, "center": [0.5 * side + dx, 0.5 * side + dy]}
-                    for dx in (-0.8, 0.8)
-                    for dy in (-0.6, 0.6)
-                ],
-            }
-        )
+def write(problem: Problem, scenario: Scenario, path: Path) -> None:
+    """Write a problem for the program in C++."""
+    scene = problem.scene
+    numbers = [scene.clearance, scene.kept, problem.longest, scenario.chain.reach]
+    arrays = {
+        "body_corners": scene.body.corners,
+        "body_starts": scene.body.starts[:, None],
+        "body_bounds": scene.body.bounds,
+        "body_bound": scene.body_bound[None],
+        "obstacles_corners": scene.obstacles.corners,
+        "obstacles_starts": scene.obstacles.starts[:, None],
+        "obstacles_bounds": scene.obstacles.bounds,
+        "circles": scene.circles,
+        "walls": scene.walls[None],
+        "segments": problem.segments,
+        "families": problem.families.reshape(-1, 3),
+        "goal": problem.goal[None],
+        "start": np.asarray(scenario.start)[None],
+        "box": np.array([sampling_box(scenario)]),
+        "numbers": np.array([numbers]),
+    }
+    with path.open("w") as file:
+        for name, array in arrays.items():
+            file.write(f"{name} {array.shape[0]} {array.shape[1]}\n")
+            file.write(" ".join(repr(float(value)) for value in array.ravel()) + "\n")
 
 
-def problems(family: str, count: int) -> Iterator[Scenario]:
-    """Yield the problems of a family."""
-    yield from many() if family == "many" else scenes(family, count)
-
-
-def run_cpp(scenario: Scenario, planner: str, seed: int, seconds: float, programs: Path) -> Run:
-    """Search for the whole time with a planner in C++."""
-    chosen, problem = extensions_cpp.posed(scenario)
-    name = "hybrid_astar" if planner == "hybrid-astar" else "extensions"
-    found = extensions_cpp.improvements(programs / name, problem, chosen, planner.removeprefix("cpp-"), seed, seconds)
+def hybrid_astar(scenario: Scenario, seconds: float, folder: Path) -> Run:
+    """Search with all of the time by hybrid A*, with the largest margin that `auto` tries."""
+    stable, program, data = scenario.stable_set(), folder / "hybrid_astar", folder / "problem.txt"
+    if not program.exists():
+        source = Path(__file__).with_name("hybrid_astar.cpp")
+        subprocess.run(["g++", "-std=c++17", "-O3", "-march=native", source, "-o", program], check=True)
+    chosen = scenario.with_margin(margins_to_try(scenario, stable)[0])
+    write(build_problem(chosen, stable), chosen, data)
+    told = subprocess.run([program, data, str(seconds)], check=True, capture_output=True, text=True).stdout
+    found = [[float(word) for word in line.split()] for line in told.splitlines()]
     return Run(found[-1][1], found[0][0]) if found else Run(math.inf, math.inf)
 
 
 def run(scenario: Scenario, planner: str, seed: int, seconds: float) -> Run:
-    """Search for the whole time."""
+    """Search with all of the time by a planner of the package, or one named by its module."""
     try:
         found = Planner(scenario, planner=planner).plan(
             first=False, timed=False, explain=False, seed=seed, time_limit=seconds, gap=0.0
@@ -119,8 +112,7 @@ def run(scenario: Scenario, planner: str, seed: int, seconds: float) -> Run:
 def main() -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    families = (*FAMILIES, "many")
-    parser.add_argument("--families", nargs="+", choices=families, default=families)
+    parser.add_argument("--families", nargs="+", choices=FAMILIES, default=FAMILIES)
     parser.add_argument("--planners", nargs="+", default=PLANNERS, help="names, or module:attribute")
     parser.add_argument("--seconds", type=float, default=1.0, help="CPU time of each search")
     parser.add_argument("--seeds", type=int, default=2)
@@ -138,22 +130,15 @@ def main() -> int:
 
 def compare(given: argparse.Namespace, programs: Path) -> dict[str, list[str]]:
     """Return the cells of each planner, one for each family."""
-    missing = extensions_cpp.why_not() if any(name.startswith(CPP) for name in given.planners) else None
-    if missing is not None:
-        print(f"planners in C++ skipped: {missing}", file=sys.stderr)
-        given.planners = [name for name in given.planners if not name.startswith(CPP)]
-    elif any(name.startswith(CPP) for name in given.planners):
-        for program in ("extensions", "hybrid_astar"):
-            extensions_cpp.build(programs, program)
     cells: dict[str, list[str]] = {planner: [] for planner in given.planners}
     for family in given.families:
         every: dict[str, list[Run]] = {planner: [] for planner in given.planners}
-        for scenario in problems(family, given.scenes):
+        for scenario in scenes(family, given.scenes):
             asked = scenario.with_planner(cost="travel", arc_price=0.0)
             runs = {
                 planner: [
-                    run_cpp(asked, planner, seed, given.seconds, programs)
-                    if planner.startswith(CPP)
+                    hybrid_astar(asked, given.seconds, programs)
+                    if planner == "hybrid-astar"
                     else run(asked, planner, seed, given.seconds)
                     for seed in range(1, given.seeds + 1)
                 ]

@@ -1,4 +1,4 @@
-// A push problem as `extensions_cpp.py` writes it, for planners in C++ beside the project's own: its arrays (name, rows,
+// A push problem as `peers.py` writes it, for planners in C++ beside the project's own: its arrays (name, rows,
 // columns, numbers), a random stable arc, a swept collision check by conservative advancement, and the cheapest two of
 // all exact words to the goal.
 #pragma once
