@@ -8,6 +8,7 @@ from __future__ import annotations
 import html
 import json
 import math
+from collections import Counter
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,8 @@ from pushplan.logging.shown import (
 )
 from pushplan.logging.signals import series_of
 from pushplan.mechanics.contacts import friction_cone
-from pushplan.plans.execution import Execution
+from pushplan.plans.execution import Execution, wilson
+from pushplan.plans.goals import goal_columns, goal_units, missed_tolerances
 from pushplan.plans.load import Load
 from pushplan.plans.run import Run, segments_of
 from pushplan.scenario.model import Scenario
@@ -59,7 +61,8 @@ def render(run: Run | RecordedRun) -> str:
     if run.plan is None:
         why = ["The log ends before a plan."]
     else:
-        why = run.plan.why_not or (["A path was planned, but not executed."] if run.execution is None else [])
+        neither = run.execution is None and not run.trials
+        why = run.plan.why_not or ["A path was planned, but not executed."] * neither
     kept = None if run.plan is None else run.plan.margin
     least = float(np.fmin.reduce(scene.margins, initial=np.nan))
     title = palette.margins_title(kept, least, bool(scene.marks))
@@ -70,7 +73,7 @@ def render(run: Run | RecordedRun) -> str:
         "window": scene.window,
         "why": why,
         "parts": parts_of(run),
-        **_steps(run),
+        **(_trials(run) if run.trials else _steps(run)),
         "events": [(one.time, f"{one.kind}: {one.text}", palette.EVENTS.get(one.kind)) for one in run.events],
         "kept": kept,
         "margin_ticks": palette.margin_ticks(kept),
@@ -163,7 +166,7 @@ def _steps(run: Run | RecordedRun) -> dict[str, Any]:
     """Return the steps of the run with their times and texts, and a summary for the operator."""
     steps = steps_of(run)
     if not steps or run.execution is None:
-        return {"steps": [], "summary": []}
+        return {"steps": [], "summary": [], "trials": []}
     known = [(step.margin, k) for k, step in enumerate(steps) if step.margin is not None]
     x, y, heading = run.execution.poses[-1].tolist()
     summary = [f"The run takes {run.execution.t[-1]:.1f} s."]
@@ -175,7 +178,39 @@ def _steps(run: Run | RecordedRun) -> dict[str, Any]:
     listed = [
         (step.begin, step.end, step.words, None if step.margin is None else round(step.margin, 3)) for step in steps
     ]
-    return {"steps": listed, "summary": summary}
+    return {"steps": listed, "summary": summary, "trials": []}
+
+
+def _trials(run: Run | RecordedRun) -> dict[str, Any]:
+    """Return the final poses of all samples, worst first, and what happened in those that failed."""
+    scenario, ends = run.scenario, run.trials
+    arrived, columns = sum(end.arrived for end in ends), goal_columns(scenario)
+    low, high = wilson(arrived, len(ends))
+    summary = [f"{arrived} of {len(ends)} samples arrive ({100 * low:.1f} to {100 * high:.1f} % at 95 %)."]
+    missed = Counter(name for end in ends for name in missed_tolerances(scenario, end.errors))
+    summary += [f"{name.capitalize()} tolerance missed in {count}." for name, count in missed.items()]
+    summary += [
+        f"{name} moves first in {n}." for name, n in Counter(end.contact for end in ends if end.contact).items()
+    ]
+    samples = []
+    for end in sorted(ends, key=lambda end: -float(goal_units(scenario, end.errors).max())):
+        position, angle = end.errors[columns].max(axis=0)
+        words = [f"sample {end.sample}: {1e3 * position:.1f} mm and {math.degrees(angle):.2f} deg off the goal"]
+        words += [f"{name} tolerance missed" for name in missed_tolerances(scenario, end.errors)]
+        words += ["jammed"] * end.jammed
+        if end.contact:
+            how = "would slip with inertia" if end.mode == "inertia" else f"moves first ({end.mode})"
+            words.append(f"{end.contact} {how} at {end.time:.1f} s")
+        samples.append(
+            {
+                "arrived": end.arrived,
+                "objects": _plain(end.objects),
+                "point": _plain(np.array(end.point)) if end.contact else None,
+                "colour": palette.ARRIVED if end.arrived else palette.MISSED,
+                "words": "" if end.arrived and not end.contact else "; ".join(words),
+            }
+        )
+    return {"steps": [], "summary": summary, "trials": samples}
 
 
 def _path_line(line: Line, leads: bool) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.support import FeetSupport
 from pushplan.plans.execution import TrialEnd, wilson
-from pushplan.plans.goals import goal_columns, goal_units
+from pushplan.plans.goals import goal_columns, goal_units, missed_tolerances
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty
 from pushplan.scenario.model import Scenario
@@ -240,9 +240,7 @@ class Trials:
     @property
     def missed(self) -> dict[str, int]:
         """Number of samples beyond the goal's tolerance of `position` and of `angle`; zeros are left out."""
-        beyond = np.array([(goal_units(self.scenario, errors) > 1.0).any(axis=0) for errors in self.errors])
-        counts = zip(("position", "angle"), beyond.sum(axis=0).tolist(), strict=True)
-        return {name: count for name, count in counts if count}
+        return dict(Counter(name for errors in self.errors for name in missed_tolerances(self.scenario, errors)))
 
     @property
     def success(self) -> float:

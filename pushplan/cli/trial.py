@@ -124,7 +124,7 @@ def trial(
     from pushplan.cli.render import write_page
     from pushplan.plans.run import Run
 
-    planned = Run(trials.scenario, trials.plan, trials.plan.execution)
+    planned = Run(trials.scenario, trials.plan, trials.plan.execution, trials=trials.ends)
     page = write_page(planned, None, log.paged, console)
     console.table([*_rows(trials), *([] if page is None else [("page", str(page))])])
     if plot is not None:

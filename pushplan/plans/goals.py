@@ -48,6 +48,12 @@ def goal_units(scenario: Scenario, errors: FloatArray) -> FloatArray:
     return np.array([errors[i] / tolerance for i, tolerance in _counted(scenario)]).reshape(-1, 2)
 
 
+def missed_tolerances(scenario: Scenario, errors: FloatArray) -> tuple[str, ...]:
+    """Return the names of the goal's tolerances that errors (n, 2) exceed: `position`, `angle`."""
+    worst = goal_units(scenario, errors).max(axis=0, initial=0.0).tolist()
+    return tuple(name for name, units in zip(("position", "angle"), worst, strict=True) if units > 1.0)
+
+
 def worst_at_goal(scenario: Scenario, objects: FloatArray) -> tuple[float, float]:
     """Return the largest position error (m) and angle error (rad) of the objects (n, 3) that count at the goal."""
     off = errors_at_goal(scenario, objects)[goal_columns(scenario)]

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from pushplan.plans.execution import Execution
+from pushplan.plans.execution import Execution, TrialEnd
 from pushplan.plans.plan import Plan
 from pushplan.plans.segment import Segment
 from pushplan.scenario.model import Scenario
@@ -156,6 +156,7 @@ class Run:
         log: Log file; None without one, or if it is incomplete.
         seconds: Wall-clock time by phase, s: `preparing`, `search`, `timing`, `execution`, `validation`, `logging`.
         feedback: Measurements, events and replans of a closed loop; None for an open-loop execution.
+        trials: Outcome of each Monte Carlo sample of the plan, if it was tried.
     """
 
     scenario: Scenario
@@ -164,6 +165,7 @@ class Run:
     log: Path | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)
     feedback: Feedback | None = None
+    trials: tuple[TrialEnd, ...] = ()
 
     def __repr__(self) -> str:
         """Return one line."""

@@ -10,6 +10,7 @@ from conftest import Captured, there
 
 import pushplan
 from pushplan.cli.main import main
+from pushplan.logging.page import render
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
 from pushplan.mechanics.dynamics import dynamic_margins
@@ -17,6 +18,7 @@ from pushplan.planner import plan
 from pushplan.plans.execution import TrialEnd
 from pushplan.plans.plan import Plan
 from pushplan.plans.robustness import TrialUncertainty
+from pushplan.plans.run import Run
 from pushplan.sim.report import ContactLoss, contact_motion, motions_of
 from pushplan.sim.slip import slip
 from pushplan.sim.trials import INERTIA, Trials, execute_trials, inertia_loss, sampled_world
@@ -119,6 +121,20 @@ def test_the_outcome_of_each_sample_is_logged(planned: Plan, tmp_path: Path) -> 
     wrong = replace(run.trials[1], arrived=not run.trials[1].arrived)
     report = verify_run(replace(run, trials=(run.trials[0], wrong, *run.trials[2:])))
     assert [check.text for check in report.mismatches] == ["trials: arrived: 1 samples differ"]
+
+
+def test_the_page_of_trials_shows_every_sample_and_the_tolerances_that_failed(trials: Trials) -> None:
+    run = Run(trials.scenario, trials.plan, trials.plan.execution, trials=trials.ends)
+    text = render(run).partition('type="application/json">')[2].partition("</script>")[0]
+    page = json.loads(text)
+    arrived = int(trials.arrived.sum())
+    assert page["summary"][0].startswith(f"{arrived} of 30 samples arrive")
+    assert f"Position tolerance missed in {trials.missed['position']}." in page["summary"]
+    assert sum(one["arrived"] for one in page["trials"]) == arrived
+    np.testing.assert_allclose(page["trials"][0]["objects"], trials.object_poses[trials.worst], atol=1e-5)
+    failed = [one["words"] for one in page["trials"] if not one["arrived"]]
+    assert all("tolerance missed" in words or "jammed" in words for words in failed)
+    assert sum("position tolerance missed" in words for words in failed) == trials.missed["position"]
 
 
 def test_the_log_of_a_sample_is_verified_in_its_world(trials: Trials, tmp_path: Path) -> None:
