@@ -50,7 +50,7 @@ def identify(
         from pushplan.identify import identify as learn
 
         found = learn(names, seed=seed, jobs=jobs, progress=progress.update_share)
-    console.say((f"estimates from {counted(len(logs), 'log')}, 90 % intervals", "bold"))
+    console.say((f"estimates from {counted(len(logs), 'log')}, 95 % intervals", "bold"))
     console.table(_rows(found))
     if output is not None:
         _write(found, names, target, output)
@@ -124,7 +124,7 @@ def _write(found: Identification, logs: list[str], into: Scenario | None, path: 
     )
     lines = [
         f"learned by pushplan identify from {', '.join(logs)}",
-        f"90 % intervals{ratios}",
+        f"95 % intervals{ratios}",
         *([f"left out because these pushes do not determine them: {', '.join(missing)}"] if missing else []),
     ]
     heading = "".join(f"# {line}\n" for line in lines)

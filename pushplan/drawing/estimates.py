@@ -1,4 +1,4 @@
-"""The picture of identified friction and loads: 90 % intervals within the ranges that were searched."""
+"""The picture of identified friction and loads: 95 % intervals within the ranges that were searched."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def plot_estimates(estimates: Sequence[Estimate], path: str | Path) -> None:
     """
     height = _ROW * len(estimates)
     keys = [
-        Patch(facecolor=PATH, alpha=0.6, label="90 % interval"),
+        Patch(facecolor=PATH, alpha=0.6, label="95 % interval"),
         Line2D([], [], color=INK, marker="|", linestyle="none", label="median"),
         Patch(facecolor=FAINT, alpha=0.25, label="range of the search"),
     ]

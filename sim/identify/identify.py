@@ -14,7 +14,7 @@ from scipy.stats import qmc
 import pushplan.core.slip as slip
 from pushplan.errors import PushplanError
 from pushplan.sim.identify.measured_push import Comparison, Identification, MeasuredPush
-from pushplan.sim.identify.posterior import Near, sample, worth
+from pushplan.sim.identify.posterior import Likelihood, Near, sample, worth
 from pushplan.sim.identify.unknowns import Unknowns
 from pushplan.slip.packing import half_extent
 from pushplan.slip.world import World
@@ -62,10 +62,10 @@ def identify_pushes(
     # Threads, not processes: `march` runs without the interpreter's lock.
     with problem.pool:
         place = problem.best()
-        errors, information, correlation = problem.linearised(place)
-        # `errors` integrates out the initial poses of the pushes, so the samples cover only the chain's unknowns.
+        likelihood, information, correlation = problem.linearised(place)
+        # The initial poses of the pushes are integrated out, so the samples cover only the chain's unknowns.
         best = place[: problem.count]
-        chains = sample(errors, Near(best, information), np.random.default_rng(seed), progress)
+        chains = sample(likelihood, Near(best, information), np.random.default_rng(seed), progress)
     scales = problem.scales[0]
     return Identification(
         problem.unknowns,
@@ -115,7 +115,8 @@ class _Problem:
         self.unknowns = Unknowns.from_world(world, absolute=forces is not None)
         self.count = len(self.unknowns.each)
         reach = world.chain.reach
-        self.comparisons = [piece for push in pushes for piece in Comparison.of_pieces(push, reach)]
+        pieces = [(k, piece) for k, push in enumerate(pushes) for piece in Comparison.of_pieces(push, reach)]
+        self.of_push, self.comparisons = [k for k, _ in pieces], [piece for _, piece in pieces]
         if not self.comparisons:
             raise PushplanError("the plate hardly moves in any push, so there is nothing to learn from")
         self.shape = (len(world.chain.objects), 3)
@@ -150,7 +151,7 @@ class _Problem:
         return place
 
     def _cost(self, place: FloatArray) -> float:
-        return float((self.errors(place) ** 2).sum())
+        return float((np.sqrt(1.0 + self.errors(place) ** 2) - 1.0).sum())  # `soft_l1`
 
     def _starts(self) -> list[FloatArray]:
         """Return the best of some places spread over the unit cube, with the initial object poses as measured."""
@@ -167,7 +168,7 @@ class _Problem:
         high = np.concatenate([np.ones(bounded), np.full(free, np.inf)])
         # Start off the bounds: the trust region of `least_squares` shrinks with the distance to them.
         inside = np.concatenate([np.clip(start[:bounded], 0.01, 0.99), start[bounded:]])
-        how: dict[str, Any] = {"bounds": (low, high), "xtol": 1e-4, "ftol": 1e-4, "max_nfev": 20}
+        how: dict[str, Any] = {"bounds": (low, high), "xtol": 1e-4, "ftol": 1e-4, "max_nfev": 20, "loss": "soft_l1"}
         return np.asarray(least_squares(self.errors, inside, jac=self.jacobian, **how).x)
 
     def _residual_sizes(self, place: FloatArray) -> FloatArray:
@@ -218,14 +219,15 @@ class _Problem:
         return np.stack(columns, axis=1)
 
     def linearised(self, place: FloatArray) -> tuple[Callable[[FloatArray], FloatArray], FloatArray, float]:
-        """Return the error function on the cube, the information matrix (p, p), and the correlation factor.
+        """Return the log-likelihood on the cube, the information matrix (p, p), and the correlation factor.
 
         The initial poses are integrated out: the part of the errors that they explain to first order is removed.
         """
         p, slope = self.count, self.jacobian(place)
         # Orthonormal basis of the errors that other initial poses explain; the projection removes them.
         explained = np.linalg.qr(slope[:, p:])[0]
-        widened = self._correlation(self.errors(place))
+        here = self.errors(place)
+        widened = self._correlation(here)
 
         def left(errors: FloatArray) -> FloatArray:
             return np.asarray((errors - explained @ (explained.T @ errors)) / np.sqrt(widened))
@@ -233,8 +235,14 @@ class _Problem:
         def one(parts: FloatArray) -> FloatArray:
             return left(self.errors_here(np.concatenate([parts, place[p:]])))
 
-        rows = left(slope[:, :p])
-        return lambda places: np.array(list(self.pool.map(one, places))), rows.T @ rows, widened
+        groups = np.repeat(self.of_push, [rows.size for rows in self._by_comparison(here)])
+        free = (1.0 - explained.shape[1] / len(slope)) / widened
+        likelihood = Likelihood.from_slopes(left(slope[:, :p]), groups, self.unknowns.units(place[:p]), free)
+
+        def of_all(places: FloatArray) -> FloatArray:
+            return likelihood(np.array(list(self.pool.map(one, places))))
+
+        return of_all, likelihood.information(left(here)), widened
 
     def errors_here(self, place: FloatArray) -> FloatArray:
         """Return `errors` without other threads; workers of the pool call this."""

@@ -15,7 +15,7 @@ import pushplan.core.slip as slip
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PLATE
-from pushplan.sim.identify.unknowns import Unknown, Unknowns
+from pushplan.sim.identify.unknowns import LOADS, Unknown, Unknowns
 from pushplan.sim.report import at_poses
 from pushplan.sim.slip import steps_of
 from pushplan.util.arrays import FloatArray, IntArray, frozen
@@ -181,7 +181,7 @@ class Comparison:
         return np.concatenate([off, pushed[:, None]], axis=1)
 
 
-LEVEL = 0.9
+LEVEL = 0.95
 """Probability that an interval holds the true value."""
 ROUGH = 50.0
 """Number of independent samples below which the ends of intervals are rough: 5 % +- 3 % of the samples lie beyond."""
@@ -197,9 +197,9 @@ class Estimate:
 
     Attributes:
         unknown: Estimated unknown.
-        low: Lower end of the 90 % interval.
+        low: Lower end of the 95 % interval.
         median: Median of the samples.
-        high: Upper end of the 90 % interval.
+        high: Upper end of the 95 % interval.
         determined: Whether the data narrow it down.
     """
 
@@ -242,14 +242,14 @@ class Identification:
 
     @property
     def friction_spans(self) -> FloatArray:
-        """90 % intervals of the objects' floor friction coefficients at their nominal masses, (n, 2)."""
+        """95 % intervals of the objects' floor friction coefficients at their nominal masses, (n, 2)."""
         objects = self.unknowns.world.chain.objects
         coefficients = np.array([obj.floor_friction / obj.friction_load for obj in objects])
         found = coefficients * self.unknowns.friction_loads(self.samples)
         return np.asarray(np.quantile(found, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0).T)
 
     def load_spans(self, i: int) -> FloatArray:
-        """Return the 90 % intervals (k, 2) of the share of object i's weight on each of its points."""
+        """Return the 95 % intervals (k, 2) of the share of object i's weight on each of its points."""
         chosen = self.samples[:: max(1, len(self.samples) // 400)]
         loads = np.array([self.unknowns.fractions(values)[i] for values in chosen])
         return np.asarray(np.quantile(loads, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0).T)
@@ -263,9 +263,6 @@ def _place(one: Unknown, values: FloatArray) -> FloatArray:
 
 
 Document = dict[str, Any]
-
-LOADS = ("border", "tilt", "foot")
-"""Kinds of unknowns that determine the load under an object."""
 
 
 def piece_of(found: Identification) -> Document:

@@ -85,7 +85,12 @@ FRICTION = (0.02, 1.0)
 RATIO = (0.25, 4.0)
 """Range of the friction load (coefficient times weight) of an object over the first's, times the nominal ratio."""
 MOST_FEET = 6
-"""Largest number of feet with one unknown load each; more feet, and pressure maps, get two unknown tilts."""
+"""Largest number of feet that keep their stated loads or get one unknown load each; more feet, and pressure maps, get
+two unknown tilts."""
+
+
+LOADS = ("border", "tilt", "foot")
+"""Kinds of unknowns that determine the load under an object."""
 
 
 @dataclass(frozen=True)
@@ -119,6 +124,15 @@ class Unknown:
         if self.logarithmic:
             return math.log(value / self.low) / math.log(self.high / self.low)
         return (value - self.low) / (self.high - self.low)
+
+    def unit(self, value: float) -> float:
+        """Return the change of the part from `low` to `high` that counts as a relative change of 1 of a value.
+
+        Loads differ less between pushes than frictions: there it is a quarter of what is possible.
+        """
+        if self.kind in LOADS:
+            return 0.25
+        return 1.0 / float(np.log(self.high / self.low)) if self.logarithmic else value / (self.high - self.low)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +170,7 @@ class Unknowns:
 
     @classmethod
     def from_world(cls, world: World, absolute: bool = False) -> Unknowns:
-        """Return the unknowns of a world of which only shapes, poses and masses are known.
+        """Return the unknowns of a world of which only shapes, poses, masses and stated loads of feet are known.
 
         Args:
             world: Nominal world; its floor frictions are the centre of the search.
@@ -182,6 +196,11 @@ class Unknowns:
         scale = [Unknown("floor_friction", 0, f"floor friction of {first.name}", *ends, True)] * absolute
         each = (*frictions, *ratios, *of_loads, *scale)
         return cls(world, pack_world(world, world.chain), loads, each, absolute)
+
+    def units(self, parts: FloatArray) -> FloatArray:
+        """Return the change of each of parts (p,) in the unit cube that counts as a relative change of 1."""
+        values = self.values(parts)
+        return np.array([one.unit(float(value)) for one, value in zip(self.each, values, strict=True)])
 
     def values(self, parts: FloatArray) -> FloatArray:
         """Return the values (..., p) at points (..., p) of the unit cube."""
@@ -232,6 +251,8 @@ def _load(i: int, obj: PushedObject) -> Load:
     """Return the load under object i with its unknowns."""
     support = obj.support
     if isinstance(support, FeetSupport) and len(support.positions) <= MOST_FEET:
+        if (fractions := support.fractions) is not None:
+            return Load(support.positions, lambda _: fractions, ())
         names = [f"load of foot {k + 1} of {obj.name}" for k in range(len(support.positions) - 1)]
         feet = tuple(Unknown("foot", i, name, 0.0, 1.0) for name in names)
         return Load(support.positions, _broken_stick, feet)

@@ -1,5 +1,6 @@
 """Friction and loads from measured pushes: laws of the parts, truth inside intervals, the command."""
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from conftest import ChainMaker, there
+from scipy.special import logsumexp
 
 import pushplan
 from pushplan.cli.main import main
@@ -20,7 +22,7 @@ from pushplan.planner import plan
 from pushplan.scenario.file import scenario_from_document
 from pushplan.sim.identify.identify import identify_pushes
 from pushplan.sim.identify.measured_push import Identification, MeasuredPush, piece_of, with_learned
-from pushplan.sim.identify.posterior import Near, sample
+from pushplan.sim.identify.posterior import NOISES, SPREADS, TAILS, USUAL, Likelihood, Near, sample
 from pushplan.sim.identify.unknowns import PressedOutline, Unknowns
 from pushplan.sim.report import ContactReport
 from pushplan.sim.slip import simulate_poses
@@ -101,10 +103,31 @@ def test_samples_follow_a_known_distribution(monkeypatch: pytest.MonkeyPatch) ->
     for name, value in {"MEMBERS": 80, "ROUNDS": 300, "ENOUGH": np.inf}.items():
         monkeypatch.setattr(f"pushplan.sim.identify.posterior.{name}", value)
     near = Near(centre, np.diag(1.0 / size**2))
-    chains = sample(lambda places: (places - centre) / size, near, np.random.default_rng(3))
+    chains = sample(
+        lambda places: -0.5 * (((places - centre) / size) ** 2).sum(axis=1), near, np.random.default_rng(3)
+    )
     low, high = np.quantile(chains, [0.05, 0.95], axis=(0, 1))
     assert low == pytest.approx([0.3 - 1.645 * 0.02, 0.6 - 1.645 * 0.05, 0.05], abs=0.015)
     assert high == pytest.approx([0.3 + 1.645 * 0.02, 0.6 + 1.645 * 0.05, 0.95], abs=0.015)
+
+
+def test_the_likelihood_is_that_of_dense_covariances() -> None:
+    random = np.random.default_rng(5)
+    groups, units = np.repeat([0, 1, 2], [4, 7, 2]), np.array([0.7, 0.2, 1.0])
+    slopes, errors = random.normal(size=(13, 3)), random.normal(size=(2, 13))
+    found = Likelihood.from_slopes(slopes, groups, units, 1.0)(errors)
+    prior = np.log(np.gradient(SPREADS)) - SPREADS / USUAL
+    for k, row in enumerate(errors):
+        each = []
+        for noise, (spread, before) in itertools.product(NOISES, zip(SPREADS, prior, strict=True)):
+            value = before
+            for g in range(3):
+                e, slope = row[groups == g], slopes[groups == g] * units
+                covariance = noise**2 * np.eye(len(e)) + spread**2 * slope @ slope.T
+                square = e @ np.linalg.solve(covariance, e)
+                value -= 0.5 * (np.linalg.slogdet(covariance)[1] + (TAILS + len(e)) * np.log1p(square / TAILS))
+            each.append(value)
+        assert found[k] == pytest.approx(logsumexp(each))
 
 
 def test_the_truth_is_inside_and_friction_is_determined_where_contacts_slide(
@@ -156,7 +179,9 @@ def test_poses_before_and_after_pushes_are_enough() -> None:
 
 def test_measured_forces_tell_the_size_of_floor_friction() -> None:
     """Stated floor friction is 0.3, in truth it is 0.48."""
-    chain = ChainMaker().boxes(1, pusher_friction=0.5, support=lambda o: FeetSupport(0.9 * o, np.full(4, 0.25)))
+    chain = ChainMaker().boxes(
+        1, pusher_friction=0.5, support=lambda o: FeetSupport(0.9 * o, center_of_mass=np.zeros(2))
+    )
     stated = World.from_chain(chain)
     unknowns = Unknowns.from_world(stated, absolute=True)
     parts = np.full(len(unknowns.each), 0.5)
@@ -169,7 +194,7 @@ def test_measured_forces_tell_the_size_of_floor_friction() -> None:
     assert size.unknown.kind == "floor_friction"
     assert size.determined
     assert size.low <= 0.48 <= size.high
-    assert size.high - size.low < 0.02
+    assert size.high - size.low < 0.15  # frictions differ between pushes, and this is one
     low, high = piece_of(found)["objects"][0]["floor_friction"]
     assert low <= 0.48 <= high
 
