@@ -5,6 +5,9 @@ scenario and random problems, all on four feet an object with known loads (`on_f
 `SETTINGS` and executed in MuJoCo: as stated, and in each of eight worlds that differ from what the plan believes
 (`perturbed`). Prints a Markdown table; exits 1 when a plan fails in the world as stated.
 
+`--trials SEED` asks instead whether `pushplan trial` tells the truth: ten plans, ten samples each, and whether the
+contacts hold in MuJoCo in the same samples. Contact friction is off by up to 40 %, floor friction and load by 20 %.
+
 A contact is lost when it slides or opens by more than a thousandth of its segment. An object that starts turned
 touches with a corner only: slides and gaps count from the moment on in which all contacts are closed (to a tenth of
 that); contacts that never close are lost.
@@ -14,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -25,6 +29,7 @@ import numpy as np
 import yaml
 from corner_places import shifted_places, turned_places
 from on_feet import on_feet
+from random_chains import tell
 
 from pushplan.bench.random_problems import DRIVES, generate
 from pushplan.bench.schema import ProblemParameters
@@ -32,12 +37,15 @@ from pushplan.bench.store import Machine
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose
 from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.dynamics import dynamic_margins
 from pushplan.mechanics.perturb import with_contact_friction, with_floor_friction, with_leaning_load
 from pushplan.planner import plan
 from pushplan.plans.plan import Plan
+from pushplan.plans.robustness import TrialUncertainty
 from pushplan.scenario.file import example_names, example_text, scenario_from_document
 from pushplan.sim.physics.engine import engine
 from pushplan.sim.physics.simulate import simulate_in_physics
+from pushplan.sim.trials import execute_trials
 from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
@@ -60,6 +68,8 @@ STATED = "as stated"
 POSITION, ANGLE = 2e-3, np.radians(0.5)
 """How far an object may end off the plan in the world as stated, m and rad."""
 ASIDE, TURN = 1e-3, np.radians(0.5)
+SAMPLES = 10
+"""Of each plan, for `--trials`."""
 
 
 def perturbed(name: str, chain: Chain) -> dict[str, tuple[Chain, FloatArray | None]]:
@@ -143,12 +153,54 @@ def row(setting: str, results: list[Document]) -> str:
     return f"| {setting} | {len(planned)} of {len(results)} | {counts} | {share:.1f} % | {arcs} |"
 
 
+def trials(names: Sequence[str], seed: int) -> int:
+    """Compare the verdict of trials with the engine in the same samples, at the plan's own speed."""
+    off = TrialUncertainty(contact_friction=0.4, floor_friction=0.2, load=0.2, position=1e-3, angle=np.radians(0.3))
+    same, held, below, least, began = 0, 0, 0, np.inf, time.process_time()
+    for name in names:
+        found = plan(scenario_from_document(on_feet(yaml.safe_load(example_text(name)))), seed=seed, first=True)
+        tried = execute_trials(found, SAMPLES, off, seed)
+        agree = 0
+        for end in tried.ends:
+            world = tried.world(end.sample)
+            kept = simulate_in_physics(found, world, until_moved=True).kept
+            margin = _dynamic_margin(found, world)
+            agree += kept == (not end.contact)
+            if kept != (not end.contact):
+                what = f"{'kept' if kept else 'lost'} in MuJoCo, {end.mode or 'held'} in the trial"
+                print(f"    sample {end.sample}: {what}, dynamic margin {margin:.3f}")
+            if not end.contact:
+                held, below, least = held + 1, below + (margin < 0.0), min(least, margin)
+        same += agree
+        print(f"  {name:20} {agree} of {SAMPLES} alike, {SAMPLES - int(tried.lost.sum())} held", flush=True)
+    count = SAMPLES * len(names)
+    print(
+        f"  {held} of {count} held, least dynamic margin {least:.3f}; {time.process_time() - began:.0f} s of CPU time"
+    )
+    good = tell(f"same verdict in MuJoCo, of {count}", same, ">=", 0.9 * count)
+    return 0 if good & tell("held with a dynamic margin below 0", below, "=", 0) else 1
+
+
+def _dynamic_margin(found: Plan, world: World) -> float:
+    """Return the smallest margin with inertia in a world."""
+    least = np.inf
+    for segment in found.segments:
+        if segment.pushes and segment.load is not None:
+            own, chain = segment.contact_trajectory, world.pushed(segment.load.chain)
+            least = min(least, float(dynamic_margins(chain, own.directions, own.rates_at(own.t)).min()))
+    return least
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--problems", type=int, default=40, help="number of random problems")
     parser.add_argument("--scenarios", nargs="*", default=example_names(), choices=example_names(), metavar="NAME")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--trials", type=int, metavar="SEED", help="seed of trials of ten plans, instead")
     given = parser.parse_args()
+    if given.trials is not None:
+        print(f"{Machine.this().words}, MuJoCo {engine().__version__}")
+        return trials(given.scenarios[:10], given.trials)
     print(f"{Machine.this().words}, MuJoCo {engine().__version__}")
     print("| setting | planned | plans that keep every contact, by world | all eight | arcs |\n|---|---|---|---|---|")
     every, failed = [*problems(given.scenarios, given.problems)], 0
