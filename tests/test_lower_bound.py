@@ -13,7 +13,7 @@ from pushplan.core.problem import find_words
 from pushplan.geometry import se2
 from pushplan.planner import plan
 from pushplan.planners.controls import control_segments, steering_families
-from pushplan.planners.infeasible.bounds import lower_bound
+from pushplan.planners.infeasible.bounds import lower_bound, time_bound
 from pushplan.planners.infeasible.turn_bound import turn_bound
 from pushplan.planners.problem import Posing
 from pushplan.plans.path import TURN_WEIGHT, PushPath
@@ -141,3 +141,22 @@ def test_plans_ranked_by_time_have_a_gap_in_time_and_by_margin_none(name: str) -
     duration, bound = there(by["time"].duration), there(by["time"].lower_bound)
     assert 0.5 * duration < bound < duration
     assert by["time"].gap == duration / bound - 1.0
+
+
+@pytest.mark.parametrize("goal", ["[0.6, 0.5, 80 deg]", "[0.6, -0.5, -80 deg]"])
+def test_a_time_bound_holds_for_limits_that_differ_by_direction(goal: str) -> None:
+    limits = (
+        "limits: {speed: 0.5, acceleration: [-0.2, 0.8], angular_speed: [-0.2, 2.0], angular_acceleration: [-1, 3]}"
+    )
+    text = AHEAD.replace("[2.0, 0.0, 0.0]", goal).replace("friction: 0.4}", f"friction: 0.4, {limits}}}")
+    scenario = scenario_from_text(text, "ahead.yaml")
+    result = plan(scenario, iterations=2_000)
+    segments = Posing().controls(scenario.with_margin(0.0), scenario.stable_set()).segments
+    bound = time_bound(scenario, segments, there(result.duration))
+    assert 0.2 * there(result.duration) < bound < there(result.duration)
+
+
+def test_the_largest_disc_around_a_point_outside_has_no_radius() -> None:
+    bodies = scenario_from_text(AHEAD, "ahead.yaml").chain.bodies
+    assert ways.disc_at(bodies, np.array([0.3, 0.0])).radius == 0.0
+    assert ways.disc_at(bodies, np.array([0.04, 0.0])).radius == pytest.approx(0.06, abs=1e-5)

@@ -113,6 +113,8 @@ def test_an_invalid_path_of_a_planner_is_refused(scenario: Scenario) -> None:
     leave_path(definition, ahead, "mine")
     with pytest.raises(PlanningError, match="arc 1 of 1 is not free"):
         push_path(definition)
+    with pytest.raises(PlanningError, match="on no segment of the stable set"):
+        leave_path(definition, np.array([[1.0, 0.0, 0.0, 0.1], [0.0, 1.0, 0.0, 0.1]]), "mine")
     with pytest.raises(PlanningError, match="posed from another scenario"):
         push_path(definition, pushplan.load_scenario("narrow-gap"))
     foreign = ob.ProblemDefinition(ob.SpaceInformation(information.getStateSpace()))

@@ -13,7 +13,7 @@ from conftest import Captured, ChainMaker, Patch
 from plans_of import push_of
 
 from pushplan.cli.main import main
-from pushplan.geometry.se2 import compose, relative
+from pushplan.geometry.se2 import compose, exp, relative, transform_points
 from pushplan.mechanics.chain import GRAVITY, Chain
 from pushplan.mechanics.contacts import friction_wrench
 from pushplan.mechanics.sphere import twists_about
@@ -25,6 +25,7 @@ from pushplan.sim.physics import simulate as physics
 from pushplan.sim.physics.engine import PhysicsSettings
 from pushplan.sim.physics.model import build_model, joint_coordinates
 from pushplan.sim.physics.simulate import STEPS, simulate_in_physics
+from pushplan.sim.physics.simulator import sliding_speed
 from pushplan.sim.report import ContactReport
 from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
@@ -241,3 +242,12 @@ def test_a_push_that_brakes_too_hard_is_a_mismatch(tmp_path: Path, capsys: Captu
     assert code == 4, out
     assert "in the physics engine, at full speed: a contact moved" in out
     assert "pusher-box  moved from 0." in out
+
+
+def test_the_sliding_speed_is_that_of_the_fastest_corner() -> None:
+    chain, dt = ChainMaker().random(2, 3), 1e-4
+    twist = np.array([0.1, -0.3, 2.0])
+    frames = compose([1.0, -2.0, 2.5], exp(dt * np.arange(5)[:, None] * twist))
+    corners = [transform_points(pose, obj.outline_chain) for pose in frames[:2] for obj in chain.objects]
+    apart = np.concatenate(corners[:3]) - np.concatenate(corners[3:])
+    assert sliding_speed(chain, frames, dt) == pytest.approx(np.hypot(*apart.T).max() / dt, rel=1e-3)

@@ -195,9 +195,12 @@ def test_a_graph_keeps_the_poses_that_a_cheaper_plan_can_pass(problem: Problem) 
 def test_costs_to_go_start_at_the_plate_after_the_retreat(problem: Problem) -> None:
     """For each contact and goal, as in a plan; the plate stands beside the middle of a face."""
     pusher = {"faces": "all", "offsets": ["-20 mm", "30 mm"]}
+    pushes = {"approach": 0.04, "retreat": 0.08}
     goals = [{"pose": pose, "of": "b0"} for pose in ([1.0, 0.8, 0.5], [-0.9, 1.2, -2.0])]
     for goal in goals:
-        scenario = problem("car", pusher=pusher, goal=[goal, *(one for one in goals if one is not goal)])
+        scenario = problem(
+            "car", pusher=pusher, pushes=pushes, goal=[goal, *(one for one in goals if one is not goal)]
+        )
         room, found = prepared_of(scenario).room(0), plan(scenario, first=True, time_limit=60.0)
         push, retreat = found.segments[-2:]
         assert retreat.kind == "retreat"
