@@ -2,8 +2,8 @@
 
 Run `python benchmarks/sensors.py [--seeds 101 102 103] [--only NAME ...] [--filter ERROR ...] [--disturbances]
 [--jobs 2]`; prints a line an error: runs that arrive with at most three replans, travel over the plan's, and how many
-stop although nothing happened. Tuned on seeds 1 to 3, judged on 101 to 103. `--told` tells the settings the
-noise. `--filter none --pairs 0 --seeds 1 2 3 4 5 6 7 8 9` are 108 runs in which nothing is wrong.
+stop although nothing happened. Tuned on seeds 1 to 3, judged on 101 to 103. `--filter none --pairs 0 --seeds 1 2 3`
+are runs in which nothing is wrong.
 
 `--disturbances` (5 mm and 3 deg at 0.1 to 0.9 of the time, friction off by 20 %) tells how many of them are noticed
 within a second. Where they are not, the simulator says what they left: an object that stands again where it stood on
@@ -40,7 +40,6 @@ from typing import Any
 import numpy as np
 from closed_loop import several_pushes, way_of
 from numpy.typing import ArrayLike
-from tracker import Tracker
 
 from pushplan.bench.store import Machine
 from pushplan.core.slip import Trace
@@ -183,7 +182,7 @@ class Erring:
         seen: The last measurement.
     """
 
-    controller: Controller | Tracker
+    controller: Controller
     errors: Errors
     random: np.random.Generator
     half: float
@@ -283,9 +282,7 @@ class Sliding(SlipSimulator):
         since: When it began, s; infinite before.
     """
 
-    def __init__(
-        self, world: World, controller: Controller | Tracker, begin: float, contact: int, side: float
-    ) -> None:
+    def __init__(self, world: World, controller: Controller, begin: float, contact: int, side: float) -> None:
         super().__init__(world)
         self._controller, self._begin, self._side, self._way = controller, begin, side, 0.0
         self._moved = carried_objects(world.chain)[contact]
@@ -313,38 +310,27 @@ class Sliding(SlipSimulator):
 
 @dataclass(frozen=True)
 class Job:
-    """A run to be made: names of scenario and error, the errors, the seed, and what happens.
-
-    Told: settings know of noise. Tracker: in place of the controller.
-    """
+    """A run to be made: names of scenario and error, the errors, the seed, and what happens."""
 
     name: str
     error: str
     errors: Errors
     seed: int
     what: str
-    told: bool
-    tracker: bool
 
 
 @cache
-def _first(name: str, told: bool) -> tuple[Scenario, Plan]:
+def _first(name: str) -> tuple[Scenario, Plan]:
     scenario = load_scenario(name)
-    return scenario, Controller(scenario, _settings(told)).plan
-
-
-def _settings(told: bool) -> ControlSettings:
-    usual = ControlSettings()
-    return replace(usual, position_noise=2e-3, angle_noise=0.6 * DEG) if told else usual
+    return scenario, Controller(scenario).plan
 
 
 def run(job: Job) -> Row:
     """Run one scenario with one error."""
-    scenario, plan = _first(job.name, job.told)
+    scenario, plan = _first(job.name)
     assert plan.trajectory is not None
     random = np.random.default_rng([job.seed, *job.name.encode()])
-    settings = _settings(job.told)
-    controller = Tracker(plan, settings) if job.tracker else Controller(scenario, settings, plan=plan)
+    controller = Controller(scenario, plan=plan)
     robot = Erring(controller, job.errors, random, 0.5 * plan.trajectory.duration)
     world, disturbance = World.from_scenario(scenario), None
     if job.errors.start != (0.0, 0.0):
@@ -404,7 +390,7 @@ def run(job: Job) -> Row:
 def _problem(name: str) -> tuple[Scenario, Plan]:
     """Return a scenario of the matrix and its first plan."""
     if name in MATRIX["single"]:
-        return _first(name, False)
+        return _first(name)
     if "-" in name and name.rpartition("-")[2].isdigit():
         scenario, _ = next(several_pushes([name]))
         return scenario, Controller(scenario).plan
@@ -453,7 +439,7 @@ def matrix(kind: str, only: Sequence[str], seeds: Sequence[int], what: str, jobs
     """Run the problems of a kind, and print a line for each bad run, each problem, and all together."""
     every, names = list[Row](), [name for name in MATRIX[kind] if name in (only or [name])]
     with ProcessPoolExecutor(jobs) as pool:
-        asked = [Job(name, "all", ALL, seed, what, False, False) for name in names for seed in seeds]
+        asked = [Job(name, "all", ALL, seed, what) for name in names for seed in seeds]
         for row, job in zip(pool.map(endure, asked), asked, strict=True):
             every.append(row)
             if verbose or not row.arrived or row.events > MOST_EVENTS:
@@ -507,8 +493,6 @@ def main() -> int:
     happens = parser.add_mutually_exclusive_group()
     for what in ("disturbances", "slides"):
         happens.add_argument(f"--{what}", dest="what", action="store_const", const=what, default="")
-    parser.add_argument("--told", action="store_true", help="settings know of noise of 2 mm and 0.6 deg")
-    parser.add_argument("--tracker", action="store_true", help="a tracker in place of the controller")
     parser.add_argument("--matrix", choices=list(MATRIX), help="everything goes wrong at once, instead")
     parser.add_argument("--physics", action="store_true", help="in MuJoCo (extra `physics`)")
     parser.add_argument("--jobs", type=int, default=1)
@@ -528,12 +512,7 @@ def main() -> int:
     if asked.filter:
         errors = {name: e for name, e in errors.items() if any(part in name for part in asked.filter)}
     scenarios = [n for n in example_names() if load_scenario(n).kind == "push" and n in (asked.only or [n])]
-    jobs = [
-        Job(n, e, errors[e], s, asked.what, asked.told, asked.tracker)
-        for e in errors
-        for n in scenarios
-        for s in asked.seeds
-    ]
+    jobs = [Job(n, e, errors[e], s, asked.what) for e in errors for n in scenarios for s in asked.seeds]
     every: list[Row] = []
     with ProcessPoolExecutor(asked.jobs) as pool:
         rows: Callable[[], Row] = iter(pool.map(run, jobs, chunksize=len(asked.seeds))).__next__
