@@ -21,6 +21,7 @@ from __future__ import annotations
 import argparse
 import csv
 import sys
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -211,18 +212,22 @@ def margins(pushes: list[Push]) -> bool:
     return good & tell(f"clear slips with a margin above {SURE}", float((clear & (found > SURE)).sum()), "<=", 2)
 
 
-def identified(pushes: list[Push], seed: int, draws: int) -> bool:
+def learned(chosen: list[Push]) -> tuple[float, float, float]:
+    """Return the interval and the median of the friction that identification learns from pushes."""
+    world = World.from_scenario(chosen[0].scenario(0.95))
+    one = identify_pushes(world, [p.measured for p in chosen], jobs=1).estimates[0]
+    return one.low, one.median, one.high
+
+
+def identified(pushes: list[Push], seed: int, draws: int, jobs: int) -> bool:
     """Let identification learn the friction from a dozen pushes that slipped, on three feet, drawn at random."""
     slipping = [p for p in pushes if p.size > 2.0 and p.support == "30_90_30"]
     random, rows = np.random.default_rng(seed), []
-    for _ in range(draws):
-        chosen = [slipping[i] for i in random.choice(len(slipping), SLIPPING, replace=False)]
-        world = World.from_scenario(chosen[0].scenario(0.95))
-        found = identify_pushes(world, [p.measured for p in chosen], jobs=1)
-        one = found.estimates[0]
-        rows.append((one.low, one.median, one.high))
-        rest = "; ".join(f"{e.low:.2f} to {e.high:.2f}" for e in found.estimates[1:])
-        print(f"  {one.low:.3f}, {one.median:.3f}, {one.high:.3f}; {rest}; noise {found.noise}", flush=True)
+    chosen = [[slipping[i] for i in random.choice(len(slipping), SLIPPING, replace=False)] for _ in range(draws)]
+    with ProcessPoolExecutor(jobs) as pool:
+        for row in pool.map(learned, chosen):
+            rows.append(row)
+            print(f"  {row[1]:.3f}, from {row[0]:.3f} to {row[2]:.3f}", flush=True)
     low, middle, high = np.transpose(rows)
     off = abs(float(np.median(middle)) - FRICTION)
     print(f"  {draws} draws of {SLIPPING} (seed {seed}): medians from {middle.min():.3f} to {middle.max():.3f}")
@@ -267,6 +272,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=58, help="of the draws")
     parser.add_argument("--draws", type=int, default=20, help="of a dozen pushes; 0 for none")
+    parser.add_argument("--jobs", type=int, default=1, help="draws at a time")
     parser.add_argument("--plot", metavar="FILE", help="draw motion over margin")
     asked = parser.parse_args()
     print(Machine.this().words)
@@ -276,7 +282,7 @@ def main() -> int:
     if asked.plot:
         draw(pushes, asked.plot)
     if asked.draws:
-        good &= identified(pushes, asked.seed, asked.draws)
+        good &= identified(pushes, asked.seed, asked.draws, asked.jobs)
     return 0 if good else 1
 
 

@@ -66,10 +66,10 @@ def identify_pushes(
         # The initial poses of the pushes are integrated out, so the samples cover only the chain's unknowns.
         best = place[: problem.count]
         chains = sample(likelihood, Near(best, information), np.random.default_rng(seed), progress)
-    scales = problem.scales[0]
+    scales, values = problem.scales[0], problem.unknowns.values(chains.reshape(-1, len(best)))
     return Identification(
         problem.unknowns,
-        problem.unknowns.values(chains.reshape(-1, len(best))),
+        problem.unknowns.with_model_error(values, np.random.default_rng([seed, 1])),
         (float(scales[0]), float(scales[2])),
         correlation,
         worth(chains),

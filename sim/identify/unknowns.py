@@ -84,6 +84,9 @@ class PressedOutline:
 FRICTION = (0.02, 1.0)
 RATIO = (0.25, 4.0)
 """Range of the friction load (coefficient times weight) of an object over the first's, times the nominal ratio."""
+MODEL_ERROR = 0.06
+"""Relative error of the model that all pushes share: from motions, the friction of real pushes is 6 % lower than from
+forces (`benchmarks/stable_pushes.py`)."""
 MOST_FEET = 6
 """Largest number of feet that keep their stated loads or get one unknown load each; more feet, and pressure maps, get
 two unknown tilts."""
@@ -196,6 +199,13 @@ class Unknowns:
         scale = [Unknown("floor_friction", 0, f"floor friction of {first.name}", *ends, True)] * absolute
         each = (*frictions, *ratios, *of_loads, *scale)
         return cls(world, pack_world(world, world.chain), loads, each, absolute)
+
+    def with_model_error(self, values: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Return values (..., p) with frictions spread by `MODEL_ERROR`."""
+        friction = np.array([one.kind not in LOADS for one in self.each])
+        spread = np.exp(MODEL_ERROR * friction * rng.standard_normal(values.shape))
+        ends = np.array([(one.low, one.high) for one in self.each]).T
+        return np.asarray(np.clip(values * spread, *ends))
 
     def units(self, parts: FloatArray) -> FloatArray:
         """Return the change of each of parts (p,) in the unit cube that counts as a relative change of 1."""
