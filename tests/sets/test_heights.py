@@ -277,3 +277,13 @@ def test_forces_of_pushed_objects_move_a_load_within_its_area_up_to_its_ends(mak
     place = transform_points(chain.objects[0].pose_chain, chain.objects[0].support.center)
     off = moved + place - area.center
     np.testing.assert_allclose(np.abs(off).max(axis=0), area.drift, atol=1e-9)
+
+
+@pytest.mark.parametrize("high", [0, 1])
+def test_a_contact_transmits_less_if_any_load_that_it_carries_can_move(make_chain: ChainMaker, high: int) -> None:
+    """Of two cubes only one is pushed above the floor; the first contact carries both."""
+    spans, twists = [(0.0, 0.0), (0.0, 0.0)], np.array([[1.0, 0.0, 0.0], [1.0, 0.1, 0.2]])
+    low = stable_set_over(cubes(make_chain, spans), "stable").contact_margin_values(twists)
+    spans[high] = (0.02, 0.04)
+    found = stable_set_over(cubes(make_chain, spans), "stable").contact_margin_values(twists)
+    assert (found[:, 0] < 0.85 * low[:, 0]).all()

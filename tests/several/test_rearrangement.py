@@ -3,13 +3,16 @@
 import math
 from collections.abc import Mapping
 from itertools import count, groupby, permutations
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 from conftest import Patch, there
 from several.conftest import problem_document
 
+import pushplan.planners.multi.transfers as transfers
 from pushplan.core.driving import shortest_drives
 from pushplan.errors import ScenarioError
 from pushplan.geometry import se2
@@ -174,3 +177,14 @@ def test_a_grid_is_filled_from_its_middle() -> None:
             for i in range(3) for j in range(3)
         }), PlanSettings()).pieces  # fmt: skip
     assert depths(pieces) == [0, 0, 0, 0, 1, 0, 0, 0, 0]
+
+
+@pytest.mark.parametrize(("left", "beside"), [({0}, 1.0), ({0, 2}, 1.0), ({0, 1}, 0.0), ({0, 1, 2}, 0.0)])
+def test_a_push_may_end_beside_its_goal_only_if_no_remaining_goal_is_close(left: set[int], beside: float) -> None:
+    """Goals of three boxes in a row, the second 40 mm from the first, which needs 50 mm."""
+    used = np.array([1e-3, 2e-3])
+    pieces: Any = [
+        SimpleNamespace(beside=(used, 0.05), goal_areas=[shapely.box(x, 0.0, x + 0.1, 0.1)]) for x in (0.0, 0.14, 0.3)
+    ]
+    now: Any = SimpleNamespace(left=left)
+    np.testing.assert_array_equal(transfers._within(pieces, now, 0), beside * used)
