@@ -144,7 +144,7 @@ def test_trees_with_external_sampling_grow_by_free_arcs_and_join_exactly(back: b
         assert scenario.stable_set().margin(path[:, :3]).min() > 0.0
     assert joined > 5
     check_branches(problem, tree.nodes, range(1, len(tree)), back)
-    with pytest.raises(ValueError, match="one grows back"):
+    with pytest.raises(ValueError, match="must grow back"):
         tree.extend(0, (0.0, 0.0, 0.0), (0.5, 0.5, 0.5), 1.0, Tree(problem, problem.goal, 0.3, back))
 
 

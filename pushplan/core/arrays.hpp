@@ -1,4 +1,4 @@
-// Arrays whose shape is known: those that are handed over, and those that an object of the core keeps.
+// Arrays with checked shapes: arguments, and arrays that an object of the core stores.
 #pragma once
 
 #include "numpy.hpp"
@@ -8,7 +8,7 @@
 
 namespace pushplan {
 
-// A shape in words; -1 stands for any length.
+// Return a shape as text; -1 means any length.
 inline std::string words(const Shape &lengths) {
     std::string found = "(";
     for (std::size_t k = 0; k < lengths.size(); ++k)
@@ -16,7 +16,7 @@ inline std::string words(const Shape &lengths) {
     return found + ")";
 }
 
-// Throw std::invalid_argument unless an array has a shape; `name` is what it holds.
+// Throw std::invalid_argument unless an array has a shape; `name` describes the array.
 template <class Number> void require_shape(const Array<Number> &array, const Shape &wanted, const char *name) {
     const Shape shape = array.shape();
     bool fits = shape.size() == wanted.size();
@@ -32,14 +32,14 @@ inline Table<const double> twist_table(const Numbers &twists) {
     return table(twists);
 }
 
-// A copy of an array. std::vector<bool> has no numbers in a row: a bool is kept as a byte.
+// A copy of an array. Bools are stored as bytes, because std::vector<bool> is not contiguous.
 template <class Number> struct Kept {
     using Stored = std::conditional_t<std::is_same_v<Number, bool>, std::uint8_t, Number>;
     using Array = Given<Number>;
 
     std::vector<Stored> numbers;
     Shape shape;
-    std::ptrdiff_t columns = 1; // all that one index of the first axis holds is a row
+    std::ptrdiff_t columns = 1; // a row is everything at one index of the first axis
 
     Kept() = default;
     Kept(const Array &array, const Shape &wanted, const char *name)
@@ -51,14 +51,14 @@ template <class Number> struct Kept {
     std::ptrdiff_t size() const { return shape.empty() ? 0 : shape[0]; }
     Table<const Stored> table() const { return {numbers.data(), size(), columns}; }
 
-    // The array again, as one that shares the memory, read-only; `owner` is the Python object whose it is.
+    // Return a read-only array that shares the memory; `owner` is the Python object that owns it.
     Made<const Number> shown(const nb::object &owner) const {
         static_assert(sizeof(Number) == sizeof(Stored), "the same memory");
         return read_only(reinterpret_cast<const Number *>(numbers.data()), shape, owner);
     }
 };
 
-// Bind a read-only property that shows what an object keeps.
+// Bind a read-only property that returns a stored array.
 template <class Class, class Object, class Number>
 void def_shown(Class &bound, const char *name, Kept<Number> Object::*member) {
     bound.def_prop_ro(

@@ -1,13 +1,13 @@
-// What comes over the border from Python is checked here, once: the code behind takes numbers and indices as they are.
+// Checks of arguments from Python. They run once, at the border; the code behind them trusts numbers and indices.
 //
-// A binding that takes poses, twists or tables of structs gets finite ones: `to_pose`, `to_twist` and `to_rows` of
-// `numpy_poses.hpp` check them. It checks the rest of its arguments itself, before the interpreter's lock is let go:
+// For poses, twists and tables of structs, `to_pose`, `to_twist` and `to_rows` of `numpy_poses.hpp` check that all
+// numbers are finite. A binding checks its other arguments itself, before it releases the interpreter's lock:
 //
 //     require_finite(length, "length");
 //     require_index(row, 0, tree.size(), "row");
 //
-// An object that works without the lock and is changed by that has a `Lock` as a member; each of its methods begins with
-// `const InUse use(self.lock);`, also those that only read.
+// An object that changes while it works without the interpreter's lock has a `Lock` as a member. Each of its methods,
+// even one that only reads, begins with `const InUse use(self.lock);`.
 #pragma once
 
 #include <cmath>
@@ -19,10 +19,10 @@
 
 namespace pushplan {
 
-// Larger numbers are refused like infinite ones: products of three smaller ones do not overflow.
+// Largest accepted number. Products of three accepted numbers do not overflow.
 constexpr double LARGEST = 1e100;
 
-// Cells of a grid, or numbers of an array that is made here, at most: a gigabyte.
+// Maximum number of cells of a grid, or of numbers in an array made here: a gigabyte.
 constexpr std::ptrdiff_t MOST_NUMBERS = std::ptrdiff_t{1} << 27;
 
 [[noreturn]] inline void refuse(double value, const char *name, const char *allowed) {
@@ -37,7 +37,7 @@ inline double require_finite(double value, const char *name) {
     return value;
 }
 
-// Costs, bounds and limits may be infinite.
+// Throw if a number is NaN. Costs, bounds and limits can be infinite.
 inline double require_number(double value, const char *name) {
     if (std::isnan(value))
         refuse(value, name, "a number");
@@ -70,7 +70,7 @@ inline std::int64_t require_index(std::int64_t index, std::int64_t first, std::i
     return index;
 }
 
-// A whole number from 0 to a limit: how often something is done, or how many there are of something.
+// Throw unless a count is from 0 to a limit.
 inline std::int64_t require_count(std::int64_t count, const char *name,
                                   std::int64_t most = std::numeric_limits<int>::max()) {
     if (count < 0 || count > most)
@@ -79,13 +79,13 @@ inline std::int64_t require_count(std::int64_t count, const char *name,
     return count;
 }
 
-// An index or a number of columns that is kept as an int.
+// Return an index or a number of columns as an int.
 inline int to_int(std::int64_t value, const char *name) {
     return static_cast<int>(require_index(value, std::numeric_limits<int>::min(),
                                           std::int64_t{std::numeric_limits<int>::max()} + 1, name));
 }
 
-// Return the product of sizes, none negative; throw std::invalid_argument if there are too many numbers for an array.
+// Return the product of sizes, none negative; throw std::invalid_argument if it is too large for an array.
 template <class Sizes> std::ptrdiff_t require_room(const Sizes &sizes, const char *name) {
     std::ptrdiff_t product = 1;
     for (const std::ptrdiff_t size : sizes) {
@@ -98,12 +98,12 @@ template <class Sizes> std::ptrdiff_t require_room(const Sizes &sizes, const cha
     return product;
 }
 
-// Whether an object is at work. Only read and changed with the interpreter's lock held.
+// Whether an object is in use. Read and change it only while holding the interpreter's lock.
 struct Lock {
     bool taken = false;
 };
 
-// A call that uses an object; std::runtime_error while another thread's call does.
+// Marks an object as in use; throws std::runtime_error if another thread uses it.
 class InUse {
   public:
     explicit InUse(Lock &lock) : lock_(lock) {

@@ -1,4 +1,4 @@
-// The boundary of a stable set between meridians: where to look, and what was found.
+// The boundary of a stable set between meridians: latitudes to evaluate, and their results.
 #include "boundary.hpp"
 
 #include <algorithm>
@@ -8,29 +8,29 @@ namespace pushplan::boundary {
 
 namespace {
 
-// Halving a gap divides the bend of a smooth boundary by 4; by less than 1 / this next to a corner.
+// Ratio of bends after halving a gap: 1/4 on a smooth boundary, above this next to a corner.
 constexpr double SMOOTH = 0.3;
 
-// Meridians that are no closer to the next than this, rad, are sampled from pole to pole when in doubt.
+// Distance to the next meridian (rad) from which a doubtful meridian is sampled from pole to pole.
 constexpr double WIDE_GAP = 0.02;
 
-// What is left of a bend is rounding where the distances from both neighbours have no larger product, rad^2.
+// Product of the distances from both neighbours (rad^2) up to which a bend is only rounding.
 constexpr double NO_BEND = 1e-14;
 
-// How large a bend may be, for a start, 1/rad; by how much of itself it may change from one level to the next (at
-// corners by more); and how near an end is looked for at least, rad.
+// Initial limit of a bend, 1/rad; its relative change from one level to the next (more at corners); and the smallest
+// search distance around an end, rad.
 constexpr double UNKNOWN = 0.5, DOUBTFUL = 0.4, LEAST_REACH = 1e-10;
 
-// Samples from pole to pole, and of a fan from one side to the other.
+// Number of samples from pole to pole, and across a fan.
 constexpr int GRID = 17, FAN = 13;
 constexpr double OPENING = 1.5;
 
-// The k-th of `count` equal steps from -end to end.
+// Return the k-th of `count` equally spaced values from -end to end.
 double spaced(double end, int count, int k) {
     return k + 1 < count ? k * (2.0 * end / (count - 1)) + -end : end;
 }
 
-// The latitude at longitude x of the great circle that joins an end on two meridians.
+// Return the latitude, at longitude x, of the great circle through an interval's end on two meridians.
 double chord(const MeridianTable &table, std::int64_t a, std::int64_t b, double x, std::ptrdiff_t i, int j) {
     const double first = std::sin(table.at[b] - x), last = std::sin(x - table.at[a]);
     const double height = first * std::tan(table.end(a, i, j)) + last * std::tan(table.end(b, i, j));
@@ -41,7 +41,7 @@ struct Expected {
     double guess, reach;
 };
 
-// Where an end may be at longitude x between two meridians, and how far away from there.
+// Return the expected latitude of an end at longitude x between two meridians, and its uncertainty.
 Expected expected(const MeridianTable &table, std::int64_t a, std::int64_t b, double x, std::ptrdiff_t i, int j) {
     const double span = (x - table.at[a]) * (table.at[b] - x), bend = table.bend_at(std::max(a, b), i, j);
     const double guess = chord(table, a, b, x, i, j);
@@ -50,7 +50,7 @@ Expected expected(const MeridianTable &table, std::int64_t a, std::int64_t b, do
     return {guess + bend * span, std::max(DOUBTFUL * std::abs(bend) * span, LEAST_REACH)};
 }
 
-// Five latitudes about one interval: outside and inside of its lower end, its middle, inside and outside of the upper.
+// Return five latitudes of an interval: outside and inside its lower end, its middle, inside and outside its upper end.
 std::array<double, 5> five_about(const MeridianTable &table, const Gap &gap, std::ptrdiff_t i, double wider) {
     std::array<double, 5> x{};
     double half = 0.0;

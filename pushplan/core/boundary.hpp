@@ -1,7 +1,8 @@
-// The boundary of a stable set between meridians of the twist sphere: where to look, and what was found.
+// The boundary of a stable set between meridians of the twist sphere: latitudes to evaluate, and their results.
 //
-// Between two meridians an end of an interval runs along a great circle, with a bend that is known once a meridian was
-// put between: off the chord by the bend times the product of the distances from both.
+// Between two meridians, an interval's end follows a great circle (the chord) with a bend. Its deviation from the chord
+// is the bend times the product of the distances from both meridians. The bend is known after a meridian in between was
+// evaluated.
 #pragma once
 
 #include "brackets.hpp"
@@ -14,10 +15,10 @@ namespace pushplan::boundary {
 // Latitude of a counter-clockwise turn about the chain frame's origin.
 constexpr double POLE = PI / 2.0;
 
-// Largest angle by which the boundary may leave the great circle between neighbouring meridians, rad.
+// Largest deviation of the boundary from the great circle between neighbouring meridians, rad.
 constexpr double FLATNESS = 1e-6;
 
-// m meridians: longitudes, numbers of intervals, and these intervals' (m, width, 2) ends and bends.
+// m meridians: longitudes, numbers of intervals, and the (m, width, 2) ends and bends of the intervals.
 struct MeridianTable {
     Row<const double> at;
     Row<const std::int64_t> counts;
@@ -31,7 +32,7 @@ struct MeridianTable {
     double bend_at(std::int64_t meridian, std::ptrdiff_t i, int j) const { return bend[place(meridian, i, j)]; }
 };
 
-// Meridians of a table to the left and to the right, and a longitude between.
+// A gap: its left and right meridian in a table, and a longitude between them.
 struct Gap {
     std::int64_t left, right;
     double middle;
@@ -53,23 +54,23 @@ struct Intervals {
     std::vector<Ends> ends;
 };
 
-// Latitudes around the intervals to both sides of chosen gaps, and the poles. A fan opens with the distance in
-// longitude, as intervals may lean. Where gaps are wide, there are more.
+// Return latitudes around the intervals on both sides of chosen gaps, and the poles. A fan widens with the distance in
+// longitude, because intervals can slope. Wide gaps get more latitudes.
 Questions fans(const MeridianTable &table, const Gaps &gaps, Row<const std::int64_t> chosen);
 
-// Latitudes that tell whether as many intervals as to both sides are as expected: for each, outside and inside of its
-// lower end, its middle, inside and outside of the upper one; and one between two intervals.
+// Return latitudes that test whether the intervals in gaps are as expected from both sides. For each interval: outside
+// and inside its lower end, its middle, inside and outside its upper end. And one between two intervals.
 Questions probes(const MeridianTable &table, const Gaps &gaps, Row<const std::int64_t> chosen, double wider);
 
-// The intervals that are as expected, from the values at the latitudes that were probed.
+// Return the intervals that are as expected, given the values at the probed latitudes.
 Intervals followed(Row<const double> x, Row<const double> value, Row<const std::int64_t> member);
 
 struct Bends {
-    std::vector<double> bend;       // of the ends found; nan where it is not known
-    std::vector<std::uint8_t> more; // of a gap: whether the boundary is not flat there yet
+    std::vector<double> bend;       // of the ends found; nan if unknown
+    std::vector<std::uint8_t> more; // by gap: whether the boundary is not yet flat
 };
 
-// The bends of meridians that were found in gaps.
+// Return the bends of meridians found in gaps.
 Bends bends(const MeridianTable &table, const Gaps &gaps, const MeridianTable &found);
 
 } // namespace pushplan::boundary

@@ -25,14 +25,14 @@ MeridianTable meridian_table(const TableArrays &arrays) {
     const MeridianTable table{row(at), row(counts), ends.data(), bend.data(), ends.shape(1)};
     for (const std::int64_t count : table.counts)
         if (count < 0 || count > table.width)
-            throw std::invalid_argument("a meridian has more intervals than the table has room for");
+            throw std::invalid_argument("a meridian has more intervals than the table can hold");
     return table;
 }
 
 Gaps gaps_in(const MeridianTable &table, const GapArrays &arrays) {
     const Gaps gaps{row(std::get<0>(arrays)), row(std::get<1>(arrays)), row(std::get<2>(arrays))};
     if (gaps.right.size != gaps.left.size || gaps.middle.size != gaps.left.size)
-        throw std::invalid_argument("meridians to both sides of gaps are not equally many");
+        throw std::invalid_argument("the numbers of meridians on both sides of gaps differ");
     for (std::ptrdiff_t g = 0; g < gaps.size(); ++g)
         if (std::min(gaps[g].left, gaps[g].right) < 0 || std::max(gaps[g].left, gaps[g].right) >= table.at.size)
             throw std::out_of_range("gap " + std::to_string(g) + " is not between meridians of the table");
@@ -84,16 +84,16 @@ template <class Search> void bind_questions(nb::class_<Search> &bound) {
 
 void bind_root_search(nb::module_ &m) {
     nb::class_<RootSearch> bound(m, "RootSearch", R"(
-    The last points with f > 0 on the way from the inside (f > 0) to the outside (f <= 0).
+    Search for the last points with f > 0 between the inside (f > 0) and the outside (f <= 0).
 
-    ITP method (Oliveira & Takahashi 2020): superlinear on smooth functions, never worse than bisection by
-    more than a few steps, jumps included.
+    It uses the ITP method (Oliveira & Takahashi 2020): superlinear on smooth functions, and at most a few steps slower
+    than bisection, even at jumps.
 
     Args:
-        brackets: (m, 4) places inside and outside, and the values there.
+        brackets: (m, 4) places inside and outside, and the values at them.
 
     Attributes:
-        ends: (m,) the innermost places that are known to be inside.
+        ends: (m,) outermost places known to be inside.
     )");
     bound.def(MadeBy(+[](const Numbers &brackets) {
                   require_shape(brackets, {-1, 4}, "brackets");
@@ -115,13 +115,13 @@ PeakSearch peak_search(const Numbers &low, const Numbers &high, double goal, int
                        const std::optional<std::tuple<Numbers, Numbers>> &ends) {
     const auto begin = row(low), end = row(high);
     if (begin.size != end.size)
-        throw std::invalid_argument("the ends of searches are not equally many");
+        throw std::invalid_argument("the numbers of lower and upper ends differ");
     require_count(iterations, "iterations");
     PeakSearch search({begin.begin(), begin.end()}, {end.begin(), end.end()}, goal, iterations);
     if (ends) {
         const auto at_low = row(std::get<0>(*ends)), at_high = row(std::get<1>(*ends));
         if (at_low.size != begin.size || at_high.size != begin.size)
-            throw std::invalid_argument("values at the ends are not as many as these");
+            throw std::invalid_argument("the numbers of ends and of their values differ");
         search.know_ends({at_low.begin(), at_low.end()}, {at_high.begin(), at_high.end()});
     }
     return search;
@@ -132,15 +132,15 @@ void bind_peak_search(nb::module_ &m) {
     Golden-section searches of maxima; each stops once above `goal`.
 
     Args:
-        low: (m,) where to begin.
-        high: (m,) where to end.
-        goal: Value that is enough.
-        iterations: Most values asked for after the first two.
-        ends: (m,) values at `low` and `high`. With them, a search is given up where a rise by 4 times what a concave
-            function could still have would not reach the goal.
+        low: (m,) lower ends.
+        high: (m,) upper ends.
+        goal: Value at which a search stops.
+        iterations: Maximum number of values after the first two.
+        ends: (m,) values at `low` and `high`. With them, a search is given up if 4 times the largest possible rise of a
+            concave function would not reach the goal.
 
     Attributes:
-        best: The best places and the values there, (m,) each.
+        best: Best places and their values, (m,) each.
     )");
     bound.def(MadeBy(&peak_search), nb::arg("low"), nb::arg("high"), nb::arg("goal"), nb::arg("iterations"),
               nb::arg("ends") = nb::none());
@@ -164,9 +164,9 @@ void bind_functions(nb::module_ &m) {
             return arrays_of(fans(table, gaps, chosen_of(gaps, chosen)));
         },
         nb::arg("table"), nb::arg("gaps"), nb::arg("chosen"), R"(
-    Return gaps (k,) and latitudes (k,) around the intervals to both sides of chosen gaps, and the poles.
+    Return gaps (k,) and latitudes (k,) around the intervals on both sides of chosen gaps, and the poles.
 
-    A fan opens with the distance in longitude, as intervals may lean. Where gaps are wide, there are more.
+    A fan widens with the distance in longitude, because intervals can slope. Wide gaps get more latitudes.
     )");
     m.def(
         "probes",
@@ -176,16 +176,16 @@ void bind_functions(nb::module_ &m) {
             return arrays_of(probes(table, gaps, chosen_of(gaps, chosen), wider));
         },
         nb::arg("table"), nb::arg("gaps"), nb::arg("chosen"), nb::arg("wider"), R"(
-    Return gaps (k,) and latitudes (k,) that tell whether as many intervals as to both sides are as expected.
+    Return gaps (k,) and latitudes (k,) that test whether the intervals are as expected from both sides.
 
-    They are, for each interval, outside and inside of its lower end, its middle, inside and outside of the upper one;
-    and one between two intervals.
+    For each interval: outside and inside its lower end, its middle, inside and outside its upper end. And one between
+    two intervals.
     )");
     m.def(
         "followed",
         [](const Numbers &x, const Numbers &value, const Integers &member) {
             if (value.size() != x.size() || member.size() != x.size())
-                throw std::invalid_argument("latitudes, values and members are not equally many");
+                throw std::invalid_argument("the numbers of latitudes, values and members differ");
             return arrays_of(followed(row(x), row(value), row(member)));
         },
         nb::arg("x"), nb::arg("value"), nb::arg("member"), R"(
@@ -193,12 +193,12 @@ void bind_functions(nb::module_ &m) {
 
     Args:
         x: (k,) latitudes; see `probes`.
-        value: (k,) excess there.
-        member: (k,) whose it is.
+        value: (k,) excess at these latitudes.
+        member: (k,) interval of each latitude.
     )");
     m.def(
         "bends", &bends_of, nb::arg("table"), nb::arg("gaps"), nb::arg("found"),
-        "Return the bends (g, c, 2) of meridians found in gaps, and in which gaps (g,) the boundary is not flat yet.");
+        "Return the bends (g, c, 2) of meridians found in gaps, and (g,) whether the boundary is not yet flat there.");
 }
 
 } // namespace
@@ -211,7 +211,7 @@ void bind_boundary(nb::module_ &core) {
     using namespace boundary;
     nb::module_ m = core.def_submodule(
         "boundary",
-        "The boundary of stable sets on and between meridians: brackets of ends, and where to look for them.");
+        "The boundary of stable sets on and between meridians: brackets of ends, and latitudes to evaluate.");
     m.attr("TOLERANCE") = TOLERANCE;
     m.attr("FLATNESS") = FLATNESS;
     bind_root_search(m);

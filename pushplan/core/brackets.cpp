@@ -10,7 +10,7 @@ namespace {
 constexpr double PUSH = 1e-3, DOUBT = 4.0;
 const double GOLDEN = (std::sqrt(5.0) - 1.0) / 2.0;
 
-// The largest value that a concave function with four known ones may have.
+// Return the largest possible value of a concave function with four known values.
 double highest(const Section &s) {
     const double rise = (s.fb - s.fa) / (s.b - s.a), slope = (s.fc - s.fb) / (s.c - s.b);
     const double fall = (s.fd - s.fc) / (s.d - s.c);
@@ -62,7 +62,7 @@ void RootSearch::take(const double *values) {
     questions_.shorten(n);
 }
 
-// Both inner places of every section are asked first: all the lower ones, then all the upper ones.
+// First ask for both inner places of every section: all lower ones, then all upper ones.
 PeakSearch::PeakSearch(const std::vector<double> &low, const std::vector<double> &high, double goal, int iterations)
     : goal_(goal) {
     for (std::size_t i = 0; i < low.size(); ++i) {
@@ -92,7 +92,7 @@ bool PeakSearch::done(const Section &section) const {
 
 void PeakSearch::take(const double *values) {
     std::size_t n = 0, first = 0;
-    if (!begun_) { // then both inner values come at once
+    if (!begun_) { // both inner values arrive at once
         for (std::size_t i = 0; i < sections_.size(); ++i)
             sections_[i].fb = values[i];
         first = sections_.size();

@@ -1,7 +1,6 @@
-// Root finding and maximisation in many brackets at once, of functions that are known by their values only.
+// Root finding and maximisation in many brackets at once, for functions that are evaluated outside.
 //
-// The functions are asked from outside: a search says which of them it wants to know where, and takes the values. Those
-// that are done drop out.
+// A search names the functions and places to evaluate, and takes the values. Finished searches drop out.
 #pragma once
 
 #include <cstdint>
@@ -12,24 +11,24 @@ namespace pushplan::boundary {
 // Width of the bracket in which a root is enclosed.
 constexpr double TOLERANCE = 1e-12;
 
-// Which functions are to be asked where: members (n,) of a family, and places (n,).
+// Evaluations that a search needs: members (n,) of a family of functions, and places (n,).
 struct Questions {
     std::vector<std::int64_t> member;
     std::vector<double> x;
 
     void add(std::int64_t i, double at) { member.push_back(i), x.push_back(at); }
-    // Put a question to the front of those that are answered.
+    // Store the n-th question.
     void ask(std::size_t n, std::int64_t i, double at) { member[n] = i, x[n] = at; }
     void shorten(std::size_t n) { member.resize(n), x.resize(n); }
 };
 
-// Places inside (f > 0) and outside (f <= 0), and the values there.
+// Places inside (f > 0) and outside (f <= 0), and the values at them.
 struct Bracket {
     double inside, outside, inside_value, outside_value;
 };
 
-// The last points with f > 0 on the way from the inside to the outside: the ITP method (Oliveira & Takahashi 2020),
-// superlinear on smooth functions, never worse than bisection by more than a few steps, jumps included.
+// Search for the last points with f > 0 between inside and outside. The ITP method (Oliveira & Takahashi 2020) is
+// superlinear on smooth functions, and at most a few steps slower than bisection, even at jumps.
 class RootSearch {
   public:
     explicit RootSearch(const std::vector<Bracket> &brackets);
@@ -43,21 +42,21 @@ class RootSearch {
   private:
     struct State {
         Bracket bracket;
-        double steps = 0.0, kappa = 0.0; // steps left; 0: not begun
+        double steps = 0.0, kappa = 0.0; // remaining steps; 0: not begun
     };
 
     std::vector<State> states_;
     Questions questions_;
 };
 
-// Four places and the values there; the maximum is sought between the outer ones.
+// Four places and their values. The maximum is searched between the outer ones.
 struct Section {
     double a, b, c, d, fa, fb, fc, fd;
-    double steps; // left
+    double steps; // remaining
 };
 
-// Golden-section searches; each stops once above a goal, or, with values at both ends given, where a rise by DOUBT
-// times what a concave function could still have would not reach it.
+// Golden-section searches. Each stops once above a goal. With values at both ends, it also stops if DOUBT times the
+// largest possible rise of a concave function would not reach the goal.
 class PeakSearch {
   public:
     PeakSearch(const std::vector<double> &low, const std::vector<double> &high, double goal, int iterations);

@@ -9,18 +9,18 @@
 
 namespace pushplan {
 
-// Columns, rows and headings that a key has room for.
+// Maximum number of columns, rows and headings in a key.
 constexpr std::int64_t MOST_CELLS = std::int64_t{1} << 20;
 
-// Key above 0 of a cell; each of its places is below `MOST_CELLS`.
+// Return the key (> 0) of a cell. Each index must be below `MOST_CELLS`.
 inline std::int64_t cell_key(std::int64_t i, std::int64_t j, std::int64_t k) {
     return (((i << 20) + j) << 20) + k + 1;
 }
 
-// A table of cells with a slot for each; 0 marks free slots. The number of slots is a power of two up to 2^23.
+// A hash table of cells. 0 marks a free slot. The number of slots is a power of two up to 2^23.
 class CellTable {
   public:
-    // Free so many slots, and use no others.
+    // Clear a number of slots and use only these.
     void clear(std::size_t slots) {
         if (keys_.size() < slots)
             keys_.resize(slots);
@@ -28,9 +28,9 @@ class CellTable {
         last_ = slots - 1;
     }
 
-    // The slot that holds a key, or is free for it.
+    // Return the slot that holds a key, or a free slot for it.
     std::size_t slot_of(std::int64_t key) const {
-        // Columns do not change the bits below 40.
+        // Shift by 40, because columns do not change the lower bits.
         std::size_t slot = (static_cast<std::uint64_t>(key) * 0x9E3779B97F4A7C1ULL >> 40) & last_;
         while (keys_[slot] != 0 && keys_[slot] != key)
             slot = (slot + 1) & last_;

@@ -18,7 +18,7 @@ CentredLoad::CentredLoad(const Centre &centre, std::vector<Point> corners, bool 
 
 // ---- samples
 
-// Add a unit load at (x, y) about the centre that moves in a direction (ux, uy).
+// Add a unit load at (x, y) about the centre that moves in the direction (ux, uy).
 void CentredLoad::add(double x, double y, double ux, double uy) {
     const double moment = ((centre_.x + x) * uy - (centre_.y + y) * ux) / length_;
     const double shift = centre_.shift;
@@ -56,7 +56,7 @@ void CentredLoad::set_twist(const Twist &twist) {
     }
 }
 
-// Sample an edge, and tell whether the COR is to its right, outside.
+// Sample an edge, and return whether the COR is to its right, outside.
 void CentredLoad::sample_edge(const Point &corner, const Point &next, double still) {
     const double omega = twist_.omega;
     const double ux = vx_ - omega * corner.y, uy = vy_ + omega * corner.x;
@@ -65,17 +65,17 @@ void CentredLoad::sample_edge(const Point &corner, const Point &next, double sti
     if (edge == 0.0)
         return;
     tx = tx / edge, ty = ty / edge;
-    // The velocity along the edge, constant, and to its left, rho + omega s.
+    // The velocity along the edge is constant; to its left it is rho + omega s.
     const double a = ux * tx + uy * ty, rho = uy * tx - ux * ty;
     if (std::copysign(1.0, omega) * a < -still)
         inside_ = false;
-    if (std::abs(a) <= still) // the COR lies on the edge's line: q is affine on either side of it
+    if (std::abs(a) <= still) // the COR lies on the edge's line, and q is affine on both sides of it
         sample_line(corner, tx, ty, edge, rho);
     else
         sample_along(corner, tx, ty, edge, a, rho);
 }
 
-// Add the ends of an edge whose line the COR lies on, where they move.
+// Add the moving ends of an edge whose line contains the COR.
 void CentredLoad::sample_line(const Point &corner, double tx, double ty, double edge, double rho) {
     for (const double s : {0.0, edge}) {
         const double across = rho + twist_.omega * s;
@@ -86,8 +86,8 @@ void CentredLoad::sample_line(const Point &corner, double tx, double ty, double 
     }
 }
 
-// Add the begin of an edge and points on it; v = (a, rho + omega s) by its tangent and normal. With
-// rho + omega s = |a| sinh z the points are at equal steps of z.
+// Add the beginning of an edge and points on it. Its velocity is v = (a, rho + omega s) along tangent and normal. The
+// points have equal steps of z, where rho + omega s = |a| sinh z.
 void CentredLoad::sample_along(const Point &corner, double tx, double ty, double edge, double a, double rho) {
     const double omega = twist_.omega;
     const double begin = std::asinh(rho / std::abs(a)), end = std::asinh((rho + omega * edge) / std::abs(a));
@@ -127,7 +127,7 @@ void CentredLoad::sample_between(std::size_t k) {
     samples_[k].refined = true;
 }
 
-// The share of what samples miss at most: none of feet or translations, where q is affine.
+// Return the share of the possible sampling error: 0 for feet and translations, because q is affine.
 double CentredLoad::bend() const {
     if (!solid_)
         return 0.0;
@@ -146,7 +146,7 @@ Shares CentredLoad::shares(double x, double y) const {
     return {one * scale, two * scale, three * scale};
 }
 
-// The plane through the basic loads; high where there is none yet.
+// Return the plane through the basic loads; a high one if there are none yet.
 Plane CentredLoad::plane(const Facet &g) const {
     const auto &[first, second, third] = basis_;
     const auto height = [&](const Basic &basic) { return basic.there ? dot(g, basic.load.pull) : ABSENT; };
@@ -158,7 +158,7 @@ Plane CentredLoad::plane(const Facet &g) const {
     return {q0 - bx * first.load.x - by * first.load.y, bx, by};
 }
 
-// The load on the COR that lies lowest against a plane.
+// Return the lowest load on the COR relative to a plane.
 UnitLoad CentredLoad::at_cor(const Facet &g, double bx, double by) const {
     const UnitLoad least = at_cor(g, bx, by, centre_.shift);
     if (centre_.more == 0.0)
@@ -167,7 +167,7 @@ UnitLoad CentredLoad::at_cor(const Facet &g, double bx, double by) const {
     return most.over(g, bx, by) < least.over(g, bx, by) ? most : least;
 }
 
-// The same for one shift: u . (gamma + shift b + kappa J x) is least for u against it.
+// For one shift: u . (gamma + shift b + kappa J x) is least if u points against the bracket.
 UnitLoad CentredLoad::at_cor(const Facet &g, double bx, double by, double shift) const {
     const double omega = twist_.omega, kappa = g.m / length_;
     const double x = -twist_.vy / omega, y = twist_.vx / omega;
@@ -177,7 +177,7 @@ UnitLoad CentredLoad::at_cor(const Facet &g, double bx, double by, double shift)
     return {x - centre_.x - shift * ux, y - centre_.y - shift * uy, {ux, uy, (x * uy - y * ux) / length_}, shift};
 }
 
-// The load that lies lowest against a plane.
+// Return the lowest load relative to a plane.
 CentredLoad::Lowest CentredLoad::lowest(const Facet &g, const Plane &plane) const {
     const Sample *best = nullptr;
     double least = INF;
@@ -206,7 +206,7 @@ double CentredLoad::off(double bx, double by) const {
     return std::abs(bx) * centre_.drift_x + std::abs(by) * centre_.drift_y;
 }
 
-// Exchange a basic load for another, so that the centre stays between them; tell whether that is so.
+// Exchange a basic load for another one. Return whether the centre stays between the basic loads.
 bool CentredLoad::enter(const UnitLoad &load) {
     const auto [one, two, three] = shares(centre_.nudge_x, centre_.nudge_y);
     const auto [first, second, third] = shares(load.x, load.y);
@@ -224,8 +224,8 @@ bool CentredLoad::enter(const UnitLoad &load) {
     return true;
 }
 
-// Sample on both sides of samples that lie lowest above the plane; tell if there are new ones. Between two samples q
-// may be lower than at either, by COARSE_MISS.
+// Sample on both sides of the lowest samples above the plane, and return whether there are new samples. Between two
+// samples, q can be lower than at either by COARSE_MISS.
 bool CentredLoad::refine(const Facet &g, const Plane &plane) {
     const std::size_t count = first_count_;
     bool added = false;

@@ -6,7 +6,7 @@ namespace pushplan {
 
 namespace {
 
-// Size of the cross product of two vectors.
+// Return the length of the cross product of two vectors.
 double span(const Twist &a, const Twist &b) {
     const double x = a.vy * b.omega - a.omega * b.vy;
     const double y = a.omega * b.vx - a.vx * b.omega;
@@ -19,11 +19,11 @@ struct Place {
     double share;
 };
 
-// The segment that a twist t lies on, and the share b of its second end; b is no number if there is none.
+// Return the segment that a twist t lies on, and the share b of its second end; b is NaN if there is none.
 //
-// Up to a factor, t = (1 - b) a + b c: with t in the plane of the ends a and c, b = |a x t| / (|a x t| + |t x c|).
+// Up to a factor, t = (1 - b) a + b c. If t is in the plane of the ends a and c, b = |a x t| / (|a x t| + |t x c|).
 Place place_of(const std::vector<Segment> &segments, const Twist &t) {
-    // Farther from every segment than 1e-9 of its size, a twist is not in the set.
+    // A twist is not in the set if its distance from every segment exceeds 1e-9 of its size.
     double nearest = 1e-18 * (t.vx * t.vx + t.vy * t.vy + t.omega * t.omega);
     Place found{0, std::nan("")};
     for (std::size_t i = 0; i < segments.size(); ++i) {

@@ -8,15 +8,15 @@
 
 namespace pushplan {
 
-// Coordinates that `choose_twist` takes, the length as a share of the longest arc's, and units that it goes on for.
+// Two coordinates for `choose_twist`, the length as a share of the longest arc, and the duration in units.
 using Control = std::array<double, 4>;
 
 Arc arc_of(const Problem &problem, const Control &control);
 
-// Return the control of an arc, with whole units; not finite where its twist is on no segment.
+// Return the control of an arc, with a whole number of units; not finite if its twist is on no segment.
 Control control_of(const Problem &problem, const Arc &arc);
 
-// Poses at the ends of arcs, and how many arcs come before one that is not free.
+// Poses at the ends of arcs, and the number of arcs before the first one that is not free.
 struct Followed {
     std::vector<Pose> poses;
     std::int64_t free;

@@ -1,4 +1,4 @@
-// `pushplan.core.collision`: scenes, and what is asked in them.
+// `pushplan.core.collision`: scenes and collision checks.
 #include "numpy_poses.hpp"
 #include "obstacle_tree.hpp"
 #include "scene.hpp"
@@ -27,7 +27,7 @@ void require_starts(Row<const std::int64_t> starts, std::size_t corners) {
     for (std::ptrdiff_t i = 0; whole && i + 1 < starts.size; ++i)
         whole = starts[i] < starts[i + 1];
     if (!whole)
-        throw std::invalid_argument("each polygon has corners from its start to the next one's");
+        throw std::invalid_argument("the starts of the polygons do not match their corners");
 }
 
 Shapes to_shapes(const Numbers &corners, const Integers &starts, const Numbers &bounds) {
@@ -38,7 +38,7 @@ Shapes to_shapes(const Numbers &corners, const Integers &starts, const Numbers &
     shapes.bounds = to_rows<Circle>(bounds, "bounds");
     require_starts(begins, shapes.corners.size());
     if (begins.size != shapes.count() + 1)
-        throw std::invalid_argument("each polygon has a bound");
+        throw std::invalid_argument("the numbers of polygons and of bounds differ");
     return shapes;
 }
 
@@ -57,7 +57,7 @@ std::vector<TreeNode> to_tree(const Numbers &array, std::int64_t polygons, std::
             require_number(of[k], "a node of a tree");
         if (node.after <= i || node.first_polygon < 0 || node.last_polygon > polygons || node.first_circle < 0 ||
             node.last_circle > circles)
-            throw std::invalid_argument("a node of a tree has obstacles that are not there, or ends before itself");
+            throw std::invalid_argument("a node of a tree has missing obstacles, or ends before itself");
         tree.push_back(node);
     }
     return tree;
@@ -88,7 +88,7 @@ std::shared_ptr<const Obstacles> to_obstacles(const std::shared_ptr<Shapes> &pol
 }
 
 std::shared_ptr<Shapes> shared(const std::shared_ptr<const Shapes> &shapes) {
-    return std::const_pointer_cast<Shapes>(shapes); // Python only reads
+    return std::const_pointer_cast<Shapes>(shapes); // Python only reads them
 }
 
 Made<double> circle_array(const Circle &circle) { return copied(&circle.x, {3}); }
@@ -125,17 +125,17 @@ Scene to_scene(const std::shared_ptr<Shapes> &body, const Numbers &body_bound, c
 
 void bind_scene(nb::module_ &m) {
     nb::class_<Scene>(m, "Scene", R"(
-    What moves and what stands still.
+    The moving body and the obstacles.
 
     Attributes:
         body: Convex pieces of pusher and objects in the chain frame.
         body_bound: (3,) centre and radius of a circle around the body, chain frame.
-        obstacles: Convex pieces of the polygonal obstacles, world frame.
-        circles: (c, 3) centre and radius of the round obstacles, world frame.
-        tree: (t, 9) boxes around groups of obstacles, a tree in preorder; see `standing_shapes`.
-        walls: (4,) workspace (xmin, ymin, xmax, ymax); infinite where there is none.
-        clearance: Distance (m) from everything at the poses that are looked at.
-        kept: Distance (m), smaller, that is proven between these poses.
+        obstacles: Convex pieces of polygonal obstacles, world frame.
+        circles: (c, 3) centre and radius of round obstacles, world frame.
+        tree: (t, 9) tree of boxes around groups of obstacles, in preorder; see `standing_shapes`.
+        walls: (4,) workspace (xmin, ymin, xmax, ymax); infinite if there is none.
+        clearance: Distance (m) from all obstacles at checked poses.
+        kept: Smaller distance (m) that is proven between checked poses.
     )")
         .def(MadeBy(&to_scene), nb::arg("body"), nb::arg("body_bound"), nb::arg("obstacles"), nb::arg("circles"),
              nb::arg("tree"), nb::arg("walls"), nb::arg("clearance"), nb::arg("kept"))
@@ -152,24 +152,24 @@ void bind_scene(nb::module_ &m) {
             [](const Scene &self, double clearance, double kept) {
                 return self.with_distances(require_finite(clearance, "clearance"), require_finite(kept, "kept"));
             },
-            nb::arg("clearance"), nb::arg("kept"), "Return a scene that keeps other distances, m.")
+            nb::arg("clearance"), nb::arg("kept"), "Return the scene with other distances, m.")
         .def(
             "with_gap",
             [](const Scene &self, double gap, double clearance) {
                 return scene_with_gap(self, require_finite(gap, "gap"), require_finite(clearance, "clearance"));
             },
             nb::arg("gap"), nb::arg("clearance"), R"(
-    Return a scene with the distances that can be kept where start and goal have the distance `gap`, m.
+    Return the scene with the distances that can be kept if start and goal have the distance `gap`, m.
 
-    The poses looked at keep that, or the clearance if that is more; those between keep the clearance, less
-    `CLEARANCE_ROOM` at most where start and goal leave no room to prove it.
+    Checked poses keep this distance, or the clearance if that is more. Poses between them keep the clearance, reduced
+    by at most `CLEARANCE_ROOM` if start and goal are too near to prove it.
     )")
         .def(
             "with_body",
             [](const Scene &self, const std::shared_ptr<Shapes> &body, const Numbers &body_bound) {
                 return Scene{to_body(body, body_bound), self.obstacles, self.clearance, self.kept};
             },
-            nb::arg("body"), nb::arg("body_bound"), "Return a scene in which something else moves.")
+            nb::arg("body"), nb::arg("body_bound"), "Return the scene with another moving body.")
         .def(
             "with_obstacles",
             [](const Scene &self, const std::shared_ptr<Shapes> &obstacles, const Numbers &circles, const Numbers &tree,
@@ -177,7 +177,7 @@ void bind_scene(nb::module_ &m) {
                 return Scene{self.body, to_obstacles(obstacles, circles, tree, walls), self.clearance, self.kept};
             },
             nb::arg("obstacles"), nb::arg("circles"), nb::arg("tree"), nb::arg("walls"),
-            "Return a scene in which something else stands.")
+            "Return the scene with other obstacles.")
         .def(PickledBy{"body", "body_bound", "obstacles", "circles", "tree", "walls", "clearance", "kept"});
 }
 
@@ -230,7 +230,7 @@ auto rings_of(const Numbers &corners, const Integers &origin, const Integers &tw
     };
     if (begins.size % 3 != 0 || twins.size != begins.size || !inside(begins, 0, points.size()) ||
         !inside(twins, -1, static_cast<std::size_t>(begins.size)))
-        throw std::invalid_argument("triangles have three edges each, which begin at corners");
+        throw std::invalid_argument("each triangle needs three edges that begin at corners");
     Rings rings = join_triangles(points, begins, twins);
     return std::make_tuple(to_numpy(std::move(rings.corners)), to_numpy(std::move(rings.starts)));
 }
@@ -251,10 +251,10 @@ Made<double> separations(const Scene &scene, const Numbers &poses, double enough
 
 void bind_collision(nb::module_ &core) {
     auto m = core.def_submodule("collision", R"(
-    The chain against the obstacles: separation and swept arcs, and the scene they are asked in.
+    Collision checks of the chain: scenes, separations and swept arcs.
 
-    A swept arc is proven free by conservative advancement (Mirtich 1996): from a pose whose separation from
-    every obstacle is d, no point of the body can touch anything before it has travelled d.
+    A swept arc is proven free by conservative advancement (Mirtich 1996): from a pose with a separation d from every
+    obstacle, no point of the body can touch anything before it has travelled d.
     )");
     bind_shapes(m);
     bind_scene(m);
@@ -265,55 +265,56 @@ void bind_collision(nb::module_ &core) {
     Return convex polygons with edge normals and bounding circles.
 
     Args:
-        corners: (v, 2) counter-clockwise, polygon after polygon.
+        corners: (v, 2) counter-clockwise corners, polygon after polygon.
         starts: (q + 1,) index of each polygon's first corner.
     )");
     m.def("bulges", &bulges, nb::arg("corners"), nb::arg("starts"), R"(
-    Return how far corners stand out of polygons, (v,), < 0 inwards, m, and which of these turn left, (q,), 0 or 1.
+    Return how far corners stick out of polygons (v,), < 0 inwards, m, and whether each polygon turns left (q,), 0 or 1.
 
     Args:
-        corners: (v, 2), polygon after polygon.
+        corners: (v, 2) corners, polygon after polygon.
         starts: (q + 1,) index of each polygon's first corner.
     )");
     m.def("standing_shapes", &standing_shapes, nb::arg("corners"), nb::arg("starts"), nb::arg("circles"), R"(
     Return obstacles in the order of their tree.
 
-    It is halved at the median along the longer side of the extent of the obstacles' centres.
+    The tree is halved at the median along the longer side of the extent of the obstacles' centres.
 
     Args:
-        corners: (v, 2) of convex polygons, counter-clockwise, polygon after polygon.
+        corners: (v, 2) counter-clockwise corners of convex polygons, polygon after polygon.
         starts: (q + 1,) index of each polygon's first corner.
         circles: (c, 3) centre and radius of round obstacles.
 
     Returns:
-        The polygons; the circles (c, 3); and (t, 9) nodes in preorder: box, row of the next node that is not below
-        it, and for leaves first and last + 1 of its polygons and of its circles, empty ranges for other nodes.
+        The polygons; the circles (c, 3); and nodes (t, 9) in preorder. A node holds its box, the row of the next node
+        that is not below it, and the ranges (first, last + 1) of its polygons and circles. The ranges are empty except
+        in leaves.
     )");
     m.def("join_triangles", &rings_of, nb::arg("corners"), nb::arg("origin"), nb::arg("twin"), R"(
     Join triangles to convex pieces (Hertel and Mehlhorn 1983).
 
     Args:
         corners: (n, 2) points.
-        origin: (3 t,) the point that each edge begins at, three edges a triangle.
-        twin: (3 t,) the edge that runs along each the other way, or -1.
+        origin: (3 t,) first point of each edge, three edges per triangle.
+        twin: (3 t,) the opposite edge of each edge, or -1.
 
     Returns:
-        The corners (k,) of convex pieces, piece after piece, and where each begins (p + 1,).
+        The corners (k,) of convex pieces, piece after piece, and the first corner of each (p + 1,).
     )");
     m.def(
         "separations", &separations, nb::arg("scene"), nb::arg("poses"), nb::arg("enough"),
-        "Return lower bounds (m,) on the distance of the body at poses (m, 3) from everything, capped at `enough`, m.");
+        "Return lower bounds (m,) of the body's distance from all obstacles at poses (m, 3), capped at `enough`, m.");
     m.def(
         "sweep_is_free",
         [](const Scene &scene, const Numbers &pose, const Numbers &twist, double length) {
             return sweep_is_free(scene, to_pose(pose), to_twist(twist), require_not_negative(length, "length"));
         },
         nb::arg("scene"), nb::arg("pose"), nb::arg("twist"), nb::arg("length"), R"(
-    Return whether the body keeps clear of everything along an arc from a pose (3,): proven, never merely sampled.
+    Return whether an arc from a pose (3,) is proven to be collision-free.
 
-    Every pose looked at has `scene.clearance`, every one between has `scene.kept` at least: a separation d at s
-    covers all s' with |s' - s| <= (d - kept) / (top speed of the body). Intervals are looked at in the
-    middle first, where a collision shows soonest. An arc that comes closer than `scene.clearance` may be refused.
+    Every checked pose has at least `scene.clearance`, every pose in between at least `scene.kept`: a separation d at s
+    covers all s' with |s' - s| <= (d - kept) / (top speed of the body). Intervals are checked in the middle first,
+    where a collision is found soonest. An arc that comes closer than `scene.clearance` can be refused.
     )");
 }
 

@@ -1,4 +1,4 @@
-// Contacts of chains whose loads are known: the wrenches that they transmit, and how far these are from slip.
+// Contacts of chains with known loads: the transmitted wrenches, and their margins against slip.
 #include "inertia.hpp"
 #include "packed.hpp"
 
@@ -15,7 +15,7 @@ double size_of(const Twist &twist, double length) {
 
 Twist scaled(const Twist &twist, double size) { return {twist.vx / size, twist.vy / size, twist.omega / size}; }
 
-// Add object k's wrench to what its contact carries, which then is whole, and that to its pusher's.
+// Add object k's wrench to that of its contact, which is then complete, and this to the contact of its pusher.
 void load(Wrench *carried, std::ptrdiff_t k, std::int64_t pusher, const Wrench &wrench) {
     Wrench &own = carried[k];
     own.x += wrench.x, own.y += wrench.y, own.m += wrench.m;
@@ -23,7 +23,7 @@ void load(Wrench *carried, std::ptrdiff_t k, std::int64_t pusher, const Wrench &
         carried[pusher].x += own.x, carried[pusher].y += own.y, carried[pusher].m += own.m;
 }
 
-// Fill in the wrench that each contact transmits. Only the twist's direction matters; the zero twist gives none.
+// Compute the wrench that each contact transmits. Only the direction of the twist matters; the zero twist gives 0.
 void contact_wrenches(const PackedChain &packed, const Twist &twist, Wrench *carried) {
     const std::ptrdiff_t n = packed.count();
     std::fill(carried, carried + n, Wrench{0.0, 0.0, 0.0});
@@ -36,7 +36,7 @@ void contact_wrenches(const PackedChain &packed, const Twist &twist, Wrench *car
         load(carried, k, packed.pusher(k), carried_wrench(supports, k, direction));
 }
 
-// The margin of a contact for a transmitted wrench: the sine of the angle to the nearest facet, 0 for no wrench.
+// Return the margin of a contact for a transmitted wrench: the sine of the angle to the nearest facet; 0 for no wrench.
 // The moment is divided by the length.
 double wrench_margin(const Facets &facets, const Wrench &wrench) {
     const double size = length_of(wrench);
@@ -48,8 +48,8 @@ double wrench_margin(const Facets &facets, const Wrench &wrench) {
     return lowest / size;
 }
 
-// The smallest margin over the contacts, > 0 exactly when the twist keeps all of them; as soon as a contact's margin is
-// at most `floor`, that one. `carried` (n,) is overwritten.
+// Return the smallest margin over the contacts, > 0 exactly if the twist keeps all of them. As soon as a contact's
+// margin is at most `floor`, return it. `carried` (n,) is overwritten.
 double least_margin(const PackedChain &packed, const Twist &twist, double floor, std::vector<Wrench> &carried) {
     const double size = size_of(twist, packed.length);
     if (!(size > 0.0))
@@ -169,7 +169,7 @@ Made<double> inertia_per_object(const InertiaTable &inertia, const Numbers &twis
     const auto center = table(centers), twist = twist_table(twists), rate = twist_table(rates);
     const std::ptrdiff_t n = mass.size;
     if (moment.size != n || center.rows != n || center.columns != 2 || rate.rows != twist.rows)
-        throw std::invalid_argument("masses, centres and moments, or twists and rates, are not equally many");
+        throw std::invalid_argument("the numbers of masses, centres and moments, or of twists and rates, differ");
     auto out = new_array<double>({twist.rows, n, 3});
     double *wrench = out.data();
     nb::gil_scoped_release free;
@@ -203,18 +203,18 @@ void bind_packed_chain(nb::module_ &m) {
     Objects and contacts in the chain frame.
 
     Attributes:
-        objects: (n, 11) friction load mu N (N), anchor x, y, radius (m), density a and gradient b (2) of
-            the base pressure of a unit weight, h mu (m), stiffness moments S_xx, S_xy, S_yy. The anchor is
-            the centroid of a polygon, the stiffness centre of points.
-        parts: (e, 5) polygon edges about the anchor: t_x, t_y, n . p, t . p and length, p being the first vertex;
-            or points about the anchor: x, y, fraction of the weight, stiffness, 0.
+        objects: (n, 11) friction load mu N (N), anchor x, y, radius (m), density a and gradient b (2) of the base
+            pressure of a unit weight, h mu (m), stiffness moments S_xx, S_xy, S_yy. The anchor is the centroid of a
+            polygon, the stiffness centre of points.
+        parts: (e, 5) polygon edges about the anchor: t_x, t_y, n . p, t . p and length, with the first vertex p; or
+            points about the anchor: x, y, fraction of the weight, stiffness, 0.
         series: (5 n, TERMS) power series of the polygons (see `packed.series_coefficients`); zero for points.
         links: (n, 4) kind, first part, one past the last part, pushing object (an earlier one) or -1.
         rows: (n, 4, 3) unit facets g of the contacts, g . (f_x, f_y, m / length) > 0; (0, 4, 3) without contacts.
         length: Characteristic length of the chain, m.
 
     Raises:
-        ValueError: On arrays that do not fit together.
+        ValueError: If the arrays do not fit together.
     )");
     bound.def(MadeBy(&packed_chain), nb::kw_only(), nb::arg("objects"), nb::arg("parts"), nb::arg("series"),
               nb::arg("links"), nb::arg("rows"), nb::arg("length"));
@@ -235,8 +235,8 @@ namespace pushplan {
 
 void bind_contacts(nb::module_ &core) {
     using namespace mechanics;
-    nb::module_ m = core.def_submodule("contacts", "Contacts of chains whose loads are known: the floor's friction, "
-                                                   "what contacts transmit, how far it is from slip.");
+    nb::module_ m = core.def_submodule("contacts", "Contacts of chains with known loads: floor friction, "
+                                        "transmitted wrenches and margins against slip.");
     bind_packed_chain(m);
     m.attr("ORDER") = ORDER;
     m.attr("REACH") = REACH;
@@ -247,8 +247,8 @@ void bind_contacts(nb::module_ &core) {
     m.def("margins_of", &margins_of, nb::arg("packed"), nb::arg("twists"), nb::arg("floor") = -2.0, R"(
     Return the smallest margin (k,) over the contacts at many body twists (k, 3) in the chain frame.
 
-    It is in [-1, 1], > 0 exactly when the twist keeps all contacts, and 0 at the zero twist. As soon as a contact's
-    margin is at most `floor`, that one is returned.
+    The margin is in [-1, 1]. It is > 0 exactly if the twist keeps all contacts, and 0 at the zero twist. As soon as a
+    contact's margin is at most `floor`, it is returned.
     )");
     m.def("wrenches_of", &wrenches_of, nb::arg("packed"), nb::arg("twists"), R"(
     Return the wrenches (k, n, 3) that contacts transmit at many twists (k, 3): f_x, f_y (N), moment (N m) about 0.
@@ -265,15 +265,15 @@ void bind_contacts(nb::module_ &core) {
     m.def("object_wrenches_of", &object_wrenches_of, nb::arg("packed"), nb::arg("twists"),
           "Return the wrenches (k, 3) that move the first object at many twists (k, 3), none of them zero.");
     m.def("moved_wrenches_of", &moved_wrenches_of, nb::arg("packed"), nb::arg("twists"), nb::arg("moves"), R"(
-    Return by how much each object's wrench (m, n, 3) changes where its load's centre is moved by (m, n, 2), m.
+    Return the change of each object's wrench (m, n, 3) if the centre of its load moves by (m, n, 2), m.
 
     Args:
         packed: The objects.
-        twists: (m, 3) body twists with which they slide, none of them 0.
-        moves: Beside what the friction of the object itself moves; in the chain frame.
+        twists: (m, 3) body twists of sliding, none of them 0.
+        moves: (m, n, 2) moves in the chain frame, in addition to the shift by the object's own friction.
     )");
     m.def("inertia_per_object", &inertia_per_object, nb::arg("table"), nb::arg("twists"), nb::arg("rates"), R"(
-    Return the wrench (m, n, 3) that each object's inertia asks for, about the chain frame's origin.
+    Return the wrench (m, n, 3) that each object's inertia needs, about the chain frame's origin.
 
     By Newton and Euler (m a(c), I domega/dt + c x m a(c)) with the acceleration of the centre of mass
 

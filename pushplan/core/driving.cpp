@@ -28,7 +28,7 @@ void find_car_words(const Wheels &wheels, double x, double y, double phi, Driven
     }
 }
 
-// Turn, drive straight ahead or back, turn; each turn by either side.
+// Paths of a differential drive: turn, drive straight ahead or back, turn; each turn to either side.
 void find_differential_words(const Wheels &wheels, double x, double y, double phi, DrivenWords &found) {
     const double distance = std::hypot(x, y);
     for (const double ahead : {1.0, -1.0}) {
@@ -47,23 +47,23 @@ void find_differential_words(const Wheels &wheels, double x, double y, double ph
     }
 }
 
-// Both at once on one circle; move, then turn; turn, then move; by either side.
+// Paths of an omnidirectional drive: move and turn on one circle; move, then turn; turn, then move; to either side.
 void find_free_words(const Wheels &wheels, double x, double y, double phi, DrivenWords &found) {
     const double distance = std::hypot(x, y);
     const double ux = distance > SHORTEST ? x / distance : 0.0, uy = distance > SHORTEST ? y / distance : 0.0;
     for (int side = 0; side < 2; ++side) {
         const double angle = phi - side * std::copysign(2.0 * PI, phi), half = 0.5 * angle;
         const Twist turn{0.0, 0.0, std::copysign(1.0, angle)};
-        // A full turn on one circle ends where it began: no circle leads elsewhere.
+        // A full turn on one circle ends where it began, so no circle leads elsewhere.
         if (std::abs(half) < PI - 1e-6) {
-            // half / tan(half) = 1 - half^2 / 3 - ...: 1 to the last bit.
+            // half / tan(half) = 1 - half^2 / 3 - ... is 1 to the last bit here.
             const double diagonal = std::abs(half) < 1e-8 ? 1.0 : half / std::tan(half);
             found.next().add(wheels, {diagonal * x + half * y, -half * x + diagonal * y, angle}, 1.0);
         }
         DrivenWord &moves_first = found.next();
         moves_first.add(wheels, {ux, uy, 0.0}, distance);
         moves_first.add(wheels, turn, std::abs(angle));
-        // After the turn, the same way has another direction in the body.
+        // After the turn, the path has another direction in the body's frame.
         const double c = std::cos(angle), s = std::sin(angle);
         DrivenWord &turns_first = found.next();
         turns_first.add(wheels, turn, std::abs(angle));
@@ -104,7 +104,7 @@ void find_drives(const Wheels &wheels, const Pose &start, const Pose &goal, Driv
     const Pose &a = wheels.axle;
     const double cs = std::cos(start.theta), ss = std::sin(start.theta);
     const double cg = std::cos(goal.theta), sg = std::sin(goal.theta);
-    // From one place of the axle's middle to the other, then in the axle's frame at the start.
+    // Displacement of the axle's middle, in the axle's frame at the start.
     const double dx = goal.x + cg * a.x - sg * a.y - start.x - cs * a.x + ss * a.y;
     const double dy = goal.y + sg * a.x + cg * a.y - start.y - ss * a.x - cs * a.y;
     const double heading = start.theta + a.theta, c = std::cos(heading), s = std::sin(heading);
@@ -144,7 +144,7 @@ DrivenWord drive(const Surroundings &around, const Wheels &wheels, const Pose &s
                  int tries) {
     DrivenWord none;
     none.cost = INF;
-    // The robot's origin goes that far, whatever it does: most shortcuts need no words then.
+    // The robot's origin moves at least this far, so most shortcuts need no exact paths.
     if (std::hypot(goal.x - start.x, goal.y - start.y) >= bound)
         return none;
     DrivenWords found;
@@ -168,7 +168,7 @@ Wheels to_wheels(WheelKind kind, const Numbers &axle, double radius) {
     return {kind, to_pose(axle), require_finite(radius, "radius")};
 }
 
-// The words as pairs of their letters and lengths, each (k,).
+// Return words as pairs of letters and lengths, each (k,).
 auto reeds_shepp_as_arrays(double x, double y, double phi) {
     ReedsSheppWords found;
     for (const double number : {x, y, phi})
@@ -180,7 +180,7 @@ auto reeds_shepp_as_arrays(double x, double y, double phi) {
     return out;
 }
 
-// The arcs (k, 4) of every word.
+// Return the arcs (k, 4) of every path.
 std::vector<Made<double>> drives_as_arrays(const Wheels &wheels, const Numbers &start, const Numbers &goal) {
     DrivenWords found;
     find_drives(wheels, to_pose(start), to_pose(goal), found);
@@ -205,20 +205,20 @@ Made<double> shortest_between(const Wheels &wheels, const Numbers &starts, const
 } // namespace
 
 void bind_driving(nb::module_ &core) {
-    auto m = core.def_submodule("driving", "How the robot drives alone: shortest words of its wheels (Reeds-Shepp for "
-                                           "a car), and what it must not touch.");
-    nb::enum_<WheelKind>(m, "WheelKind", "What the wheels of a robot can do.")
+    auto m = core.def_submodule("driving", "Transits of the robot: shortest paths of its drive (Reeds-Shepp for "
+                                        "a car), and its surroundings.");
+    nb::enum_<WheelKind>(m, "WheelKind", "Kind of a robot's drive.")
         .value("OMNIDIRECTIONAL", WheelKind::OMNIDIRECTIONAL)
         .value("DIFFERENTIAL", WheelKind::DIFFERENTIAL)
         .value("CAR", WheelKind::CAR);
     nb::class_<Wheels>(m, "Wheels", R"(
-    How the robot can move alone.
+    Kinematics of the robot in transits.
 
     Attributes:
-        kind: What its wheels can do.
-        axle: (3,) pose in the robot's frame of the point that words are about: the axle's middle with +x forward;
-            of an omnidirectional robot, its middle.
-        radius: Smallest turning radius of the axle's middle, m (of a car only).
+        kind: Kind of the drive.
+        axle: (3,) pose, in the robot's frame, of the reference point of paths: the axle's middle with +x forward, or an
+            omnidirectional robot's middle.
+        radius: Smallest turning radius of the axle's middle, m (cars only).
     )")
         .def(MadeBy(&to_wheels), nb::arg("kind"), nb::arg("axle"), nb::arg("radius"))
         .def_ro("kind", &Wheels::kind)
@@ -226,12 +226,12 @@ void bind_driving(nb::module_ &core) {
         .def_ro("radius", &Wheels::radius)
         .def(PickledBy{"kind", "axle", "radius"});
     nb::class_<Surroundings>(m, "Surroundings", R"(
-    What the robot must not touch when it drives alone.
+    Obstacles of the robot in transits.
 
     Attributes:
-        room: The robot among what stands in the room.
-        load: The robot among the objects, these in the frame of the load.
-        place: (3,) pose of that frame in the world.
+        room: Scene of the robot among the obstacles.
+        load: Scene of the robot among the load's objects, in the load's frame.
+        place: (3,) pose of the load's frame in the world.
     )")
         .def(MadeBy(+[](const Scene &room, const Scene &load, const Numbers &place) {
                  return Surroundings{room, load, to_pose(place)};
@@ -243,13 +243,13 @@ void bind_driving(nb::module_ &core) {
     m.def("find_reeds_shepp", &reeds_shepp_as_arrays, nb::arg("x"), nb::arg("y"), nb::arg("phi"), R"(
     Return the words of a car that lead from the origin to a pose, in turning radii and rad (Reeds and Shepp 1990).
 
-    Of each word its letters (k,), signs of the curvature: 1 left, 0 straight, -1 right; and their lengths (k,), < 0
-    backwards.
+    For each word, return its letters (k,), the signs of the curvature (1 left, 0 straight, -1 right), and their lengths
+    (k,), < 0 backwards.
     )");
     m.def("find_drives", &drives_as_arrays, nb::arg("wheels"), nb::arg("start"), nb::arg("goal"),
-          "Return the arcs (k, 4) of every word between two poses (3,) of the robot, whatever is in the way.");
+          "Return the arcs (k, 4) of every path between two poses (3,) of the robot, ignoring obstacles.");
     m.def("shortest_drives", &shortest_between, nb::arg("wheels"), nb::arg("starts"), nb::arg("goals"),
-          "Return (n, m) costs of cheapest words from poses (n, 3) of the robot to poses (m, 3) in an empty room, m.");
+          "Return costs (n, m) of the robot's cheapest paths from poses (n, 3) to poses (m, 3) without obstacles, m.");
 }
 
 } // namespace pushplan

@@ -4,13 +4,13 @@ namespace pushplan::mechanics {
 
 namespace {
 
-// The integrals of v / |v| with a unit pressure (or the load's fractions), and of v / |v| times x and times y.
+// Integrals of v / |v| over a unit pressure (or sums over the load's fractions), and of v / |v| times x and y.
 struct Sums {
     Wrench force;
     Wrench along_x, along_y;
 };
 
-// The integrals over a polygon of r / |r| (two numbers) and of |r|, r from the centre (cx, cy).
+// Integrals over a polygon of r / |r| (two numbers) and of |r|, with r from the centre (cx, cy).
 struct UniformIntegrals {
     double gx = 0.0, gy = 0.0, q = 0.0;
 };
@@ -38,7 +38,7 @@ UniformIntegrals uniform_integrals(Table<const double> edges, std::ptrdiff_t sta
     return sum;
 }
 
-// The integrals over a polygon of r r^T / |r| (xx, xy, yy) and of |r| r (x, y).
+// Integrals over a polygon of r r^T / |r| (xx, xy, yy) and of |r| r (x, y).
 struct AffineIntegrals {
     double gxx = 0.0, gxy = 0.0, gyy = 0.0, qx = 0.0, qy = 0.0;
 };
@@ -67,7 +67,7 @@ AffineIntegrals affine_integrals(Table<const double> edges, std::ptrdiff_t start
     return {sum.gxx / 3.0, sum.gxy / 3.0, sum.gyy / 3.0, sum.qx / 4.0, sum.qy / 4.0};
 }
 
-// The integral of v / |v| over a polygon and its moment; the twist and moments refer to the anchor.
+// Return the integral of v / |v| over a polygon and its moment. Twist and moment refer to the anchor.
 Wrench uniform_sums(const Supports &supports, std::ptrdiff_t i, double radius, const Twist &twist) {
     const auto [vx, vy, omega] = twist;
     const double speed = std::sqrt(vx * vx + vy * vy);
@@ -83,8 +83,8 @@ Wrench uniform_sums(const Supports &supports, std::ptrdiff_t i, double radius, c
     return {fx, fy, sign * q + cx * fy - cy * fx};
 }
 
-// The sums over a polygon from the series. With e = v / |v| as a complex number they are integrals of e, e conj(z),
-// e z ..., and x = (z + conj z) / 2, y = -i (z - conj z) / 2.
+// Return the sums over a polygon from the series. With e = v / |v| as a complex number, they are integrals of e, e
+// conj(z), e z ..., where x = (z + conj z) / 2 and y = -i (z - conj z) / 2.
 Sums far_sums(const Supports &supports, std::ptrdiff_t i, double vx, double vy, double spin) {
     const auto [plain, turned] = series_pair(supports.series, WEIGHTS * i, vx, vy, spin);
     const auto [straight, turned_twice] = series_pair(supports.series, WEIGHTS * i + 2, vx, vy, spin);
@@ -116,7 +116,7 @@ Sums polygon_sums(const Supports &supports, std::ptrdiff_t i, double radius, con
     return sums;
 }
 
-// Exact sums over points, of fractions and of stiffnesses times the place; a point at the COR adds nothing.
+// Return exact sums over points, of fractions and of stiffnesses times the place. A point at the COR adds nothing.
 Sums point_sums(const Supports &supports, std::ptrdiff_t i, double radius, const Twist &twist) {
     const auto [vx, vy, omega] = twist;
     Sums sums{};
@@ -144,8 +144,8 @@ Sums point_sums(const Supports &supports, std::ptrdiff_t i, double radius, const
     return sums;
 }
 
-// What a load adds whose centre is moved by (cx, cy), beside what its own friction moves it then: M b with
-// (S - h M) b = c.
+// Return the change of the wrench if the load's centre moves by (cx, cy), including the further shift by friction: M b
+// with (S - h M) b = c.
 Wrench moved(const Support &support, const Sums &sums, double cx, double cy) {
     const double h = support.shift;
     const auto &[force, along_x, along_y] = sums;
@@ -156,14 +156,14 @@ Wrench moved(const Support &support, const Sums &sums, double cx, double cy) {
     return {along_x.x * bx + along_y.x * by, along_x.y * bx + along_y.y * by, along_x.m * bx + along_y.m * by};
 }
 
-// The force with what the load's shift by the push height changes: the centre is moved by h f_0.
+// Return the force including the load's shift by the push height: the centre moves by h f_0.
 Wrench shifted(const Support &support, const Sums &sums) {
     const double h = support.shift;
     const Wrench added = moved(support, sums, h * sums.force.x, h * sums.force.y);
     return {sums.force.x + added.x, sums.force.y + added.y, sums.force.m + added.m};
 }
 
-// What `uniform_sums` returns, for the whole load of an object with any support and push height.
+// Return `uniform_sums` for the whole load of an object with any support and push height.
 Wrench general_sums(const Supports &supports, std::ptrdiff_t i, const Support &support, const Twist &twist) {
     Sums sums;
     if (supports.links[i][KIND] == POINTS) {
@@ -209,7 +209,7 @@ SeriesPair series_pair(Table<const std::complex<double>> series, std::ptrdiff_t 
     const std::complex<double> *one = series[row], *two = series[row + 1];
     for (int m = 0; m <= top; ++m) {
         end += 2 * ((ORDER - m) / 2 + 1);
-        // Sum and difference, of either row.
+        // Sum and difference of each row.
         double ar = 0.0, ai = 0.0, br = 0.0, bi = 0.0, cr = 0.0, ci = 0.0, dr = 0.0, di = 0.0;
         for (int k = end - 2 * ((top - m) / 2 + 1); k < end; k += 2) {
             ar = ar * square + one[k].real(), ai = ai * square + one[k].imag();
@@ -228,7 +228,7 @@ SeriesPair series_pair(Table<const std::complex<double>> series, std::ptrdiff_t 
 
 namespace {
 
-// A twist about the anchor of a support.
+// Return a twist about the anchor of a support.
 Twist anchored(const Support &support, const Twist &twist) {
     return {twist.vx - twist.omega * support.y, twist.vy + twist.omega * support.x, twist.omega};
 }

@@ -1,16 +1,15 @@
-// The friction of the floor on objects whose loads are known: closed forms of points, polygons and affine pressures.
+// Floor friction on objects with known loads: closed forms for points, polygons and affine pressures.
 //
-// An object with friction load F = mu m g on a floor moves with v(r) = v + omega J r; the floor has to be overcome by
-// the wrench
+// An object with friction load F = mu m g moves on a floor with v(r) = v + omega J r. It needs the wrench
 //
 //     w = F sum_p p (u, r x u),    u = v(r) / |v(r)|,
 //
-// the sum over its points or the integral over its pressure p. About the centre of rotation (COR) c = J v / omega this
-// is omega / |omega| times integrals of J (r - c) / |r - c|, which are sums over edges. Where the COR is far away they
-// cancel, and a power series in omega / |v| takes their place.
+// as a sum over its points or an integral over its pressure p. About the centre of rotation (COR) c = J v / omega, this
+// is omega / |omega| times integrals of J (r - c) / |r - c|, which are sums over edges. If the COR is far away, these
+// sums cancel, and a power series in omega / |v| replaces them.
 //
-// A push at a height shifts the load by its friction f: the pressure gains stiffness times b . r, with S b = h f for
-// the second moments S of the stiffness and h the height times mu.
+// A push at a height shifts the load by its friction f: the pressure increases by stiffness times b . r, with S b = h
+// f, the second moments S of the stiffness, and h the height times mu.
 #pragma once
 
 #include "poses.hpp"
@@ -21,12 +20,12 @@
 
 namespace pushplan::mechanics {
 
-// f_x, f_y (N) and the moment about a frame's origin (N m; N where it is divided by a length).
+// f_x, f_y (N) and the moment about a frame's origin (N m, or N if divided by a length).
 struct Wrench {
     double x, y, m;
 };
 
-// A unit facet g of the cone of a contact's wrenches: it holds where all g . w > 0.
+// A unit facet g of the cone of a contact's wrenches. The contact holds if all g . w > 0.
 struct Facet {
     double x, y, m;
 };
@@ -43,13 +42,13 @@ struct Support {
     double load, x, y, radius, density, gradient_x, gradient_y, shift, xx, xy, yy;
 };
 
-// Columns of `PackedChain.parts` of a polygon: tangent, n . p, t . p and length, p being its first vertex about the
-// anchor, n the normal to the outside.
+// Columns of `PackedChain.parts` for a polygon edge: tangent, n . p, t . p and length, with the first vertex p about
+// the anchor and the outward normal n.
 struct Edge {
     double tx, ty, n_p, t_p, length;
 };
 
-// The same of points: place about the anchor, fraction of the weight, stiffness.
+// Columns of `PackedChain.parts` for a point: place about the anchor, fraction of the weight, stiffness.
 struct PointLoad {
     double x, y, fraction, stiffness, unused;
 };
@@ -60,7 +59,7 @@ static_assert(sizeof(Edge) == PART_COLUMNS * sizeof(double), "a row of a table")
 static_assert(sizeof(PointLoad) == sizeof(Edge), "a row of the same table");
 static_assert(sizeof(Facets) == FACET_NUMBERS * sizeof(double), "a row of a table");
 
-// A row of a table as what it means.
+// Return a row of a table as a struct.
 template <class Struct> Struct read(const double *row) {
     static_assert(std::is_trivially_copyable_v<Struct>, "numbers only");
     Struct found;
@@ -74,12 +73,13 @@ constexpr std::int64_t UNIFORM = 0, AFFINE = 1, POINTS = 2;
 // Columns of `PackedChain.links`.
 constexpr int KIND = 0, FIRST_PART = 1, PAST_LAST_PART = 2, PUSHER = 3;
 
-// Power series: highest power of u kept; largest |omega| radius / |v0| at which it is used (REACH^(ORDER + 1) is below
-// rounding); powers of that below NEGLIGIBLE are left out, for pushes that are straight or nearly so.
+// Power series: highest power of u; largest |omega| radius / |v0| at which it is used (REACH^(ORDER + 1) is below
+// rounding); and size below which its powers are left out, for pushes that are nearly straight.
 constexpr int ORDER = 10;
 constexpr double REACH = 0.05, NEGLIGIBLE = 1e-17;
 
-// Numbers in a row of the series: two for each power m of the direction and h of r^2 with m + 2 h <= ORDER.
+// Return the number of terms in a row of the series: two for each power m of the direction and h of r^2 with m + 2 h <=
+// ORDER.
 constexpr int series_terms() {
     int pairs = 0;
     for (int m = 0; m <= ORDER; ++m)
@@ -88,10 +88,10 @@ constexpr int series_terms() {
 }
 constexpr int TERMS = series_terms();
 
-// Rows of the series of one object.
+// Number of rows of the series of one object.
 constexpr std::ptrdiff_t WEIGHTS = 5;
 
-// What objects stand on; the arrays of a `PackedChain`.
+// Supports of the objects: the arrays of a `PackedChain`.
 struct Supports {
     Table<const double> objects;
     Table<const double> parts;
@@ -99,28 +99,28 @@ struct Supports {
     Table<const std::int64_t> links;
 };
 
-// Whether the COR is so far away that the series applies.
+// Return whether the COR is far enough for the series.
 inline bool in_reach(double speed, double omega, double radius) {
     return std::fabs(omega) * radius < REACH * speed;
 }
 
-// d^2 Lambda, 0 on the line of the edge; no cancellation for edges that are far away.
+// Return d^2 Lambda: 0 on the line of the edge, without cancellation for distant edges.
 double edge_log(double d, double length, double rho_sum);
 
 struct SeriesPair {
     std::complex<double> first, second;
 };
 
-// The integrals of rows `row` and `row` + 1 of the series for a velocity (vx, vy) of the anchor, not zero, and
+// Return the integrals of rows `row` and `row` + 1 of the series for a nonzero velocity (vx, vy) of the anchor and
 // `spin`, omega times the radius.
 SeriesPair series_pair(Table<const std::complex<double>> series, std::ptrdiff_t row, double vx, double vy,
                        double spin);
 
-// The wrench that moves object i at a twist against the floor, about the frame's origin: minus the floor friction's.
-// The twist in any unit, not zero.
+// Return the wrench that moves object i at a twist against the floor, about the frame's origin: minus the floor's
+// friction. The twist can have any unit but must not be zero.
 Wrench carried_wrench(const Supports &supports, std::ptrdiff_t i, const Twist &twist);
 
-// What it changes by where something else moves the centre of the load by (cx, cy), m: linear in these.
+// Return its change if something else moves the centre of the load by (cx, cy), m. It is linear in these.
 Wrench moved_wrench(const Supports &supports, std::ptrdiff_t i, const Twist &twist, double cx, double cy);
 
 } // namespace pushplan::mechanics

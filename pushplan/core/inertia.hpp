@@ -1,15 +1,16 @@
-// Newton and Euler: what moving and accelerating asks for beside the floor's friction.
+// Newton and Euler: forces of motion and acceleration, in addition to floor friction.
 #pragma once
 
 #include "friction.hpp"
 
 namespace pushplan::mechanics {
 
-// The force m a(c) on a mass at c = (x, y) of a frame with a twist and its time derivative:
+// The force m a(c) on a mass at c = (x, y) in a frame with a twist and its time derivative:
 //
 //     a(c) = dv/dt + domega/dt J c + omega J (v + omega J c).
 //
-// Its moment about the origin is c x m a(c); that about the centre of mass is the moment of inertia times domega/dt.
+// Its moment about the origin is c x m a(c). Its moment about the centre of mass is the moment of inertia times
+// domega/dt.
 struct Force {
     double x, y;
 };

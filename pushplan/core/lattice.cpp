@@ -8,13 +8,14 @@ namespace pushplan {
 
 namespace {
 
-// Arcs from a node: the left turn, the straight push, the right turn, and one of a random stable twist.
+// Number of arcs from a node: left turn, straight push, right turn, and a random stable twist.
 constexpr int CHILDREN = 4;
 
-// Weight of what is left to the target, as long as there is no path: weighted A* finds one sooner.
+// Weight of the cost to go while there is no path: weighted A* finds a first path sooner.
 constexpr double HEURISTIC_WEIGHT = 2.0;
 
-// Which cells' middles keep `least` from everything. Blocks of cells are halved until one look at a middle tells.
+// The cells whose middles keep a distance from everything. Blocks of cells are halved until one check at a middle
+// decides for the whole block.
 class FreeCells {
   public:
     FreeCells(const Scene &point, const Grid &grid, double least)
@@ -95,7 +96,7 @@ void Lattice::plant(bool back, const Area &area, const LatticeSizes &sizes, std:
     nodes_.clear();
     nodes_.reserve(room_);
     queue_.clear();
-    // Twice as many slots as nodes, so that chains of taken slots stay short.
+    // Twice as many slots as nodes keep chains of occupied slots short.
     cells_.clear(2 * room_);
     if (costs_.size() < 2 * room_)
         costs_.resize(2 * room_);
@@ -105,7 +106,7 @@ void Lattice::plant(bool back, const Area &area, const LatticeSizes &sizes, std:
     partner_ = -1;
 }
 
-// Key of a pose's cell, 0 outside the area.
+// Return the key of a pose's cell; 0 outside the area.
 std::int64_t Lattice::key_of(const Pose &pose) const {
     if (!(pose.x >= area_.xmin && pose.y >= area_.ymin && pose.x <= area_.xmax && pose.y <= area_.ymax))
         return 0;
@@ -114,10 +115,10 @@ std::int64_t Lattice::key_of(const Pose &pose) const {
                     static_cast<std::int64_t>(floored_mod(pose.theta, 2.0 * PI) / sizes_.angle));
 }
 
-// What is left to the target at least, m: by the floor's distances, and by the cheapest word.
+// Return the estimated cost to go, m, from the floor distances and the cheapest steering path.
 //
-// The floor's distances know nothing of turns, words nothing of obstacles: the larger one tells more. Neither is a
-// lower bound (words of one family, ways from cell to cell), so what is found is good, not proven to be best.
+// Floor distances ignore turns, and steering paths ignore obstacles, so the larger one is used. Neither is a lower
+// bound (one family of steering paths, paths from cell to cell). So the result is good but not proven optimal.
 double Lattice::left(const Pose &pose) const {
     const double c = std::cos(pose.theta), s = std::sin(pose.theta);
     const double px = pose.x + c * middle_[0] - s * middle_[1];
@@ -132,13 +133,13 @@ double Lattice::left(const Pose &pose) const {
     return std::max(word, away_[!back_][grid_.cell(px, py)]);
 }
 
-// Try one of a node's arcs.
+// Try an arc of a node.
 void Lattice::grow(std::int64_t parent, int number, double bound, Random &random) {
     const Problem &problem = *problem_;
     Twist twist{0.0, 0.0, 0.0};
     if (number < 3)
         twist = problem.families[0][number];
-    if (twist.is_zero()) { // the fourth arc, and a letter that the family lacks
+    if (twist.is_zero()) { // the fourth arc, or a motion that the family lacks
         const double u0 = random(), u1 = random();
         twist = choose_twist(problem, u0, u1);
     }
@@ -148,7 +149,7 @@ void Lattice::grow(std::int64_t parent, int number, double bound, Random &random
     const double cost = nodes_[parent].cost + length;
     const Twist driven = back_ ? twist.reversed() : twist;
     const Pose pose = step(from, driven, length);
-    // Cheap tests first; the sweep against the obstacles takes most of the time.
+    // Cheap tests first, because the collision check takes most of the time.
     const std::int64_t key = key_of(pose);
     if (key == 0)
         return;
@@ -168,19 +169,19 @@ std::pair<double, bool> Lattice::expand(double bound, std::int64_t arcs, Random 
     const std::int64_t enough = tried_ + arcs;
     const bool weighted = std::isinf(bound);
     while (tried_ < enough) {
-        // Nothing left to expand, or no room: both end the round, and the next one has other cells.
+        // Without nodes to expand, or without room, the round ends. The next one has other cells.
         if (queue_.empty() || nodes_.size() + CHILDREN > room_)
             return {bound, true};
         std::pop_heap(queue_.begin(), queue_.end());
         const Entry entry = queue_.back();
         queue_.pop_back();
-        // What else is in the queue promises no more.
+        // Nothing else in the queue has a lower estimate.
         if (entry.promise >= bound)
             return {bound, true};
         const Node node = nodes_[entry.row];
         const std::int64_t key = key_of(node.pose);
         const std::size_t slot = cells_.slot_of(key);
-        if (cells_[slot] == key && costs_[slot] < node.cost) // a cheaper one came to its cell since
+        if (cells_[slot] == key && costs_[slot] < node.cost) // a cheaper node has since reached its cell
             continue;
         const Pose &target = ends_[!back_];
         const Connection found = connect(problem_->scene, problem_->first_family(), back_ ? target : node.pose,
@@ -189,7 +190,7 @@ std::pair<double, bool> Lattice::expand(double bound, std::int64_t arcs, Random 
             bound = node.cost + found.cost;
             partner_ = entry.row;
             word_ = found.arcs;
-            if (weighted) // what the others in the queue promise is more than they have; the next round does not ask them
+            if (weighted) // the estimates in the queue are weighted, so the round ends here
                 return {bound, true};
         }
         for (int number = 0; number < CHILDREN; ++number)

@@ -6,19 +6,19 @@ namespace pushplan {
 
 namespace {
 
-// Share of the new twists that stay what they were: on the boundary of the stable set, or without rotation.
+// Share of the new twists that keep a property: on the boundary of the stable set, or without rotation.
 constexpr double KEEP_SHARE = 0.75;
 
-// Share of a segment within which a twist is at its end.
+// Share of a segment up to which a twist counts as being at its end.
 constexpr double AT_END = 1e-9;
 
-// Error of the end (m, rad) that is rounding: what is left adds up from change to change.
+// End error (m, rad) that counts as rounding. Remaining errors add up from change to change.
 constexpr double CLOSED = 1e-13;
 
-// Below this volume, the three motions that close a path are nearly dependent: lengths would change without bound.
+// Volume below which the three motions that close a path are nearly dependent, and lengths would change without bound.
 constexpr double DEPENDENT = 1e-9;
 
-// A tenth of `GAIN`, not tuned: with `GAIN` itself one of three plans of five-objects came out 0.04 % longer.
+// A tenth of `GAIN`, not tuned. With `GAIN` itself, one of three plans of five-objects was 0.04 % longer.
 constexpr double WORTH = 1e-10;
 
 using Vector = std::array<double, 3>;
@@ -31,16 +31,16 @@ double dot(const Vector &a, const Vector &b) { return a[0] * b[0] + a[1] * b[1] 
 
 Vector vector_of(const Twist &twist) { return {twist.vx, twist.vy, twist.omega}; }
 
-// A log-uniform size from 1e-4 to 1, with a random sign.
+// Return a log-uniform size from 1e-4 to 1, with a random sign.
 double draw_size(Random &random) {
     const double size = std::exp(std::log(1e-4) * random());
     return random() < 0.5 ? size : -size;
 }
 
-// Up to three arcs more.
+// Return a random number of further arcs, up to three.
 int draw_margin(Random &random) { return static_cast<int>(random() * 4.0); }
 
-// Three different arcs from the first to the last one.
+// Return three different arcs between the first and the last one.
 std::array<int, 3> draw_three(int first, int last, Random &random) {
     const int count = last - first + 1;
     const int a = static_cast<int>(random() * count);
@@ -53,8 +53,8 @@ std::array<int, 3> draw_three(int first, int last, Random &random) {
     return {first + a, first + b, first + c};
 }
 
-// How the last pose moves when an arc gets longer, per metre: what follows moves as a rigid body with its twist, seen
-// from the world.
+// Return the motion of the last pose per metre of an arc's length: the rest of the path moves as a rigid body with the
+// arc's twist, in the world frame.
 Vector effect_of(const Twist &twist, const Pose &after, const Pose &last) {
     const double c = std::cos(after.theta), s = std::sin(after.theta);
     return {c * twist.vx - s * twist.vy - twist.omega * (last.y - after.y),
@@ -75,7 +75,7 @@ LocalChanges::LocalChanges(const Problem &problem) : problem_(problem) {
 bool LocalChanges::vary(const Pose &start, std::vector<Arc> &path, Random &random) {
     int m = static_cast<int>(path.size());
     int k = static_cast<int>(random() * m);
-    // Splitting an arc first lets a path take a new form; leaving one out makes it what people want to drive.
+    // Splitting an arc gives a path a new form. Leaving one out makes it simpler to drive.
     const bool split = m < 3 || random() < 0.2;
     if (!split && m > 3 && random() < 0.15) {
         const bool better = leave_out(start, path, k, random);
@@ -114,7 +114,7 @@ bool LocalChanges::vary(const Pose &start, std::vector<Arc> &path, Random &rando
     return true;
 }
 
-// Whether the path without arc k can be closed and is cheaper: then that is the trial.
+// Return whether the path without arc k can be closed and is cheaper. If so, it is the trial path.
 bool LocalChanges::leave_out(const Pose &start, const std::vector<Arc> &path, int k, Random &random) {
     const int m = static_cast<int>(path.size()) - 1;
     Window window{std::max(0, k - 1 - draw_margin(random)), 0, problem_.goal, 0.0};
@@ -132,7 +132,8 @@ bool LocalChanges::leave_out(const Pose &start, const std::vector<Arc> &path, in
     return closes(window, random);
 }
 
-// Change three lengths so that the trial's arcs end at the target; whether they are cheaper than before, and free.
+// Change three lengths so that the trial's arcs end at the target. Return whether they are cheaper than before, and
+// free.
 bool LocalChanges::closes(const Window &window, Random &random) {
     if (!close(window, draw_three(window.first, window.last, random)))
         return false;
@@ -141,7 +142,7 @@ bool LocalChanges::closes(const Window &window, Random &random) {
     return is_free(window);
 }
 
-// Newton's method; the three equations are solved by Cramer's rule.
+// Solve the three equations by Newton's method with Cramer's rule.
 bool LocalChanges::close(const Window &window, const std::array<int, 3> &chosen) {
     const auto arc = [&](int which) -> Arc & { return trial_[static_cast<std::size_t>(chosen[which])]; };
     const Pose &last = poses_[static_cast<std::size_t>(window.last + 1)];
@@ -173,7 +174,7 @@ bool LocalChanges::close(const Window &window, const std::array<int, 3> &chosen)
     return false;
 }
 
-// Whether the trial's arcs touch nothing.
+// Return whether the trial's arcs are collision-free.
 bool LocalChanges::is_free(const Window &window) const {
     for (auto k = static_cast<std::size_t>(window.first); k <= static_cast<std::size_t>(window.last); ++k)
         if (trial_[k].length > 0.0 && !sweep_is_free(problem_.scene, poses_[k], trial_[k].twist, trial_[k].length))
@@ -181,18 +182,18 @@ bool LocalChanges::is_free(const Window &window) const {
     return true;
 }
 
-// Exchange a twist for a stable one near it; false when there is none.
+// Replace a twist by a stable one near it; return false if there is none.
 bool LocalChanges::change_twist(Twist &twist, Random &random) const {
     auto [i, b] = place_of(twist);
     if (i < 0)
         return false;
     const int k = static_cast<int>(problem_.segments.size());
-    // Segments are neighbours along the longitude: a small step stays near the twist.
+    // Segments are ordered by longitude, so a small step stays near the twist.
     i = std::min(k - 1, std::max(0, i + static_cast<int>(std::lrint(draw_size(random) * 0.25 * k))));
     const Segment &segment = problem_.segments[static_cast<std::size_t>(i)];
     const double low = segment.low.omega, high = segment.high.omega;
-    // Translations and twists at the end of a segment (the tightest turns) are good, but have measure zero: chance
-    // alone would never find back to them.
+    // Translations and twists at the end of a segment (the tightest turns) are good but have measure zero: random
+    // sampling would never find them again.
     if (twist.omega == 0.0 && low * high < 0.0 && random() < KEEP_SHARE)
         b = low / (low - high);
     else if (std::min(b, 1.0 - b) > AT_END || random() > KEEP_SHARE)
@@ -207,7 +208,7 @@ LocalChanges::Place LocalChanges::place_of(const Twist &twist) const {
     Place found{-1, 0.0};
     for (std::size_t i = 0; i < normals_.size(); ++i) {
         const Vector &normal = normals_[i];
-        // Twists on a segment lie in its plane; of several planes, the nearest one between whose ends the twist is.
+        // Twists on a segment lie in its plane. Take the nearest plane with the twist between the segment's ends.
         const double away = std::abs(dot(t, normal));
         if (!(away < best) || (normal[0] == 0.0 && normal[1] == 0.0 && normal[2] == 0.0))
             continue;
@@ -231,7 +232,7 @@ double LocalChanges::value_of(const std::vector<Arc> &path, int first, int last)
     return total;
 }
 
-// Find the pose after each arc from the first to the last one, from that before it.
+// Compute the pose after each arc from the first to the last one.
 void LocalChanges::find_poses(const std::vector<Arc> &path, int first, int last) {
     for (auto k = static_cast<std::size_t>(first); k <= static_cast<std::size_t>(last); ++k)
         poses_[k + 1] = step(poses_[k], path[k].twist, path[k].length);

@@ -1,7 +1,6 @@
-// Local changes of a path: one arc's twist or length, or an arc left out, and three lengths that close it.
+// Local changes of a path: change one arc's twist or length, or leave an arc out, and adapt three lengths to close it.
 //
-// Joining poses by steering paths (`shortening.hpp`) finds a path's form; this finds the best twists and lengths of
-// that form.
+// Steering paths (`shortening.hpp`) find a path's form. Local changes find the best twists and lengths of that form.
 #pragma once
 
 #include "problem.hpp"
@@ -11,17 +10,17 @@
 
 namespace pushplan {
 
-// Changes of paths in one problem, drawn at random. The problem has to outlive it.
+// Random changes of paths in one problem. The problem must outlive this object.
 class LocalChanges {
   public:
     explicit LocalChanges(const Problem &problem);
 
-    // Change one arc of a path from `start` to the goal and close it by three others; the path stays as it is when that
-    // gains nothing. Return whether it has changed.
+    // Change one arc of a path from `start` to the goal, and close the path with three others. The path stays unchanged
+    // if nothing is gained. Return whether it has changed.
     bool vary(const Pose &start, std::vector<Arc> &path, Random &random);
 
   private:
-    // The arcs from the first to the last one are changed so that they end at the target, below a value.
+    // The arcs to change, from the first to the last one, their target, and the upper limit of their value.
     struct Window {
         int first;
         int last;
@@ -31,7 +30,7 @@ class LocalChanges {
         bool is_too_small() const { return last - first < 2; }
     };
 
-    // The segment that a twist lies on, or nearly, -1 for none; and the share of its second end.
+    // The segment that a twist lies on, or nearly (-1 for none), and the share of its second end.
     struct Place {
         int segment;
         double share;
@@ -47,9 +46,9 @@ class LocalChanges {
     void find_poses(const std::vector<Arc> &path, int first, int last);
 
     const Problem &problem_;
-    std::vector<std::array<double, 3>> normals_; // of the planes through the segments, zero for single twists
+    std::vector<std::array<double, 3>> normals_; // normals of the planes through the segments; zero for single twists
     std::vector<Arc> trial_;                     // the changed path
-    std::vector<Pose> poses_;                    // before its first arc, and after each of some of its arcs
+    std::vector<Pose> poses_;                    // poses before its first arc and after some of its arcs
 };
 
 } // namespace pushplan

@@ -1,7 +1,7 @@
-// The compiled core as Python sees it: `pushplan.core`, with a submodule for each kind of work.
+// The Python module of the compiled core: `pushplan.core`, with a submodule for each kind of work.
 //
-// Numbers only cross over: no Python object is called from here, and no state outlives a call but that of the objects
-// that callers hold. Stubs are made of what is bound here, with the docstrings.
+// Only numbers are exchanged. The core calls no Python object, and the only state between calls is in objects that
+// callers hold. Stubs are generated from these bindings and their docstrings.
 #include "numpy.hpp"
 
 namespace pushplan {
@@ -23,11 +23,11 @@ void bind_timing(nb::module_ &);
 void bind_transit(nb::module_ &);
 void bind_uncertain(nb::module_ &);
 
-extern const char *const SOURCES; // the digest of the sources; `building.py` defines it
+extern const char *const SOURCES; // digest of the sources, defined by `building.py`
 } // namespace pushplan
 
 NB_MODULE(core, m) {
-    nanobind::set_leak_warnings(false); // what lives until the process ends is no news for users
+    nanobind::set_leak_warnings(false); // objects that live until the process ends are no leak
     m.attr("__doc__") = "Compiled inner loops: collision, steering, search, timing, mechanics, driving, slip.";
     m.attr("SOURCES") = pushplan::SOURCES;
     pushplan::bind_boundary(m);

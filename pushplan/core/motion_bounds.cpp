@@ -6,20 +6,20 @@ namespace pushplan {
 
 namespace {
 
-// Signs are not told of coefficients that are smaller by this factor than the largest one.
+// Coefficients smaller than the largest one by this factor have no sign.
 constexpr double SIGNLESS = 1e-9;
 
-// Room (N) that a contact condition counts with at least, so that none left is much used and not a division by 0.
+// Minimum reserve (N) of a contact condition, so that no reserve means a large use instead of a division by 0.
 constexpr double TINY = 1e-12;
 
 constexpr double binomial(int n, int k) {
     double value = 1.0;
     for (int i = 1; i <= k; ++i)
-        value = value * (n - k + i) / i; // whole at every step
+        value = value * (n - k + i) / i; // an integer at every step
     return value;
 }
 
-// From power to Bernstein coefficients on [0, 1] of polynomials of a degree: b_k = sum_j C(k, j) / C(degree, j) p_j.
+// Conversion from power to Bernstein coefficients on [0, 1] for one degree: b_k = sum_j C(k, j) / C(degree, j) p_j.
 template <int DEGREE> struct ToBernstein {
     double factor[DEGREE + 1][DEGREE + 1];
 
@@ -32,10 +32,10 @@ template <int DEGREE> struct ToBernstein {
 
 template <int DEGREE> constexpr ToBernstein<DEGREE> TO_BERNSTEIN{};
 
-// N coefficients, lowest order first, of polynomials in C columns.
+// N coefficients, lowest order first, of polynomials with C columns.
 template <int N, int C> using Polynomials = double[N][C];
 
-// Length of the longest Bernstein coefficient over [0, 1] of the columns from the first one to before the last one.
+// Return the length of the longest Bernstein coefficient over [0, 1] of the columns [first, last).
 template <int N, int C> double longest(const Polynomials<N, C> &p, int first, int last) {
     double largest = 0.0;
     for (int k = 0; k < N; ++k) {
@@ -56,7 +56,7 @@ struct Hull {
     double high;
 };
 
-// Smallest and largest Bernstein coefficient over [0, 1] of a column.
+// Return the smallest and the largest Bernstein coefficient over [0, 1] of a column.
 template <int N, int C> Hull hull_of(const Polynomials<N, C> &p, int column) {
     Hull hull{INF, -INF};
     for (int k = 0; k < N; ++k) {
@@ -68,7 +68,7 @@ template <int N, int C> Hull hull_of(const Polynomials<N, C> &p, int column) {
     return hull;
 }
 
-// The limit where a polynomial tells which side counts; the smaller one where its sign is unclear.
+// Return the limit of the side given by a polynomial's sign; the smaller limit if the sign is unclear.
 double limit_of(const Hull &sign, const TwoSided &limit) {
     const double tiny = SIGNLESS * std::max(-sign.low, sign.high);
     if (sign.low >= -tiny)
@@ -76,19 +76,19 @@ double limit_of(const Hull &sign, const TwoSided &limit) {
     return sign.high > tiny ? std::min(limit.negative, limit.positive) : limit.negative;
 }
 
-// Largest share of its limits that a polynomial takes on either side.
+// Return the largest share of its limits that a polynomial uses on either side.
 double used(const Hull &hull, const TwoSided &limit) {
     return std::max(-hull.low / limit.negative, hull.high / limit.positive);
 }
 
-// The twist of a piece and its derivatives by time, as polynomials of time / duration.
+// The twist of a piece and its time derivatives, as polynomials of time / duration.
 struct Motion {
     double twist[3][3];
     double first[2][3];
     double second[1][3];
     double acceleration[5][2];
     double jerk[7][2];
-    double power[7][1]; // acceleration . v: whether the speed grows
+    double power[7][1]; // acceleration . v; its sign shows whether the speed grows
 
     Motion(double duration, const Quadratic &piece) : acceleration(), jerk(), power() {
         const double powers[] = {1.0, duration, duration * duration};
@@ -112,7 +112,7 @@ struct Motion {
                 power[i + j][0] += acceleration[i][0] * twist[j][0] + acceleration[i][1] * twist[j][1];
     }
 
-    // The products of the i-th coefficient of omega (or of v) and the j-th one of what it turns.
+    // Add the products of the i-th coefficient of omega and the j-th coefficient of the vector that it turns.
     void add_turn(int i, int j) {
         acceleration[i + j][0] -= twist[i][2] * twist[j][1];
         acceleration[i + j][1] += twist[i][2] * twist[j][0];
@@ -130,7 +130,7 @@ struct Motion {
 
 void require_pieces(Row<const double> durations, Row<const Quadratic> coefficients) {
     if (coefficients.size != durations.size)
-        throw std::invalid_argument("every piece has coefficients and a duration");
+        throw std::invalid_argument("the numbers of coefficients and of durations differ");
 }
 
 } // namespace
@@ -159,7 +159,7 @@ ContactUse contact_use(const ContactQuestion &question, Row<const std::int64_t> 
                    std::vector<double>(static_cast<std::size_t>(pieces), 1.0)};
     for (std::ptrdiff_t i = 0; i < piece.size; ++i) {
         if (piece[i] < 0 || piece[i] >= pieces)
-            throw std::invalid_argument("an instant is on a piece that there is not: " + std::to_string(piece[i]));
+            throw std::invalid_argument("an instant is on a piece that does not exist: " + std::to_string(piece[i]));
         const auto own = static_cast<std::size_t>(piece[i]);
         double share = use.shares[own], factor = use.slowing[own];
         for (std::ptrdiff_t n = i * contacts; n < (i + 1) * contacts; ++n)
@@ -168,8 +168,8 @@ ContactUse contact_use(const ContactQuestion &question, Row<const std::int64_t> 
                 const double spent = margin * inertia.size[n] - inertia.rows[j];
                 share = std::max(share, spent / room);
                 if (spent > room) {
-                    // What inertia asks for at a steady twist stays when the twist changes more slowly; the rest
-                    // shrinks in proportion.
+                    // If the twist changes more slowly, the inertial part at a steady twist stays, and the rest shrinks
+                    // in proportion.
                     const double kept = margin * steady.size[n] - steady.rows[j];
                     factor = std::max(factor, (spent - kept) / std::max(room - kept, TINY));
                 }

@@ -1,8 +1,9 @@
-// Upper bounds of what a motion uses of its limits between samples: of speeds, accelerations, jerks, and contacts.
+// Upper bounds of a motion's used shares of its limits between samples: speed, acceleration, jerk and contacts.
 //
-// Of a twist V = (v, omega) that is a quadratic of time, the contact midpoint has, in the body's frame, the
-// acceleration a = v' + omega x v and the jerk j = v'' + 2 omega x v' + omega' x v + omega x (omega x v): polynomials
-// of time. A polynomial on [0, 1] lies in the hull of its Bernstein coefficients, so the longest of these bounds it.
+// Let the twist V = (v, omega) be a quadratic of time. Then, in the body's frame, the contact midpoint has the
+// acceleration a = v' + omega x v and the jerk j = v'' + 2 omega x v' + omega' x v + omega x (omega x v). Both are
+// polynomials of time. A polynomial on [0, 1] lies in the hull of its Bernstein coefficients, so the longest of these
+// is a bound.
 #pragma once
 
 #include "step_sum.hpp"
@@ -11,7 +12,7 @@
 
 namespace pushplan {
 
-// Limits of the pusher that have two sides: where the quantity is negative, and where it is not.
+// A limit of the pusher with two sides: for negative and for other values.
 struct TwoSided {
     double negative;
     double positive;
@@ -26,31 +27,31 @@ struct PusherLimits {
     double angular_jerk;
 };
 
-// Shares (q, 3) that pieces use of the limits of speed, acceleration and jerk; row after row.
+// Return the shares (q, 3) of the limits of speed, acceleration and jerk that pieces use, row by row.
 std::vector<double> limit_use(Row<const double> durations, Row<const Quadratic> coefficients,
                               const PusherLimits &limits);
 
-// What is known of the wrenches of n contacts at k instants: the least value of each of their four conditions, N,
-// (k, n, 4), and a bound (k, n) on their size, N.
+// Bounds of the wrenches of n contacts at k instants: the least value (k, n, 4) of each of their four conditions, N,
+// and an upper bound (k, n) of their size, N.
 struct ContactRows {
     const double *rows;
     const double *size;
 };
 
-// What pieces use of their contacts: the share of what there is to spare, and by which factor the same twists have to
-// change more slowly for the contacts to hold.
+// Contact use of pieces: the used share of the reserve, and the factor by which the twists must change more slowly so
+// that the contacts hold.
 struct ContactUse {
     std::vector<double> shares;
     std::vector<double> slowing;
 };
 
-// What q pieces use of n contacts, from instants on them (k,); `margin` is what contacts keep, and inertia may use up
-// the share `room` of what they have to spare above it.
+// The contact use of q pieces with n contacts, from k instants. Contacts keep `margin`, and inertia can use the share
+// `room` of their reserve above it.
 struct ContactQuestion {
     std::ptrdiff_t contacts;
-    ContactRows floor;   // what contacts transmit without inertia
-    ContactRows inertia; // what inertia adds
-    ContactRows steady;  // what it adds where the twist does not change
+    ContactRows floor;   // transmitted without inertia
+    ContactRows inertia; // added by inertia
+    ContactRows steady;  // added by inertia at a steady twist
     double margin;
     double room;
 };

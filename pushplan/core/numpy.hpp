@@ -1,4 +1,4 @@
-// NumPy arrays as tables. Views are taken while the interpreter's lock is held; what runs long then lets it go:
+// NumPy arrays as tables. Views are taken while holding the interpreter's lock. Long work then releases it:
 //
 //     m.def("grow", [](const Scene &scene, Numbers path) {
 //         const auto rows = table(path);
@@ -11,7 +11,7 @@
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
-// Without its header a type compiles, too, and is refused when it is handed over: a test looks for such types.
+// Without its header, a type still compiles but is refused as an argument. A test checks for such types.
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/complex.h>
 #include <nanobind/stl/optional.h>
@@ -34,7 +34,7 @@ namespace nb = nanobind;
 
 using Shape = std::vector<std::ptrdiff_t>;
 
-// An array that a caller hands over, contiguous, with sizes that may be subtracted from one another.
+// A contiguous array argument. Its sizes are signed, so that they can be subtracted.
 template <class Number> struct Array : nb::ndarray<Number, nb::c_contig, nb::device::cpu> {
     using Base = nb::ndarray<Number, nb::c_contig, nb::device::cpu>;
     using value_type = std::remove_const_t<Number>;
@@ -45,14 +45,14 @@ template <class Number> struct Array : nb::ndarray<Number, nb::c_contig, nb::dev
     Shape shape() const { return {Base::shape_ptr(), Base::shape_ptr() + ndim()}; }
 };
 
-// What is handed over is converted to contiguous numbers if it is not: to be read only, a copy may be made.
+// A read-only argument, converted to a contiguous copy if necessary.
 template <class Number> using Given = Array<const Number>;
 using Numbers = Given<double>;
 using Integers = Given<std::int64_t>;
-// What is written to has to be the caller's own memory: `nb::arg(...).noconvert()` refuses another layout or kind.
+// A written argument must be the caller's own memory: `nb::arg(...).noconvert()` refuses another layout or type.
 using Written = Array<double>;
 
-// The state of a `Random`, (1,): a caller's generator goes on where a call has left it.
+// The state (1,) of a `Random`. A caller's generator continues where the last call stopped.
 using RandomState = Array<std::uint64_t>;
 
 inline Random &random_of(RandomState &state) {
@@ -74,13 +74,13 @@ template <class Number> auto row(const Array<Number> &array) {
     return Row<Number>{array.data(), array.shape(0)};
 }
 
-// std::memcpy, also of nothing: an empty vector has no address, and memcpy must not be given none.
+// std::memcpy that also accepts empty vectors, whose address is null.
 inline void copy_bytes(void *to, const void *from, std::size_t count) {
     if (count != 0)
         std::memcpy(to, from, count);
 }
 
-// An array of NumPy's that is made here, and given back.
+// A NumPy array that is made here and returned.
 template <class Number> struct Made : nb::ndarray<nb::numpy, Number> {
     Made(Number *numbers, const std::vector<std::size_t> &shape, nb::handle owner)
         : nb::ndarray<nb::numpy, Number>(numbers, shape.size(), shape.data(), owner) {}
@@ -88,27 +88,27 @@ template <class Number> struct Made : nb::ndarray<nb::numpy, Number> {
 
 inline std::vector<std::size_t> sizes_of(const Shape &shape) { return {shape.begin(), shape.end()}; }
 
-// A vector's numbers as an array of a given shape that owns them: nothing is copied.
+// Return a vector's numbers as an array of a shape that owns them, without a copy.
 template <class Number> Made<Number> to_numpy(std::vector<Number> &&numbers, const Shape &shape) {
     auto *kept = new std::vector<Number>(std::move(numbers));
     nb::capsule owner(kept, [](void *pointer) noexcept { delete static_cast<std::vector<Number> *>(pointer); });
     return {kept->data(), sizes_of(shape), owner};
 }
 
-// A row (n,) of a vector's numbers: nothing is copied.
+// Return a vector's numbers as a row (n,), without a copy.
 template <class Number> Made<Number> to_numpy(std::vector<Number> &&numbers) {
     const auto count = static_cast<std::ptrdiff_t>(numbers.size());
     return to_numpy(std::move(numbers), {count});
 }
 
-// An array of a shape, to be filled in.
+// Return an uninitialised array of a shape.
 template <class Number> Made<Number> new_array(const Shape &shape) {
     auto *numbers = new Number[static_cast<std::size_t>(require_room(shape, "an array"))];
     nb::capsule owner(numbers, [](void *pointer) noexcept { delete[] static_cast<Number *>(pointer); });
     return {numbers, sizes_of(shape), owner};
 }
 
-// An array of a shape with a copy of the numbers from an address on.
+// Return an array of a shape with a copy of the numbers at an address.
 template <class Number> Made<Number> copied(const Number *numbers, const Shape &shape) {
     Made<Number> made = new_array<Number>(shape);
     copy_bytes(made.data(), numbers, made.nbytes());
@@ -119,12 +119,12 @@ template <class Number> Made<Number> copied(const std::vector<Number> &numbers) 
     return copied(numbers.data(), {static_cast<std::ptrdiff_t>(numbers.size())});
 }
 
-// Numbers that `owner` keeps, to be read only: nothing is copied.
+// Return a read-only array of numbers that `owner` keeps, without a copy.
 template <class Number> Made<const Number> read_only(const Number *numbers, const Shape &shape, nb::handle owner) {
     return {numbers, sizes_of(shape), owner};
 }
 
-// A constructor: the object that a function makes of the arguments.
+// A constructor that calls a function with the arguments.
 template <class Class, class... Args> struct MadeBy : nb::def_visitor<MadeBy<Class, Args...>> {
     Class (*make)(Args...);
 
@@ -138,7 +138,7 @@ template <class Class, class... Args> struct MadeBy : nb::def_visitor<MadeBy<Cla
     }
 };
 
-// How an object is pickled: by the arguments of its constructor, all of which it shows by their names.
+// Pickling by the constructor's arguments, which the object has as properties of the same names.
 struct PickledBy : nb::def_visitor<PickledBy> {
     std::vector<const char *> names;
 
@@ -158,7 +158,7 @@ struct PickledBy : nb::def_visitor<PickledBy> {
     }
 };
 
-// How one is pickled that has changed since: by a tuple, and made of it again.
+// Pickling of an object that can change: its state is a tuple.
 template <class Class, class Self> struct Pickled : nb::def_visitor<Pickled<Class, Self>> {
     nb::tuple (*state)(Self);
     Class (*make)(const nb::tuple &);
@@ -177,7 +177,7 @@ template <class Class, class Self> struct Pickled : nb::def_visitor<Pickled<Clas
 
 template <class Number> struct nanobind::detail::type_caster<pushplan::Array<Number>> {
     using Base = typename pushplan::Array<Number>::Base;
-    // What stubs say: kind of the numbers alone.
+    // Type in stubs: the type of the numbers only.
     static constexpr auto Kind = dtype_name<std::remove_const_t<Number>>::name;
     NB_TYPE_CASTER(pushplan::Array<Number>, const_name("numpy.ndarray[") + Kind + const_name("]"))
 
@@ -195,7 +195,7 @@ template <class Number> struct nanobind::detail::type_caster<pushplan::Made<Numb
     static constexpr auto Name = make_caster<Base>::Name;
     template <class> using Cast = pushplan::Made<Number>;
 
-    // It has its owner: no policy has a say in that.
+    // The array has its owner, so the policy does not matter.
     static handle from_cpp(const Base &array, rv_policy, cleanup_list *cleanup) noexcept {
         return make_caster<Base>::from_cpp(array, rv_policy::automatic, cleanup);
     }

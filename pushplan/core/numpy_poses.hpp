@@ -18,11 +18,11 @@ inline const double *three_finite(const Numbers &array, const char *name) {
 inline Pose to_pose(const Numbers &array) { return pose_at(three_finite(array, "a pose")); }
 inline Twist to_twist(const Numbers &array) { return twist_at(three_finite(array, "a twist")); }
 
-// Rows (n, columns) of finite numbers as structs of as many numbers: copied.
+// Return a copy of rows (n, columns) of finite numbers as structs of as many numbers.
 template <class Struct, class Number> std::vector<Struct> to_rows(const Array<Number> &array, const char *what) {
     constexpr auto columns = static_cast<std::ptrdiff_t>(sizeof(Struct) / sizeof(double));
     if (array.ndim() < 2 || array.size() != array.shape(0) * columns)
-        throw std::invalid_argument(std::string(what) + " is no table of " + std::to_string(columns) +
+        throw std::invalid_argument(std::string(what) + " is not a table of " + std::to_string(columns) +
                                     " numbers a row");
     require_all_finite(array.data(), array.size(), what);
     std::vector<Struct> rows(static_cast<std::size_t>(array.shape(0)));
@@ -38,7 +38,8 @@ inline std::vector<Arc> to_arcs(const Numbers &array) {
     return arcs;
 }
 
-// Three numbers that stand for an arc: two from 0 to 1, see `choose_twist`, and its length as a share of the longest's.
+// Return the three coordinates of an arc: two from 0 to 1 (`choose_twist`), and its length as a share of the longest
+// arc.
 inline std::array<double, 3> to_controls(const double *of) {
     for (int k = 0; k < 2; ++k)
         if (!(of[k] >= 0.0 && of[k] <= 1.0))
@@ -46,7 +47,7 @@ inline std::array<double, 3> to_controls(const double *of) {
     return {of[0], of[1], require_not_negative(of[2], "a control")};
 }
 
-// Rows as a table (n, numbers of a row) of the caller's own.
+// Return a copy of rows as a table (n, numbers per row).
 template <class Struct> Made<double> to_table(const Struct *rows, std::size_t count) {
     constexpr auto columns = static_cast<std::ptrdiff_t>(sizeof(Struct) / sizeof(double));
     auto made = new_array<double>({static_cast<std::ptrdiff_t>(count), columns});

@@ -7,7 +7,7 @@ namespace pushplan {
 
 namespace {
 
-// The table's values for a twist, interpolated.
+// Return the table's interpolated values for a twist.
 Objective::Entry look_up(const Objective &objective, const Twist &twist) {
     const std::int64_t n = objective.side;
     const auto &box = objective.box;

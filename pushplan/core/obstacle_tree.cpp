@@ -7,7 +7,7 @@ namespace pushplan {
 
 namespace {
 
-// Edges are taken for this long (m) at least, so that nothing is divided by 0.
+// Minimum length (m) of an edge in divisions.
 constexpr double SHORTEST_EDGE = 1e-300;
 
 using Members = Row<std::int64_t>;
@@ -20,7 +20,7 @@ struct Growth {
 
     // Sort obstacles by their centres along the longer side of these centres' extent.
     void sort(Members members) const {
-        // Twice the centre: only the order counts.
+        // Twice the centre, because only the order counts.
         const auto x = [this](std::int64_t i) { return boxes[i].xmin + boxes[i].xmax; };
         const auto y = [this](std::int64_t i) { return boxes[i].ymin + boxes[i].ymax; };
         const auto extent = [members](auto &&center) {
@@ -35,7 +35,7 @@ struct Growth {
             std::stable_sort(members.begin(), members.end(), [&](auto i, auto j) { return y(i) < y(j); });
     }
 
-    // Append the nodes above some obstacles, and bring these into order.
+    // Append the nodes above some obstacles, and sort these.
     void add(Members members) {
         const std::size_t row = tree.size();
         TreeNode node{INF, INF, -INF, -INF, 0, 0, 0, 0, 0};
@@ -45,7 +45,7 @@ struct Growth {
         }
         tree.push_back(node);
         if (members.size <= LEAF) {
-            // Leaves are met in the order of rows, so that polygons and circles get consecutive numbers in it.
+            // Leaves are visited in the order of rows, so that their polygons and circles are numbered consecutively.
             node.first_polygon = polygons_met, node.first_circle = circles_met;
             for (const std::int64_t i : members)
                 ++(i < polygons ? polygons_met : circles_met);
@@ -61,7 +61,7 @@ struct Growth {
     }
 };
 
-// Whether the way from an edge `into` a corner on to an edge `out` of it does not turn right.
+// Return whether the path along an edge `into` a corner and an edge `out` of it does not turn right.
 bool is_convex(const std::vector<Point> &points, Row<const std::int64_t> origin, std::int64_t into, std::int64_t out,
                const std::vector<std::int64_t> &after) {
     const Point &a = points[origin[into]], &b = points[origin[out]], &c = points[origin[after[out]]];
@@ -118,7 +118,7 @@ Bulges bulges_of(const Outlines &polygons) {
     for (std::int64_t i = 0; i < polygons.count(); ++i) {
         const Point *first = &polygons.corners[polygons.starts[i]];
         const std::int64_t count = polygons.starts[i + 1] - polygons.starts[i];
-        double area = 0.0; // as seen from a corner, which keeps digits far from the origin
+        double area = 0.0; // relative to a corner, which keeps precision far from the origin
         for (std::int64_t k = 0; k < count; ++k) {
             const Point &before = first[(k + count - 1) % count], &p = first[k], &after = first[(k + 1) % count];
             const double ax = p.x - before.x, ay = p.y - before.y, bx = after.x - p.x, by = after.y - p.y;

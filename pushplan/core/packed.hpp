@@ -1,4 +1,4 @@
-// A chain whose loads are known: objects and contacts in the chain frame.
+// A chain with known loads: objects and contacts in the chain frame.
 #pragma once
 
 #include "arrays.hpp"
@@ -19,10 +19,10 @@ struct PackedChain {
     std::int64_t pusher(std::ptrdiff_t k) const { return links.table()[k][PUSHER]; }
     Facets facets(std::ptrdiff_t k) const { return read<Facets>(rows.table()[k]); }
 
-    // Throw std::invalid_argument if an index leads out of an array.
+    // Throw std::invalid_argument if an index is outside an array.
     void check() const {
         if (rows.size() != 0 && rows.size() != count())
-            throw std::invalid_argument("there must be rows for every contact, or none");
+            throw std::invalid_argument("the rows must be given for every contact or for none");
         for (std::ptrdiff_t i = 0; i < count(); ++i) {
             const std::int64_t *link = links.table()[i];
             if (link[FIRST_PART] < 0 || link[FIRST_PART] >= link[PAST_LAST_PART] ||

@@ -8,10 +8,10 @@ namespace pushplan {
 
 namespace {
 
-// Looks at cells for each slot of their table, most of which are known already, after which it is given up.
+// Maximum number of visits to cells per slot of their table, most of them known already.
 constexpr std::int64_t LOOKS = 64;
 
-// Place of the middle of a column and row in the world, m, and its heading.
+// Return the pose of a cell's middle in the world.
 Pose pose_of(const Pose &begin, const Steps &steps, const Cell &cell) {
     const double c = std::cos(begin.theta), s = std::sin(begin.theta);
     const double x = steps.side * static_cast<double>(cell.column - ORIGIN);
@@ -20,7 +20,7 @@ Pose pose_of(const Pose &begin, const Steps &steps, const Cell &cell) {
     return {begin.x + c * x - s * y, begin.y + s * x + c * y, begin.theta + turn};
 }
 
-// Whether the body may be free at some pose in a cell; `near` is more than the distance that tells.
+// Return whether the body may be free at some pose of a cell. `near` exceeds the distance that decides.
 bool may_hold(const Scene &scene, const Pose &begin, const Steps &steps, const Cell &cell, double near) {
     const Pose middle = pose_of(begin, steps, cell);
     const double c = std::cos(middle.theta), s = std::sin(middle.theta);
@@ -29,7 +29,7 @@ bool may_hold(const Scene &scene, const Pose &begin, const Steps &steps, const C
     return separation(scene, {x, y, middle.theta}, near) >= steps.touching;
 }
 
-// Columns and rows from the first to the last ones.
+// A range of columns and rows.
 struct Window {
     std::int64_t first_column;
     std::int64_t last_column;
@@ -37,7 +37,7 @@ struct Window {
     std::int64_t last_row;
 };
 
-// Where a step from a cell may lead with a turn; c and s are of the heading of its middle.
+// Return the cells that a step with a turn can reach; c and s are the cosine and sine of the middle's heading.
 Window window_of(const Steps &steps, const Cell &cell, const Span &aside, double c, double s) {
     double xmin = INF, ymin = INF, xmax = -INF, ymax = -INF;
     for (const double along : {steps.ahead.low, steps.ahead.high})
@@ -49,9 +49,9 @@ Window window_of(const Steps &steps, const Cell &cell, const Span &aside, double
             ymin = std::min(ymin, y);
             ymax = std::max(ymax, y);
         }
-    // From anywhere within half a cell to anywhere within half a cell: one cell more to either side.
+    // Both ends can be anywhere in their cells, so add one cell on every side.
     const auto column = static_cast<double>(cell.column), row = static_cast<double>(cell.row);
-    // `look_at` refuses what is not on the grid, however far.
+    // `look_at` refuses all cells outside the grid.
     const auto whole = [](double place) {
         return static_cast<std::int64_t>(std::clamp(place, -1.0, static_cast<double>(MOST_CELLS)));
     };
@@ -59,19 +59,19 @@ Window window_of(const Steps &steps, const Cell &cell, const Span &aside, double
             whole(std::ceil(row - 1.0 + ymin / steps.side)), whole(std::floor(row + 1.0 + ymax / steps.side))};
 }
 
-// The heading of a cell as one of those of a full turn.
+// Return a heading cell within a full turn.
 std::int64_t within_a_turn(std::int64_t heading, std::int64_t headings) {
     const std::int64_t rest = heading % headings;
     return rest < 0 ? rest + headings : rest;
 }
 
-// The cells found so far, and those that are known to touch something.
+// The cells found so far, and those known to touch something.
 class Spreader {
   public:
     Spreader(const Scene &scene, const Pose &begin, const Steps &steps, std::size_t slots)
         : scene_(scene), begin_(begin), steps_(steps), most_(slots / 2),
           left_(LOOKS * static_cast<std::int64_t>(slots)),
-          // `separation` may stop at a distance it is told: a little more than what is compared with decides as well.
+          // `separation` is capped a little above the distance that is compared.
           near_(std::max(steps.touching, 0.0) + steps.side) {
         known_.clear(slots);
         const Cell first{ORIGIN, ORIGIN, 0};
@@ -94,7 +94,7 @@ class Spreader {
     }
 
   private:
-    // Take the cells that a step leads to; false when there is no room for another one.
+    // Add the cells that a step leads to; return false if there is no room for another one.
     bool expand(const Cell &cell) {
         const double theta = 2.0 * PI * static_cast<double>(cell.heading) / static_cast<double>(steps_.headings);
         const double c = std::cos(theta), s = std::sin(theta);

@@ -17,7 +17,7 @@ Twist choose_twist(const Problem &problem, double u0, double u1) {
     }
     u0 = (u0 - LETTER_SHARE) / (1.0 - LETTER_SHARE);
     const std::int64_t i = std::min(static_cast<std::int64_t>(u0 * static_cast<double>(segments)), segments - 1);
-    // Clipped: the numbers beyond lie on the ends, so that the boundary of the stable set is drawn at all.
+    // Clamped, so that the ends, the boundary of the stable set, are drawn with a positive probability.
     const double b = std::clamp((u1 - END_SHARE) / (1.0 - 2.0 * END_SHARE), 0.0, 1.0);
     return between(problem.segments[i], b);
 }

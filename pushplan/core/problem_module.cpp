@@ -10,9 +10,9 @@ namespace {
 Objective to_objective(int kind, double per_arc, double lowest, double length, const Numbers &box,
                        const Numbers &table) {
     if (table.ndim() != 3 || table.shape(0) != table.shape(1) || table.shape(0) < 2 || table.shape(2) != 3)
-        throw std::invalid_argument("an objective's table is (n, n, 3)");
+        throw std::invalid_argument("an objective's table must be (n, n, 3)");
     if (box.size() != 4)
-        throw std::invalid_argument("an objective's box has four angles, not " + std::to_string(box.size()));
+        throw std::invalid_argument("an objective's box needs four angles, not " + std::to_string(box.size()));
     require_index(kind, TRAVEL, PASSING + 1, "kind");
     require_all_finite(box.data(), 4, "box");
     require_all_finite(table.data(), table.size(), "table");
@@ -35,12 +35,12 @@ void bind_objective(nb::module_ &m) {
     m.attr("PASSING") = PASSING;
     m.attr("GAIN") = GAIN;
     nb::class_<Objective>(m, "Objective", R"(
-    What paths are ranked by; the table holds, for twists scaled to a cost rate of 1, what the kind needs.
+    Objective that ranks paths. The table holds the values that its kind needs, for twists scaled to a cost rate of 1.
 
     Attributes:
-        kind: `TRAVEL` (no table), `MARGIN` (rate), `REST_TO_REST` or `PASSING` (top speed, time
-            from rest to it, s, and the power of its length with which the time of a shorter arc grows).
-        per_arc: Value of an arc beside its length.
+        kind: `TRAVEL` (no table), `MARGIN` (rate), `REST_TO_REST` or `PASSING` (top speed; time to it from rest, s;
+            exponent of the length in the time of shorter arcs).
+        per_arc: Value of an arc in addition to its length.
         lowest: Smallest value of a metre of arc.
         length: Characteristic length of the twist sphere, m.
         box: (4,) first and last longitude, first and last latitude of the table, rad.
@@ -66,22 +66,22 @@ Problem to_problem(const Scene &scene, const Numbers &segments, const Numbers &f
     Problem problem{scene,         to_rows<Segment>(segments, "segments"), to_families(families),
                     to_pose(goal), require_positive(longest, "longest"),   objective};
     if (problem.segments.empty() || problem.families.empty())
-        throw std::invalid_argument("a problem has a segment and a family at least");
+        throw std::invalid_argument("a problem needs at least one segment and one family");
     return problem;
 }
 
 void bind_problem_class(nb::module_ &m) {
     m.attr("TURN_WEIGHT") = TURN_WEIGHT;
     nb::class_<Problem>(m, "Problem", R"(
-    What a search needs to know.
+    A push problem: the input of a search.
 
     Attributes:
-        scene: The body and what it must not touch.
+        scene: The body and the obstacles.
         segments: (k, 6) stable twists between two end twists: every positive combination of them is stable.
         families: (f, 3, 3) left, straight and right twists for exact connections.
         goal: (3,) pose of the chain frame in the world.
         longest: Longest arc sampled, m of cost.
-        objective: What makes one path better than another.
+        objective: Objective that ranks paths.
     )")
         .def(MadeBy(&to_problem), nb::arg("scene"), nb::arg("segments"), nb::arg("families"), nb::arg("goal"),
              nb::arg("longest"), nb::arg("objective"))
@@ -105,34 +105,34 @@ void bind_problem_class(nb::module_ &m) {
                 self.goal = to_pose(goal);
                 return self;
             },
-            nb::arg("goal"), "Return it with another goal (3,).")
+            nb::arg("goal"), "Return the problem with another goal (3,).")
         .def(
             "with_segments",
             [](Problem self, const Numbers &segments) {
                 self.segments = to_rows<Segment>(segments, "segments");
                 if (self.segments.empty())
-                    throw std::invalid_argument("a problem has a segment at least");
+                    throw std::invalid_argument("a problem needs at least one segment");
                 return self;
             },
-            nb::arg("segments"), "Return it with other stable twists (k, 6).")
+            nb::arg("segments"), "Return the problem with other stable twists (k, 6).")
         .def(
             "with_objective",
             [](Problem self, const Objective &objective) {
                 self.objective = objective;
                 return self;
             },
-            nb::arg("objective"), "Return it with another objective.")
+            nb::arg("objective"), "Return the problem with another objective.")
         .def(PickledBy{"scene", "segments", "families", "goal", "longest", "objective"});
     m.def(
         "remaining", [](const Numbers &pose, const Numbers &goal) { return remaining(to_pose(pose), to_pose(goal)); },
         nb::arg("pose"), nb::arg("goal"),
-        "Return a lower bound on the cost from a pose (3,) to the goal: straight travel plus the smallest turn.");
+        "Return a lower bound of the cost from a pose (3,) to the goal: straight travel plus the smallest turn.");
     m.def(
         "random", [](RandomState state) { return random_of(state)(); }, nb::arg("state"),
         "Draw a number in [0, 1) from the generator's state (1,) uint64 (splitmix64, Steele et al. 2014).");
 }
 
-// Cost, letters and lengths of words (n, 7).
+// Return cost, letters and lengths of steering paths (n, 7).
 Made<double> words_table(const Words &words) {
     auto made = new_array<double>({static_cast<std::ptrdiff_t>(words.count), 7});
     double *to = made.data();
@@ -155,14 +155,14 @@ void bind_steering(nb::module_ &m) {
         "find_words",
         [](const Numbers &family, const Numbers &start, const Numbers &goal) {
             if (family.size() != 9)
-                throw std::invalid_argument("a family has three twists");
+                throw std::invalid_argument("a family needs three twists");
             Family letters;
             require_all_finite(family.data(), 9, "family");
             std::memcpy(&letters, family.data(), sizeof(Family));
             return words_table(find_words(letters, to_pose(start), to_pose(goal)));
         },
         nb::arg("family"), nb::arg("start"), nb::arg("goal"),
-        "Return cost, letters and lengths (n, 7) of every word of a family (3, 3) between two poses (3,).");
+        "Return cost, letters and lengths (n, 7) of every steering path of a family (3, 3) between two poses (3,).");
     m.def(
         "connect",
         [](const Scene &scene, const Numbers &families, const Numbers &start, const Numbers &goal, double bound,
@@ -181,19 +181,19 @@ void bind_steering(nb::module_ &m) {
     Find the cheapest free connection below a bound.
 
     Args:
-        scene: The body and what it must not touch.
+        scene: The body and the obstacles.
         families: (f, 3, 3) left, straight and right twists; f is at most 3.
         start: (3,) pose.
         goal: (3,) pose.
-        bound: Only words cheaper than this are looked at; infinite if nothing is given.
-        tries: So many words, cheapest first, are swept for collisions at most; all if nothing is given.
+        bound: Upper limit of the cost; infinite by default.
+        tries: Maximum number of steering paths checked for collisions, cheapest first; all by default.
 
     Returns:
-        (cost, promise, arcs): the connection's cost, infinite if there is none; the cheapest word's cost,
-        free or not; and the connection's twists and lengths (3, 4), None if there is none.
+        (cost, promise, arcs): cost of the connection, infinite if there is none; cost of the cheapest steering path,
+        free or not; twists and lengths (3, 4) of the connection, None if there is none.
 
     Raises:
-        ValueError: On more families.
+        ValueError: If there are more families.
     )");
     m.def(
         "reach",
@@ -212,14 +212,15 @@ void bind_steering(nb::module_ &m) {
             return costs;
         },
         nb::arg("scene"), nb::arg("families"), nb::arg("starts"), nb::arg("goals"), nb::arg("clearance"), R"(
-    Return the costs (n, m) of the cheapest free words from starts (n, 3) to goals (m, 3), inf where none is.
+    Return the costs (n, m) of the cheapest free steering paths from starts (n, 3) to goals (m, 3); inf if none is free.
 
     Args:
-        scene: One of `open_scene`; between two poses it keeps what the nearer of them leaves, see `Scene.with_gap`.
+        scene: An `open_scene`. Between two poses, it keeps the distance that the nearer end allows; see
+            `Scene.with_gap`.
         families: (f, 3, 3) left, straight and right twists.
-        starts: Poses of the chain frame.
-        goals: Likewise.
-        clearance: What start and goal must have at least, m.
+        starts: (n, 3) start poses of the chain frame.
+        goals: (m, 3) goal poses of the chain frame.
+        clearance: Minimum clearance of start and goal, m.
     )");
 }
 
@@ -236,7 +237,7 @@ void bind_chart(nb::module_ &m) {
             return to_table(arcs);
         },
         nb::arg("problem"), nb::arg("controls"),
-        "Return the arcs (k, 4), twists and lengths, of controls (k, 4): coordinates, and units that they go on for.");
+        "Return the arcs (k, 4), twists and lengths, of controls (k, 4): coordinates, and durations in units.");
     m.def(
         "controls_of",
         [](const Problem &problem, const Numbers &path) {
@@ -247,7 +248,7 @@ void bind_chart(nb::module_ &m) {
             return to_table(controls);
         },
         nb::arg("problem"), nb::arg("arcs"),
-        "Return controls (k, 4) of arcs (k, 4), with whole units; not finite where a twist is on no segment.");
+        "Return controls (k, 4) of arcs (k, 4), with whole units; not finite if a twist is on no segment.");
     m.def(
         "poses_along",
         [](const Scene &scene, const Numbers &start, const Numbers &path) {
@@ -255,7 +256,7 @@ void bind_chart(nb::module_ &m) {
             return std::make_tuple(to_table(followed.poses), followed.free);
         },
         nb::arg("scene"), nb::arg("start"), nb::arg("arcs"),
-        "Return the poses (k + 1, 3) at the ends of arcs (k, 4), and how many arcs come before one that is not free.");
+        "Return the poses (k + 1, 3) at the ends of arcs (k, 4), and the number of arcs before one that is not free.");
 }
 
 } // namespace

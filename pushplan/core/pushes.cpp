@@ -8,10 +8,10 @@
 namespace pushplan {
 namespace {
 
-// Words that are swept for a push, at most.
+// Maximum number of steering paths checked for a push.
 constexpr int PUSH_TRIES = 6;
 
-// Poses along a turn or a straight push, of which the nearest to a goal is looked for.
+// Number of poses along a turn or a straight push, from which the nearest to a goal is chosen.
 constexpr int ALONG = 400;
 
 } // namespace
@@ -33,7 +33,7 @@ std::vector<double> word_costs(const PackedMode &mode, const std::vector<Pose> &
         const Pose begin = mode.settled(joined(starts[i], mode.contact));
         for (std::size_t j = 0; j < goals.size(); ++j) {
             const double away = std::hypot(goals[j].x - starts[i].x, goals[j].y - starts[i].y);
-            // A distance costs next to nothing beside the words, of which most pairs need none then.
+            // Check the distance first: it is much cheaper than the steering paths, and rules out most pairs.
             if (sofar[i] + away / mode.faster + left[j] >= below)
                 continue;
             double &cost = out[i * goals.size() + j];
@@ -74,7 +74,7 @@ bool approach_is_free(const Scene &robot, const PackedMode &mode, const Pose &lo
     const double behind = back ? mode.retreat : mode.approach, enough = mode.clearance + SLACK;
     const Pose near = mode.robot_at(load, 0.0), away = mode.robot_at(load, behind);
     const double gap = separation(robot, near, enough);
-    // Where the robot drives on, it keeps what every transit keeps.
+    // Where the robot drives on, it keeps the distance of a transit.
     if (gap < mode.clearance - ROUNDING || separation(robot, away, enough) < enough)
         return false;
     return sweep_is_free(scene_with_gap(robot, gap, mode.clearance), away, {1.0, 0.0, 0.0}, behind);
@@ -104,7 +104,7 @@ std::vector<Passing> find_passings(const PackedMode &mode, const Pose &load, con
                         best = share, passing = {joined(at, back), static_cast<int>(g)};
                     nearest = std::min(nearest, away);
                 }
-                // No pose is within the distance until it is driven.
+                // Until then, no pose is within the distance.
                 const double strides = (nearest - distance) / (speed * stride);
                 k += strides >= ALONG ? ALONG : strides > 1.0 ? static_cast<int>(strides) : 1;
             }
@@ -120,7 +120,7 @@ namespace {
 PackedMode to_mode(const Numbers &families, const Numbers &contact, const Numbers &robot, const Numbers &settling,
                    double settle, double approach, double retreat, double clearance, double faster) {
     if (families.size() == 0)
-        throw std::invalid_argument("a contact has at least one family of twists");
+        throw std::invalid_argument("a contact needs at least one family of twists");
     return {to_families(families),
             to_pose(contact),
             to_pose(robot),
@@ -144,14 +144,14 @@ void bind_mode(nb::module_ &m) {
 
     Attributes:
         families: (f, 3, 3) left, straight and right twists in the contact's chain frame; f is at most 3.
-        contact: (3,) pose of that frame in the load's.
+        contact: (3,) pose of that frame in the load's frame.
         robot: (3,) pose of the robot's frame in that frame.
-        settling: (3,) twist of the straight push that a push begins with.
-        settle: Its length, m.
-        approach: Length of the straight way to the contact, m.
-        retreat: Length of the straight way back from it, m.
-        clearance: What is kept from everything, m.
-        faster: How much faster than a push's cost grows the origin of the load's frame moves, at most.
+        settling: (3,) twist of the settling push, the straight push that begins every push.
+        settle: Length of the settling push, m.
+        approach: Length of the straight approach to the contact, m.
+        retreat: Length of the straight retreat from it, m.
+        clearance: Clearance, m.
+        faster: Maximum ratio of the travel of the load frame's origin to the cost of a push.
     )")
         .def(MadeBy(&to_mode), nb::arg("families"), nb::arg("contact"), nb::arg("robot"), nb::arg("settling"),
              nb::arg("settle"), nb::arg("approach"), nb::arg("retreat"), nb::arg("clearance"), nb::arg("faster"))
@@ -170,7 +170,7 @@ void bind_mode(nb::module_ &m) {
                 return to_array(mode.robot_at(to_pose(load), require_finite(behind, "behind")));
             },
             nb::arg("load"), nb::arg("behind"),
-            "Return the robot's pose (3,) so far behind the contact, m, with the load at a pose (3,).")
+            "Return the robot's pose (3,) at a distance (m) behind the contact, with the load at a pose (3,).")
         .def(PickledBy{"families", "contact", "robot", "settling", "settle", "approach", "retreat", "clearance",
                        "faster"});
 }
@@ -180,7 +180,7 @@ Made<double> costs_between(const PackedMode &mode, const Numbers &starts, const 
     const auto from = to_rows<Pose>(starts, "starts"), to = to_rows<Pose>(goals, "goals");
     const auto before = row(sofar), after = row(left);
     if (before.size != starts.shape(0) || after.size != goals.shape(0))
-        throw std::invalid_argument("a cost is needed for each start and for each goal");
+        throw std::invalid_argument("there must be one cost for each start and each goal");
     std::vector<double> costs;
     {
         nb::gil_scoped_release free;
@@ -199,14 +199,14 @@ auto push_between(const Scene &scene, const PackedMode &mode, const Numbers &sta
     return std::make_tuple(found.cost, to_table(found.arcs));
 }
 
-// Return (r, m, g) what single pushes cost in rooms, by contacts, to goals; infinite where none is free.
+// Return the costs (r, m, g) of single pushes in rooms, by contacts, to goals; infinite if none is free.
 Made<double> push_costs(const std::vector<Scene> &rooms, const std::vector<std::pair<Scene, PackedMode>> &contacts,
                         const Numbers &start, const Numbers &goals, const Given<bool> &asked) {
     const auto ends = to_rows<Pose>(goals, "goals");
     const Pose first = to_pose(start);
     const Shape shape{static_cast<std::ptrdiff_t>(rooms.size()), static_cast<std::ptrdiff_t>(contacts.size()),
                       static_cast<std::ptrdiff_t>(ends.size())};
-    require_shape(asked, {shape[1], shape[2]}, "table of the pushes that are asked for");
+    require_shape(asked, {shape[1], shape[2]}, "table of the requested pushes");
     std::vector<double> costs;
     {
         nb::gil_scoped_release free;
@@ -228,7 +228,7 @@ Made<double> push_costs(const std::vector<Scene> &rooms, const std::vector<std::
 auto passings_of(const PackedMode &mode, const Numbers &load, const Numbers &inner, const Numbers &goals,
                  const Numbers &within, double far) {
     if (within.size() != 2)
-        throw std::invalid_argument("a tolerance is a distance and an angle");
+        throw std::invalid_argument("a tolerance must be a distance and an angle");
     for (int k = 0; k < 2; ++k)
         require_positive(within.data()[k], "a tolerance");
     require_not_negative(far, "far");
@@ -262,15 +262,15 @@ Made<bool> approaches_are_free(const Scene &robot, const PackedMode &mode, const
 void bind_pushes(nb::module_ &core) {
     auto m = core.def_submodule(
         "pushes",
-        "Pushes of the load by one contact between two poses, and the straight ways to the contact and back.");
+        "Pushes of the load by one contact between two poses, and the straight approaches and retreats.");
     bind_mode(m);
     m.attr("ARCS") = std::tuple_size_v<decltype(Push::arcs)>;
     m.def("word_costs", &costs_between, nb::arg("mode"), nb::arg("starts"), nb::arg("goals"), nb::arg("sofar"),
           nb::arg("left"), nb::arg("below"), R"(
-    Return what the cheapest pushes from loads at `starts` (n, 3) to `goals` (m, 3) cost, whatever is in the way.
+    Return the costs of the cheapest pushes from load poses `starts` (n, 3) to `goals` (m, 3), ignoring obstacles.
 
-    A pair is left out (infinite) that cannot be part of a plan which costs less than `below`, as what comes before
-    the start costs at least `sofar` (n,) and what comes after the goal `left` (m,).
+    The cost is infinite if the pair cannot be part of a plan cheaper than `below`. `sofar` (n,) and `left` (m,) are
+    lower bounds of the costs before the start and after the goal.
     )");
     m.def("find_push", &push_between, nb::arg("scene"), nb::arg("mode"), nb::arg("start"), nb::arg("goal"), R"(
     Find the cheapest free push between two poses of the load.
@@ -279,40 +279,40 @@ void bind_pushes(nb::module_ &core) {
         scene: The chain with this contact in the room.
         mode: The contact.
         start: (3,) pose of the load.
-        goal: Likewise.
+        goal: (3,) goal pose of the load.
 
     Returns:
-        Its cost, m, infinite if there is none; and (ARCS, 4) the twists, in the contact's frame, and lengths.
+        Cost of the push, m, infinite if there is none; and its twists (in the contact's frame) and lengths (ARCS, 4).
     )");
     m.def("push_costs", &push_costs, nb::arg("rooms"), nb::arg("contacts"), nb::arg("start"), nb::arg("goals"),
           nb::arg("asked"), R"(
-    Return what single pushes cost from a pose of the load, with room for approach and retreat, (r, m, g), m.
+    Return the costs (r, m, g) of single pushes from a load pose that leave room for approach and retreat, m.
 
     Args:
-        rooms: r times the robot among what stands there.
-        contacts: m times the chain with a contact in any room, and the contact.
+        rooms: r scenes of the robot among the obstacles.
+        contacts: m pairs: scene of the chain with a contact (in any room), and the contact.
         start: (3,) pose of the load.
-        goals: (g, 3) likewise.
-        asked: (m, g) which of them are looked for; the others cost infinitely much, as those that are not free.
+        goals: (g, 3) goal poses of the load.
+        asked: (m, g) whether each push is requested. Pushes that are not requested or not free have infinite cost.
     )");
     m.def("find_passings", &passings_of, nb::arg("mode"), nb::arg("load"), nb::arg("inner"), nb::arg("goals"),
           nb::arg("within"), nb::arg("far"), R"(
-    Return where turns and straight pushes pass by goals, (k, 3) poses of the load, and by which, (k,) rows.
+    Return the load poses (k, 3) at which turns and straight pushes pass by goals, and the goals' rows (k,).
 
     Args:
         mode: The contact.
-        load: (3,) pose that the pushes begin at.
-        inner: (3,) pose in the load's frame of the frame that the goals are of.
-        goals: (g, 3) poses of it.
-        within: (2,) how far from a goal counts, m and rad.
-        far: Length of each push, m; 400 poses along it are looked at, and the nearest to a goal is taken.
+        load: (3,) load pose at the beginning of the pushes.
+        inner: (3,) pose of the goals' frame in the load's frame.
+        goals: (g, 3) goal poses of that frame.
+        within: (2,) tolerance of a goal, m and rad.
+        far: Length of each push, m. Of 400 poses along it, the nearest to a goal is taken.
     )");
     m.def("settles", &settles_at, nb::arg("scene"), nb::arg("mode"), nb::arg("load"),
           "Return whether the settling push is free with the load at a pose (3,).");
     m.def(
         "approaches_are_free", &approaches_are_free, nb::arg("robot"), nb::arg("mode"), nb::arg("loads"),
         nb::arg("back"),
-        "Return (k,) whether the straight way to the contact, or back from it, is free with the load at poses (k, 3).");
+        "Return (k,) whether the approach to the contact, or the retreat, is free with the load at poses (k, 3).");
 }
 
 } // namespace pushplan

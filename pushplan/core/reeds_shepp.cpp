@@ -8,27 +8,27 @@ namespace {
 
 constexpr double L = 1.0, S = 0.0, R = -1.0;
 
-// By so much, in radii of turning, lengths of the wrong sign are zeros; not tuned.
+// Lengths of the wrong sign up to this size (in turning radii) count as zero. Not tuned.
 constexpr double WRONG_SIGN = 1e-10;
 
 bool is_below_zero(double length) { return length < -WRONG_SIGN; }
 bool is_above_zero(double length) { return length > WRONG_SIGN; }
 
-// An angle in (-pi, pi], like those of std::atan2.
+// Return an angle in (-pi, pi], as std::atan2 does.
 double directed(double angle) { return -wrapped(-angle); }
 
-// From the centre of a word's first turn to that of its last: what words that are driven backwards, or have their
-// letters in the opposite order, have in common.
+// Data of the line from the centre of a word's first turn to that of its last turn. Words that are driven backwards or
+// in the opposite order share it.
 struct Centres {
     double rho, theta;       // distance and direction
-    double root = 0.0;       // of the right triangle with hypotenuse rho and a leg of 2: the other leg,
-    double beta = 0.0;       // and the angle opposite to the leg of 2
+    double root = 0.0;       // second leg of the right triangle with hypotenuse rho and a leg of 2
+    double beta = 0.0;       // angle opposite to the leg of 2
     double middle = 0.0;     // middle turn of L R- L, < 0
     double halves = 0.0;     // first middle turn of L R L- R-
     double equal = 0.0;      // middle turns of L R- L- R, < 0
-    double equal_turn = 0.0; // how much farther its first turn goes than to the direction of the centres
+    double equal_turn = 0.0; // angle of its first turn beyond the direction of the centres
 
-    // `other_side` is whether the last turn is not to the side of the first.
+    // `other_side`: whether the last turn is to the other side than the first.
     Centres(double xi, double eta, bool other_side) : rho(std::hypot(xi, eta)), theta(std::atan2(eta, xi)) {
         if (rho >= 2.0)
             root = std::sqrt(rho * rho - 4.0), beta = std::atan2(2.0, root);
@@ -45,7 +45,7 @@ struct Centres {
     }
 };
 
-// Where a word ends: the heading phi, and the centre of the last turn, seen in the direction theta.
+// The end of a word: heading phi, and the centre of the last turn in the direction theta.
 struct End {
     double phi, theta;
     const Centres *between;
@@ -58,7 +58,7 @@ bool fill(ReedsSheppWord &word, std::initializer_list<double> letters, std::init
     return true;
 }
 
-// A - stands behind the letters that are driven backwards.
+// A - follows letters that are driven backwards.
 
 bool solve_lsl(const End &end, ReedsSheppWord &word) {
     const double t = end.theta, u = end.between->rho, v = wrapped(end.phi - t);
@@ -109,7 +109,7 @@ bool solve_lrlr(const End &end, ReedsSheppWord &word) {
     return fill(word, {L, R, L, R}, {t, u, u, v});
 }
 
-// L R- S- L-, with a quarter of a turn R
+// L R- S- L-, with a quarter turn R
 bool solve_lrsl(const End &end, ReedsSheppWord &word) {
     const double u = 2.0 - end.between->root;
     if (end.between->rho < 2.0 || is_above_zero(u))
@@ -120,7 +120,7 @@ bool solve_lrsl(const End &end, ReedsSheppWord &word) {
     return fill(word, {L, R, S, L}, {t, -0.5 * PI, u, v});
 }
 
-// L R- S- R-, with a quarter of a turn R at first
+// L R- S- R-, with a quarter turn R first
 bool solve_lrsr(const End &end, ReedsSheppWord &word) {
     const double u = 2.0 - end.between->rho;
     if (u > 0.0)
@@ -131,7 +131,7 @@ bool solve_lrsr(const End &end, ReedsSheppWord &word) {
     return fill(word, {L, R, S, R}, {t, -0.5 * PI, u, v});
 }
 
-// L R- S- L- R, with quarters of a turn R- and L-
+// L R- S- L- R, with quarter turns R- and L-
 bool solve_lrslr(const End &end, ReedsSheppWord &word) {
     const double u = 4.0 - end.between->root;
     if (is_above_zero(u))
@@ -144,8 +144,8 @@ bool solve_lrslr(const End &end, ReedsSheppWord &word) {
 
 struct Formula {
     bool (*solve)(const End &, ReedsSheppWord &);
-    bool other_side; // the last turn is not to the side of the first
-    bool turned;     // the letters come in the opposite order
+    bool other_side; // the last turn is to the other side than the first
+    bool turned;     // the letters are in the opposite order
 };
 
 constexpr std::array<Formula, 11> FORMULAS = {{
@@ -162,10 +162,10 @@ constexpr std::array<Formula, 11> FORMULAS = {{
     {solve_lrsr, true, true},
 }};
 
-// Driven backwards or not, mirrored or not.
+// Signs of the words: driven backwards or not, mirrored or not.
 constexpr std::array<std::array<double, 2>, 4> SENSES = {{{1.0, 1.0}, {1.0, -1.0}, {-1.0, 1.0}, {-1.0, -1.0}}};
 
-// The ends of words by side, order of the letters and sense: several formulas have each of them.
+// The ends of words by side, order of the letters and sense, shared by several formulas.
 struct Ends {
     std::array<std::array<Centres, 2>, 2> centres; // by side, mirrored or not
     std::array<std::array<std::array<End, SENSES.size()>, 2>, 2> at;
@@ -177,8 +177,8 @@ struct Ends {
             for (const bool turned : {false, true}) {
                 for (std::size_t k = 0; k < SENSES.size(); ++k) {
                     const auto [flip, mirror] = SENSES[k];
-                    // The way back, seen from the goal, has the letters in the opposite order, and its first turn is
-                    // the last one of the way there.
+                    // The path back, seen from the goal, has the letters in the opposite order. Its first turn is the
+                    // last turn of the path there.
                     const Centres &between = centres[other][(mirror < 0.0) != (other && turned)];
                     const double back = mirror * phi + (other ? between.theta : -between.theta);
                     const double theta = turned ? directed(back) : between.theta;
@@ -188,7 +188,7 @@ struct Ends {
             }
         }
     }
-    Ends(const Ends &) = delete; // the ends know where the centres are
+    Ends(const Ends &) = delete; // the ends refer to the centres
 };
 
 } // namespace

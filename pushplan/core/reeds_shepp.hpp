@@ -1,5 +1,5 @@
-// Words of a car that drives ahead and back (Reeds and Shepp 1990): turns to the left and to the right by arcs of
-// radius 1, and straight parts.
+// Words of a car that drives ahead and back (Reeds and Shepp 1990): left and right turns of radius 1, and straight
+// parts.
 #pragma once
 
 #include "tables.hpp"
@@ -18,7 +18,7 @@ struct ReedsSheppWord {
     std::array<double, MOST_LETTERS> lengths;
 };
 
-// Each of eleven formulas gives a word, its mirror image, both driven backwards too, at most.
+// Each of eleven formulas gives at most four words: a word and its mirror image, ahead and backwards.
 struct ReedsSheppWords {
     static constexpr int MOST = 4 * 11;
 

@@ -1,4 +1,4 @@
-// `pushplan.core.robustness`: contact conditions of perturbed chains at the moments of a motion.
+// `pushplan.core.robustness`: contact conditions of perturbed chains at instants of a motion.
 #include "arrays.hpp"
 #include "inertia.hpp"
 
@@ -16,12 +16,12 @@ using Series = Kept<std::complex<double>>::Array;
 using VariantArrays = std::tuple<Numbers, Numbers, Integers, Bools, Numbers, Numbers, Numbers, Bools>;
 using MomentArrays = std::tuple<Numbers, Numbers, Numbers, Integers>;
 
-// The numbers of every variant, or of all of them, where the first axis has length 1.
+// The numbers of each variant, or of all variants if the first axis has length 1.
 struct PerVariant {
     const double *data;
-    std::ptrdiff_t count, numbers, columns; // variants, numbers of one, and of a row
+    std::ptrdiff_t count, numbers, columns; // number of variants, of numbers in a variant, and in a row
 
-    // `shape`: that of one variant's table.
+    // `shape`: shape of one variant's table.
     PerVariant(const Numbers &array, std::ptrdiff_t variants, const std::vector<std::ptrdiff_t> &shape,
                const char *name)
         : data(array.data()) {
@@ -30,7 +30,7 @@ struct PerVariant {
         require_shape(array, wanted, name);
         count = array.shape(0);
         if (count < 1 || (count != 1 && count != variants))
-            throw std::invalid_argument(std::string(name) + " are not given for every variant");
+            throw std::invalid_argument(std::string(name) + " must be given for one or for every variant");
         numbers = array.size() / count;
         columns = array.shape(1) > 0 ? numbers / array.shape(1) : 0;
     }
@@ -40,7 +40,7 @@ struct PerVariant {
     }
 };
 
-// q perturbed chains of n objects; their arrays are described in Python.
+// q perturbed chains of n objects. The arrays are described in Python.
 struct Variants {
     std::ptrdiff_t count, n;
     PerVariant objects, parts;
@@ -62,7 +62,7 @@ struct Variants {
         for (std::ptrdiff_t k = 0; k < n; ++k)
             if (links[k][FIRST_PART] < 0 || links[k][FIRST_PART] >= links[k][PAST_LAST_PART] ||
                 links[k][PAST_LAST_PART] > std::get<1>(arrays).shape(1) || links[k][PUSHER] >= k)
-                throw std::invalid_argument("a link of perturbed chains leads out of them");
+                throw std::invalid_argument("a link of a perturbed chain is outside the chain");
     }
 
     Supports supports(std::ptrdiff_t a) const { return {objects[a], parts[a], series, links}; }
@@ -76,13 +76,13 @@ struct Moments {
         : directions(twist_table(std::get<0>(arrays))), twists(twist_table(std::get<1>(arrays))),
           rates(twist_table(std::get<2>(arrays))), group(row(std::get<3>(arrays))) {
         if (twists.rows != directions.rows || rates.rows != directions.rows || group.size != directions.rows)
-            throw std::invalid_argument("the arrays of moments do not fit together");
+            throw std::invalid_argument("the arrays of instants do not fit together");
     }
     std::ptrdiff_t count() const { return twists.rows; }
 };
 
-// The wrench that moves object k against the floor from where a motion has put it: the twist is taken into the frame
-// that moved along, and the wrench back.
+// Return the wrench that moves object k against the floor after a motion: transform the twist into the moved frame, and
+// the wrench back.
 Wrench moved_wrench(const Supports &supports, std::ptrdiff_t k, const Pose &pose, const Twist &twist) {
     const double x = pose.x, y = pose.y, cos = std::cos(pose.theta), sin = std::sin(pose.theta);
     const double vx = twist.vx - twist.omega * y, vy = twist.vy + twist.omega * x;
@@ -106,12 +106,12 @@ Made<double> floor_wrenches(const VariantArrays &arrays, const Series &series, c
     return out;
 }
 
-// Masses and moments of inertia, (n,) each for every variant.
+// Masses (n,) and moments of inertia (n,) of every variant.
 struct Bodies {
     PerVariant mass, moment;
 };
 
-// Work out the facets' values (m, n, 4) of variant a.
+// Compute the facet values (m, n, 4) of variant a.
 void fill_values(const Variants &variants, std::ptrdiff_t a, const Bodies &bodies, const Moments &moments,
                  const Wrench *known, double *out) {
     const std::ptrdiff_t n = variants.n;
@@ -175,21 +175,21 @@ namespace pushplan {
 void bind_robustness(nb::module_ &core) {
     using namespace mechanics;
     nb::module_ m =
-        core.def_submodule("robustness", "Contact conditions of perturbed chains at the moments of a motion.");
+        core.def_submodule("robustness", "Contact conditions of perturbed chains at instants of a motion.");
     m.def(
         "floor_wrenches", &floor_wrenches, nb::arg("variants"), nb::arg("series"), nb::arg("directions"),
         "Return the wrenches (m, n, 3) that move each object of the last variant against the floor at twists (m, 3).");
     m.def("facet_values", &facet_values, nb::arg("variants"), nb::arg("series"), nb::arg("mass"), nb::arg("moment"),
           nb::arg("moments"), nb::arg("known"), R"(
-    Return the facets' values (q, m, n, 4) of the contacts of q variants at m moments, N and N m.
+    Return the facet values (q, m, n, 4) of the contacts of q variants at m instants, N and N m.
 
     Args:
         variants: The chains.
-        series: Of the `PackedChain`.
-        mass: (q, n) or (1, n), kg.
+        series: Power series of the `PackedChain`.
+        mass: (q, n) or (1, n) masses, kg.
         moment: (q, n) or (1, n) moments of inertia, kg m^2.
-        moments: When.
-        known: (m, n, 3) wrenches that move the objects against the floor where that is not `changed`.
+        moments: Instants.
+        known: (m, n, 3) wrenches that move the objects against the floor, for objects that are not `changed`.
     )");
 }
 

@@ -1,5 +1,4 @@
-// Poses of the load between which pushes may lead: where random pushes lead, and where descents that shorten whole
-// sequences end.
+// Intermediate poses of the load: ends of random pushes, and results of descents that shorten whole sequences.
 #include "numpy_poses.hpp"
 #include "pushes.hpp"
 #include "transit.hpp"
@@ -12,13 +11,13 @@ namespace {
 
 using Modes = std::vector<const PackedMode *>;
 
-// Scale of the first moves, m; a turn by 1 rad counts TURN_LENGTH.
+// Scale of the first moves, m; a turn of 1 rad counts as TURN_LENGTH.
 constexpr double WIDEST = 0.3;
 
-// Moves of a random descent, for each pose.
+// Number of moves of a random descent for each pose.
 constexpr int MOVES = 120;
 
-// Cost of the cheapest push.
+// Return the cost of the cheapest push.
 double push_cost(const PackedMode &mode, const Pose &start, const Pose &goal) {
     const Pose begin = mode.settled(joined(start, mode.contact)), end = joined(goal, mode.contact);
     double best = INF;
@@ -34,28 +33,28 @@ double normal(Random &random) {
     return away * std::cos(2.0 * PI * random());
 }
 
-// Return the load's pose with a contact at a pose in the world that is at `contact` in its frame.
+// Return the load's pose for a contact at a world pose; `contact` is the contact's pose in the load's frame.
 Pose seen_from_contact(const Pose &at, const Pose &contact) {
     const double theta = at.theta - contact.theta, c = std::cos(theta), s = std::sin(theta);
     return {at.x - c * contact.x + s * contact.y, at.y - s * contact.x - c * contact.y, theta};
 }
 
-// Draw one of a number of things.
+// Draw an index below a count.
 std::size_t choose(std::size_t count, Random &random) {
     return static_cast<std::size_t>(random() * static_cast<double>(count));
 }
 
-// Return where a random push brings a load, or, with sense -1, brings it from.
+// Return the end of a random push of a load or, with sense -1, its beginning.
 Pose pushed_at_random(const PackedMode &mode, const Pose &pose, double sense, Random &random) {
     const Twist &twist = mode.families[0][choose(3, random)];
-    double length = 0.03 * std::pow(50.0, random()); // of straight pushes, from 0.03 to 1.5 m
+    double length = 0.03 * std::pow(50.0, random()); // length of straight pushes, from 0.03 to 1.5 m
     if (twist.omega != 0.0)
         length = 0.75 * PI * random() / std::abs(twist.omega);
     return seen_from_contact(step(joined(pose, mode.contact), twist, sense * length), mode.contact);
 }
 
-// Move the poses (k - 1) between the pushes (k) of a sequence so that these get cheaper; return the sum of the pushes'
-// costs. The first moves have a given scale, m; at most so many `moves` are tried.
+// Move the poses (k - 1) between the pushes (k) of a sequence so that the pushes get cheaper. Return the sum of their
+// costs. The first moves have a scale in m; at most `moves` moves are tried.
 double descend(const Modes &sequence, const std::array<Pose, 2> &ends, Row<Pose> poses, double scale, int moves,
                Random &random) {
     const std::size_t count = sequence.size();
@@ -66,14 +65,14 @@ double descend(const Modes &sequence, const std::array<Pose, 2> &ends, Row<Pose>
         costs.push_back(push_cost(*sequence[i], before(i), after(i)));
     for (int move = 0; move < moves && scale >= 1e-5; ++move) {
         const std::size_t i = choose(count - 1, random);
-        // Moves without a turn keep a heading that is right already, e.g. that of a straight push.
+        // Moves without a turn keep a heading that is already right, e.g. that of a straight push.
         const double turn = random() < 0.3 ? 0.0 : scale / TURN_LENGTH;
         Pose moved = poses[i];
         moved.x += scale * normal(random);
         moved.y += scale * normal(random);
         moved.theta += turn * normal(random);
         const double first = push_cost(*sequence[i], before(i), moved);
-        // One move changes two pushes only; the second is looked at where the first leaves it a chance.
+        // A move changes only two pushes. The second one is computed only if the first one allows a gain.
         if (first < costs[i] + costs[i + 1]) {
             const double second = push_cost(*sequence[i + 1], moved, after(i + 1));
             if (first + second < costs[i] + costs[i + 1]) {
@@ -91,21 +90,21 @@ double descend(const Modes &sequence, const std::array<Pose, 2> &ends, Row<Pose>
     return sum;
 }
 
-// What sequences are drawn from.
+// Limits of the drawn sequences.
 struct Draws {
     Pose start;
     std::vector<Pose> goals;
-    std::vector<std::int64_t> firsts; // modes that a first push can have
-    std::vector<std::int64_t> lasts;  // likewise a last one
-    Table<const double> changes;      // (m, m) the least that changes of the mode cost
-    std::int64_t most;                // pushes
-    double below;                     // what the whole has to cost less than, m
+    std::vector<std::int64_t> firsts; // possible modes of the first push
+    std::vector<std::int64_t> lasts;  // possible modes of the last push
+    Table<const double> changes;      // (m, m) lower bounds of the costs of mode changes
+    std::int64_t most;                // maximum number of pushes
+    double below;                     // upper limit of the total cost, m
 };
 
-// Draw a sequence of modes and the poses between its pushes, and descend; return these poses, none where the sequence
+// Draw a sequence of modes and the poses between its pushes, and descend. Return these poses; none if the sequence
 // costs too much.
 std::vector<Pose> random_descent(const Modes &modes, const Draws &draws, Random &random) {
-    // Few pushes more often than many.
+    // Draw few pushes more often than many.
     const double share = random();
     const auto count = 2 + static_cast<std::int64_t>(static_cast<double>(draws.most - 1) * (share * share));
     const std::array<Pose, 2> ends{draws.start, draws.goals[choose(draws.goals.size(), random)]};
@@ -162,7 +161,7 @@ double descend_between(const Modes &modes, const Integers &sequence, const Numbe
     const auto both = to_rows<Pose>(ends, "ends");
     const auto rows = table(poses);
     if (chosen.size() < 2 || both.size() != 2 || rows.columns != 3 || rows.rows + 1 != sequence.size())
-        throw std::invalid_argument("a descent has k > 1 pushes, ends (2, 3) and poses between its pushes (k - 1, 3)");
+        throw std::invalid_argument("a descent needs k > 1 pushes, ends (2, 3) and poses between pushes (k - 1, 3)");
     require_positive(scale, "scale");
     require_count(moves, "moves");
     Random &random = random_of(state);
@@ -187,8 +186,8 @@ Made<double> descent_at_random(const Modes &modes, const Numbers &start, const N
                       below};
     if (draws.goals.empty() || draws.firsts.empty() || draws.lasts.empty() || most < 2 || draws.changes.rows != count ||
         draws.changes.columns != count)
-        throw std::invalid_argument("two pushes or more are drawn from goals, first and last contacts, and what "
-                                    "changes of the contact cost (m, m)");
+        throw std::invalid_argument("a random descent needs two pushes or more, goals, first and last contacts, and "
+                                        "the costs of contact changes (m, m)");
     require_count(most, "most", 1'000);
     require_number(below, "below");
     Random &random = random_of(state);
@@ -205,26 +204,26 @@ Made<double> descent_at_random(const Modes &modes, const Numbers &start, const N
 void bind_samples(nb::module_ &core) {
     auto m = core.def_submodule(
         "samples",
-        "Poses of the load between which pushes may lead: random ones, and descents that shorten whole sequences.");
+        "Intermediate poses of the load: random ones, and results of descents that shorten whole sequences.");
     m.def(
         "pushed_at_random",
         [](const PackedMode &mode, const Numbers &pose, double sense, RandomState state) {
             return to_array(pushed_at_random(mode, to_pose(pose), require_finite(sense, "sense"), random_of(state)));
         },
         nb::arg("mode"), nb::arg("pose"), nb::arg("sense"), nb::arg("state").noconvert(),
-        "Return where a random push by a contact brings a load at a pose (3,), or, with sense -1, brings it from.");
+        "Return the end of a random push by a contact from a load pose (3,) or, with sense -1, its beginning.");
     m.def("descend", &descend_between, nb::arg("modes"), nb::arg("sequence"), nb::arg("ends"),
           nb::arg("poses").noconvert(), nb::arg("scale"), nb::arg("moves"), nb::arg("state").noconvert(), R"(
-    Move the poses between pushes so that these get cheaper; return the sum of the pushes' costs.
+    Move the poses between pushes so that the pushes get cheaper. Return the sum of their costs.
 
     Args:
         modes: All contacts.
         sequence: (k,) contact of each push.
         ends: (2, 3) first and last pose of the load.
-        poses: (k - 1, 3) between the pushes; changed.
-        scale: Of the first moves, m.
-        moves: Tried, at most.
-        state: Of the random numbers.
+        poses: (k - 1, 3) poses between the pushes; changed in place.
+        scale: Scale of the first moves, m.
+        moves: Maximum number of moves.
+        state: State of the random numbers.
     )");
     m.def("random_descent", &descent_at_random, nb::arg("modes"), nb::arg("start"), nb::arg("goals"), nb::arg("firsts"),
           nb::arg("lasts"), nb::arg("most"), nb::arg("changes"), nb::arg("below"), nb::arg("state").noconvert(), R"(
@@ -233,16 +232,16 @@ void bind_samples(nb::module_ &core) {
     Args:
         modes: All contacts.
         start: (3,) pose of the load.
-        goals: (g, 3).
-        firsts: Contacts that a first push can have.
-        lasts: Likewise a last one.
-        most: Pushes, at most.
-        changes: (m, m) the least that changes of the contact cost.
-        below: What the whole has to cost less than, m.
-        state: Of the random numbers.
+        goals: (g, 3) goal poses of the load.
+        firsts: Possible contacts of the first push.
+        lasts: Possible contacts of the last push.
+        most: Maximum number of pushes.
+        changes: (m, m) lower bounds of the costs of contact changes, m.
+        below: Upper limit of the total cost, m.
+        state: State of the random numbers.
 
     Returns:
-        The poses (k, 3) between the pushes; none where the sequence costs too much.
+        The poses (k, 3) between the pushes; empty if the sequence costs too much.
     )");
 }
 

@@ -4,17 +4,17 @@ namespace pushplan {
 
 namespace {
 
-// Separations under this (m), or under twice the clearance, are refined from the bound that separating axes give to the
-// exact distance.
+// Separations below this (m), or below twice the clearance, are refined from the bound of separating axes to the exact
+// distance.
 constexpr double EXACT_BELOW = 0.01;
 
-// Room for intervals of an arc still to be looked at; each is at most half of the one below it.
+// Maximum number of open intervals of an arc. Each is at most half of the one below it.
 constexpr int DEPTH = 128;
 
-// Poses of an arc that are looked at, at most: a second's work.
+// Maximum number of checked poses of an arc: a second of work.
 constexpr int MOST_POSES = 1'000'000;
 
-// `other` where it is smaller, or larger: not by reference, so that the compiler needs no branch.
+// Minimum and maximum by value, so that the compiler needs no branch.
 inline double least(double value, double other) { return other < value ? other : value; }
 inline double most(double value, double other) { return other > value ? other : value; }
 
@@ -39,7 +39,7 @@ struct Frame {
     Frame inverse() const { return {c, -s, -(c * x + s * y), s * x - c * y}; }
 };
 
-// Largest separation along the edge normals of polygon a (moved by the pose) from polygon b.
+// Return the largest separation from polygon b along the edge normals of polygon a (moved by the pose).
 double axis_separation(const Polygon &a, const Polygon &b, const Frame &pose) {
     const double c = pose.c, s = pose.s, x = pose.x, y = pose.y;
     double best = -INF;
@@ -55,7 +55,7 @@ double axis_separation(const Polygon &a, const Polygon &b, const Frame &pose) {
     return best;
 }
 
-// Squared distance of a point from a segment.
+// Return the squared distance of a point from a segment.
 inline double point_segment(double px, double py, double ax, double ay, double bx, double by) {
     const double ex = bx - ax, ey = by - ay;
     double t = ((px - ax) * ex + (py - ay) * ey) / (ex * ex + ey * ey);
@@ -64,7 +64,7 @@ inline double point_segment(double px, double py, double ax, double ay, double b
     return dx * dx + dy * dy;
 }
 
-// Smallest squared distance from a corner of a (moved by the pose) to an edge of b.
+// Return the smallest squared distance from a corner of a (moved by the pose) to an edge of b.
 double corner_distance(const Polygon &a, const Polygon &b, const Frame &pose) {
     double best = INF;
     for (const Corner *p = a.first; p != a.last; ++p) {
@@ -77,21 +77,21 @@ double corner_distance(const Polygon &a, const Polygon &b, const Frame &pose) {
     return best;
 }
 
-// Distance of two convex polygons, or a lower bound while that is above `exact_below`; <= 0 on overlap.
+// Return the distance of two convex polygons, or a lower bound if it is above `exact_below`; <= 0 on overlap.
 double polygon_separation(const Polygon &a, const Polygon &b, const Frame &pose, double exact_below) {
     const double forward = axis_separation(a, b, pose);
     if (forward >= exact_below)
         return forward;
-    // The other way round: the inverse pose takes b into the frame of a.
+    // Exchange the roles: the inverse pose takes b into the frame of a.
     const Frame inverse = pose.inverse();
     const double separation = most(forward, axis_separation(b, a, inverse));
     if (separation <= 0.0 || separation >= exact_below)
         return separation;
-    // No edge normal separates them by their distance: then two corners are nearest, or a corner and an edge.
+    // No edge normal gives their distance, so it is between two corners, or a corner and an edge.
     return std::sqrt(least(corner_distance(a, b, pose), corner_distance(b, a, inverse)));
 }
 
-// Distance of a convex polygon (moved by the pose) from a disc; <= 0 on overlap.
+// Return the distance of a convex polygon (moved by the pose) from a disc; <= 0 on overlap.
 double disc_separation(const Polygon &a, const Circle &disc, const Frame &pose) {
     const double c = pose.c, s = pose.s;
     const double px = c * (disc.x - pose.x) + s * (disc.y - pose.y);
@@ -105,12 +105,12 @@ double disc_separation(const Polygon &a, const Circle &disc, const Frame &pose) 
     return inside <= 0.0 ? inside - disc.radius : std::sqrt(nearest) - disc.radius;
 }
 
-// Distance of a point from the workspace's walls; negative outside.
+// Return the distance of a point from the workspace's walls; negative outside.
 inline double from_walls(const Area &walls, double x, double y) {
     return least(least(least(x - walls.xmin, y - walls.ymin), walls.xmax - x), walls.ymax - y);
 }
 
-// Distance of the body from the workspace's walls; negative outside.
+// Return the distance of the body from the workspace's walls; negative outside.
 double wall_separation(const Shapes &body, const Area &walls, const Frame &pose) {
     double best = INF;
     for (const Corner &p : body.corners)
@@ -118,13 +118,13 @@ double wall_separation(const Shapes &body, const Area &walls, const Frame &pose)
     return best;
 }
 
-// The body at a pose, its bounding circle around (cx, cy).
+// The body at a pose, with its bounding circle around (cx, cy).
 struct Placed {
     const Shapes &pieces;
     Frame pose;
     double cx, cy, radius;
 
-    // Whether two circles around it and around something are nearer than `enough`.
+    // Return whether the bounding circles of the body and an obstacle are nearer than `enough`.
     bool may_be_near(const Circle &other, double enough) const {
         const double dx = cx - other.x, dy = cy - other.y;
         const double reach = enough + radius + other.radius;
@@ -132,7 +132,7 @@ struct Placed {
     }
 };
 
-// Separation of the body from a polygonal obstacle, as far as it is below `enough`.
+// Return the separation of the body from a polygonal obstacle, capped at `enough`.
 double body_to_polygon(const Placed &body, const Shapes &obstacles, std::int64_t o, double clearance, double enough) {
     const Circle &around = obstacles.bounds[o];
     if (!body.may_be_near(around, enough))
@@ -151,7 +151,7 @@ double body_to_polygon(const Placed &body, const Shapes &obstacles, std::int64_t
     return best;
 }
 
-// Separation of the body from a round obstacle, as far as it is below `enough`.
+// Return the separation of the body from a round obstacle, capped at `enough`.
 double body_to_disc(const Placed &body, const Circle &disc, double enough) {
     if (!body.may_be_near(disc, enough))
         return enough;
@@ -161,7 +161,7 @@ double body_to_disc(const Placed &body, const Circle &disc, double enough) {
     return best;
 }
 
-// Largest speed of any point of the body under a body twist; convex, so found at a corner.
+// Return the largest speed of a body point under a body twist. The speed is convex, so a corner has the maximum.
 double top_speed(const Shapes &body, const Twist &twist) {
     double best = 0.0;
     for (const Corner &p : body.corners) {
@@ -189,7 +189,7 @@ double separation(const Scene &scene, const Pose &at, double enough) {
         const double dy = most(most(box.ymin - body.cy, body.cy - box.ymax), 0.0);
         const double reach = best + body.radius;
         if (dx * dx + dy * dy >= reach * reach) {
-            i = box.after; // a miss skips all of the boxes inside
+            i = box.after; // a miss skips all inner boxes
             continue;
         }
         for (std::int64_t o = box.first_polygon; o < box.last_polygon; ++o)
@@ -212,7 +212,7 @@ bool sweep_is_free(const Scene &scene, const Pose &pose, const Twist &twist, dou
     while (n > 0) {
         const auto [begin, end] = left[--n];
         const double middle = 0.5 * (begin + end);
-        // More than it takes to cover the whole interval need not be known.
+        // Separations that cover the whole interval need not be exact.
         const double enough = 0.5 * (end - begin) * top + 2.0 * scene.clearance;
         const double gap = separation(scene, step(pose, twist, middle), enough);
         if (!(gap >= scene.clearance))
@@ -220,7 +220,7 @@ bool sweep_is_free(const Scene &scene, const Pose &pose, const Twist &twist, dou
         const double covered = (gap - scene.kept) / top;
         if (middle - covered > begin) {
             if (n + 2 > DEPTH || ++poses > MOST_POSES)
-                throw std::runtime_error("a swept arc needs more intervals than there is room for");
+                throw std::runtime_error("a swept arc needs too many intervals");
             left[n++] = {begin, middle - covered};
             left[n++] = {middle + covered, end};
         }

@@ -1,4 +1,4 @@
-// `pushplan.core.search`: what grows trees of arcs, one class for each way.
+// `pushplan.core.search`: searches that grow trees of arcs, one class for each kind.
 #include "lattice.hpp"
 #include "numpy_poses.hpp"
 #include "tree.hpp"
@@ -11,31 +11,31 @@ using Shared = std::shared_ptr<Problem>;
 
 Area to_area(const Numbers &array) {
     if (array.size() != 4)
-        throw std::invalid_argument("a box has four numbers, not " + std::to_string(array.size()));
+        throw std::invalid_argument("a box needs four numbers, not " + std::to_string(array.size()));
     const double *of = array.data();
     require_all_finite(of, 4, "a box");
     return {of[0], of[1], of[2], of[3]};
 }
 
-// A path (k, 4), or None where there is none.
+// Return a path (k, 4), or None if it is empty.
 std::optional<Made<double>> path_or_none(const std::vector<Arc> &path) {
     if (path.empty())
         return std::nullopt;
     return to_table(path);
 }
 
-// The pose that a caller names with its row of a tree, -1 for none, to go on from towards another tree.
+// Check and return the pose of a tree's row (-1 for none) from which a call continues towards another tree.
 Pose check_place(const Tree &tree, std::int64_t row, const std::array<double, 3> &pose, double bound,
                  const Tree &other) {
     if (other.back() == tree.back())
-        throw std::invalid_argument("of two trees that meet, one grows back from the goal");
+        throw std::invalid_argument("one of two meeting trees must grow back from the goal");
     require_index(row, -1, static_cast<std::int64_t>(tree.nodes().size()), "row");
     require_all_finite(pose.data(), 3, "pose");
     require_number(bound, "bound");
     return pose_at(pose.data());
 }
 
-// What a function of an object returns, unless another thread's call works on it.
+// Wrap a function of an object so that it throws while another thread uses the object.
 template <class Result, class Class> auto used(Result (*function)(const Class &)) {
     return [function](const Class &self) {
         const InUse use(self.lock);
@@ -43,7 +43,7 @@ template <class Result, class Class> auto used(Result (*function)(const Class &)
     };
 }
 
-// So many cells as the keys of `cells.hpp` have room for.
+// Throw unless the number of cells fits into the keys of `cells.hpp`.
 void require_cells(double cells, const char *name) {
     if (!(cells < static_cast<double>(MOST_CELLS)))
         throw std::invalid_argument(std::string(name) + " must be fewer than 2^20");
@@ -52,22 +52,22 @@ void require_cells(double cells, const char *name) {
 void bind_tree(nb::module_ &m) {
     using Row = std::int64_t;
     nb::class_<Tree>(m, "Tree", R"(
-    A tree that another program drives, OMPL's planners, which say from where and along what it grows.
+    A tree that OMPL's planners grow: they choose the node and the control of each extension.
 
-    An extension is (kept, cost, promise, x, y, theta): whether there is a new node that may be on a path below the
-    bound; the cost of the whole path through it, infinite when all connections are blocked; the cost of the cheapest
-    word to the other tree's root, blocked or not; and its pose.
+    An extension is (kept, cost, promise, x, y, theta): whether a new node can be on a path below the bound; the cost of
+    the whole path through it, infinite if all connections are blocked; the cost of the cheapest steering path to the
+    other tree's root, blocked or not; and its pose.
 
     Args:
-        problem: What to plan.
+        problem: Push problem.
         root: (3,) pose.
-        heading_length: Metres that a radian counts as in the choice of the other tree's nearest nodes.
-        back: The tree grows against the direction of travel: its arcs lead to the root.
+        heading_length: Distance that a radian counts as in the choice of the other tree's nearest nodes, m.
+        back: Whether the tree grows against the direction of travel, so that its arcs lead to the root.
 
     Attributes:
-        nodes: The tree, a copy (n, 9): pose, cost to the root, parent, arc between both (vx, vy, omega, length).
-        path: The path (k, 4) that the last connection closed, from the start to the goal; None before the first
-            one.
+        nodes: Copy (n, 9) of the tree: pose, cost to the root, parent, and the arc between them (vx, vy, omega,
+            length).
+        path: Path (k, 4) of the last connection, from the start to the goal; None before the first one.
     )")
         .def(MadeBy(+[](const Shared &problem, const Numbers &root, double heading_length, bool back) {
                  return Tree(problem, to_pose(root), require_positive(heading_length, "heading_length"), back);
@@ -75,10 +75,10 @@ void bind_tree(nb::module_ &m) {
              nb::arg("problem"), nb::arg("root"), nb::arg("heading_length"), nb::arg("back") = false)
         .def(
             "take", [](Tree &self, const Shared &problem) { self.take(problem); }, nb::arg("problem"),
-            "Go on with another problem.")
+            "Use another problem from now on.")
         .def(
             "clear", [](Tree &self, const Numbers &root) { self.clear(to_pose(root)); }, nb::arg("root"),
-            "Forget the tree but for its root.")
+            "Clear the tree except for its root.")
         .def("__len__", [](const Tree &self) { return self.nodes().size(); })
         .def_prop_ro("nodes", [](const Tree &self) { return to_table(self.nodes()); })
         .def_prop_ro("path", [](const Tree &self) { return path_or_none(self.path()); })
@@ -92,21 +92,20 @@ void bind_tree(nb::module_ &m) {
                                        found.pose.theta);
             },
             nb::arg("row"), nb::arg("pose"), nb::arg("controls"), nb::arg("bound"), nb::arg("other"), R"(
-    Grow by one arc from the pose of a row, and try to connect its end exactly to a tree that grows towards it.
+    Grow by one arc from the pose of a row, and try to connect its end exactly to the opposite tree.
 
     Args:
-        row: Of the parent; what is kept becomes the last row. -1 where no arc led to the pose: nothing becomes a
-            row then.
+        row: Row of the parent. A kept node becomes the last row. With -1 (no arc leads to the pose), no row is added.
         pose: x, y and theta.
-        controls: Which segment of the stable set, where on it, and the share of the longest arc, in [0, 1].
-        bound: Cost that a whole path must stay below.
-        other: The tree, whose root and two nearest nodes are tried.
+        controls: Segment of the stable set, place on it, and share of the longest arc, each in [0, 1].
+        bound: Upper limit of a whole path's cost.
+        other: The opposite tree. Its root and its nearest nodes are tried.
 
     Returns:
-        Whether it was kept, the cost of the whole path, that of the cheapest word, and the pose.
+        Whether the node was kept, the cost of the whole path, the cost of the cheapest steering path, and the pose.
 
     Raises:
-        ValueError: Where the row or a number is none, or both trees grow the same way.
+        ValueError: If the row or a number is invalid, or both trees grow in the same direction.
     )")
         .def(
             "connect",
@@ -115,9 +114,9 @@ void bind_tree(nb::module_ &m) {
                 return std::make_tuple(found.cost, found.promise);
             },
             nb::arg("row"), nb::arg("pose"), nb::arg("bound"), nb::arg("other"), R"(
-    Return the cost of a path through a row (-1: none) and any free word, and the cost of the cheapest word.
+    Return the cost of a path through a row (-1: none) and a free steering path, and the cost of the cheapest one.
 
-    The words are those to the root of the other tree.
+    The steering paths lead to the root of the other tree.
     )")
         .def(
             "room_at",
@@ -127,9 +126,9 @@ void bind_tree(nb::module_ &m) {
                 return self.room_at({x, y, theta});
             },
             nb::arg("x"), nb::arg("y"), nb::arg("theta"), R"(
-    Return how far (m) the body is from everything at a pose, beyond the clearance; negative if too near.
+    Return the body's distance (m) from all obstacles at a pose, beyond the clearance; negative if too near.
 
-    Distances above twice the clearance are not told apart.
+    Distances are capped at twice the clearance.
     )");
     m.def(
         "branch",
@@ -146,17 +145,17 @@ void bind_tree(nb::module_ &m) {
         nb::arg("nodes"), nb::arg("node"), "Return the arcs (k, 4) from the root of a tree (n, 9) to a node.");
 }
 
-// Lower left corner and side of the cells (3,), m, of a table.
+// Return the grid of a table from the lower left corner and the side of its cells (3,), m.
 Grid to_grid(const Numbers &grid, std::ptrdiff_t columns, std::ptrdiff_t rows) {
     const double *of = three_finite(grid, "a grid");
     if (require_room(std::array{columns, rows}, "a grid") == 0)
-        throw std::invalid_argument("a grid has a cell at least");
+        throw std::invalid_argument("a grid needs at least one cell");
     return {of[0], of[1], require_positive(of[2], "the side of a grid's cells"), columns, rows};
 }
 
 std::array<double, 2> to_place(const Numbers &array) {
     if (array.size() < 2)
-        throw std::invalid_argument("a place has two numbers, not " + std::to_string(array.size()));
+        throw std::invalid_argument("a place needs two numbers, not " + std::to_string(array.size()));
     require_all_finite(array.data(), 2, "a place");
     return {array.data()[0], array.data()[1]};
 }
@@ -165,7 +164,7 @@ Lattice to_lattice(const Shared &problem, const Numbers &start, const Numbers &m
                    const Numbers &to_start, const Numbers &to_goal) {
     const auto first = table(to_start), second = table(to_goal);
     if (first.rows != second.rows || first.columns != second.columns)
-        throw std::invalid_argument("distances to the start and to the goal are of the same cells");
+        throw std::invalid_argument("distances to the start and to the goal must have the same cells");
     const auto cells = first.rows * first.columns;
     for (std::ptrdiff_t i = 0; i < cells; ++i)
         require_number(first.data[i] + second.data[i], "a distance");
@@ -176,20 +175,20 @@ Lattice to_lattice(const Shared &problem, const Numbers &start, const Numbers &m
 
 void bind_lattice(nb::module_ &m) {
     nb::class_<Lattice>(m, "Lattice", R"(
-    Best-first search over a lattice of poses: one at a time, the next one takes over the memory.
+    Best-first search over a lattice of poses. Each search reuses the memory of the one before.
 
     Args:
-        problem: What to plan.
-        start: (3,) pose.
-        middle: (2 or more,) the body's point for which distances over the floor count, chain frame, m.
-        grid: (3,) lower left corner of their cells and the side of these, m.
-        to_start: (nx, ny) distance of a place from the start around the obstacles, m.
-        to_goal: Likewise from the goal.
+        problem: Push problem.
+        start: (3,) start pose.
+        middle: (2 or more,) reference point of the floor distances on the body, chain frame, m.
+        grid: (3,) lower left corner and side of the floor cells, m.
+        to_start: (nx, ny) distances from the start around the obstacles, m.
+        to_goal: (nx, ny) distances from the goal around the obstacles, m.
 
     Attributes:
-        path: The best path (k, 4), None while there is none.
-        tried: Arcs tried.
-        nodes: The nodes (n, 9), a copy; see `Tree.nodes`.
+        path: Best path (k, 4); None if there is none.
+        tried: Number of arcs tried.
+        nodes: Copy of the nodes (n, 9); see `Tree.nodes`.
     )")
         .def(MadeBy(&to_lattice), nb::arg("problem"), nb::arg("start"), nb::arg("middle"), nb::arg("grid"),
              nb::arg("to_start"), nb::arg("to_goal"))
@@ -198,7 +197,7 @@ void bind_lattice(nb::module_ &m) {
             [](Lattice &self, bool back, const Numbers &box, double side, double angle, double arc, std::int64_t room) {
                 const InUse use(self.lock);
                 if (room < 1 || (room & (room - 1)) != 0 || room > std::int64_t{1} << 22)
-                    throw std::invalid_argument("there is room for a power of two of nodes up to 2^22, not for " +
+                    throw std::invalid_argument("the room for nodes must be a power of two up to 2^22, not " +
                                                 std::to_string(room));
                 const Area area = to_area(box);
                 const double longer = std::max(area.xmax - area.xmin, area.ymax - area.ymin);
@@ -210,12 +209,12 @@ void bind_lattice(nb::module_ &m) {
     Begin a search with the start alone.
 
     Args:
-        back: Search from the goal back to the start instead.
+        back: Whether to search from the goal back to the start instead.
         box: (4,) xmin, ymin, xmax, ymax that the cells cover, m.
-        side: Of a cell, m.
-        angle: Of a cell, rad.
+        side: Side of a cell, m.
+        angle: Angle of a cell, rad.
         arc: Typical length of an arc, m of cost.
-        room: For so many nodes, a power of two.
+        room: Maximum number of nodes, a power of two.
     )")
         .def(
             "expand",
@@ -228,15 +227,15 @@ void bind_lattice(nb::module_ &m) {
                 return self.expand(bound, arcs, random);
             },
             nb::arg("state"), nb::arg("bound"), nb::arg("arcs"), R"(
-    Expand nodes, the most promising first, until arcs are tried or nothing promises less than the bound.
+    Expand nodes, lowest estimate first, until arcs are tried or no estimate is below the bound.
 
     Args:
-        state: (1,) of the random generator.
-        bound: Cost that a path must stay below, m; falls to that of each path that is found.
-        arcs: To try; may be exceeded by three.
+        state: (1,) state of the random generator.
+        bound: Upper limit of a path's cost, m. It falls to the cost of each path found.
+        arcs: Number of arcs to try; up to three more are possible.
 
     Returns:
-        The bound then, and whether the search is over.
+        The final bound, and whether the search is over.
     )")
         .def_prop_ro("path", used(+[](const Lattice &self) { return path_or_none(self.path()); }))
         .def_prop_ro("tried", used(+[](const Lattice &self) { return self.tried(); }))
@@ -262,10 +261,10 @@ void bind_lattice(nb::module_ &m) {
         },
         nb::arg("point"), nb::arg("grid"), nb::arg("columns"), nb::arg("rows"), nb::arg("least"), nb::arg("start"),
         nb::arg("goal"), R"(
-    Return the lengths (columns, rows) of ways to the start and to the goal, m.
+    Return the lengths (columns, rows) of paths to the start and to the goal, m.
 
-    They lead through cells whose middles keep `least` from everything. Steps to or from other cells count as ways
-    along all the floor: a gap that the cells miss is not closed, but looked at last.
+    The paths lead through cells whose middles keep `least` from everything. A step to or from another cell costs as
+    much as a path along the whole floor. So a gap that the cells miss is not closed, but searched last.
 
     Args:
         point: A scene in which a point moves.
@@ -273,15 +272,15 @@ void bind_lattice(nb::module_ &m) {
         columns: Number of cells along x.
         rows: Number of cells along y.
         least: Distance from everything, m.
-        start: (2,) m.
-        goal: (2,) m.
+        start: (2,) position of the start, m.
+        goal: (2,) position of the goal, m.
     )");
 }
 
 } // namespace
 
 void bind_search(nb::module_ &core) {
-    auto m = core.def_submodule("search", "What grows trees of arcs, one class for each way.");
+    auto m = core.def_submodule("search", "Searches that grow trees of arcs, one class for each kind.");
     bind_tree(m);
     bind_lattice(m);
 }

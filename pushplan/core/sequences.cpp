@@ -8,37 +8,37 @@
 namespace pushplan {
 namespace {
 
-// A push by a mode from node to node.
+// A push by a mode from one node to another.
 struct SequenceStep {
     std::int64_t mode, first, last;
 };
 
 struct Sequence {
-    double cost = INF; // infinite where there is none
+    double cost = INF; // infinite if there is none
     std::vector<SequenceStep> steps;
 };
 
-// What pushes between nodes and changes of the mode cost, as blocks one after another in memory.
+// Costs of pushes between nodes and of mode changes, as contiguous blocks in memory.
 struct SequenceCosts {
     std::ptrdiff_t modes, nodes;
     const double *pushes;  // (modes, nodes, nodes): by mode, from node to node
     const double *changes; // (nodes, modes, modes): at a node, from mode to mode
-    const double *first;   // (modes,): of what comes before a first push
+    const double *first;   // (modes,): before the first push
 
-    // The costs of pushes by a mode from a node to every node.
+    // Return the costs of pushes by a mode from a node to every node.
     const double *pushes_from(std::ptrdiff_t mode, std::ptrdiff_t node) const {
         return pushes + (mode * nodes + node) * nodes;
     }
-    // The costs of changes at a node from a mode to every mode.
+    // Return the costs of changes at a node from a mode to every mode.
     const double *changes_from(std::ptrdiff_t node, std::ptrdiff_t mode) const {
         return changes + (node * modes + mode) * modes;
     }
 };
 
-// Loads of a tour, at most: each one more takes twice the time and the memory.
+// Maximum number of loads in a tour. Each further load doubles time and memory.
 constexpr std::ptrdiff_t MOST_STOPS = 20;
 
-// A number for each mode and node; the nodes of a mode are neighbours in memory.
+// A number for each mode and node. The nodes of a mode are contiguous.
 template <class Number> struct ModesByNodes {
     std::vector<Number> numbers;
     std::ptrdiff_t nodes;
@@ -49,23 +49,23 @@ template <class Number> struct ModesByNodes {
     const Number *operator[](std::ptrdiff_t mode) const { return numbers.data() + mode * nodes; }
 };
 
-// What the cheapest sequences cost that have so many pushes.
+// Costs of the cheapest sequences with a given number of pushes.
 struct Round {
-    ModesByNodes<double> ready;        // by the mode of the last push and where it begins: before that push
-    ModesByNodes<std::int64_t> before; // likewise: the mode of the push before it
-    ModesByNodes<double> done;         // by the mode of the last push and where it ends: with that push
+    ModesByNodes<double> ready;        // by mode and first node of the last push: cost before that push
+    ModesByNodes<std::int64_t> before; // by the same: mode of the push before it
+    ModesByNodes<double> done;         // by mode and last node of the last push: cost including that push
 
     Round(std::ptrdiff_t modes, std::ptrdiff_t nodes)
         : ready(modes, nodes, INF), before(modes, nodes, 0), done(modes, nodes, INF) {}
 };
 
-// A last push: its round, node and mode.
+// The last push of a sequence: round, node and mode.
 struct Last {
     double cost = INF;
     std::ptrdiff_t round = -1, node = -1, mode = -1;
 };
 
-// Add a push where a sequence costs less than a whole plan does already: no cost is negative.
+// Add a push to sequences that cost less than the best whole plan. No cost is negative.
 void add_push(const SequenceCosts &costs, double below, Round &round) {
     for (std::ptrdiff_t m = 0; m < costs.modes; ++m) {
         double *done = round.done[m];
@@ -73,7 +73,7 @@ void add_push(const SequenceCosts &costs, double below, Round &round) {
             const double sofar = round.ready[m][u];
             if (!(sofar < below))
                 continue;
-            // Where the best push comes from is looked up afterwards: least costs alone take half of the time.
+            // The beginning of the best push is found afterwards, because computing only minima takes half of the time.
             const double *push = costs.pushes_from(m, u);
             for (std::ptrdiff_t v = 0; v < costs.nodes; ++v) {
                 const double cost = sofar + push[v];
@@ -83,7 +83,7 @@ void add_push(const SequenceCosts &costs, double below, Round &round) {
     }
 }
 
-// Return where the last push by a mode to a node begins: the first node from which it costs what was found.
+// Return the node at which the last push by a mode to a node begins: the first one with the minimal cost.
 std::ptrdiff_t begin_of(const SequenceCosts &costs, const Round &round, std::ptrdiff_t mode, std::ptrdiff_t node) {
     const double *ready = round.ready[mode];
     std::ptrdiff_t u = 0;
@@ -92,8 +92,8 @@ std::ptrdiff_t begin_of(const SequenceCosts &costs, const Round &round, std::ptr
     return u;
 }
 
-// Add a change of the mode to the sequences of a round. At a goal the sequence ends; at the start (node 0) no contact
-// has been made that could be changed.
+// Add a mode change to the sequences of a round. At a goal, the sequence ends. At the start (node 0), there is no
+// contact to change.
 void add_change(const SequenceCosts &costs, const Round &round, std::ptrdiff_t goals, double below, Round &next) {
     for (std::ptrdiff_t v = goals + 1; v < costs.nodes; ++v) {
         for (std::ptrdiff_t m = 0; m < costs.modes; ++m) {
@@ -112,7 +112,7 @@ void add_change(const SequenceCosts &costs, const Round &round, std::ptrdiff_t g
 
 // Find the cheapest sequence of at most `most` pushes from node 0 to one of nodes 1 to `goals`.
 //
-// By the number of pushes, cheapest first, as in the recursion of Bellman and Ford.
+// The recursion of Bellman and Ford goes over the number of pushes.
 Sequence cheapest_sequence(const SequenceCosts &costs, std::ptrdiff_t goals, std::ptrdiff_t most) {
     std::vector<Round> rounds(static_cast<std::size_t>(most), Round(costs.modes, costs.nodes));
     for (std::ptrdiff_t m = 0; m < costs.modes; ++m)
@@ -138,13 +138,13 @@ Sequence cheapest_sequence(const SequenceCosts &costs, std::ptrdiff_t goals, std
     return found;
 }
 
-// A load that is pushed once in a tour, from one of some entries to one of some exits.
+// A load that is pushed once in a tour, from one of its entries to one of its exits.
 struct TourStop {
     std::ptrdiff_t entries, exits;
-    const double *ways;   // (exits of all, entries): the robot's ways from the end of any push
-    const double *pushes; // (loads, 2, entries, exits): each other load alone being at its goal, or not yet
+    const double *ways;   // (exits of all, entries): transits from the end of any push
+    const double *pushes; // (loads, 2, entries, exits): with one other load, at its goal or not yet
 
-    // What a push costs while the loads of a set, by bits, are not brought to their goals yet.
+    // Return the cost of a push while the loads of a set (bits) are not yet at their goals.
     double push(std::size_t set, std::size_t loads, std::ptrdiff_t entry, std::ptrdiff_t exit) const {
         double cost = 0.0;
         for (std::size_t other = 0; other < loads; ++other) {
@@ -156,7 +156,7 @@ struct TourStop {
     }
 };
 
-// Return what the cheapest tours cost through each set of loads, by bits, from each exit (Held and Karp 1962).
+// Return the costs of the cheapest tours through each set of loads (bits) from each exit (Held and Karp 1962).
 std::vector<double> cheapest_tours(const std::vector<TourStop> &stops) {
     std::size_t exits = 0;
     for (const TourStop &stop : stops)
@@ -193,7 +193,7 @@ SequenceCosts to_costs(const Numbers &pushes, const Numbers &changes, const Numb
                changes.shape(2) == modes && first.shape(0) == modes;
     }
     if (!fits)
-        throw std::invalid_argument("costs are (m, v, v) of pushes, (v, m, m) of changes and (m,) before a first push, "
+        throw std::invalid_argument("costs must be (m, v, v) for pushes, (v, m, m) for changes and (m,) before a push, "
                                     "for m modes and v nodes");
     return {pushes.shape(0), pushes.shape(1), pushes.data(), changes.data(), first.data()};
 }
@@ -202,7 +202,7 @@ auto cheapest_rows(const Numbers &pushes, const Numbers &changes, const Numbers 
                    std::ptrdiff_t most) {
     const SequenceCosts costs = to_costs(pushes, changes, first);
     if (goals < 1 || goals >= costs.nodes || most < 1)
-        throw std::invalid_argument("there are a start, one goal or more among the nodes, and one push or more");
+        throw std::invalid_argument("there must be a start, at least one goal among the nodes, and at least one push");
     require_room(std::array{costs.modes, costs.nodes, most}, "the table of sequences");
     Sequence found;
     {
@@ -225,10 +225,10 @@ Made<double> tours_of(const std::vector<Numbers> &ways, const std::vector<Number
         exits += costs.shape(3);
     }
     if (ways.size() != pushes.size() || loads > MOST_STOPS)
-        throw std::invalid_argument("a tour has ways to each of its loads, of which there are " +
-                                    std::to_string(MOST_STOPS) + " at most");
+        throw std::invalid_argument("a tour needs transits to each of its loads, and at most " +
+                                    std::to_string(MOST_STOPS) + " loads");
     for (std::size_t k = 0; k < ways.size(); ++k) {
-        require_shape(ways[k], {exits, pushes[k].shape(2)}, "table of ways");
+        require_shape(ways[k], {exits, pushes[k].shape(2)}, "table of transits");
         stops.push_back({pushes[k].shape(2), pushes[k].shape(3), ways[k].data(), pushes[k].data()});
     }
     require_room(std::array{std::ptrdiff_t{1} << loads, exits}, "the table of tours");
@@ -250,28 +250,28 @@ void bind_sequences(nb::module_ &core) {
           nb::arg("goals"), nb::arg("most"), R"(
     Find the cheapest sequence of pushes from node 0 to one of nodes 1 to `goals`.
 
-    By the number of pushes, cheapest first, as in the recursion of Bellman and Ford.
+    The recursion of Bellman and Ford goes over the number of pushes.
 
     Args:
-        pushes: (m, v, v) cost of a push by mode from node to node.
-        changes: (v, m, m) cost of a change at a node from mode to mode.
-        first: (m,) cost of what comes before a first push.
-        goals: How many nodes are goals.
-        most: Pushes, at most.
+        pushes: (m, v, v) costs of pushes by mode, from node to node.
+        changes: (v, m, m) costs of changes at a node, from mode to mode.
+        first: (m,) costs before the first push.
+        goals: Number of goals among the nodes.
+        most: Maximum number of pushes.
 
     Returns:
-        The cost, infinite where there is none, and (k, 3) mode, first and last node of each push.
+        The cost, infinite if there is no sequence, and (k, 3) mode, first and last node of each push.
     )");
     m.def("cheapest_tours", &tours_of, nb::arg("ways"), nb::arg("pushes"), R"(
-    Return what the cheapest tours cost through each set of n loads (by bits) from each end of a push, (2^n, k).
+    Return the costs (2^n, k) of the cheapest tours through each set of n loads (bits) from each end of a push.
 
-    Each load is pushed once, by one of its contacts to one of its ends: those of all loads, one after another, are k.
-    By the recursion of Held and Karp (1962).
+    Each load is pushed once, by one of its contacts to one of its ends. All loads together have k ends. The function
+    uses the recursion of Held and Karp (1962).
 
     Args:
-        ways: n times what the ways from all ends to the contacts of a load cost, (k, m).
-        pushes: n times what its pushes cost by contact and end, each load alone being at its goal (0), or not brought
-            there yet (1), (n, 2, m, e); the dearest of these counts.
+        ways: For each of the n loads, the costs (k, m) of the transits from all ends to its contacts.
+        pushes: For each load, the costs (n, 2, m, e) of its pushes by contact and end, with one other load at its goal
+            (0) or not yet (1). The highest of these counts.
     )");
 }
 

@@ -8,14 +8,14 @@ namespace pushplan {
 
 namespace {
 
-// Twists that differ by less are, rounding apart, the same motion: one arc of both, for which no stop and no price of
-// an arc is due.
+// Difference below which two twists are the same motion up to rounding. Their arcs become one, without a stop or a
+// further price.
 constexpr double SAME_MOTION = 1e-12;
 
-// Words between two corners that are swept, at most.
+// Maximum number of steering paths checked between two corners.
 constexpr int CORNER_TRIES = 3;
 
-// A turn of a family that is slower than this (rad a metre of cost) is none.
+// Minimum rate of a family's turn, rad per metre of cost.
 constexpr double LEAST_TURN = 1e-6;
 
 // Append an arc, or lengthen the last one if it is the same motion.
@@ -40,14 +40,14 @@ double travel_of(const std::vector<Arc> &path) {
     return travel;
 }
 
-// A place on a path: which arc, how far into it (m of cost), and the pose there.
+// A place on a path: arc, distance from its beginning (m of cost), and pose.
 struct PlaceOnPath {
     std::size_t arc;
     double into;
     Pose pose;
 };
 
-// The place at the cost `s` along a path, which is not empty.
+// Return the place at the cost `s` along a path that is not empty.
 PlaceOnPath locate(const Pose &start, const std::vector<Arc> &path, double s) {
     Pose pose = start;
     std::size_t i = 0;
@@ -59,7 +59,7 @@ PlaceOnPath locate(const Pose &start, const std::vector<Arc> &path, double s) {
     return {i, s, step(pose, path[i].twist, s)};
 }
 
-// Travel (m) that a word must stay below to be cheaper than the piece of path between two places.
+// Return the travel (m) below which a steering path is cheaper than the piece of path between two places.
 double worth(const Objective &objective, const std::vector<Arc> &path, const PlaceOnPath &begin, const PlaceOnPath &end,
              double travel) {
     if (objective.kind == TRAVEL)
@@ -73,7 +73,7 @@ double worth(const Objective &objective, const std::vector<Arc> &path, const Pla
     return total / objective.lowest;
 }
 
-// The path with everything between two places exchanged for a word.
+// Return the path with the piece between two places replaced by a steering path.
 std::vector<Arc> spliced(const std::vector<Arc> &path, const PlaceOnPath &begin, const std::array<Arc, 3> &word,
                          const PlaceOnPath &end) {
     std::vector<Arc> joined;
@@ -89,21 +89,21 @@ std::vector<Arc> spliced(const std::vector<Arc> &path, const PlaceOnPath &begin,
     return joined;
 }
 
-// A piece of a path: its length log-uniform, its place uniform, ends clipped to the path's.
+// Return a piece of a path with a log-uniform length at a uniform place, clipped to the path.
 struct Piece {
     double low;
     double high;
 };
 
 Piece draw_piece(double total, Random &random) {
-    // Log-uniform, from 7 % of the path on: short pieces need many tries, each with little to gain, long ones few with
-    // much.
+    // Log-uniform from 7 % of the path on. Short pieces need many attempts with little gain, long ones few with much
+    // gain.
     const double length = total * std::exp(std::log(0.07) * random());
     const double low = -0.5 * length + random() * total;
     return {std::max(0.0, low), std::min(total, low + length)};
 }
 
-// A steering family of the problem, or one drawn from the whole stable set.
+// Return a steering family of the problem, or one drawn from the whole stable set.
 Family some_family(const Problem &problem, Random &random) {
     if (random() < 0.8)
         return random_family(problem.segments, random);
@@ -135,7 +135,7 @@ Family random_family(const std::vector<Segment> &segments, Random &random) {
         const bool right = letter == RIGHT;
         const auto drawn = static_cast<std::size_t>(random() * static_cast<double>(segments.size()));
         const Segment &segment = segments[drawn];
-        // Along a segment, omega goes from low to high: right turns, translations (at `level`), left turns.
+        // Along a segment, omega increases: right turns, translation (at `level`), left turns.
         const double low = segment.low.omega, high = segment.high.omega;
         const double level = low * high < 0.0 ? low / (low - high) : -1.0;
         double b = right ? 0.0 : 1.0;
@@ -163,14 +163,15 @@ std::vector<Arc> shorten(const Problem &problem, const Pose &start, const std::v
     std::vector<Arc> path = merged(arcs);
     LocalChanges changes(problem);
     for (std::int64_t attempt = 0; attempt < attempts && !path.empty(); ++attempt) {
-        // Words find a path's form, small changes of its twists and lengths the best of that form: half of each.
+        // Steering paths find a path's form, and local changes its best twists and lengths. Use each for half of the
+        // attempts.
         if (random() < 0.5) {
             changes.vary(start, path, random);
             continue;
         }
         const auto [low, high] = draw_piece(travel_of(path), random);
         const PlaceOnPath begin = locate(start, path, low), end = locate(start, path, high);
-        // A word that costs less than the piece; what its arcs are worth in the objective is known only then.
+        // Find a steering path that costs less than the piece. The value of its arcs is only known then.
         const double bound = worth(problem.objective, path, begin, end, high - low);
         const Family family = some_family(problem, random);
         const Connection word = connect(problem.scene, {&family, 1}, begin.pose, end.pose, bound, TRIES);
@@ -197,7 +198,7 @@ std::vector<Arc> cut_short(const Problem &problem, const Pose &start, const std:
             double bound = 0.0;
             for (std::size_t k = i; k < j; ++k)
                 bound += arcs[k].length;
-            // A word has three arcs: it may be longer by what the arcs count that it saves.
+            // A steering path has three arcs, so it can be longer by the price of the arcs that it saves.
             bound += per_arc * (static_cast<double>(j - i) - 3.0);
             word = connect(problem.scene, problem.all_families(), corners[i], corners[j], bound, CORNER_TRIES);
             if (word.cost < bound)

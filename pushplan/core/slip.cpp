@@ -1,4 +1,4 @@
-// Pushing with slip as Python sees it: `pushplan.core.slip`.
+// `pushplan.core.slip`: quasi-static pushing with slip.
 #include "numpy_poses.hpp"
 #include "slip_simulation.hpp"
 
@@ -11,13 +11,13 @@ void require(bool fits, const char *what) {
         throw std::invalid_argument(what);
 }
 
-// The objects of a world, of the columns that `slip.pyi` describes.
+// Return the objects of a world from columns described in `slip.pyi`.
 std::vector<Object> objects_of(const Integers &first_foot, const Numbers &loads, const Numbers &center) {
     const auto first = row(first_foot);
     const auto load = table(loads), middle = table(center);
-    require(load.columns == 5 && middle.columns == 2, "loads have 5 columns, and center has 2");
+    require(load.columns == 5 && middle.columns == 2, "loads need 5 columns, and center needs 2");
     require(middle.rows == load.rows && first.size == load.rows + 1,
-            "there is a load, a centre and a first foot for every object");
+            "every object needs a load, a centre and a first foot");
     std::vector<Object> objects;
     require_all_finite(loads.data(), loads.size(), "loads");
     require_all_finite(center.data(), center.size(), "center");
@@ -30,8 +30,8 @@ std::vector<Object> objects_of(const Integers &first_foot, const Numbers &loads,
 std::vector<Piece> pieces_of(const Integers &parts, const Numbers &circles) {
     const auto part = table(parts);
     const auto circle = to_rows<Circle>(circles, "circles");
-    require(part.columns == 3, "parts have 3 columns");
-    require(part.rows == static_cast<std::ptrdiff_t>(circle.size()), "there is a circle for every piece");
+    require(part.columns == 3, "parts need 3 columns");
+    require(part.rows == static_cast<std::ptrdiff_t>(circle.size()), "every piece needs a circle");
     std::vector<Piece> pieces;
     for (std::ptrdiff_t p = 0; p < part.rows; ++p)
         pieces.push_back(
@@ -42,8 +42,8 @@ std::vector<Piece> pieces_of(const Integers &parts, const Numbers &circles) {
 std::vector<Pair> pairs_between(const Integers &pairs, const Numbers &friction) {
     const auto pair = table(pairs);
     const auto coefficient = row(friction);
-    require(pair.columns == 3 || pair.rows == 0, "pairs have 3 columns");
-    require(coefficient.size == pair.rows, "there is a friction for every pair");
+    require(pair.columns == 3 || pair.rows == 0, "pairs need 3 columns");
+    require(coefficient.size == pair.rows, "every pair needs a friction");
     std::vector<Pair> found;
     for (std::ptrdiff_t q = 0; q < pair.rows; ++q)
         found.push_back({to_int(pair[q][0], "pairs"), to_int(pair[q][1], "pairs"), to_int(pair[q][2], "pairs"),
@@ -51,29 +51,29 @@ std::vector<Pair> pairs_between(const Integers &pairs, const Numbers &friction) 
     return found;
 }
 
-// Refuse a world with feet, pieces, pairs or an order of what is not there.
+// Throw if feet, pieces, pairs or the order of a world refer to something missing.
 void check(const World &world) {
     const int n = world.plate();
     int feet = 0;
     for (const Object &object : world.objects) {
-        require(object.first_foot == feet && object.last_foot >= feet, "feet are those of one object after another");
+        require(object.first_foot == feet && object.last_foot >= feet, "feet must be ordered by object");
         feet = object.last_foot;
     }
-    require(feet == static_cast<int>(world.feet.size()), "every foot is of an object");
+    require(feet == static_cast<int>(world.feet.size()), "every foot must belong to an object");
     for (const Piece &piece : world.pieces)
         require(0 <= piece.body && piece.body <= n + 1 && 0 <= piece.first && piece.first < piece.last &&
                     piece.last <= static_cast<int>(world.corners.size()),
-                "a piece is of a body, and has corners");
+                "every piece must belong to a body and have corners");
     const int pieces = static_cast<int>(world.pieces.size());
     for (const Pair &pair : world.pairs) {
-        require(0 <= pair.a && pair.a < pieces && 0 <= pair.b && pair.b < pieces, "a pair is of two pieces");
-        require(-1 <= pair.contact && pair.contact < n, "a contact is that of an object, or -1");
+        require(0 <= pair.a && pair.a < pieces && 0 <= pair.b && pair.b < pieces, "every pair must be of two pieces");
+        require(-1 <= pair.contact && pair.contact < n, "a contact must be that of an object, or -1");
     }
     std::vector<int> order = world.order;
     std::sort(order.begin(), order.end());
-    require(static_cast<int>(order.size()) == n, "the order names every object once");
+    require(static_cast<int>(order.size()) == n, "the order must contain every object once");
     for (int i = 0; i < n; ++i)
-        require(order[i] == i, "the order names every object once");
+        require(order[i] == i, "the order must contain every object once");
 }
 
 World make_world(const Numbers &feet, const Integers &first_foot, const Numbers &loads, const Numbers &center,
@@ -97,27 +97,27 @@ World with_loads(const World &world, const Numbers &friction_loads, const Number
                  const Numbers &contact_frictions) {
     const auto loads = row(friction_loads), of_feet = row(foot_loads), frictions = row(contact_frictions);
     require(loads.size == world.plate() && of_feet.size == static_cast<std::ptrdiff_t>(world.feet.size()),
-            "there is a load for every object, and for every foot");
+            "every object and every foot needs a load");
     World changed = world;
     for (const auto &array : {friction_loads, foot_loads, contact_frictions})
         require_all_finite(array.data(), array.size(), "loads and frictions");
     for (std::ptrdiff_t j = 0; j < of_feet.size; ++j)
         changed.feet[j].load = of_feet[j];
     for (std::ptrdiff_t i = 0; i < loads.size; ++i) {
-        // h mu goes with mu, and mu with the sum of mu N: the weight stays.
+        // h mu is proportional to mu, and mu to the sum of mu N, because the weight stays.
         Object &object = changed.objects[i];
         object.shift *= loads[i] / object.load;
         object.load = loads[i];
     }
     for (Pair &pair : changed.pairs)
         if (pair.contact >= 0) {
-            require(pair.contact < frictions.size, "there is a friction for every contact of the chain");
+            require(pair.contact < frictions.size, "every contact of the chain needs a friction");
             pair.friction = frictions[pair.contact];
         }
     return changed;
 }
 
-// An array (., columns) with a row for each thing, of the numbers that `numbers_of` names.
+// Return an array (n, columns) with a row of `numbers_of` for each thing.
 template <class Number, std::size_t columns, class Thing, class Function>
 Made<Number> rows_of(const std::vector<Thing> &things, Function numbers_of) {
     std::vector<Number> numbers;
@@ -178,7 +178,7 @@ Made<Index> order_of(const World &world) {
 
 Simulation make_simulation(std::shared_ptr<World> world, const Numbers &object_poses, const Numbers &plate_pose) {
     const auto objects = to_rows<Pose>(object_poses, "poses of the objects");
-    require(static_cast<int>(objects.size()) == world->plate(), "there is a pose for every object");
+    require(static_cast<int>(objects.size()) == world->plate(), "every object needs a pose");
     return Simulation(std::move(world), objects, to_pose(plate_pose));
 }
 
@@ -212,11 +212,11 @@ Simulation simulation_from_tuple(const nb::tuple &t) {
     const std::size_t n = world->objects.size();
     require(state.poses.size() == n + 1 && state.twists.size() == n && state.drag.size() == n &&
                 state.memory.size() == world->pairs.size(),
-            "there is a state of every body and pair");
+            "every body and pair needs a state");
     return Simulation(std::move(world), std::move(state));
 }
 
-// A trace as arrays.
+// A trace in the form of arrays.
 struct TraceArrays {
     using Reals = nb::typed<nb::object, Made<double>>;
     using Wholes = nb::typed<nb::object, Made<std::int64_t>>;
@@ -231,7 +231,7 @@ struct TraceArrays {
 
 TraceArrays march(Simulation &simulation, const Numbers &twists, double limit) {
     const auto rows = table(twists);
-    require(rows.columns == 3, "twists are v_x, v_y, omega");
+    require(rows.columns == 3, "twists must be v_x, v_y, omega");
     require_all_finite(twists.data(), twists.size(), "twists");
     require_number(limit, "limit");
     const InUse use(simulation.lock);
@@ -277,32 +277,33 @@ void bind_slip(nb::module_ &parent) {
         "slip", "Quasi-static pushing in which contacts stick, slide, roll off an end, open and close again.");
     bind_constants(m);
     nb::class_<World>(m, "World", R"(
-    What does not change while bodies are pushed about.
+    The constant data of bodies that are pushed.
 
-    Bodies are counted: the n objects, then the pusher (n), then all that stands still (n + 1).
+    Bodies have numbers: first the n objects, then the pusher (n), then all fixed bodies together (n + 1).
 
     Attributes:
-        feet: (f, 4) x, y in the object's frame (m), mu N (N), share in carrying a load that shifts.
-        first_foot: (n + 1,) where the feet of each object begin.
+        feet: (f, 4) x, y in the object's frame (m), mu N (N), share of a shifted load.
+        first_foot: (n + 1,) first foot of each object.
         loads: (n, 5) sum of mu N (N), h mu (m), second moments of the stiffness xx, xy, yy (m^2).
         center: (n, 2) stiffness centre in the object's frame, m.
-        corners: (v, 5) x, y (m) and outward normal of the edge that begins there, in the body's frame, and 1 or 0.
-            0 where the edge is no piece of the outline but parts two convex pieces.
-        parts: (p, 3) body, first corner, one past the last, of each convex piece; one corner is a disc.
-        circles: (p, 4) centre and radius (m) of a circle around each piece in the body's frame, rounding of its
+        corners: (v, 5) x, y (m) and outward normal of the edge that begins there, in the body's frame; and 1 for an
+            edge of the outline, 0 for an edge between two convex pieces.
+        parts: (p, 3) body, first corner and one past the last corner of each convex piece. A piece with one corner is a
+            disc.
+        circles: (p, 4) centre and radius (m) of a circle around each piece in the body's frame, and the rounding of its
             corners.
-        pairs: (q, 3) pieces a and b that may touch, and the chain's contact whose bodies these are, or -1.
-        friction: (q,) coefficient between them.
+        pairs: (q, 3) pieces a and b that can touch, and the chain's contact between their bodies, or -1.
+        friction: (q,) friction coefficient of each pair.
         length: Characteristic length L, m.
-        order: (n,) the caller's number of every object: the order of poses and columns outside.
-        room: Manifolds that a step has room for: 16 an object and 16 more, or one for every pair.
+        order: (n,) caller's number of each object: the order of poses and columns outside.
+        room: Maximum number of manifolds in a step: 16 for each object and 16 more, or one for each pair.
     )")
         .def(MadeBy(&make_world), nb::kw_only(), nb::arg("feet"), nb::arg("first_foot"), nb::arg("loads"),
              nb::arg("center"), nb::arg("corners"), nb::arg("parts"), nb::arg("circles"), nb::arg("pairs"),
              nb::arg("friction"), nb::arg("length"), nb::arg("order"))
         .def("with_loads", &with_loads, nb::arg("friction_loads"), nb::arg("foot_loads"), nb::arg("contact_frictions"),
              R"(
-    Return the world with other frictions and loads, weights the same.
+    Return the world with other frictions and loads and the same weights.
 
     Args:
         friction_loads: (n,) sum of mu N of every object, N.
@@ -310,7 +311,7 @@ void bind_slip(nb::module_ &parent) {
         contact_frictions: (k,) coefficients of the chain's contacts.
 
     Raises:
-        ValueError: On other sizes.
+        ValueError: If the sizes are wrong.
     )")
         .def_prop_ro("feet", [](const World &world) { return to_table(world.feet); })
         .def_prop_ro("first_foot", &first_foot_of)
@@ -327,17 +328,18 @@ void bind_slip(nb::module_ &parent) {
         .def(PickledBy{"feet", "first_foot", "loads", "center", "corners", "parts", "circles", "pairs", "friction",
                        "length", "order"});
     nb::class_<TraceArrays>(m, "Trace", R"(
-    What m steps leave behind; columns are the caller's objects.
+    The record of m steps. Columns are the caller's objects.
 
     Attributes:
-        poses: (m, n, 3) of the objects after every step.
-        modes: (m, n) of the chain's contacts, `OPEN` to `ROLL_SLIDE`.
-        forces: (m, n, 3) of the chain's contacts: normal force at the right and the left end, tangential force, N.
-        wrenches: (m, 3) with which the plate pushes on all that it touches, in its own frame: N, N, N m.
-        others: (m, n) number of other active contacts of every object. With obstacles, walls, or bodies it was not
-            stacked on.
-        residual: (m,) of the balance, over the sum of mu N of all objects.
-        end: (m,) how every step ended, `CONVERGED` to `STALLED`.
+        poses: (m, n, 3) poses of the objects after each step.
+        modes: (m, n) modes of the chain's contacts, `OPEN` to `ROLL_SLIDE`.
+        forces: (m, n, 3) forces of the chain's contacts: normal force at the right and the left end, tangential force,
+            N.
+        wrenches: (m, 3) wrenches of the plate on all bodies that it touches, in its own frame: N, N, N m.
+        others: (m, n) number of other active contacts of each object, with obstacles, walls or bodies outside its chain
+            contact.
+        residual: (m,) residual of the balance, divided by the sum of mu N of all objects.
+        end: (m,) outcome of each step, `CONVERGED` to `STALLED`.
     )")
         .def_ro("poses", &TraceArrays::poses)
         .def_ro("modes", &TraceArrays::modes)
@@ -352,12 +354,12 @@ void bind_slip(nb::module_ &parent) {
             },
             +[](const nb::tuple &t) { return TraceArrays{t[0], t[1], t[2], t[3], t[4], t[5], t[6]}; }));
     nb::class_<Simulation>(m, "Simulation", R"(
-    Where everything is, and the last step's solution, with which the next one begins.
+    The poses of all bodies, and the last step's solution, with which the next step begins.
 
     Attributes:
-        world: What there is.
-        object_poses: (n, 3) of the caller's objects, in the world.
-        plate_pose: (3,) of the frame that the plate is moved in.
+        world: The world.
+        object_poses: (n, 3) poses of the caller's objects in the world.
+        plate_pose: (3,) pose of the plate's frame in the world.
     )")
         .def(MadeBy(&make_simulation), nb::arg("world"), nb::arg("object_poses"), nb::arg("plate_pose"))
         .def_prop_ro("world", [](const Simulation &simulation) { return simulation.world; })
@@ -368,14 +370,14 @@ void bind_slip(nb::module_ &parent) {
                          return to_array(simulation.state.poses.back());
                      })
         .def("march", &march, nb::arg("twists"), nb::arg("limit") = std::numeric_limits<double>::infinity(), R"(
-    Move the plate by body twists times time (m, 3), one after the other, and the objects with it.
+    Move the plate by a sequence of body twists times time (m, 3), and the objects with it.
 
-    It ends early where there is no solution, more manifolds than there is room for, or the plate would have to
-    push with more than `limit` (N; infinite unless it is given); the step that ended it is the last one in the
-    trace. The interpreter's lock is let go meanwhile.
+    It stops early if there is no solution, if there are too many manifolds, or if the plate would push with more than
+    `limit` (N; infinite by default). The step that stopped it is the last one in the trace. The interpreter's lock is
+    released meanwhile.
 
     Raises:
-        ValueError: On another shape.
+        ValueError: If the shape is wrong.
     )")
         .def(Pickled(&simulation_to_tuple, &simulation_from_tuple));
 }

@@ -1,12 +1,12 @@
-// The fallback of a step: floor friction made linear with K, then more and more with H, and an LCP of the contacts.
+// The fallback of a step: floor friction linearised with K, then increasingly with H, and an LCP of the contacts.
 //
 // Stewart and Trinkle 1996: for every manifold the multipliers ln (one or two), b+ and b- along the tangent and the
 // slack s of the friction cone, all >= 0 and complementary to
 //
 //     w_n = gap + n . (U_b - U_a),   w+- = s +- t . (U_b - U_a),   w_s = mu sum ln - b+ - b-.
 //
-// Lemke's method solves it. With K alone the passes are iteratively reweighted least squares, which get nearer slowly;
-// with H they are Newton's method. A ray means that no motion satisfies all contacts: nothing can give way, a jam.
+// Lemke's method solves it. With K alone, the passes are iteratively reweighted least squares, which converge slowly.
+// With H, they are Newton's method. A ray means that no motion satisfies all contacts: a jam.
 #include "slip_work.hpp"
 
 namespace pushplan::slip {
@@ -15,13 +15,13 @@ namespace {
 
 constexpr int SLACK = -1;
 
-// Unknown j of a manifold: of which row (0, 1 normals, 2 tangent, or the slack), with which sign.
+// Unknown j of a manifold: its row (0, 1 normals, 2 tangent, or the slack) and its sign.
 struct Unknown {
     int row;
     double sign;
 };
 
-// How many unknowns a manifold has: its normals, b+, b-, s.
+// Return the number of unknowns of a manifold: its normals, b+, b-, s.
 int width(const Manifold &m) { return m.points + 3; }
 
 Unknown unknown(const Manifold &m, int j) {
@@ -34,18 +34,18 @@ Unknown unknown(const Manifold &m, int j) {
     return {SLACK, 0.0};
 }
 
-// [I, -A, -1, q] of w = A z + q, displacements over the step's size, forces over its force.
+// [I, -A, -1, q] of w = A z + q. Displacements are divided by the step's size, forces by its force.
 struct Tableau {
     Table<double> numbers;
-    int size;                // its height
-    std::vector<int> &basis; // the variable of every line: w below `size`, z from there on, then the artificial one
+    int size;                // number of lines
+    std::vector<int> &basis; // variable of each line: w below `size`, then z, then the artificial one
 
     double *operator[](int line) const { return numbers[line]; }
     int artificial() const { return 2 * size; }
     int last() const { return 2 * size + 1; }
 };
 
-// Fill what a unit of row k of a manifold, times `scale`, displaces.
+// Fill in the displacements by a unit of row k of a manifold, times `scale`.
 void respond(const Work &work, const Manifold &m, int k, double scale, const Tableau &tableau, int column) {
     const Vector &force = m.row[k];
     const Vector ua = work.is_object(m.a) ? work.floors[m.a].inverse * force : Vector{};
@@ -65,7 +65,7 @@ void respond(const Work &work, const Manifold &m, int k, double scale, const Tab
     }
 }
 
-// Fill -A: what every unknown displaces at every other one, and the friction cones.
+// Fill in -A: the displacements at every unknown by every other one, and the friction cones.
 void fill_responses(const Work &work, double scale, const Tableau &tableau) {
     int column = tableau.size, start = 0;
     for (const Manifold &m : work.manifolds) {
@@ -98,7 +98,7 @@ Tableau fill_tableau(Work &work, const Scale &scale) {
             const auto [row, sign] = unknown(m, j);
             tableau[line][line] = 1.0;
             tableau[line][tableau.artificial()] = -1.0;
-            double offset = 1e-12 * (line + 1.0); // no two ratios are alike
+            double offset = 1e-12 * (line + 1.0); // makes all ratios different
             if (row != SLACK)
                 offset += sign * (work.relative_motion(m, row) + (row < NORMALS ? m.gap[row] : 0.0)) / scale.size;
             tableau[line][tableau.last()] = offset;
@@ -123,14 +123,14 @@ void pivot(const Tableau &tableau, int line, int column) {
     }
 }
 
-// The line whose variable reaches 0 first, or -1; the artificial variable goes first among equals.
+// Return the line whose variable reaches 0 first, or -1. Among equals, the artificial variable comes first.
 int leaving_line(const Tableau &tableau, int entering) {
     constexpr double TINY = 1e-13;
     double best = INF;
     int line = -1;
     for (int i = 0; i < tableau.size; ++i) {
         const double slope = tableau[i][entering];
-        // Rounding of 0: a pivot on it would blow up the tableau. Its entries are of order 1, by the choice of units.
+        // A rounding error of 0 as a pivot would blow up the tableau. By the choice of units, entries are of order 1.
         if (slope <= 1e-11)
             continue;
         const double ratio = tableau[i][tableau.last()] / slope;
@@ -154,7 +154,7 @@ Ending lemke(const Tableau &tableau) {
         }
     if (leaving < 0)
         return Ending::SOLVED;
-    // The artificial variable enters where q is least: all others are then >= 0.
+    // The artificial variable enters at the smallest q. All others are then >= 0.
     int entering = tableau.artificial();
     for (int round = 0; round < 50 * size; ++round) {
         pivot(tableau, leaving, entering);
@@ -162,7 +162,7 @@ Ending lemke(const Tableau &tableau) {
         tableau.basis[leaving] = entering;
         if (left == tableau.artificial())
             return Ending::SOLVED;
-        // The complement of what has left enters: at most one pair is without a basic variable.
+        // The complement of the variable that left enters, so that at most one pair has no basic variable.
         entering = left < size ? left + size : left - size;
         leaving = leaving_line(tableau, entering);
         if (leaving < 0)
@@ -171,7 +171,7 @@ Ending lemke(const Tableau &tableau) {
     return Ending::LOST;
 }
 
-// Read the multipliers out of the tableau, and move the bodies by what they displace.
+// Read the multipliers from the tableau, and apply their displacements to the bodies.
 void take_solution(Work &work, const Tableau &tableau, double force) {
     for (Manifold &m : work.manifolds)
         m.force = {};
@@ -191,7 +191,7 @@ void take_solution(Work &work, const Tableau &tableau, double force) {
         push_bodies(work, m);
 }
 
-// Set the modes of contacts that press, as `link` asks for them.
+// Set the modes of pressing contacts, as `link` needs them.
 void mark_pressed(Work &work) {
     for (Manifold &m : work.manifolds) {
         for (int k = 0; k < NORMALS; ++k)
@@ -203,9 +203,9 @@ void mark_pressed(Work &work) {
 } // namespace
 
 Ending reweighted(Work &work, const Scale &scale, double least, double most) {
-    constexpr int PASSES = 40, PATIENT_PASSES = 300; // most passes while tau is chosen, and with a fixed one
+    constexpr int PASSES = 40, PATIENT_PASSES = 300; // maximum passes with a varying tau, and with a fixed one
     double tau = std::max(1.0, least), before = INF;
-    // With nothing linked `matrices` takes K alone in the first pass, which is at least the true curvature everywhere.
+    // If nothing is linked, `matrices` uses K alone in the first pass. K is at least the true curvature everywhere.
     for (Body &body : work.bodies)
         body.linked = false;
     floor_terms(work, scale.eps());
@@ -223,7 +223,7 @@ Ending reweighted(Work &work, const Scale &scale, double least, double most) {
             break;
         mark_pressed(work);
         link(work);
-        // As in Levenberg and Marquardt's method: nearer to Newton while that pays, back quickly where it does not.
+        // As in the Levenberg-Marquardt method: move towards Newton while that helps, and back quickly if it does not.
         tau = residual < before ? std::max(least, 0.5 * tau) : std::min(most, 4.0 * tau);
         before = residual;
     }

@@ -4,15 +4,15 @@
 //     gap + n . (U_b - U_a) >= 0  _|_  ln >= 0                                         at every point
 //     |lt| <= mu sum ln, and lt = -mu sum ln sign(t . (U_b - U_a)) where it slips      for every manifold
 //
-// Each round guesses from U and the multipliers which points press and which manifolds stick or slip, and solves the
-// linear system that is left, in the multipliers (Schur complement), with the matrix M_i = (1 - tau) H_i + tau K_i.
+// Each round guesses from U and the multipliers which points press and which manifolds stick or slip. It then solves
+// the remaining linear system in the multipliers (Schur complement) with the matrix M_i = (1 - tau) H_i + tau K_i.
 //
-// Floor friction of every object is the gradient of a dissipation, with its secant and its curvature:
+// The floor friction of an object is the gradient of a dissipation, with secant and curvature:
 //
 //     D(U) = sum_j mu N_j r_j,   r_j = sqrt(|v_j|^2 + eps^2),   v_j = J_j U = (v_x - w y_j, v_y + w x_j)
 //     g = sum (mu N / r) J^T v = K U,   K = sum (mu N / r) J^T J,   H = K - sum (mu N / r^3) (J^T v) (J^T v)^T
 //
-// K is at least H everywhere, so a step with K never makes D larger (majorise and minimise).
+// K is at least H everywhere, so a step with K never increases D (majorise and minimise).
 #include "slip_work.hpp"
 
 #include <cstdlib>
@@ -57,7 +57,7 @@ void floor_terms(Work &work, double eps) {
     }
 }
 
-// The inverse of a positive definite matrix.
+// Return the inverse of a positive definite matrix.
 static Symmetric inverse_of(const Symmetric &a) {
     const double cxx = a.yy * a.ww - a.yw * a.yw, cxy = a.xw * a.yw - a.xy * a.ww, cxw = a.xy * a.yw - a.xw * a.yy;
     const double scale = 1.0 / (a.xx * cxx + a.xy * cxy + a.xw * cxw);
@@ -70,12 +70,12 @@ static Symmetric inverse_of(const Symmetric &a) {
 }
 
 void matrices(Work &work, double tau) {
-    constexpr double SMALL = 1e-9; // of the trace of K, added to the diagonal of M
+    constexpr double SMALL = 1e-9; // share of the trace of K that is added to the diagonal of M
     for (std::size_t i = 0; i < work.floors.size(); ++i) {
         const Symmetric &k = work.floors[i].secant, &h = work.floors[i].curvature;
         const double part = work.bodies[i].linked ? tau : 1.0, rest = 1.0 - part;
-        // Friction is homogeneous of degree 1, so H U = 0: without a contact that fixes how far a body moves M has
-        // no inverse.
+        // Friction is homogeneous of degree 1, so H U = 0. Without a contact that fixes the travel of a body, M has no
+        // inverse.
         const double extra = SMALL * (k.xx + k.yy + k.ww);
         work.floors[i].inverse = inverse_of({part * k.xx + rest * h.xx + extra, part * k.xy + rest * h.xy,
                                              part * k.xw + rest * h.xw, part * k.yy + rest * h.yy + extra,
@@ -87,14 +87,14 @@ void link(Work &work) {
     for (Body &body : work.bodies)
         body.linked = false;
     work.bodies[work.plate()].linked = true;
-    // Each pass hands on at least one body farther; a chain of n objects needs n.
+    // Each pass reaches at least one more body; a chain of n objects needs n passes.
     for (int pass = 0; pass < work.plate(); ++pass) {
         for (const Manifold &m : work.manifolds) {
             Body &a = work.bodies[m.a], &b = work.bodies[m.b];
             if (m.mode[TANGENT] != 0 && (a.linked || b.linked))
                 a.linked = b.linked = true;
         }
-        // What stands still hands no motion on: objects that touch the same wall are not linked by it.
+        // Fixed bodies transmit no motion: objects that touch the same wall are not linked.
         work.bodies[work.world->standing()].linked = false;
     }
 }
@@ -139,10 +139,10 @@ double balance_residual(Work &work) {
     return worst;
 }
 
-// The wrench of a unit of multiplier k on body b: a slipping normal force brings its friction along.
+// Return the wrench of a unit of multiplier k on body b. A slipping normal force includes its friction.
 static Vector force_row(const Manifold &m, int k) {
     const Vector &row = m.row[k];
-    // What sticks has its tangential multiplier as an unknown of its own.
+    // A sticking manifold has its tangential multiplier as a separate unknown.
     if (k == TANGENT || m.mode[TANGENT] == 1)
         return row;
     const double friction = 0.5 * m.mode[TANGENT] * m.friction; // the mode of a slip is 2 or -2
@@ -150,14 +150,15 @@ static Vector force_row(const Manifold &m, int k) {
     return {row.x + friction * along.x, row.y + friction * along.y, row.w + friction * along.w};
 }
 
-// Fill in what a unit of multiplier k of manifold m displaces at every equation.
+// Fill in the displacements at every equation by a unit of multiplier k of manifold m.
 static void fill_column(Work &work, const Manifold &m, int k, Table<double> matrix, int column) {
     const Vector force = force_row(m, k);
     const Vector ua = work.is_object(m.a) ? work.floors[m.a].inverse * force : Vector{};
     const Vector ub = work.is_object(m.b) ? work.floors[m.b].inverse * force : Vector{};
     int line = 0;
     for (const Manifold &d : work.manifolds) {
-        // A row is for U_b - U_a; the force acts on b, its reaction on a: d feels what of these two it shares.
+        // A row refers to U_b - U_a. The force acts on b and its reaction on a; manifold d is affected if it shares one
+        // of them.
         const double sa = (d.a == m.a) * 1.0 - (d.b == m.a) * 1.0, sb = (d.b == m.b) * 1.0 - (d.a == m.b) * 1.0;
         const Vector u = {sa * ua.x + sb * ub.x, sa * ua.y + sb * ub.y, sa * ua.w + sb * ub.w};
         for (int j = 0; j < 3; ++j)
@@ -166,7 +167,7 @@ static void fill_column(Work &work, const Manifold &m, int k, Table<double> matr
     }
 }
 
-// Fill the system A lambda = rhs of all equations that act.
+// Assemble the system A lambda = rhs of all active equations.
 static Table<double> assemble(Work &work) {
     int size = 0;
     for (const Manifold &m : work.manifolds)
@@ -196,8 +197,8 @@ static bool eliminate(Table<double> matrix) {
         for (std::ptrdiff_t r = i + 1; r < size; ++r)
             if (std::abs(matrix[r][i]) > std::abs(matrix[pivot][i]))
                 pivot = r;
-        // Singular (or not a number): e.g. more contacts stick than a body has motions. The fallback's
-        // complementarity needs no independent equations.
+        // Singular (or NaN): e.g. more contacts stick than a body has degrees of freedom. The fallback needs no
+        // independent equations.
         if (!(std::abs(matrix[pivot][i]) > 1e-15 * trace))
             return false;
         if (pivot != i)
@@ -219,7 +220,7 @@ static bool eliminate(Table<double> matrix) {
     return true;
 }
 
-// Read the multipliers out of the solved system.
+// Read the multipliers from the solved system.
 static void take_forces(Work &work, Table<double> matrix) {
     int line = 0;
     for (Manifold &m : work.manifolds) {
@@ -234,7 +235,7 @@ static void take_forces(Work &work, Table<double> matrix) {
     }
 }
 
-// Solve the balance linearised at U for the multipliers of the guessed modes; update U and multipliers.
+// Solve the balance, linearised at U, for the multipliers of the guessed modes. Update U and the multipliers.
 static bool solve_linear(Work &work) {
     release(work);
     const Table<double> matrix = assemble(work);
@@ -249,21 +250,21 @@ static bool solve_linear(Work &work) {
 static int tangent_mode(const Work &work, const Manifold &m, double pressed, double stiffness) {
     if (m.mode[0] == 0 && (m.points == 1 || m.mode[1] == 0))
         return 0;
-    // lt is the point of the friction interval that is nearest to lt - r ut: inside it sticks, at an end it slips.
+    // lt is the point of the friction interval nearest to lt - r ut. It sticks inside and slips at an end.
     const double wish = m.force[TANGENT] - stiffness * work.relative_motion(m, TANGENT);
     if (std::abs(wish) <= m.friction * pressed)
         return 1;
     return wish > 0.0 ? 2 : -2;
 }
 
-// Guess every mode from forces and displacements; tell whether any changed.
+// Guess every mode from forces and displacements. Return whether any mode changed.
 static bool set_modes(Work &work, double stiffness) {
     bool changed = false;
     for (Manifold &m : work.manifolds) {
         double pressed = 0.0;
         for (int k = 0; k < m.points; ++k) {
             const double ln = m.force[k];
-            // min(ln, r w) = 0 says ln >= 0 _|_ w >= 0 (w: the gap after the step); the smaller one is made 0.
+            // min(ln, r w) = 0 means ln >= 0 _|_ w >= 0 (w: gap after the step). The smaller one is set to 0.
             const int active = ln - stiffness * (m.gap[k] + work.relative_motion(m, k)) > 0.0;
             changed = changed || active != m.mode[k];
             m.mode[k] = active;
@@ -276,7 +277,7 @@ static bool set_modes(Work &work, double stiffness) {
     return changed;
 }
 
-// By how much the motion misses what active normals and sticking tangents demand, m.
+// Return the violation of active normals and sticking tangents by the motion, m.
 static double violation(const Work &work) {
     double worst = 0.0;
     for (const Manifold &m : work.manifolds)
@@ -286,11 +287,11 @@ static double violation(const Work &work) {
     return worst;
 }
 
-// Give bodies that stick at both ends of a closed contact the same motion to the last bit: no drift adds up.
+// Give bodies that stick at both ends of a closed contact exactly the same motion, so that no drift adds up.
 //
-// Pairs come in the order of the chain's contacts, so that a pushing object has its motion already.
+// Pairs are in the order of the chain's contacts, so the pushing object already has its motion.
 static void hold_together(Work &work) {
-    constexpr double CLOSED = 1e-12; // share of L up to which gaps are rounding
+    constexpr double CLOSED = 1e-12; // share of L up to which a gap is rounding
     for (const Manifold &m : work.manifolds) {
         if (m.points != 2 || m.mode[0] != 1 || m.mode[1] != 1 || m.mode[TANGENT] != 1)
             continue;
@@ -300,14 +301,15 @@ static void hold_together(Work &work) {
 }
 
 double newton(Work &work, const Scale &scale) {
-    constexpr int ROUNDS = 25;     // after which a step is left to the fallback
-    constexpr int PATIENCE = 6;    // rounds after which tau moves towards the majorising matrix, when little is gained
-    constexpr double EXACT = 100.0; // how far constraints may be missed: wanted residual over stiffness
+    constexpr int ROUNDS = 25;     // rounds before the fallback takes over
+    constexpr int PATIENCE = 6;    // rounds before tau moves towards the majorising matrix if little is gained
+    constexpr double EXACT = 100.0; // tolerance of constraints, in units of wanted residual over stiffness
     const double stiffness = scale.stiffness(), wanted = scale.wanted();
     double tau = 0.0, before = INF;
     floor_terms(work, scale.eps());
     for (int round = 0; round < ROUNDS; ++round) {
-        // In the first round forces are remembered ones, which no U belongs to yet: no residual tells anything then.
+        // In the first round, the forces are those of the last step, which do not belong to U. So the residual means
+        // nothing.
         const bool changed = set_modes(work, stiffness);
         const double residual = round > 0 ? balance_residual(work) : INF;
         if (!changed && residual < wanted && stiffness * violation(work) < EXACT * wanted) {

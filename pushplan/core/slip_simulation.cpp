@@ -1,7 +1,7 @@
-// One step of a world: the plate moves by a given twist, and every object moves as balance and contacts demand.
+// One step of a world: the plate moves by a given twist, and balance and contacts determine the objects' motions.
 //
-// What sticks moves exactly as one body with the plate. Where anything slides or opens, motions are found anew at the
-// middle of the step and made from its start: the midpoint rule, of second order in the length of a step.
+// If everything sticks, it moves exactly as one body with the plate. If anything slides or opens, motions are
+// recomputed at the middle of the step and applied from its start: the midpoint rule, of second order in the step.
 #include "slip_simulation.hpp"
 
 namespace pushplan::slip {
@@ -23,10 +23,10 @@ Simulation::Simulation(std::shared_ptr<World> known, State begun)
 Simulation::Simulation(std::shared_ptr<World> known, const std::vector<Pose> &objects, const Pose &plate)
     : Simulation(known, at_rest(*known, objects, plate)) {}
 
-// Move a body by the exact exponential of a share of its twist about the reference point.
+// Return a pose moved by the exact exponential of a share of a twist about the reference point.
 static Pose moved(const Pose &pose, const Pose &reference, const Vector &u, double share, double length) {
     const double turn = share * u.w / length, half = 0.5 * turn;
-    // What the series leaves out, half^4 / 120, is below 1e-18 there.
+    // The remainder of the series, half^4 / 120, is below 1e-18 here.
     const double sinc = share * (std::abs(half) < 1e-4 ? 1.0 - half * half / 6.0 : std::sin(half) / half);
     const double c = std::cos(turn), s = std::sin(turn);
     const double vx = sinc * (std::cos(half) * u.x - std::sin(half) * u.y);
@@ -36,8 +36,8 @@ static Pose moved(const Pose &pose, const Pose &reference, const Vector &u, doub
 }
 
 Solution Simulation::step(const Twist &twist, double limit) {
-    // Displacement of the plate with its turn as a length: eps, reach and gaps are shares of it, so that a push is the
-    // same in steps of any size.
+    // Displacement of the plate, including its turn as a length. eps, reach and gaps are shares of it, so that a push
+    // is the same for steps of any size.
     const double turn = world->length * twist.omega;
     const Scale scale{std::sqrt(twist.vx * twist.vx + twist.vy * twist.vy + turn * turn), world->friction()};
     work.manifolds.clear();
@@ -53,8 +53,8 @@ Solution Simulation::step(const Twist &twist, double limit) {
     if (solution.failed())
         return solution;
     keep_forces();
-    // One rigid body moves exactly by the exponential of its twist; only where something slides or opens does the
-    // middle of the step, of second order, come nearer.
+    // One rigid body moves exactly by the exponential of its twist. The midpoint rule only helps if something slides or
+    // opens.
     if (!all_stick()) {
         solution = solve_midway(scale);
         if (solution.failed())
@@ -71,9 +71,9 @@ Solution Simulation::step(const Twist &twist, double limit) {
     return solution;
 }
 
-// Bring bodies and feet at `poses` to their places about the plate's reference point at the step's start.
+// Place bodies and feet at `poses` relative to the plate's reference point at the step's start.
 void Simulation::place() {
-    // About the plate, not the world's origin: far from that, moments would lose digits.
+    // Relative to the plate, because moments would lose precision far from the world's origin.
     const double ox = state.poses.back().x, oy = state.poses.back().y;
     for (std::size_t i = 0; i < poses.size(); ++i) {
         Body &body = work.bodies[i];
@@ -91,12 +91,12 @@ void Simulation::place() {
         place_feet(i);
 }
 
-// Place the feet of an object; a push above the floor shifts its load by h mu drag, as in the last step.
+// Place the feet of an object. A push above the floor shifts its load by h mu drag, as in the last step.
 void Simulation::place_feet(int i) {
     const Body &there = work.bodies[i];
     const Object &object = world->objects[i];
-    // Load N_j + k_j (p_j - c) . b with b = S^-1 (h mu drag): the support's stiffnesses k take the moment of a push at
-    // height h.
+    // The load is N_j + k_j (p_j - c) . b with b = S^-1 (h mu drag): the support's stiffnesses k carry the moment of a
+    // push at height h.
     const double det = object.sxx * object.syy - object.sxy * object.sxy;
     const double fx = object.shift * state.drag[i][0], fy = object.shift * state.drag[i][1];
     double bx = 0.0, by = 0.0;
@@ -113,9 +113,9 @@ void Simulation::place_feet(int i) {
     }
 }
 
-// Set the displacement of the plate, and none of what stands still.
+// Set the displacement of the plate, and zero for fixed bodies.
 //
-// A twist about a point that stands still, in the world's axes, is the same all through the step.
+// A twist about a fixed point, in the world's axes, is constant during the step.
 void Simulation::command(const Twist &twist) {
     Body &plate = work.bodies[world->plate()];
     const double c = plate.c, s = plate.s;
@@ -123,9 +123,9 @@ void Simulation::command(const Twist &twist) {
     work.bodies[world->standing()].u = {};
 }
 
-// Set U as in the last step, or that of one rigid body with the plate.
+// Set U as in the last step, or as for one rigid body with the plate.
 void Simulation::predict(double size, bool rigid) {
-    // In the plate's axes a steady push is the same from step to step, also where the plate turns.
+    // In the plate's axes, a steady push is the same from step to step, even if the plate turns.
     const double c = std::cos(state.poses.back().theta), s = std::sin(state.poses.back().theta);
     for (int i = 0; i < world->plate(); ++i) {
         const Vector &last = state.twists[i];
@@ -135,11 +135,12 @@ void Simulation::predict(double size, bool rigid) {
     }
 }
 
-// Find the friction forces, on which loads depend that a push above the floor shifts, of one rigid body.
+// Compute the friction forces of one rigid body. Loads that a push above the floor shifts depend on them.
 void Simulation::begin_drag(const Scale &scale) {
     constexpr int SHIFTS = 5;
     predict(scale.size, true);
-    // A fixed point: friction shifts the load, which changes friction. Later steps take the drag of the one before.
+    // Fixed-point iteration: friction shifts the load, which changes friction. Later steps use the drag of the step
+    // before.
     for (int round = 0; round < SHIFTS; ++round) {
         floor_terms(work, scale.eps());
         keep_drag();
@@ -148,7 +149,7 @@ void Simulation::begin_drag(const Scale &scale) {
     }
 }
 
-// Keep every object's friction force, in its own axes, for the shift of its load.
+// Store every object's friction force, in its own axes, for the shift of its load.
 void Simulation::keep_drag() {
     for (int i = 0; i < world->plate(); ++i) {
         const Vector &g = work.floors[i].g;
@@ -157,7 +158,7 @@ void Simulation::keep_drag() {
     }
 }
 
-// Keep the motion and the objects' friction forces.
+// Store the motion and the objects' friction forces.
 void Simulation::keep_motion(double size) {
     const double c = std::cos(state.poses.back().theta), s = std::sin(state.poses.back().theta);
     for (int i = 0; i < world->plate(); ++i) {
@@ -168,7 +169,7 @@ void Simulation::keep_motion(double size) {
     ++state.steps;
 }
 
-// Keep the forces of all pairs.
+// Store the forces of all pairs.
 void Simulation::keep_forces() {
     for (std::size_t q = 0; q < state.memory.size(); ++q) {
         Memory &memory = state.memory[q];
@@ -181,20 +182,21 @@ void Simulation::keep_forces() {
     }
 }
 
-// Begin with the last forces; at the very first with some on everything that touches.
+// Begin with the last forces or, in the first step, with a force on every touching pair.
 void Simulation::recall_forces(bool fresh, double force) {
-    // At the very first nothing is remembered: without a force all would be guessed open, and nothing move.
+    // In the first step there is no memory. Without a force, all contacts would be guessed open, and nothing would
+    // move.
     for (Manifold &m : work.manifolds)
         if (fresh && m.gap[0] < 1e-6 * world->length)
             m.force = {0.5 * force, 0.5 * force, 0.0};
-    // Several pairs may share a manifold: the first pair's memory, under which it is looked up, is written last.
+    // Several pairs can share a manifold. The first pair's memory, which identifies it, is written last.
     for (std::size_t q = state.memory.size(); q-- > 0;) {
         const Memory &memory = state.memory[q];
         if (work.found[q] < 0 || memory.points == 0)
             continue;
         Manifold &m = work.manifolds[work.found[q]];
         m.force = memory.force;
-        // Spread evenly where a manifold has another number of points now.
+        // Distribute evenly if the manifold's number of points has changed.
         if (memory.points != m.points)
             m.force[0] = m.force[1] = (memory.force[0] + memory.force[1]) / m.points;
     }
@@ -203,7 +205,7 @@ void Simulation::recall_forces(bool fresh, double force) {
             m.force[1] = 0.0;
 }
 
-// Whether every contact that presses sticks at both ends.
+// Return whether every pressing contact sticks at both ends.
 bool Simulation::all_stick() const {
     for (const Manifold &m : work.manifolds) {
         const int pressed = m.mode[0] + (m.points == 2 ? m.mode[1] : 0);
@@ -213,13 +215,13 @@ bool Simulation::all_stick() const {
     return true;
 }
 
-// Find contacts where bodies and feet are placed, and solve; gaps have to be closed in a share `left` of the step.
+// Find the contacts at the current places, and solve. Gaps must close in a share `left` of the step.
 Solution Simulation::solve_here(const Scale &scale, double left) {
-    constexpr double REACH = 2.5; // gap over the size of a step up to which contacts are looked at
+    constexpr double REACH = 2.5; // gap over the size of a step up to which contacts count
     place_corners(work);
     if (!find_manifolds(work, REACH * scale.size))
         return {0.0, CROWDED};
-    // A point must not pass its gap in what is left of the step; motions are for a whole one. What overlaps parts by
+    // A point must not pass its gap in the rest of the step, but motions are for a whole step. Overlaps separate by
     // half a step at a time.
     for (Manifold &m : work.manifolds)
         for (int k = 0; k < m.points; ++k)
@@ -228,12 +230,12 @@ Solution Simulation::solve_here(const Scale &scale, double left) {
     return solve(scale);
 }
 
-// Solve with everything in the middle of the step; where that fails, at its start again.
+// Solve with everything at the middle of the step; if that fails, at its start again.
 Solution Simulation::solve_midway(const Scale &scale) {
     for (std::size_t i = 0; i < poses.size(); ++i)
         poses[i] = moved(poses[i], state.poses.back(), work.bodies[i].u, 0.5, world->length);
     place();
-    // In the middle of a step that closes a contact there may be no solution though there is one at its start.
+    // In the middle of a step that closes a contact, there may be no solution although there is one at its start.
     const Solution solution = solve_here(scale, 0.5);
     if (!solution.failed())
         return solution;
@@ -243,9 +245,9 @@ Solution Simulation::solve_midway(const Scale &scale) {
     return solve_here(scale, 1.0);
 }
 
-// Let Newton's method start from the fallback's solution, which stays where that fails; return the residual.
+// Run Newton's method from the fallback's solution, which stays if it fails. Return the residual.
 static double polished(Work &work, const Scale &scale) {
-    // Newton's method leaves U and forces anywhere when it fails.
+    // A failed Newton iteration leaves arbitrary U and forces.
     const double before = balance_residual(work);
     const std::vector<Body> bodies = work.bodies;
     std::vector<std::array<double, 3>> forces;
@@ -261,9 +263,10 @@ static double polished(Work &work, const Scale &scale) {
     return before;
 }
 
-// Solve for the motions of all objects in a step.
+// Compute the motions of all objects in a step.
 Solution Simulation::solve(const Scale &scale) {
-    // Of the fallback: from the last motion or that of one rigid body, with the least and the largest tau.
+    // An attempt of the fallback: from the last motion or that of one rigid body, with the smallest and the largest
+    // tau.
     struct Attempt {
         bool rigid;
         double least, most;
@@ -277,7 +280,7 @@ Solution Simulation::solve(const Scale &scale) {
     double left = INF;
     for (const Attempt &attempt : ATTEMPTS) {
         predict(scale.size, attempt.rigid);
-        // A ray from one beginning is not yet a jam: only if all of them end so.
+        // It is a jam only if all attempts end with a ray.
         if (reweighted(work, scale, attempt.least, attempt.most) == Ending::RAY)
             continue;
         jam = false;
@@ -319,7 +322,7 @@ static Mode mode_of(const Manifold &m) {
     return ends == 2 ? SLIDE : ROLL_SLIDE;
 }
 
-// Write down what the contacts do in the last step.
+// Record the contacts of the last step.
 void Simulation::note_contacts(Trace &trace) const {
     const std::size_t n = world->objects.size(), first = trace.others.size() - n;
     for (const Manifold &m : work.manifolds) {
@@ -330,7 +333,7 @@ void Simulation::note_contacts(Trace &trace) const {
             trace.modes[at] = mode;
             std::copy(m.force.begin(), m.force.end(), trace.forces.begin() + 3 * at);
         } else if (mode != OPEN) {
-            // No contact of the chain: only that an object touches something is told, of both if both are objects.
+            // For a contact outside the chain, only record that the object, or both objects, touch something.
             for (const int body : {m.a, m.b})
                 if (work.is_object(body))
                     ++trace.others[first + world->order[body]];
@@ -338,7 +341,7 @@ void Simulation::note_contacts(Trace &trace) const {
     }
 }
 
-// The wrench with which the plate pushes in the last step, moments over the length of the world.
+// Return the plate's wrench in the last step, with moments divided by the length of the world.
 Vector Simulation::plate_wrench() const {
     Vector sum{0.0, 0.0, 0.0};
     for (const Manifold &m : work.manifolds)
@@ -349,13 +352,13 @@ Vector Simulation::plate_wrench() const {
     return sum;
 }
 
-// Write down the wrench with which the plate pushes, in its own frame where the step was solved.
+// Record the plate's wrench in its own frame at the place where the step was solved.
 //
-// The step knows it in the world's axes, about the plate's reference point at the step's start.
+// The step has it in the world's axes, about the plate's reference point at the step's start.
 void Simulation::note_wrench(Trace &trace) const {
     const auto [fx, fy, moment] = plate_wrench();
     const double torque = world->length * moment;
-    // Turned by the plate's heading into its axes, and the moment from the point O to the place of the plate.
+    // Rotate it into the plate's axes, and shift the moment from the point O to the plate.
     const Body &there = work.bodies[world->plate()];
     double *out = trace.wrenches.data() + trace.wrenches.size() - 3;
     out[0] = there.c * fx + there.s * fy;

@@ -1,9 +1,9 @@
-// Contact manifolds: for two convex pieces that touch, one normal and one or two points (reference-face clipping).
+// Contact manifolds: one normal and one or two points for two touching convex pieces (reference-face clipping).
 //
-// The face whose line parts the two pieces best is the reference face; the edge of the other piece that looks against
-// it most is clipped to it (Catto 2006, "Fast and simple physics using sequential impulses"). Both points lie on the
-// reference face, so that one tangential multiplier serves both. Pieces that lie beside one another's faces touch with
-// a corner each. Discs are pieces with one corner and a radius.
+// The face whose line separates the two pieces best is the reference face. The most opposed edge of the other piece is
+// clipped to it (Catto 2006, "Fast and simple physics using sequential impulses"). Both points lie on the reference
+// face, so one tangential multiplier is enough for both. Pieces beside one another's faces touch with one corner each.
+// Discs are pieces with one corner and a radius.
 #include "slip_work.hpp"
 
 #include <utility>
@@ -12,20 +12,20 @@ namespace pushplan::slip {
 
 namespace {
 
-// Distance within which two points of a manifold are one, m.
+// Distance up to which two points of a manifold are one, m.
 constexpr double SHORTEST = 1e-9;
 
-// Where two pieces touch: the normal from a into b, the right (0) and the left (1) point, the gaps there.
+// Contact of two pieces: normal from a into b, right (0) and left (1) point, and their gaps.
 struct Touch {
     double nx, ny;
     std::array<double, 2> x, y;
-    std::array<double, 2> gap; // infinite: no such point
+    std::array<double, 2> gap; // infinite if there is no such point
 
-    // The same with the normal pointing the other way; right and left change places.
+    // Return the contact with the opposite normal; right and left are exchanged.
     Touch turned_round() const { return {-nx, -ny, {x[1], x[0]}, {y[1], y[0]}, {gap[1], gap[0]}}; }
 };
 
-// Whether the circles around two pieces are farther apart than `reach`.
+// Return whether the circles around two pieces are farther apart than `reach`.
 bool apart(const Work &work, const Piece &a, const Piece &b, double reach) {
     const Body &one = work.bodies[a.body], &other = work.bodies[b.body];
     const Circle &p = a.circle, &q = b.circle;
@@ -36,11 +36,11 @@ bool apart(const Work &work, const Piece &a, const Piece &b, double reach) {
 }
 
 struct Face {
-    double away = -INF; // how far it parts its piece from another; < 0: overlap
-    int corner = -1;    // that begins it; a disc has none
+    double away = -INF; // separation from another piece; < 0 on overlap
+    int corner = -1;    // first corner; -1 for a disc
 };
 
-// The face of one piece that parts it best from another.
+// Return the face of a piece that separates it best from another one.
 Face best_face(const std::vector<PlacedCorner> &corners, const Piece &piece, const Piece &other) {
     Face best;
     if (piece.last - piece.first == 1)
@@ -56,18 +56,18 @@ Face best_face(const std::vector<PlacedCorner> &corners, const Piece &piece, con
     return best;
 }
 
-// How two pieces touch, as long as they are nearer than `reach`.
+// Search for the contact of two pieces nearer than `reach`.
 struct Search {
     const Work &work;
     double reach;
-    double rounding; // of both pieces together
+    double rounding; // of both pieces
 
-    // Of two corners with nothing between them; the first one's piece is rounded by `inset`.
+    // Contact of two corners. The piece of the first one is rounded by `inset`.
     bool corner_pair(int one, int other, double inset, Touch &touch) const {
         const PlacedCorner &from = work.corners[one], &to = work.corners[other];
         const double dx = to.x - from.x, dy = to.y - from.y;
         const double distance = std::sqrt(dx * dx + dy * dy);
-        // At one place the line between two corners has no direction.
+        // The line between two coinciding corners has no direction.
         if (distance - rounding >= reach || distance <= 1e-12)
             return false;
         const double nx = dx / distance, ny = dy / distance;
@@ -76,7 +76,7 @@ struct Search {
         return true;
     }
 
-    // The corner that begins the edge of a piece that looks against a face most.
+    // Return the first corner of a piece's edge that is most opposed to a face.
     int facing(const PlacedCorner &face, const Piece &piece) const {
         int one = piece.first;
         double most = INF;
@@ -91,14 +91,14 @@ struct Search {
         return one;
     }
 
-    // Clip the edge of the other piece that looks against the face to it.
+    // Clip the most opposed edge of the other piece to a face.
     bool clip(const Piece &of, int face, const Piece &piece, Touch &touch) const {
         const std::vector<PlacedCorner> &corners = work.corners;
         const int after = face + 1 < of.last ? face + 1 : of.first;
         const auto [x, y, nx, ny] = corners[face];
         const double inset = of.circle.rounding;
-        // Along the face s, from the right to the left end; away from it d; 1 and 2 are the edge's ends in the order
-        // of s.
+        // s is the position along the face, from the right to the left end; d is the distance from it; 1 and 2 are the
+        // edge's ends in the order of s.
         const double tx = -ny, ty = nx;
         const double length = (corners[after].x - x) * tx + (corners[after].y - y) * ty;
         int one = facing(corners[face], piece), other = one + 1 < piece.last ? one + 1 : piece.first;
@@ -111,12 +111,12 @@ struct Search {
             std::swap(d1, d2);
             std::swap(one, other);
         }
-        // Wholly beside the face: corner meets corner, and the normal is the line between them.
+        // The edge is entirely beside the face: two corners meet, and the normal is the line between them.
         if (s2 < 0.0)
             return corner_pair(face, one, inset, touch);
         if (s1 > length)
             return corner_pair(after, other, inset, touch);
-        // Gaps where the ends of face and edge lie opposite each other.
+        // Gaps at the ends of the common part of face and edge.
         const double slope = s2 > s1 ? (d2 - d1) / (s2 - s1) : 0.0;
         const double low = std::max(s1, 0.0), high = std::min(s2, length);
         double gap_low = d1 + slope * (low - s1) - rounding, gap_high = d1 + slope * (high - s1) - rounding;
@@ -135,8 +135,8 @@ struct Search {
 };
 
 bool touching(const Work &work, const Piece &a, const Piece &b, double reach, Touch &touch) {
-    // By this share of L the second piece's face has to part better to be the reference: parallel faces part alike,
-    // and rounding would choose anew in every step.
+    // The second piece's face is the reference only if its separation is larger by this share of L. Otherwise, rounding
+    // would choose between parallel faces in every step.
     constexpr double SAME = 1e-9;
     const Search search{work, reach, a.circle.rounding + b.circle.rounding};
     const Face face_a = best_face(work.corners, a, b), face_b = best_face(work.corners, b, a);
@@ -145,7 +145,7 @@ bool touching(const Work &work, const Piece &a, const Piece &b, double reach, To
     if (face_a.corner < 0 && face_b.corner < 0)
         return search.corner_pair(a.first, b.first, a.circle.rounding, touch);
     const bool second = face_b.away > face_a.away + SAME * work.world->length;
-    // A face inside of the body, where two of its pieces meet: another piece has the contact.
+    // The face is inside the body, between two of its pieces, so another piece has the contact.
     if (work.world->corners[second ? face_b.corner : face_a.corner].outer == 0.0)
         return false;
     if (!second)
@@ -162,10 +162,10 @@ void set_point(Manifold &m, int k, double x, double y, double gap) {
     m.gap[k] = gap;
 }
 
-// Keep the outermost two of a manifold's points and a new one.
+// Keep the two outermost points of a manifold and a new point.
 void widen(Manifold &m, double x, double y, double gap) {
     const double s = (x - m.x[0]) * m.tx() + (y - m.y[0]) * m.ty();
-    if (std::abs(s) <= SHORTEST) // a corner that two pieces share
+    if (std::abs(s) <= SHORTEST) // a corner shared by two pieces
         return;
     if (m.points == 1) {
         if (s < 0.0)
@@ -179,9 +179,9 @@ void widen(Manifold &m, double x, double y, double gap) {
     }
 }
 
-// Add the points to an earlier manifold of the same bodies on the same line; return its number, or -1.
+// Add the points to an earlier manifold of the same bodies on the same line. Return its number, or -1.
 //
-// A face that convex pieces share would have a tangential multiplier for each of them: a singular system.
+// Otherwise, a face shared by convex pieces would have a tangential multiplier for each of them: a singular system.
 int merged(Work &work, int a, int b, const Touch &touch) {
     constexpr double FLUSH = 1e-6; // sine of the angle, and share of L, up to which two manifolds lie on one line
     for (std::size_t c = 0; c < work.manifolds.size(); ++c) {
@@ -214,7 +214,7 @@ Manifold manifold_of(const Touch &touch, int a, int b, int pair, double friction
     return m;
 }
 
-// Fill the rows of a manifold: n and t as wrenches about O, moments over L.
+// Fill in the rows of a manifold: n and t as wrenches about O, with moments divided by L.
 void set_rows(Manifold &m, double length) {
     for (int k = 0; k < 2; ++k)
         m.row[k] = {m.nx, m.ny, (m.x[k] * m.ny - m.y[k] * m.nx) / length};

@@ -1,6 +1,6 @@
-// What does not change while bodies are pushed about: objects on their feet, convex pieces, and which may touch.
+// The constant data of pushed bodies: objects on their feet, convex pieces, and the pairs that can touch.
 //
-// Bodies are counted: the n objects, then the pusher (n), then all that stands still (n + 1).
+// Bodies have numbers: first the n objects, then the pusher (n), then all fixed bodies together (n + 1).
 #pragma once
 
 #include "tables.hpp"
@@ -14,7 +14,7 @@ namespace pushplan::slip {
 struct Foot {
     double x, y;      // m
     double load;      // mu N, N
-    double stiffness; // share in carrying a load that shifts
+    double stiffness; // share of a shifted load
 };
 
 struct Object {
@@ -28,25 +28,25 @@ struct Object {
 // A corner of a piece, in its body's frame, with the outward normal of the edge that begins there.
 struct Corner {
     double x, y, nx, ny;
-    double outer; // 1 where that edge is a piece of the outline, 0 where it only parts two convex pieces
+    double outer; // 1 for an edge of the outline, 0 for an edge between two convex pieces
 };
 
-// A circle around a piece, in its body's frame, and the radius that the piece's corners are rounded by, m.
+// A circle around a piece, in its body's frame, and the rounding radius of the piece's corners, m.
 struct Circle {
     double x, y, radius, rounding;
 };
 
-// A convex piece of a body; one corner is a disc.
+// A convex piece of a body. A piece with one corner is a disc.
 struct Piece {
     int body;
-    int first, last; // corners: first to one past the last
+    int first, last; // first corner, and one past the last
     Circle circle;
 };
 
-// Two pieces that may touch.
+// Two pieces that can touch.
 struct Pair {
     int a, b;
-    int contact; // the chain's contact whose bodies these are, or -1
+    int contact; // the chain's contact between their bodies, or -1
     double friction;
 };
 
@@ -55,17 +55,17 @@ struct World {
     std::vector<Object> objects;
     std::vector<Corner> corners;
     std::vector<Piece> pieces;
-    std::vector<Pair> pairs; // those of the chain's contacts come first, in their order
+    std::vector<Pair> pairs; // the chain's contacts come first, in their order
     double length;           // characteristic length L, m
-    std::vector<int> order;  // the caller's number of every object
+    std::vector<int> order;  // caller's number of each object
 
     int plate() const { return static_cast<int>(objects.size()); }
     int standing() const { return plate() + 1; }
 
-    // Most manifolds at once: 16 an object and 16 more.
+    // Maximum number of manifolds: 16 for each object and 16 more.
     std::size_t room() const { return std::min(16 * objects.size() + 16, pairs.size()); }
 
-    // Sum of mu N of all objects, N.
+    // Return the sum of mu N of all objects, N.
     double friction() const {
         double force = 0.0;
         for (const Object &object : objects)

@@ -1,4 +1,4 @@
-// `pushplan.core.sphere`: many places on the sphere of twist directions at once.
+// `pushplan.core.sphere`: operations on many points of the sphere of twist directions.
 #include "arrays.hpp"
 #include "poses.hpp"
 
@@ -8,11 +8,11 @@ namespace pushplan {
 
 namespace {
 
-// Components, as shares of the largest one, of one direction differ by less. Rounding stays below 1e-13 in blended
-// trajectories, also where they come to rest.
+// Maximum difference of components (relative to the largest one) within one direction. Rounding in blended trajectories
+// stays below 1e-13, even near rest.
 constexpr double SAME = 1e-12;
 
-// Neighbours that a climber looks at.
+// Number of neighbours that a climb evaluates.
 constexpr std::ptrdiff_t SPOKES = 8;
 
 double largest(double x, double y, double z) { return std::max(std::max(std::abs(x), std::abs(y)), std::abs(z)); }
@@ -40,7 +40,7 @@ Made<double> twists_on(const Numbers &east, const Numbers &north, double length,
     const auto x = row(east), y = row(north), lat = row(latitude);
     const auto who = row(member);
     if (y.size != x.size || lat.size != who.size)
-        throw std::invalid_argument("east and north, or members and latitudes, are not equally many");
+        throw std::invalid_argument("the numbers of east and north, or of members and latitudes, differ");
     std::vector<double> out(3 * who.size);
     for (std::ptrdiff_t j = 0; j < who.size; ++j) {
         if (who[j] < 0 || who[j] >= x.size)
@@ -52,7 +52,7 @@ Made<double> twists_on(const Numbers &east, const Numbers &north, double length,
     return to_numpy(std::move(out), {who.size, 3});
 }
 
-// Throw std::invalid_argument unless `live` are places among `count`.
+// Throw std::out_of_range unless all `live` are indices below `count`.
 void check_places(Row<const std::int64_t> live, std::ptrdiff_t count) {
     for (const std::int64_t i : live)
         if (i < 0 || i >= count)
@@ -64,7 +64,7 @@ Made<double> neighbours(const Numbers &at, const Numbers &step, const Integers &
     const auto angle_to = row(step);
     const auto who = row(live);
     if (angle_to.size != place.rows)
-        throw std::invalid_argument("places and steps are not equally many");
+        throw std::invalid_argument("the numbers of places and steps differ");
     check_places(who, place.rows);
     std::vector<double> out(3 * SPOKES * who.size);
     for (std::ptrdiff_t j = 0; j < SPOKES * who.size; ++j) {
@@ -94,7 +94,7 @@ void move(Written &at, Written &values, Written &step, const Integers &live, con
     const auto margin = row(found);
     if (value.size != place.rows || angle.size != place.rows || next.rows != SPOKES * who.size ||
         margin.size != next.rows)
-        throw std::invalid_argument("places, values and steps, or neighbours and margins, are not equally many");
+        throw std::invalid_argument("the numbers of places, values and steps, or of neighbours and margins, differ");
     check_places(who, place.rows);
     for (std::ptrdiff_t j = 0; j < who.size; ++j) {
         const std::int64_t i = who[j];
@@ -114,15 +114,15 @@ void move(Written &at, Written &values, Written &step, const Integers &live, con
 } // namespace
 
 void bind_sphere(nb::module_ &core) {
-    nb::module_ m = core.def_submodule("sphere", "Many places on the sphere of twist directions at once.");
+    nb::module_ m = core.def_submodule("sphere", "Operations on many points of the sphere of twist directions.");
     m.def("directions", &directions, nb::arg("twists"), nb::arg("length"), R"(
-    Return the number of the direction that each twist (m, 3) has, (m,), and the first twist of each (d,).
+    Return the index of each twist's direction (m,), and the first twist of each direction (d,).
 
     Neighbours whose components, as shares of the largest one, differ by at most 1e-12 have one direction.
 
     Args:
-        twists: None of them zero.
-        length: By which angular velocities are multiplied to be compared with the others, m.
+        twists: (m, 3) nonzero twists.
+        length: Factor of angular velocities for the comparison with linear ones, m.
     )");
     m.def(
         "twists_on", &twists_on, nb::arg("east"), nb::arg("north"), nb::arg("length"), nb::arg("member"),
@@ -132,22 +132,22 @@ void bind_sphere(nb::module_ &core) {
     Return unit vectors (8 m, 3) at angles `step` (k,) around those m of the unit vectors (k, 3) that are `live`.
 
     Args:
-        at: Unit vectors.
-        step: rad.
+        at: (k, 3) unit vectors.
+        step: (k,) angles of the neighbours, rad.
         live: (m,) indices.
-        turn: Of the first neighbour's direction, rad.
+        turn: Direction of the first neighbour, rad.
     )");
     m.def("move", &move, nb::arg("at").noconvert(), nb::arg("values").noconvert(), nb::arg("step").noconvert(),
           nb::arg("live"), nb::arg("around"), nb::arg("found"), R"(
-    Go to the highest of the neighbours, or look closer.
+    Move to the highest neighbours, or reduce the steps.
 
     Args:
-        at: (k, 3) unit vectors; changed in place, as `values` and `step`.
-        values: (k,) at them.
-        step: (k,) rad.
-        live: (m,) indices of those that move.
-        around: (8 m, 3) their neighbours.
-        found: (8 m,) values at these.
+        at: (k, 3) unit vectors; changed in place, as are `values` and `step`.
+        values: (k,) values at the vectors.
+        step: (k,) steps, rad.
+        live: (m,) indices of the vectors to move.
+        around: (8 m, 3) neighbours of these.
+        found: (8 m,) values at the neighbours.
     )");
 }
 

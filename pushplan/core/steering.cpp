@@ -10,30 +10,30 @@ struct Point {
     double x, y;
 };
 
-// Angle in [0, 2 pi), with rounding just below a full turn removed.
+// Return an angle in [0, 2 pi), where rounding just below a full turn gives 0.
 double turned(double angle) {
-    const double wrapped = angle - 2.0 * PI * std::floor(angle / (2.0 * PI)); // half the time of a remainder
+    const double wrapped = angle - 2.0 * PI * std::floor(angle / (2.0 * PI)); // takes half the time of a remainder
     if (wrapped > 2.0 * PI - 1e-11)
         return 0.0;
     return 0.0 > wrapped ? 0.0 : wrapped;
 }
 
-// Centre of rotation of a turning body twist, in the body frame.
+// Return the centre of rotation of a turning body twist, in the body frame.
 Point cor(const Twist &twist) { return {-twist.vy / twist.omega, twist.vx / twist.omega}; }
 
-// World position of a body-fixed point at a pose.
+// Return the world position of a body-fixed point at a pose.
 Point moved(const Pose &pose, const Point &point) {
     const double c = std::cos(pose.theta), s = std::sin(pose.theta);
     return {pose.x + c * point.x - s * point.y, pose.y + s * point.x + c * point.y};
 }
 
-// Append the words turn-straight-turn with the given turns; the straight part carries c1 to c2's goal.
+// Append the steering paths turn-straight-turn with the given turns. The straight part carries c1 to c2's goal.
 void add_straight_words(const Family &family, int first, int last, const Pose &start, const Pose &goal, Words &words) {
     const double ux = family[STRAIGHT].vx, uy = family[STRAIGHT].vy;
     const Point c1 = cor(family[first]), c2 = cor(family[last]);
     const Point p0 = moved(start, c1), q0 = moved(goal, c2);
-    // c1 rests at p during the first turn, c2 at q during the last: in between, R(heading) (e + p u) = d = q - p,
-    // with e = c2 - c1 in the body and |u| = 1, so that p = -e.u +- sqrt((e.u)^2 - |e|^2 + |d|^2).
+    // c1 rests at p during the first turn, and c2 at q during the last. In between, R(heading) (e + p u) = d = q - p,
+    // with e = c2 - c1 in the body and |u| = 1. So p = -e.u +- sqrt((e.u)^2 - |e|^2 + |d|^2).
     const double ex = c2.x - c1.x, ey = c2.y - c1.y;
     const double dx = q0.x - p0.x, dy = q0.y - p0.y;
     const double along = ex * ux + ey * uy;
@@ -46,24 +46,24 @@ void add_straight_words(const Family &family, int first, int last, const Pose &s
         if (p < 0.0 || (sign < 0.0 && root == 0.0))
             continue;
         double heading = start.theta;
-        // Where d is 0, every heading will do; that of the start saves the first turn.
+        // If d is 0, every heading is possible. That of the start saves the first turn.
         if (dx * dx + dy * dy > 1e-24)
             heading = std::atan2(dy, dx) - std::atan2(ey + p * uy, ex + p * ux);
         const double omega1 = family[first].omega, omega2 = family[last].omega;
-        // Angles count in the sense of their turn: no motion is driven backwards.
+        // Angles count in the sense of their turn, because no motion is driven backwards.
         const double turn1 = turned(std::copysign(1.0, omega1) * (heading - start.theta));
         const double turn2 = turned(std::copysign(1.0, omega2) * (goal.theta - heading));
         words.add(first, STRAIGHT, last, turn1 / std::abs(omega1), p, turn2 / std::abs(omega2));
     }
 }
 
-// Append the words turn-turn-turn whose outer turns are alike; the middle COR is the apex of a triangle.
+// Append the steering paths turn-turn-turn with equal outer turns. The middle COR is the apex of a triangle.
 void add_turning_words(const Family &family, int first, int middle, const Pose &start, const Pose &goal, Words &words) {
     const Point c1 = cor(family[first]), c2 = cor(family[middle]);
     const Point p = moved(start, c1), q = moved(goal, c1);
     const double dx = q.x - p.x, dy = q.y - p.y;
-    // The apex a is c2 while the middle turn goes on: |a - p| = |a - q| = |c2 - c1|, and half the base of this
-    // triangle is arm cos(opening).
+    // The apex a is c2 during the middle turn: |a - p| = |a - q| = |c2 - c1|, and half the base of this triangle is arm
+    // cos(opening).
     const double arm = std::hypot(c2.x - c1.x, c2.y - c1.y);
     const double distance = std::hypot(dx, dy);
     if (distance > 2.0 * arm || distance < 1e-12)
@@ -122,7 +122,7 @@ bool word_is_free(const Scene &scene, const std::array<Arc, 3> &arcs, const Pose
 Connection connect(const Scene &scene, Row<const Family> families, const Pose &start, const Pose &goal, double bound,
                    int tries) {
     if (families.size > MOST_FAMILIES)
-        throw std::invalid_argument("more families than there is room for");
+        throw std::invalid_argument("too many families");
     WordList<MOST_FAMILIES * MAX_WORDS> words;
     std::array<int, MOST_FAMILIES * MAX_WORDS> owner;
     Connection found;
@@ -132,7 +132,8 @@ Connection connect(const Scene &scene, Row<const Family> families, const Pose &s
             owner[words.count] = f;
             words.words[words.count++] = word;
         }
-    // The cheapest by selection: of at most 36 words, a few are swept, which does not pay for sorting them.
+    // Select the cheapest one by one: of at most 36 steering paths, only a few are checked, so sorting is not
+    // worthwhile.
     for (int i = 0; i < tries; ++i) {
         Word *best = cheapest(words.begin(), words.end(), bound);
         if (best == nullptr)
@@ -155,7 +156,7 @@ void reach(const Scene &scene, Row<const Family> families, const std::vector<Pos
     for (std::size_t i = 0; i < starts.size(); ++i) {
         const double gap = separation(scene, starts[i], clearance + SLACK);
         for (std::size_t j = 0; j < goals.size(); ++j) {
-            // Searched with what the nearer of the two ends keeps.
+            // Search with the distance of the nearer end.
             const double least = gaps[j] < gap ? gaps[j] : gap;
             double &cost = costs[static_cast<std::ptrdiff_t>(i)][j];
             cost = INF;

@@ -8,16 +8,17 @@
 
 namespace pushplan {
 
-// Words per family: four turn-straight-turn with up to two roots each, two turn-turn-turn with two apexes.
+// Maximum number of steering paths per family: four turn-straight-turn with two roots, two turn-turn-turn with two
+// apexes.
 constexpr int MAX_WORDS = 12;
 
-// Families that a connection is looked for in, at most.
+// Maximum number of families for a connection.
 constexpr int MOST_FAMILIES = 3;
 
-// Words that are swept, at most, in the attempt to connect a new node.
+// Maximum number of steering paths checked to connect a new node.
 constexpr int TRIES = 2;
 
-// Three letters, which are rows of a family, and how long each is driven, m of cost.
+// A steering path: three letters (rows of a family) and their lengths, m of cost.
 struct Word {
     double cost;
     std::array<int, 3> letters;
@@ -29,7 +30,7 @@ struct Word {
     }
 };
 
-// A list with room for all words of one family, or of MOST_FAMILIES.
+// A list with room for all steering paths of one family, or of MOST_FAMILIES.
 template <int capacity> struct WordList {
     std::array<Word, capacity> words;
     int count = 0;
@@ -43,10 +44,10 @@ template <int capacity> struct WordList {
 
 using Words = WordList<MAX_WORDS>;
 
-// Return every word of a family from one pose to another.
+// Return every steering path of a family from one pose to another.
 Words find_words(const Family &family, const Pose &start, const Pose &goal);
 
-// The cheapest of a range of items with a `cost` that costs less than a bound, the first one of equals; null without.
+// Return the cheapest item of a range with a `cost` below a bound, the first one among equals; null without one.
 template <class Item> Item *cheapest(Item *first, Item *last, double bound) {
     Item *best = nullptr;
     for (; first != last; ++first)
@@ -55,33 +56,34 @@ template <class Item> Item *cheapest(Item *first, Item *last, double bound) {
     return best;
 }
 
-// The cheapest word over all families, blocked or not.
+// The cheapest steering path of all families, blocked or not.
 struct BestWord {
     double cost = INF;
     std::array<Arc, 3> arcs;
 };
 BestWord best_word(Row<const Family> families, const Pose &start, const Pose &goal);
 
-// Return whether three arcs keep clear of everything: first the middle one, mostly the longest.
+// Return whether three arcs are collision-free. The middle one, usually the longest, is checked first.
 bool word_is_free(const Scene &scene, const std::array<Arc, 3> &arcs, const Pose &start);
 
 struct Connection {
     double cost = INF;      // infinite if there is none
-    double promise = INF;   // the cheapest word's cost, free or not
-    std::array<Arc, 3> arcs; // only of a connection
+    double promise = INF;   // cost of the cheapest steering path, free or not
+    std::array<Arc, 3> arcs; // valid only for a connection
 };
 
 // Find the cheapest free connection below a bound.
 //
-// Only words cheaper than `bound` are looked at; `tries` of them, cheapest first, are swept for collisions at most. At
-// most MOST_FAMILIES families, or std::invalid_argument is thrown.
+// Only steering paths cheaper than `bound` count. At most `tries` of them are checked for collisions, cheapest first.
+// Throws std::invalid_argument for more than MOST_FAMILIES families.
 Connection connect(const Scene &scene, Row<const Family> families, const Pose &start, const Pose &goal, double bound,
                    int tries);
 
-// Write the costs of the cheapest free words from starts to goals, a row a start, infinite where there is none.
+// Write the costs of the cheapest free steering paths from starts to goals, one row per start; infinite if none is
+// free.
 //
-// Start and goal must have the clearance at least; between two poses the scene keeps what the nearer of them leaves,
-// see `scene_with_gap`.
+// Start and goal must have at least the clearance. Between two poses, the scene keeps the distance that the nearer end
+// allows; see `scene_with_gap`.
 void reach(const Scene &scene, Row<const Family> families, const std::vector<Pose> &starts,
            const std::vector<Pose> &goals, double clearance, Table<double> costs);
 

@@ -7,7 +7,7 @@ namespace pushplan {
 namespace {
 
 constexpr double SQRT_3 = 1.7320508075688772;
-constexpr double GAUSS = SQRT_3 / 6.0; // the nodes of Gauss's rule are so far from the middle, times the width
+constexpr double GAUSS = SQRT_3 / 6.0; // distance of the nodes of Gauss's rule from the middle, as a share of the width
 
 std::array<double, 3> twist_at(const Quadratic &twist, double tau) {
     const auto &c = twist.c;
@@ -15,7 +15,7 @@ std::array<double, 3> twist_at(const Quadratic &twist, double tau) {
             c[0][2] + tau * (c[1][2] + tau * c[2][2])};
 }
 
-// The motion under a twist from its beginning to the time h: a step of Magnus's series of fourth order.
+// Return the motion under a twist from its beginning to the time h: a fourth-order step of the Magnus series.
 std::array<double, 3> motion_over(const Quadratic &twist, double h) {
     const double middle = 0.5 * h;
     const double early = middle - GAUSS * h, late = middle + GAUSS * h;
@@ -30,7 +30,7 @@ std::array<double, 3> motion_over(const Quadratic &twist, double h) {
     return {p * x - q * y, q * x + p * y, 2.0 * half};
 }
 
-// A step between two levels: when it begins and ends, and its windows.
+// A step between two levels: its beginning and end, and its windows.
 struct Step {
     double begin;
     double end;
@@ -50,13 +50,13 @@ std::vector<Step> steps_between(Table<const double> levels, Row<const double> ce
     return steps;
 }
 
-// Times at which a phase of a step begins or ends, increasing by more than `SAME_TIME`.
+// Return the times at which phases of steps begin or end, increasing by more than `SAME_TIME`.
 std::vector<double> phases_of(const std::vector<Step> &steps) {
     std::vector<double> times;
     times.reserve(4 * steps.size());
     for (const Step &step : steps)
         for (const double time : {step.begin, step.begin + step.brief, step.end - step.brief, step.end}) {
-            std::size_t k = times.size(); // in order nearly: neighbours overlap at most
+            std::size_t k = times.size(); // nearly sorted: at most neighbours overlap
             while (k > 0 && times[k - 1] > time)
                 --k;
             times.insert(times.begin() + static_cast<std::ptrdiff_t>(k), time);
@@ -71,7 +71,7 @@ std::vector<double> phases_of(const std::vector<Step> &steps) {
     return kept;
 }
 
-// When steps begin and end, each in order.
+// Beginnings and ends of steps, each in order.
 struct Bounds {
     std::vector<double> begins;
     std::vector<double> ends;
@@ -83,7 +83,7 @@ struct Bounds {
         std::sort(ends.begin(), ends.end());
     }
 
-    // How many steps are over.
+    // Return the number of completed steps.
     std::ptrdiff_t over(double time) const {
         return std::lower_bound(ends.begin(), ends.end(), time) - ends.begin();
     }
@@ -94,7 +94,7 @@ struct Bounds {
     }
 };
 
-// Times at which a phase begins or ends, and finer ones in between wherever a step is under way.
+// Return the times at which phases begin or end, with finer ones in between during steps.
 std::vector<double> breaks_of(const std::vector<Step> &steps, const Bounds &bounds) {
     const std::vector<double> phases = phases_of(steps);
     std::vector<double> breaks;
@@ -112,7 +112,7 @@ std::vector<double> breaks_of(const std::vector<Step> &steps, const Bounds &boun
     return breaks;
 }
 
-// Coefficients of a step b_j about a time `u` after its beginning, in the phase at the time `into` after it.
+// Return the coefficients of a step b_j about a time `u` after its beginning, in the phase at the time `into`.
 std::array<double, 3> phase(double u, double into, double length, double brief) {
     const double w = length + brief - u;
     if (into > length + brief)
@@ -124,7 +124,7 @@ std::array<double, 3> phase(double u, double into, double length, double brief) 
     return {u * u / (2.0 * length * brief), u / (length * brief), 1.0 / (2.0 * length * brief)};
 }
 
-// The first level and the steps so far, from one time to the next, asked for in order: what is over is added once.
+// Sum of the first level and the steps so far, for increasing times. Completed steps are added once.
 class Sum {
   public:
     Sum(Table<const double> levels, const std::vector<Step> &steps)
@@ -162,16 +162,16 @@ class Sum {
 
     Table<const double> levels_;
     const std::vector<Step> &steps_;
-    std::vector<double> earliest_; // begin of any step from this one on
+    std::vector<double> earliest_; // earliest beginning of this step and all later ones
     Quadratic past_{};
-    std::size_t first_ = 0; // that is not over
+    std::size_t first_ = 0; // first step that is not over
 };
 
 } // namespace
 
 Pieces step_sum(Table<const double> levels, Row<const double> centers, Table<const double> widths) {
     if (centers.size < 1 || levels.rows != centers.size + 1 || levels.columns != 3)
-        throw std::invalid_argument("levels must be (m + 1, 3) for m steps, at least one");
+        throw std::invalid_argument("levels must be (m + 1, 3) for m >= 1 steps");
     if (widths.rows != centers.size || widths.columns != 2)
         throw std::invalid_argument("widths must be (m, 2) for m steps");
     const std::vector<Step> steps = steps_between(levels, centers, widths);
@@ -213,7 +213,7 @@ WiderSteps wider_steps(Row<const double> centers, Table<const double> widths) {
 
 std::vector<double> poses_after(const double *start, Row<const Quadratic> coefficients, Row<const double> durations) {
     if (coefficients.size != durations.size)
-        throw std::invalid_argument("every piece has coefficients and a duration");
+        throw std::invalid_argument("the numbers of coefficients and of durations differ");
     std::vector<double> poses(static_cast<std::size_t>(3 * (durations.size + 1)));
     double *pose = poses.data();
     std::copy(start, start + 3, pose);

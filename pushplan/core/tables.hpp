@@ -1,5 +1,5 @@
-// Tables of numbers that belong to somebody else (a NumPy array, a std::vector), and the arithmetic that has to be the
-// same everywhere.
+// Views of tables in other memory (a NumPy array, a std::vector), and arithmetic that must be the same on every
+// machine.
 #pragma once
 
 #include "border.hpp"
@@ -16,7 +16,7 @@ namespace pushplan {
 constexpr double PI = 3.14159265358979323846;
 constexpr double INF = std::numeric_limits<double>::infinity();
 
-// Rows of equal length, one after another in memory; `table[i][k]` is row i, column k.
+// Contiguous rows of equal length; `table[i][k]` is row i, column k.
 template <class Number> struct Table {
     Number *data = nullptr;
     std::ptrdiff_t rows = 0;
@@ -26,7 +26,7 @@ template <class Number> struct Table {
     Number &at(std::ptrdiff_t row, std::ptrdiff_t column) const { return data[row * columns + column]; }
 };
 
-// A row of numbers of any length.
+// A view of a row of numbers.
 template <class Number> struct Row {
     Number *data = nullptr;
     std::ptrdiff_t size = 0;
@@ -36,7 +36,7 @@ template <class Number> struct Row {
     Number *end() const { return data + size; }
 };
 
-// The remainder with the sign of the divisor, as Python's %: std::fmod has the sign of the dividend.
+// Return the remainder with the sign of the divisor, as Python's %. std::fmod has the sign of the dividend.
 inline double floored_mod(double value, double divisor) {
     const double rest = std::fmod(value, divisor);
     if (rest != 0.0 && (rest < 0.0) != (divisor < 0.0))
@@ -44,7 +44,7 @@ inline double floored_mod(double value, double divisor) {
     return rest;
 }
 
-// Random numbers that are the same on every machine (splitmix64, Steele et al. 2014); std::*_distribution is not.
+// Random numbers that are the same on every machine (splitmix64, Steele et al. 2014), unlike std::*_distribution.
 struct Random {
     std::uint64_t state;
 

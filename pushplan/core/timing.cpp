@@ -1,4 +1,4 @@
-// What Python calls of `step_sum.hpp` and `motion_bounds.hpp`: `pushplan.core.timing`.
+// `pushplan.core.timing`: the Python bindings of `step_sum.hpp` and `motion_bounds.hpp`.
 #include "motion_bounds.hpp"
 #include "numpy.hpp"
 #include "step_sum.hpp"
@@ -46,7 +46,7 @@ auto bind_step_sum(const Numbers &levels, const Numbers &centers, const Numbers 
 
 Made<double> bind_poses_after(const Numbers &start, const Numbers &coefficients, const Numbers &durations) {
     if (row(start).size != 3)
-        throw std::invalid_argument("a pose has 3 numbers");
+        throw std::invalid_argument("a pose needs 3 numbers");
     std::vector<double> poses;
     const auto twists = quadratics(coefficients);
     const auto times = row(durations);
@@ -113,24 +113,24 @@ auto bind_contact_use(const Wrenches &floor, const Wrenches &inertia, const Wren
 
 void bind_timing(nb::module_ &core) {
     nb::module_ m = core.def_submodule(
-        "timing", "Blended twists as pieces of quadratics of time, and bounds of what they use of their limits.");
+        "timing", "Blended twists as sequences of quadratics in time, and bounds of their use of limits.");
     m.def("step_sum", bind_step_sum, nb::arg("levels"), nb::arg("centers"), nb::arg("widths"), R"(
-    Return the twist that passes through `levels`, one smooth step after the other.
+    Return the twist that passes through `levels` by a sequence of smooth steps.
 
     V(t) = V_0 + sum_j (V_j+1 - V_j) b_j(t), where b_j is a step from 0 to 1: a jump at its centre, averaged over both
     of its windows. With `wider_steps`, a convex set that contains the levels contains V.
 
     Args:
         levels: (m + 1, 3) body twists.
-        centers: (m,) times of the steps between them, never decreasing, s; at least one.
-        widths: (m, 2) their long and short windows, s; those of a step between equal levels do not matter.
+        centers: (m,) non-decreasing times of the steps, s; at least one.
+        widths: (m, 2) long and short windows of the steps, s. Those of a step between equal levels do not matter.
 
     Returns:
-        Durations (q,) of the pieces, s; (q, 3, 3) coefficients of the twist from the beginning of each piece on,
-        lowest order first; and (q,) the level that each belongs to, that of the last step that is over.
+        Durations (q,) of the pieces, s; coefficients (q, 3, 3) of the twist in the time since the beginning of each
+        piece, lowest order first; and the level (q,) of each piece, after the last completed step.
 
     Raises:
-        ValueError: On other shapes.
+        ValueError: If the shapes are wrong.
     )");
     m.def(
         "wider_steps",
@@ -139,54 +139,54 @@ void bind_timing(nb::module_ &core) {
             return std::make_tuple(to_numpy(std::move(found.which)), rows_of(std::move(found.bounds), 2));
         },
         nb::arg("centers"), nb::arg("widths"), R"(
-    Return which steps have to be wider (w,) for the levels' weights to stay positive, and within which bounds.
+    Return the steps (w,) that must be wider to keep the levels' weights positive, and their limits.
 
     Args:
         centers: (m,) times of the steps, s.
-        widths: (m, 2) their long and short windows, s; zero where there is no step.
+        widths: (m, 2) long and short windows of the steps, s; zero if there is no step.
 
     Returns:
-        Their indices (w,), and bounds (w, 2) on the first and the second derivative of a step from 0 to 1, 1/s and
-        1/s^2, within which the fastest one is just wide enough.
+        Their indices (w,), and limits (w, 2) of the first and second derivative of a step from 0 to 1, 1/s and 1/s^2,
+        with which the fastest step is just wide enough.
 
     Raises:
-        ValueError: On other shapes.
+        ValueError: If the shapes are wrong.
     )");
     m.def("poses_after", bind_poses_after, nb::arg("start"), nb::arg("coefficients"), nb::arg("durations"),
-          "Return the poses (q + 1, 3) at the ends of pieces with twists `coefficients` (q, 3, 3), from `start` on.");
+          "Return the poses (q + 1, 3) at the ends of pieces with twists `coefficients` (q, 3, 3), from `start`.");
     m.def("limit_use", bind_limit_use, nb::arg("durations"), nb::arg("coefficients"), nb::arg("sides"), nb::arg("jerk"),
           nb::arg("angular_jerk"), R"(
-    Return bounds on the share of its limits that each piece of a trajectory uses.
+    Return upper bounds of each trajectory piece's used shares of its limits.
 
     Args:
-        durations: (q,) of the pieces, s.
-        coefficients: (q, 3, 3) of the twist, lowest order first.
-        sides: (4, 2) limits of speed, acceleration, angular speed and angular acceleration, each where the quantity
-            is negative and where it is not.
+        durations: (q,) durations of the pieces, s.
+        coefficients: (q, 3, 3) coefficients of the twist, lowest order first.
+        sides: (4, 2) limits of speed, acceleration, angular speed and angular acceleration, each for negative and for
+            other values.
         jerk: Limit of the jerk, m/s^3.
         angular_jerk: Limit of the angular jerk, rad/s^3.
 
     Returns:
-        (q, 3): of speed, acceleration and jerk, the larger of the linear and the angular share.
+        (q, 3) shares for speed, acceleration and jerk: the larger of the linear and the angular share.
     )");
     m.def("contact_use", bind_contact_use, nb::arg("floor"), nb::arg("inertia"), nb::arg("steady"), nb::arg("piece"),
           nb::arg("pieces"), nb::arg("margin"), nb::arg("room"), R"(
-    Return what pieces use of their contacts.
+    Return the contact use of pieces.
 
-    What inertia asks for at a steady twist stays when the twist changes more slowly; the rest shrinks in proportion.
+    If the twist changes more slowly, the inertial part at a steady twist stays, and the rest shrinks in proportion.
 
     Args:
-        floor: Rows (k, n, 4) and sizes (k, n) of what contacts transmit without inertia, N; see `Wrenches`.
-        inertia: The like of what inertia adds.
-        steady: The like of what it adds where the twist does not change.
-        piece: (k,) pieces that the instants are on.
-        pieces: How many pieces there are, q.
+        floor: Rows (k, n, 4) and sizes (k, n) of the wrenches without inertia, N; see `Wrenches`.
+        inertia: Rows and sizes of the part added by inertia, N.
+        steady: Rows and sizes of the part added by inertia at a steady twist, N.
+        piece: (k,) piece of each instant.
+        pieces: Number of pieces, q.
         margin: Share of the size that every row keeps.
-        room: Share of what a row has to spare above that which inertia may use up.
+        room: Share of a row's reserve above it that inertia can use.
 
     Returns:
-        Shares (q,) of what there is to spare, 0 where nothing is known of; and (q,) the factor by which the same
-        twists have to change more slowly for the contacts to hold.
+        Used shares (q,) of the reserve, 0 for pieces without instants; and factors (q,) by which the twists must change
+        more slowly so that the contacts hold.
     )");
 }
 

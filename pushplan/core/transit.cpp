@@ -7,19 +7,19 @@
 namespace pushplan {
 namespace {
 
-// Nodes that a new pose is joined to, at most.
+// Maximum number of nodes to which a new pose is joined.
 constexpr int NEAREST = 3;
 
-// Words that are swept between two poses.
+// Maximum number of paths checked between two poses.
 constexpr int WORD_TRIES = 3;
 
-// Words that are swept for a shortcut.
+// Maximum number of paths checked for a shortcut.
 constexpr int SHORTCUT_TRIES = 2;
 
 // The smallest saving of a shortcut, m.
 constexpr double SAVING = 1e-6;
 
-// A pose that is joined to its parent, a row of the tree or -1, by a word.
+// A pose that a path joins to its parent, a row of the tree or -1.
 struct WayNode {
     Pose pose;
     int parent;
@@ -28,15 +28,15 @@ struct WayNode {
 
 using WayTree = std::vector<WayNode>;
 
-// Where poses are drawn from.
+// The region from which poses are drawn.
 struct Region {
     std::array<Pose, 3> ends; // start, goal and load
     Area box;
-    double spread; // m, how far from the ends
+    double spread; // m, distance from the ends
 
-    // Draw a pose from the box, or, as often, around one of the ends.
+    // Draw a pose from the box or, as often, around one of the ends.
     Pose draw(Random &random) const {
-        // Ways between pushes lead round the load, or are short: most of the room is of no use to them.
+        // Transits between pushes lead around the load or are short, so most of the room is useless for them.
         Pose pose;
         if (random() < 0.5) {
             const Pose &end = ends[static_cast<std::size_t>(random() * static_cast<double>(ends.size()))];
@@ -51,7 +51,7 @@ struct Region {
     }
 };
 
-// Rows of the nodes nearest to a pose, nearest first.
+// The rows of the nodes nearest to a pose, nearest first.
 struct Near {
     std::array<int, NEAREST> rows;
     std::array<double, NEAREST> away;
@@ -72,7 +72,7 @@ struct Near {
     }
 };
 
-// Join a pose to a tree by a free word, which leads from the tree to the pose, or back; return whether there is one.
+// Join a pose to a tree by a free path from the tree to the pose, or back. Return whether there is one.
 bool join(const Surroundings &around, const Wheels &wheels, WayTree &tree, const Pose &pose, bool from_tree) {
     const Near near(tree, pose);
     for (int k = 0; k < near.count; ++k) {
@@ -87,7 +87,7 @@ bool join(const Surroundings &around, const Wheels &wheels, WayTree &tree, const
     return false;
 }
 
-// Return the arcs from the root of one tree to its last node, which is also the last of the other, to that one's root.
+// Return the arcs from the root of one tree to the common last node of both trees and on to the other root.
 Way joined_way(const WayTree &forth, const WayTree &back) {
     Way way;
     for (int at = static_cast<int>(forth.size()) - 1; at >= 0; at = forth[at].parent)
@@ -97,7 +97,7 @@ Way joined_way(const WayTree &forth, const WayTree &back) {
     return way;
 }
 
-// Grow trees of words from both ends until a pose is in both.
+// Grow trees of paths from both ends until a pose is in both trees.
 std::optional<Way> grow_trees(const Surroundings &around, const Wheels &wheels, const Region &region, Random &random,
                               int iterations) {
     WayTree forth{{region.ends[0], -1, {}}}, back{{region.ends[1], -1, {}}};
@@ -115,7 +115,7 @@ std::optional<Way> grow_trees(const Surroundings &around, const Wheels &wheels, 
     return std::nullopt;
 }
 
-// Return the poses at the beginning of every arc of a way.
+// Return the poses at the beginning of every arc of a transit.
 std::vector<Pose> poses_along(const Pose &start, const Way &way) {
     std::vector<Pose> poses;
     Pose pose = start;
@@ -137,7 +137,7 @@ std::optional<Way> find_transit(const Surroundings &around, const Wheels &wheels
         return std::nullopt;
     const Region region{{start, goal, around.place}, box, spread};
     auto way = grow_trees(around, wheels, region, random, iterations);
-    // Words through random poses have detours, which joining places anew takes away.
+    // Paths through random poses have detours, which shortcuts remove.
     if (way)
         way = shortened(around, wheels, start, std::move(*way), random, 40);
     return way;
@@ -147,7 +147,7 @@ Way shortened(const Surroundings &around, const Wheels &wheels, const Pose &star
               int attempts) {
     std::vector<Pose> poses = poses_along(start, way);
     for (int attempt = 0; attempt < attempts; ++attempt) {
-        // From a place within arc i to one within arc j.
+        // A shortcut from a place within arc i to one within arc j.
         const double count = static_cast<double>(way.size());
         const int one = static_cast<int>(random() * count), other = static_cast<int>(random() * count);
         if (one == other)
@@ -209,35 +209,35 @@ Made<double> shortened_arcs(const Surroundings &around, const Wheels &wheels, co
 void bind_transit(nb::module_ &core) {
     auto m = core.def_submodule(
         "transit",
-        "The robot's way alone between two poses: a direct word, or trees from both ends (Kuffner and LaValle 2000).");
+        "Transits of the robot between two poses: a direct path, or trees from both ends (Kuffner and LaValle 2000).");
     m.def("find_transit", &transit_between, nb::arg("around"), nb::arg("wheels"), nb::arg("start"), nb::arg("goal"),
           nb::arg("box"), nb::arg("spread"), nb::arg("state").noconvert(), nb::arg("iterations"), R"(
-    Find a free way between two poses of the robot.
+    Find a collision-free transit between two poses of the robot.
 
     Args:
-        around: What not to touch.
-        wheels: How the robot moves.
-        start: (3,) pose.
-        goal: (3,) pose.
-        box: (xmin, ymin, xmax, ymax) of poses that are drawn.
-        spread: How far from the ends others are drawn, m.
-        state: Of the random numbers.
-        iterations: Poses that are drawn, at most.
+        around: Obstacles of the robot.
+        wheels: Kinematics of the robot.
+        start: (3,) start pose.
+        goal: (3,) goal pose.
+        box: (xmin, ymin, xmax, ymax) of drawn poses.
+        spread: Distance from the ends within which other poses are drawn, m.
+        state: State of the random numbers.
+        iterations: Maximum number of drawn poses.
 
     Returns:
-        The arcs (k, 4), none where both poses are the same; None if no way was found.
+        The arcs (k, 4), empty if both poses are the same; None if no transit was found.
     )");
     m.def("shortened", &shortened_arcs, nb::arg("around"), nb::arg("wheels"), nb::arg("start"), nb::arg("arcs"),
           nb::arg("state").noconvert(), nb::arg("attempts"), R"(
-    Join random pairs of places on a way (k, 4) anew where that is cheaper; return the arcs that it has then.
+    Shorten a transit (k, 4) by cheaper paths between random pairs of places, and return its arcs.
 
     Args:
-        around: What not to touch.
-        wheels: How the robot moves.
+        around: Obstacles of the robot.
+        wheels: Kinematics of the robot.
         start: (3,) pose.
-        arcs: (k, 4) a free way from there.
-        state: Of the random numbers.
-        attempts: Pairs, at most.
+        arcs: (k, 4) arcs of a free transit from the start.
+        state: State of the random numbers.
+        attempts: Maximum number of pairs.
     )");
 }
 

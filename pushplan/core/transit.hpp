@@ -1,4 +1,4 @@
-// The robot's way alone between two poses: a direct word, or trees from both ends (Kuffner and LaValle 2000).
+// Transits of the robot between two poses: a direct path, or trees from both ends (Kuffner and LaValle 2000).
 #pragma once
 
 #include "driving.hpp"
@@ -10,19 +10,19 @@ namespace pushplan {
 
 using Way = std::vector<Arc>;
 
-// Arcs of a way, at most.
+// Maximum number of arcs of a transit.
 constexpr int MOST_ARCS = 256;
 
-// What a turn by 1 rad counts when near poses are looked for, m.
+// Distance that a turn of 1 rad counts as in the search for near poses, m.
 constexpr double TURN_LENGTH = 0.3;
 
-// Find a free way between two poses of the robot; it has no arcs where both are the same.
+// Find a free transit between two poses of the robot. It has no arcs if both are the same.
 //
-// At most `iterations` poses are drawn, from `box` or no farther than `spread` (m) from either pose and the load.
+// At most `iterations` poses are drawn, from `box` or within `spread` (m) of either pose or the load.
 std::optional<Way> find_transit(const Surroundings &around, const Wheels &wheels, const Pose &start, const Pose &goal,
                                 const Area &box, double spread, Random &random, int iterations);
 
-// Join random pairs of places on a way anew where that is cheaper; return what the way is then.
+// Return a transit shortened by cheaper paths between random pairs of places.
 Way shortened(const Surroundings &around, const Wheels &wheels, const Pose &start, Way way, Random &random,
               int attempts);
 

@@ -24,14 +24,14 @@ Connection Tree::word_between(const Node &node, const Node &other, Row<const Fam
     return pushplan::connect(problem_->scene, families, first, last, bound - node.cost - other.cost, tries);
 }
 
-// The nodes nearest to a pose, nearest first; 0, the root, where there are fewer.
+// Return the nodes nearest to a pose, nearest first; 0, the root, if there are fewer.
 std::array<std::int64_t, JOINED> Tree::nearest(const Pose &pose) const {
     std::array<std::int64_t, JOINED> found{};
     std::array<double, JOINED> distances;
     distances.fill(INF);
     for (std::size_t i = 1; i < nodes_.size(); ++i) {
         const double d = apart(nodes_[i].pose, pose, heading_length_);
-        // Insertion into the few that are kept: most nodes fail this one test.
+        // Insert into the few kept nodes. Most nodes fail this test.
         if (d >= distances.back())
             continue;
         std::size_t k = JOINED - 1;
@@ -72,7 +72,7 @@ Extension Tree::extend(std::int64_t row, const Pose &pose, const std::array<doub
         return extension;
     nodes_.push_back(child);
     if (extension.cost < bound) {
-        // From the start to the goal: the tree of the start, the word, and the tree to the goal from its leaf on.
+        // From the start to the goal: the start's tree, the steering path, and the goal's tree from its leaf on.
         const auto own = static_cast<std::int64_t>(nodes_.size()) - 1;
         const Tree &from_start = back_ ? other : *this, &to_goal = back_ ? *this : other;
         path_.clear();

@@ -1,5 +1,5 @@
-// A tree of arcs that another program drives, OMPL's planners, which say from where and along what it grows; and what
-// joins it to the tree that it grows towards.
+// A tree of arcs that OMPL's planners grow: they choose the node and the control of each extension. It also connects to
+// the opposite tree.
 #pragma once
 
 #include "problem.hpp"
@@ -9,8 +9,8 @@
 
 namespace pushplan {
 
-// What has become of an extension: whether its end may be on a path below the bound; the cost of the whole path through
-// it, infinite where every connection is blocked; the cost of the cheapest word to the other tree's root, blocked or
+// Result of an extension: whether its end can be on a path below the bound; the cost of the whole path through it,
+// infinite if every connection is blocked; the cost of the cheapest steering path to the other tree's root, blocked or
 // not; and its pose.
 struct Extension {
     bool kept = false;
@@ -19,13 +19,13 @@ struct Extension {
     Pose pose{0.0, 0.0, 0.0};
 };
 
-// Nodes of the other tree, nearest to a new one, that words are tried to.
+// Number of nearest nodes of the other tree that a new node tries to reach.
 constexpr std::size_t JOINED = 6;
 
 class Tree {
   public:
-    // A tree of the root alone. It grows from the root on, or (`back`) against the direction of travel from poses that
-    // lead there. `heading_length` is what a radian counts as in the choice of the nearest nodes, m.
+    // A tree with only the root. It grows from the root or (`back`) against the direction of travel towards the root.
+    // `heading_length` is the distance that a radian counts as in the choice of the nearest nodes, m.
     Tree(std::shared_ptr<const Problem> problem, const Pose &root, double heading_length, bool back)
         : problem_(std::move(problem)), heading_length_(heading_length), back_(back) {
         clear(root);
@@ -33,7 +33,7 @@ class Tree {
 
     void take(std::shared_ptr<const Problem> problem) { problem_ = std::move(problem); }
 
-    // Forget the tree but for its root.
+    // Clear the tree except for its root.
     void clear(const Pose &root) {
         nodes_.clear();
         nodes_.push_back({root, 0.0, -1.0, {{0.0, 0.0, 0.0}, 0.0}});
@@ -44,22 +44,22 @@ class Tree {
 
     bool back() const { return back_; }
 
-    // The path that the last connection closed, from the start to the goal; empty before the first one.
+    // Return the path of the last connection, from the start to the goal; empty before the first one.
     const std::vector<Arc> &path() const { return path_; }
 
-    // Grow by one arc from the pose of a row, and try to connect its end exactly to a tree that grows the other way: to
-    // its root and the nodes nearest by. What is kept is appended, unless the row is -1: no arc led to such a pose.
+    // Grow by one arc from the pose of a row, and try to connect its end exactly to the root and the nearest nodes of
+    // the opposite tree. A kept node is appended, unless the row is -1 (no arc leads to the pose).
     //
-    // The controls are three numbers in [0, 1]: which segment of the stable set, where on it, length of the arc; a
-    // whole path must stay below the bound.
+    // The controls are three numbers in [0, 1]: segment of the stable set, place on it, and length of the arc. A whole
+    // path must stay below the bound.
     Extension extend(std::int64_t row, const Pose &pose, const std::array<double, 3> &controls, double bound,
                      const Tree &other);
 
-    // Connect the pose of a row, or of none, with the root of the other tree by any word.
+    // Connect the pose of a row, or of no row, with the root of the other tree by any steering path.
     Extension connect(std::int64_t row, const Pose &pose, double bound, const Tree &other) const;
 
-    // How far (m) the body is from everything at a pose, beyond the clearance; negative where it is too near. Distances
-    // above twice the clearance are not told apart.
+    // Return the body's distance (m) from all obstacles at a pose, beyond the clearance; negative if too near.
+    // Distances are capped at twice the clearance.
     double room_at(const Pose &pose) const {
         const Scene &scene = problem_->scene;
         return separation(scene, pose, 2.0 * scene.clearance) - scene.clearance;

@@ -6,7 +6,7 @@ namespace pushplan::mechanics {
 
 namespace {
 
-// Columns of `points`: looked up by number where a branch would be taken at random.
+// Columns of `points`, selected by index to avoid an unpredictable branch.
 constexpr int LOW = 2, HIGH = 3;
 
 Range range_at(Table<const double> ranges, std::ptrdiff_t i) { return read<Range>(ranges[i]); }
@@ -15,7 +15,7 @@ Range range_at(Table<const double> ranges, std::ptrdiff_t i) { return read<Range
 void check_firsts(const Kept<std::int64_t> &firsts, std::ptrdiff_t size, const char *name) {
     const auto &numbers = firsts.numbers;
     if (numbers.front() != 0 || numbers.back() != size || !std::is_sorted(numbers.begin(), numbers.end()))
-        throw std::invalid_argument(std::string(name) + " does not lead through all of them");
+        throw std::invalid_argument(std::string(name) + " does not cover all of them");
 }
 
 } // namespace
@@ -27,7 +27,7 @@ void PackedLoads::check() const {
         if (unit.numbers[i] >= units.count())
             throw std::invalid_argument("object " + std::to_string(i) + " has no unit load");
         if (by_centre(i) && corner.numbers[i] == corner.numbers[i + 1])
-            throw std::invalid_argument("the load of object " + std::to_string(i) + " has no place to rest");
+            throw std::invalid_argument("the load of object " + std::to_string(i) + " has no points to rest on");
     }
 }
 
@@ -66,7 +66,7 @@ void LeastRows::set_twist(const Twist &twist) {
         const auto [x, y, low, high] = packed_.part(p);
         double u = vx - omega * y, v = vy + omega * x;
         const double speed = std::sqrt(u * u + v * v);
-        if (speed > 0.0) // where nothing moves, nothing pulls
+        if (speed > 0.0) // friction is 0 at a point at rest
             u = u / speed, v = v / speed;
         pulls_[p] = {u, v, (x * v - y * u) / packed_.length};
     }
@@ -83,11 +83,11 @@ void LeastRows::set_wrenches(const double *known, const double *pulls) {
     set(pulls_, pulls);
 }
 
-// ---- spreads on points
+// ---- distributions on points
 
-// The least of sum_p phi_p values_p over parts phi_p in their intervals that sum to `total`. The dual sum is a lower
-// bound for every c, concave, and the least for the c up to which parts have to be high: one of the values, found by
-// halving.
+// Return the minimum of sum_p phi_p values_p over parts phi_p in their intervals that sum to `total`. The dual sum is
+// concave and a lower bound for every c. It equals the minimum for the c below which parts must be high. This c is one
+// of the values, found by bisection.
 double LeastRows::least_sum(std::ptrdiff_t first, std::ptrdiff_t stop, double total) const {
     if (stop - first <= 8) {
         double best = -INF;
@@ -103,7 +103,7 @@ double LeastRows::least_sum(std::ptrdiff_t first, std::ptrdiff_t stop, double to
     }
     mean /= weight;
     const double sigma = std::sqrt(std::max(spread / weight - mean * mean, 0.0));
-    double low = mean - 2.0 * sigma, high = mean + 2.0 * sigma; // a median is at most sigma away from the mean
+    double low = mean - 2.0 * sigma, high = mean + 2.0 * sigma; // the median is at most sigma away from the mean
     for (int halving = 0; halving < HALVINGS; ++halving) {
         const double c = 0.5 * (low + high);
         double filled = 0.0;
@@ -114,7 +114,7 @@ double LeastRows::least_sum(std::ptrdiff_t first, std::ptrdiff_t stop, double to
     return dual_sum(first, stop, total, 0.5 * (low + high));
 }
 
-// c total + sum over p of min(low (v - c), high (v - c)).
+// Return c total + sum over p of min(low (v - c), high (v - c)).
 double LeastRows::dual_sum(std::ptrdiff_t first, std::ptrdiff_t stop, double total, double c) const {
     const Table<const double> parts = packed_.points.table();
     double least = c * total;
@@ -125,7 +125,7 @@ double LeastRows::dual_sum(std::ptrdiff_t first, std::ptrdiff_t stop, double tot
     return least;
 }
 
-// The least of a row of what is uncertain on the points of object i, per unit.
+// Return the minimum of a row over the uncertain loads on the points of object i, per unit load.
 double LeastRows::least_on_points(std::ptrdiff_t i, const Facet &g) {
     const std::ptrdiff_t first = packed_.first.numbers[i], stop = packed_.first.numbers[i + 1];
     const double total = packed_.total.numbers[i];
@@ -139,7 +139,7 @@ double LeastRows::least_on_points(std::ptrdiff_t i, const Facet &g) {
 
 // ---- rows, sizes, margins
 
-// The least e_i of a row of a unit load on object i, or a bound of it.
+// Return the minimum e_i of a row of a unit load on object i, or a bound of it.
 double LeastRows::least(std::ptrdiff_t i, const Facet &g, Asked how) {
     if (centred_[i])
         return how == Asked::LOWER ? centred_[i]->quick(g) : centred_[i]->least(g);
@@ -150,7 +150,7 @@ double LeastRows::least(std::ptrdiff_t i, const Facet &g, Asked how) {
     return least;
 }
 
-// The least of row j of contact k, N, or a bound of it.
+// Return the minimum of row j of contact k, N, or a bound of it.
 double LeastRows::row(Table<const double> ranges, std::ptrdiff_t k, int j, Asked how) {
     const Facet g = packed_.facet(k, j);
     double total = 0.0;
@@ -165,14 +165,13 @@ double LeastRows::row(Table<const double> ranges, std::ptrdiff_t k, int j, Asked
     return total;
 }
 
-// The wrench of a unit load in the middle of what it may be on points, and by how much it may differ, moments counting
-// by a factor.
+// Return the mean wrench of a unit load on points, and its maximum deviation, with moments times a factor.
 LeastRows::Middle LeastRows::middle(std::ptrdiff_t i, double moments) const {
     Wrench sum = packed_.known(i) ? known_[i] : Wrench{0.0, 0.0, 0.0};
     const std::ptrdiff_t first = packed_.first.numbers[i], stop = packed_.first.numbers[i + 1];
     const double *miss = packed_.miss.table()[i];
     double cx = 0.0, cy = 0.0, cm = 0.0, weight = 0.0, spread = 0.0;
-    if (packed_.total.numbers[i] == 0.0 && first < stop) { // what sums to 0 is about the mean
+    if (packed_.total.numbers[i] == 0.0 && first < stop) { // parts with sum 0 deviate from the mean
         for (std::ptrdiff_t p = first; p < stop; ++p) {
             const double part = packed_.part(p).high;
             cx = cx + part * pulls_[p].x, cy = cy + part * pulls_[p].y;
@@ -190,7 +189,7 @@ LeastRows::Middle LeastRows::middle(std::ptrdiff_t i, double moments) const {
     return {sum, (1.0 + miss[0]) * spread + miss[1]};
 }
 
-// Bounds |sum F_i w_i in the middle| + half the widths of what they may be, for loads on points.
+// Bound the sizes: |sum F_i w_i| at the means plus half of the widths, for loads on points.
 void LeastRows::bound(Table<const double> ranges) {
     const std::ptrdiff_t n = packed_.count();
     std::vector<Wrench> middles(n, Wrench{0.0, 0.0, 0.0});
@@ -224,7 +223,7 @@ std::array<double, 3> LeastRows::force(Table<const double> ranges) const {
     return disc;
 }
 
-// The length of the largest force, sum F_i, and the largest moment, where only centres are known.
+// Bound the sizes if only centres are known: the largest force, sum F_i, and the largest moment.
 void LeastRows::bound_centred(Table<const double> ranges) {
     const std::ptrdiff_t n = packed_.count();
     std::vector<Range> moments(n, Range{0.0, 0.0});
@@ -265,7 +264,7 @@ double LeastRows::margin(double floor) {
     return packed_.centred ? least_in_order(lowest, floor) : least_bounded(lowest, floor);
 }
 
-// The least of all rows, unless what it is without pressures that are off is low enough.
+// Return the minimum of all rows, unless its value without pressure errors is already low enough.
 double LeastRows::least_bounded(double lowest, double floor) {
     double upper = lowest;
     for (const auto &rows : rows_)
@@ -280,7 +279,7 @@ double LeastRows::least_bounded(double lowest, double floor) {
     return lowest;
 }
 
-// Rows are asked from the lowest quick bound on, until the next one cannot be the least any more.
+// Evaluate rows from the lowest quick bound on, until no other row can be the minimum.
 double LeastRows::least_in_order(double lowest, double floor) {
     while (lowest > floor) {
         std::ptrdiff_t best = 0;

@@ -1,20 +1,21 @@
-// The least of every contact condition over all that loads and frictions may be.
+// The minimum of every contact condition over all possible loads and frictions.
 //
-// A row of contact k is sum_i F_i q_i over the objects it carries: linear in the friction load F_i = mu_i m_i g of each
-// and in how that load is spread. With F_i in [low_i, high_i] and spreads that are independent, its least value is
+// A row of contact k is sum_i F_i q_i over the objects that it carries. It is linear in each friction load F_i = mu_i
+// m_i g and in the distribution of this load. With F_i in [low_i, high_i] and independent distributions, its minimum is
 //
-//     sum_i min over F_i in {low_i, high_i} of F_i e_i ,    e_i the least of q_i over the spreads of object i.
+//     sum_i min over F_i in {low_i, high_i} of F_i e_i ,    e_i the minimum of q_i over its distributions.
 //
-// A spread is one of
+// A distribution is one of
 //
 // - known: e = g . w, w in closed form;
-// - parts p_j of points x_j with l_j <= p_j <= u_j and sum p_j = t: feet with intervals (t = 1), and cells of a
-//   pressure that is off by a share (t = 0, beside the known w). A fractional knapsack; its dual has one variable,
-//   e = max over c of t c + sum_j min(l_j (q_j - c), u_j (q_j - c)): any c gives a lower bound, the best the least;
-// - any with the centre g_0; see `centred.hpp`.
+// - parts p_j of points x_j with l_j <= p_j <= u_j and sum p_j = t: feet with intervals (t = 1), or cells of a pressure
+//   with a relative error (t = 0, in addition to the known w). This is a fractional knapsack. Its dual has one
+//   variable, e = max over c of t c + sum_j min(l_j (q_j - c), u_j (q_j - c)). Any c gives a lower bound, the best c
+//   the minimum;
+// - any distribution with the centre g_0; see `centred.hpp`.
 //
-// The margin of contact k is its least row over a bound of |w_k|, so that it is at most the sine that known loads would
-// give, and equal to it where everything is known.
+// The margin of contact k is its least row divided by a bound of |w_k|. So it is at most the sine for known loads, and
+// equal to it if everything is known.
 #pragma once
 
 #include "centred.hpp"
@@ -24,24 +25,25 @@
 
 namespace pushplan::mechanics {
 
-// Of the interval in which the dual of a knapsack of many points is largest: second order in what is left of it.
+// Number of halvings of the interval that contains the dual's maximum for many points. The error is of second order in
+// the rest.
 constexpr int HALVINGS = 6;
 
-// Least and largest friction load (N) or mass (kg) of an object; a row of a table.
+// Smallest and largest friction load (N) or mass (kg) of an object; a row of a table.
 struct Range {
     double low, high;
 
-    // The least of the range times a number, and the most.
+    // Return the minimum, and the maximum, of the range times a number.
     double least(double e) const { return std::min(low * e, high * e); }
     double most(double e) const { return std::max(low * e, high * e); }
 };
 
-// A place (m) with the least and the largest part of the load that may rest on it; a row of `points`.
+// A place (m) with the smallest and the largest part of the load on it; a row of `points`.
 struct Part {
     double x, y, low, high;
 };
 
-// The loads and contacts of n objects; the arrays are described in `uncertain.pyi`.
+// The loads and contacts of n objects. The arrays are described in `uncertain.pyi`.
 struct PackedLoads {
     PackedChain units;
     Kept<std::int64_t> unit;
@@ -65,12 +67,11 @@ struct PackedLoads {
     Facet facet(std::ptrdiff_t k, int j) const { return read<Facets>(facets.table()[k])[j]; }
     Centre centre(std::ptrdiff_t i) const { return read<Centre>(centers.table()[i]); }
 
-    // Throw std::invalid_argument if an index leads out of an array.
+    // Throw std::invalid_argument if an index is outside an array.
     void check() const;
 };
 
-// How a least row is asked for: itself, a quick lower bound where only centres are known, or the row without what
-// pressures that are off take from it.
+// Kind of a least row: exact; a quick lower bound if only centres are known; or without the effect of pressure errors.
 enum class Asked { EXACT, LOWER, UPPER };
 
 // The rows of a chain at one twist. Moments are divided by the length.
@@ -81,23 +82,23 @@ class LeastRows {
     // Set a body twist other than 0.
     void set_twist(const Twist &twist);
 
-    // Set what unit loads ask for instead: known ones (n, 3), and on points (p, 3), with moments in N m.
+    // Set the wrenches of unit loads instead: known loads (n, 3), and loads on points (p, 3), with moments in N m.
     void set_wrenches(const double *known, const double *pulls);
 
-    // Work out all rows and sizes for ranges (n, 2) of friction loads (N) or masses (kg).
+    // Compute all rows and sizes for ranges (n, 2) of friction loads (N) or masses (kg).
     void work_out(Table<const double> ranges);
 
-    // The force (x, y) of all objects together in the middle of what it may be, and by how much it may differ at most:
-    // half the widths of the ranges and of the parts, each times the size of what it changes.
+    // Return the mean force (x, y) of all objects together, and its maximum deviation: half of the widths of the ranges
+    // and of the parts, each times the size of its effect.
     std::array<double, 3> force(Table<const double> ranges) const;
 
-    // The smallest margin, or any number up to `floor` for a smaller one.
+    // Return the smallest margin, or any number up to `floor` for a smaller one.
     double margin(double floor);
 
     const std::vector<std::array<double, 4>> &rows() const { return rows_; }
-    const std::vector<double> &sizes() const { return sizes_; } // bounds of the wrenches
+    const std::vector<double> &sizes() const { return sizes_; } // upper bounds of the wrenches
 
-    // (n, 4, n) how much a metre by which an object's centre moves changes each row at most, N; of `work_out`.
+    // (n, 4, n) maximum change of each row per metre of an object's centre, N/m, from `work_out`.
     const std::vector<double> &slopes() const { return slopes_; }
 
   private:
@@ -119,7 +120,7 @@ class LeastRows {
 
     const PackedLoads &packed_;
     std::vector<Wrench> known_, pulls_;
-    std::vector<double> values_; // of one row, on the points
+    std::vector<double> values_; // values of one row on the points
     std::vector<std::optional<CentredLoad>> centred_;
     std::vector<std::array<double, 4>> rows_;
     std::vector<double> sizes_, slopes_;

@@ -1,4 +1,4 @@
-// `pushplan.core.uncertain`: chains whose loads and frictions are only known within bounds.
+// `pushplan.core.uncertain`: chains whose loads and frictions are known only within bounds.
 #include "uncertain.hpp"
 
 #include <algorithm>
@@ -51,7 +51,7 @@ Made<double> least_margins_of(const PackedLoads &packed, const Numbers &twists, 
     return out;
 }
 
-// The forces that `set` and `ranges` lead to at each of many moments.
+// Return the forces for `set` and `ranges` at each of many instants.
 template <class Set>
 Made<double> forces_at(const PackedLoads &packed, std::ptrdiff_t count, Table<const double> ranges, const Set &set) {
     auto forces = new_array<double>({count, 3});
@@ -66,7 +66,7 @@ Made<double> forces_at(const PackedLoads &packed, std::ptrdiff_t count, Table<co
     return forces;
 }
 
-// The rows and sizes that `set` and `ranges` lead to at each of many moments: `set(least, t)` prepares moment t.
+// Return the rows and sizes for `set` and `ranges` at each of many instants. `set(least, t)` prepares instant t.
 template <bool slopes = false, class Set>
 auto rows_at(const PackedLoads &packed, std::ptrdiff_t count, Table<const double> ranges, const Set &set) {
     const std::ptrdiff_t n = packed.count();
@@ -109,7 +109,7 @@ auto sloped_rows_of(const PackedLoads &packed, const Numbers &twists) {
 
 void require_places(const PackedLoads &packed) {
     if (packed.centred)
-        throw std::invalid_argument("a load of which only the centre is known has no known place");
+        throw std::invalid_argument("a load with only a known centre has no known places");
 }
 
 Made<double> forces_of(const PackedLoads &packed, const Numbers &twists) {
@@ -165,26 +165,25 @@ void bind_packed_loads(nb::module_ &m) {
     The loads and contacts of n objects.
 
     Attributes:
-        units: Those objects whose load is known, with a unit friction load.
-        unit: (n,) where an object is among `units`, -1 where it is not.
-        points: (p, 4) x, y (m), least and largest part of the load of what is uncertain on points.
-        first: (n + 1,) where the points of each object begin.
-        total: (n,) what the parts of an object's points sum to.
-        miss: (n, 2) share, and part of the load, by which points miss what varies between them.
-        centers: (n, 8) of objects of which only the centre is known: its place x, y (m), least shift h mu (m), the
-            nudge that takes it off edges between loads (2), how much more the shift may be (m), and by how much the
-            centre may be off along x and y (m).
-        free: (n,) 0 for objects of other kinds, 1 for feet, 2 for a whole outline that carries the load.
-        corners: (c, 2) feet, or corners of the convex outline, counter-clockwise, about that centre, m.
-        corner: (n + 1,) where the corners of each object begin.
-        centred: Whether of any object only the centre is known.
-        loads: (n, 2) least and largest friction load of every object, N.
+        units: Objects with known loads, each with a unit friction load.
+        unit: (n,) index of each object in `units`, or -1.
+        points: (p, 4) x, y (m), smallest and largest part of the load on uncertain points.
+        first: (n + 1,) first point of each object.
+        total: (n,) sum of the parts of each object's points.
+        miss: (n, 2) possible error due to variation between points, as a share and as a part of the load.
+        centers: (n, 8) data of objects with only a known centre: x, y (m), least shift h mu (m), nudge away from edges
+            between loads (2), width of the shift's interval (m), and possible errors of the centre along x and y (m).
+        free: (n,) 1 for feet, 2 for a whole outline that carries the load, 0 for objects of other kinds.
+        corners: (c, 2) feet, or counter-clockwise corners of the convex outline, about that centre, m.
+        corner: (n + 1,) first corner of each object.
+        centred: Whether any object has only a known centre.
+        loads: (n, 2) smallest and largest friction load of each object, N.
         carried: (n, n) whether contact k carries object i.
         facets: (n, 4, 3) unit facets g of the contacts, g . (f_x, f_y, m / length) > 0.
         length: Characteristic length of the chain, m.
 
     Raises:
-        ValueError: On arrays that do not fit together.
+        ValueError: If the arrays do not fit together.
     )");
     bound.def(MadeBy(&packed_loads), nb::kw_only(), nb::arg("units"), nb::arg("unit"), nb::arg("points"),
               nb::arg("first"), nb::arg("total"), nb::arg("miss"), nb::arg("centers"), nb::arg("free"),
@@ -197,7 +196,7 @@ void bind_packed_loads(nb::module_ &m) {
     def_shown(bound, "carried", &PackedLoads::carried);
     def_shown(bound, "facets", &PackedLoads::facets);
     bound.def_ro("length", &PackedLoads::length);
-    bound.def("without_miss", &without_miss, "Return the same with a `miss` of 0.");
+    bound.def("without_miss", &without_miss, "Return the loads with a `miss` of 0.");
     bound.def(Pickled(&state_of, &of_state));
 }
 
@@ -210,35 +209,35 @@ namespace pushplan {
 void bind_uncertain(nb::module_ &core) {
     using namespace mechanics;
     nb::module_ m = core.def_submodule(
-        "uncertain", "The least of every contact condition over all that loads and frictions may be.");
+        "uncertain", "The minimum of every contact condition over all possible loads and frictions.");
     bind_packed_loads(m);
     m.def("margins_of", &least_margins_of, nb::arg("packed"), nb::arg("twists"), nb::arg("floor"),
-          "Return the smallest margins (m,) at many twists (m, 3), none 0; any number up to `floor` for smaller ones.");
+          "Return the smallest margins (m,) at many nonzero twists (m, 3); any number up to `floor` for smaller ones.");
     m.def(
         "rows_of", &least_rows_of, nb::arg("packed"), nb::arg("twists"),
-        "Return the least rows (m, n, 4) and bounds of the wrenches (m, n), N, at many twists (m, 3), none of them 0.");
+        "Return the least rows (m, n, 4) and upper bounds of the wrenches (m, n), N, at many nonzero twists (m, 3).");
     m.def(
         "sloped_rows_of", &sloped_rows_of, nb::arg("packed"), nb::arg("twists"),
-        "Return the same, and (m, n, 4, n) how much a metre by which an object's centre moves takes from a row, N/m.");
+        "Return `rows_of`, and the reductions (m, n, 4, n) of rows per metre of an object's centre, N/m.");
     m.def("forces_of", &forces_of, nb::arg("packed"), nb::arg("twists"), R"(
-    Return the forces (m, 3) that slide all objects together at twists (m, 3), none of them 0.
+    Return the forces (m, 3) that slide all objects together at nonzero twists (m, 3).
 
-    Each is x, y in the middle of what it may be, and by how much it may differ at most, N. No load may be known by
-    its centre alone.
+    Each is the mean force x, y and its maximum deviation, N. No load can have only a known centre.
     )");
     m.def("inertia_forces_of", &inertia_forces_of, nb::arg("packed"), nb::arg("masses"), nb::arg("known"),
-          nb::arg("pulls"), "Return likewise the forces (m, 3) that inertia asks for; see `inertia_rows_of`.");
+          nb::arg("pulls"), "Return the forces (m, 3) that inertia needs; see `inertia_rows_of`.");
     m.def("inertia_rows_of", &inertia_rows_of, nb::arg("packed"), nb::arg("masses"), nb::arg("known"), nb::arg("pulls"),
           R"(
-    Return the least that inertia adds to the rows (m, n, 4), and its largest wrenches (m, n), N.
+    Return the minimum that inertia adds to the rows (m, n, 4), and its largest wrenches (m, n), N.
 
-    The wrench of a mass point is a polynomial of its place, so that points miss next to nothing of it.
+    The wrench of a mass point is a polynomial of its place, so the error of the points is negligible.
 
     Args:
-        packed: The chain, nothing of it known by its centre alone, its `miss` 0.
-        masses: (n, 2) least and largest, kg.
-        known: (m, n, 3) that 1 kg of each object with a known load asks for, N, moments about the origin, N m.
-        pulls: (m, p, 3) that 1 kg on each of the points asks for.
+        packed: Loads without an object with only a known centre, and with a `miss` of 0.
+        masses: (n, 2) smallest and largest masses, kg.
+        known: (m, n, 3) inertial wrenches of 1 kg of each object with a known load, N, with moments about the origin, N
+            m.
+        pulls: (m, p, 3) inertial wrenches of 1 kg on each point.
     )");
 }
 

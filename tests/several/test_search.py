@@ -85,7 +85,7 @@ def test_the_cheapest_tours_match_all_orders() -> None:
                 rest = (ways[load] + push.min(axis=1)).min(axis=1)
             best = np.minimum(best, rest)
         np.testing.assert_allclose(tours[sum(1 << k for k in loads)], best if loads else 0.0)
-    with pytest.raises(ValueError, match="table of ways"):
+    with pytest.raises(ValueError, match="table of transits"):
         cheapest_tours(ways[::-1], pushes)
 
 
