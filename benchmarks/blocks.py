@@ -94,7 +94,10 @@ def main() -> None:
         random = np.random.default_rng([asked.seed, seed])
         columns, rows = BLOCKS[seed % len(BLOCKS)]
         seed += 1
-        scenario = scenario_from_document(document(columns, rows, seed % 8 < 4, random))
+        try:
+            scenario = scenario_from_document(document(columns, rows, seed % 8 < 4, random))
+        except pushplan.ScenarioError:  # ends of boxes in neighbouring columns lie within 1 mm of one another
+            continue
         plan = pushplan.plan(scenario, seed=1, iterations=300)
         if not plan.solved or plan.trajectory is None:
             continue

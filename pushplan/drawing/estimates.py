@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
@@ -54,7 +55,7 @@ def plot_estimates(estimates: Sequence[Estimate], path: str | Path) -> None:
             axes.text(0.99, row, f"{one.unknown.high:.3g}", ha="right", **_ENDS)
             words = "not determined"
             if one.determined:
-                low, median, high = (one.unknown.share(value) for value in (one.low, one.median, one.high))
+                low, median, high = one.unknown.share(np.array([one.low, one.median, one.high]))
                 axes.barh(row, high - low, left=low, height=0.5, color=PATH, alpha=0.6)
                 axes.plot([median, median], [row - 0.3, row + 0.3], color=INK, linewidth=1.2)
                 words = f"{one.median:.3g} ({one.low:.3g} to {one.high:.3g})"

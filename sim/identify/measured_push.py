@@ -235,7 +235,7 @@ class Identification:
 
     def _estimate(self, k: int, one: Unknown) -> Estimate:
         low, median, high = np.quantile(self.samples[:, k], [0.5 - LEVEL / 2, 0.5, 0.5 + LEVEL / 2])
-        ends = _place(one, np.array([low, high]))
+        ends = one.share(np.array([low, high]))
         one_sided = one.kind == "contact_friction" and bool(ends[0] > _ONE_SIDED or ends[1] < 1.0 - _ONE_SIDED)
         determined = one_sided or bool(ends[1] - ends[0] < _NARROW)
         return Estimate(one, float(low), float(median), float(high), determined)
@@ -253,13 +253,6 @@ class Identification:
         chosen = self.samples[:: max(1, len(self.samples) // 400)]
         loads = np.array([self.unknowns.fractions(values)[i] for values in chosen])
         return np.asarray(np.quantile(loads, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0).T)
-
-
-def _place(one: Unknown, values: FloatArray) -> FloatArray:
-    """Return the position of values between the ends of an unknown, 0 to 1."""
-    if one.logarithmic:
-        return np.asarray(np.log(values / one.low) / np.log(one.high / one.low))
-    return np.asarray((values - one.low) / (one.high - one.low))
 
 
 Document = dict[str, Any]

@@ -6,7 +6,6 @@ pressure is seldom the centroid.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -122,11 +121,11 @@ class Unknown:
             return np.asarray(self.low * (self.high / self.low) ** part)
         return np.asarray(self.low + (self.high - self.low) * part)
 
-    def share(self, value: float) -> float:
-        """Return the share of the range from `low` to `high` at a value; the inverse of `value`."""
+    def share(self, values: FloatArray) -> FloatArray:
+        """Return the shares (...) of the range from `low` to `high` at values; the inverse of `value`."""
         if self.logarithmic:
-            return math.log(value / self.low) / math.log(self.high / self.low)
-        return (value - self.low) / (self.high - self.low)
+            return np.asarray(np.log(values / self.low) / np.log(self.high / self.low))
+        return np.asarray((values - self.low) / (self.high - self.low))
 
     def unit(self, value: float) -> float:
         """Return the change of the part from `low` to `high` that counts as a relative change of 1 of a value.
