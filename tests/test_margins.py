@@ -121,7 +121,7 @@ def test_the_margin_is_lowered_in_halvings_until_there_is_a_path() -> None:
     assert halvings == pytest.approx(round(float(halvings)), abs=1e-9)
     assert 1 <= halvings <= HALVINGS
     assert margin < there(result.min_margin) < asked
-    assert result.lowered == f"margin {margin:.2g} instead of {asked:.2g}: no path was found with more"
+    assert result.lowered == f"margin {margin:.2g} instead of {asked:.2g}: no path was found with a larger one"
 
 
 def test_a_stated_margin_is_never_lowered() -> None:

@@ -93,7 +93,7 @@ def test_an_exporter_writes_the_contents_of_a_run(tmp_path: Path, capsys: Captur
     read = np.array([[float(word) for word in row[1:]] for row in rows])
     np.testing.assert_allclose(read, there(run.execution).objects[-1], atol=1e-4)
     assert main(["replay", str(log), "--export", f"nobody={table}"]) == 2
-    assert "'nobody' is not known; allowed: module:attribute" in capsys.readouterr().err
+    assert "'nobody' is unknown; allowed: module:attribute" in capsys.readouterr().err
 
 
 def test_a_simulator_executes_trials(capsys: Captured) -> None:
