@@ -113,7 +113,8 @@ class Support(ABC):
         """Return the load with p(x) + share e . (x - g) / h in place of p(x); its centre moves accordingly.
 
         h is the largest magnitude of e . (x - g), so that the outermost load changes by the share. On a polygon it is
-        a share of the mean pressure, and g is the centroid. On points it is a share of each point's load, and g is their centre.
+        a share of the mean pressure, and g is the centroid. On points it is a share of each point's load, and g is
+        their centre.
         A load on a line perpendicular to e does not change.
 
         Args:
