@@ -1,4 +1,4 @@
-"""411 real pushes by two fingers, meant to be stable or not: does the margin tell which contacts held?
+"""411 real pushes with two fingers, stable and unstable: does the margin predict which contacts held?
 
 Run `python benchmarks/stable_pushes.py [--seed 58] [--draws 20] [--plot docs/real-pushes.png]`. It prints every
 figure next to what is wanted. `stable_pushes.csv` has recordings of a laboratory
@@ -71,13 +71,13 @@ class Push:
 
     @cached_property
     def plate(self) -> FloatArray:
-        """(3,) pose of the plate in the object's frame, before."""
+        """Pose (3,) of the plate in the object's frame before the push."""
         place = [1e-3 * self.number("px"), 1e-3 * self.number("py")]
         return np.array([*place, np.arctan2(self.number("ay"), self.number("ax"))])
 
     @cached_property
     def twist(self) -> FloatArray:
-        """(3,) of the plate in its own frame, times the time of the push."""
+        """Twist (3,) of the plate in its own frame, times the duration of the push."""
         x, y = self.number("mx"), self.number("my")
         if self.row["kind"] == "trans":
             return np.array([*se2.rotate(-self.plate[2], 1e-3 * self.number("amount") * np.array([x, y])), 0.0])
@@ -87,12 +87,12 @@ class Push:
 
     @cached_property
     def poses(self) -> FloatArray:
-        """(101, 3) of the plate, where the object's frame was before."""
+        """Poses (101, 3) of the plate in the frame of the object before the push."""
         return se2.compose(self.plate, se2.exp(np.linspace(0.0, 1.0, 101)[:, None] * self.twist))
 
     @cached_property
     def after(self) -> FloatArray:
-        """(3,) of the object in the end, there, without the error of the tips' heading."""
+        """Final pose (3,) of the object in the same frame, corrected for the heading of the tips."""
         pre, post = (
             np.array(
                 [1e-3 * self.number(f"{k}_x"), 1e-3 * self.number(f"{k}_y"), np.radians(self.number(f"{k}_deg"))]
@@ -104,17 +104,17 @@ class Push:
 
     @cached_property
     def moved(self) -> FloatArray:
-        """(3,) by what the plate is off its place on the object: into it, to the left, turned."""
+        """Motion (3,) of the plate on the object: ahead, to the left, angle."""
         return se2.relative(self.plate, se2.relative(self.after, self.poses[-1]))
 
     @cached_property
     def size(self) -> float:
-        """By how much the object moved against the plate: 1 is the most of a push that was kept."""
+        """Motion of the object on the plate; up to 1, the push was kept."""
         off = np.array([*self.moved[:2], se2.wrap_angle(self.moved[2])])
         return float((np.abs(off) / KEPT).max())
 
     def scenario(self, friction: float) -> Scenario:
-        """Return the push as any user would state it."""
+        """Return the push as a scenario."""
         height, support = TIPS, "uniform"
         if feet := FEET.get(self.support):
             loads = np.linalg.solve(np.vstack([np.ones(3), np.transpose(feet)]), [1.0, *CENTRE])
@@ -143,13 +143,13 @@ class Push:
         return float(self.scenario(friction).stable_set().margin(self.twist[None])[0])
 
     def predicted(self, friction: float) -> FloatArray:
-        """Return the pose (3,) of the object in the end, as the slip simulator has it."""
+        """Return the final pose (3,) of the object in the slip simulator."""
         world = World.from_scenario(self.scenario(friction))
         return simulate_poses(np.arange(101.0), self.poses, world).objects[-1, 0]
 
     @property
     def measured(self) -> MeasuredPush:
-        """What identification is given: the plate's poses, and the object's before and after."""
+        """The plate's poses, and those of the object before and after, for identification."""
         objects = np.full((101, 1, 3), np.nan)
         objects[0], objects[-1] = 0.0, self.after
         return MeasuredPush(self.poses, objects)
@@ -270,9 +270,9 @@ def draw(pushes: list[Push], path: str) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seed", type=int, default=58, help="of the draws")
-    parser.add_argument("--draws", type=int, default=20, help="of a dozen pushes; 0 for none")
-    parser.add_argument("--jobs", type=int, default=1, help="draws at a time")
+    parser.add_argument("--seed", type=int, default=58, help="seed of the draws")
+    parser.add_argument("--draws", type=int, default=20, help="draws of twelve pushes; 0 for none")
+    parser.add_argument("--jobs", type=int, default=1, help="draws in parallel")
     parser.add_argument("--plot", metavar="FILE", help="draw motion over margin")
     asked = parser.parse_args()
     print(Machine.this().words)

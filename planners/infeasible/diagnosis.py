@@ -344,16 +344,16 @@ def beyond_reach(
     inside = se2.compose(into, [*disc.center, 0.0])
     places = {name: se2.compose(poses, inside)[:, :2] for name, poses in faces.items()}
     centers = {name: [*np.asarray(shapely.points(xy))] for name, xy in places.items()}
+    passages = Passages(scenario)
     if not any(_any_in(among, points) for points in centers.values()):
         every = [point for points in centers.values() for point in points]
-        narrow = Passages(scenario).fault("the robot", disc, start, every, WITHIN, "to an allowed face of an object")
+        narrow = passages.fault("the robot", disc, start, every, WITHIN, "to an allowed face of an object")
         why = "it cannot reach any allowed face of an object" if narrow is None else narrow.text
         text = f"the robot is boxed in: {why}"
         if not _any_in(open_floor, every):
             text = "the robot has no room before any allowed face of an object"
         return {"": Diagnosis("boxed in", text, True, blocking=_parting(scenario, radius, free, among, every))}
     found = {}
-    passages = Passages(scenario)
     for name in needed:
         if not _any_in(alone, centers[name]):
             narrow = passages.fault("the robot", disc, start, centers[name], WITHIN, "to its faces")
