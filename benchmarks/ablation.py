@@ -1,60 +1,49 @@
 """Gain by each part of `auto`: the same searches without it, on four families of scenes, by CPU time.
 
-Run `python benchmarks/ablation.py [--families series ...] [--parts lattice ...] [--seeds 6] [--seconds 1]`.
-Every scene is planned with `auto` as it is, again with other seeds (what differs there is chance), and with one
-part after the other left out (`PARTS`). Plans are ranked by the default objective, their duration. Prints for each
-family and part the share of runs that find a plan, the shares within 1 % of the shortest duration that any run here
-found, with 0.1, 0.3 and 1 of the time, the mean excess over that duration, and first paths. Families: packaged
-scenarios (everyday), `dense_scenes.py`, rooms in series and narrow gaps of `series.py`.
+    python benchmarks/ablation.py [--families series ...] [--scenes 30] [--seeds 6] [--seconds 1]
+
+Every scene is planned with `auto` as it is, again with other seeds (what differs there is chance), and with one part
+after the other left out (`PARTS`). Plans are ranked by the default objective, their duration. Prints for each family
+and part the share of runs that find a plan, the shares within 1 % of the shortest duration that any run here found,
+with 0.1, 0.3 and 1 of the time, the mean excess over that duration, and first paths. Families: packaged scenarios
+(everyday), `dense_scenes.py`, rooms in series and narrow gaps of `series.py`.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
 from typing import Any
 from unittest import mock
 
 import dense_scenes
 import numpy as np
 import series
+from script import options
 
-from pushplan.bench.store import Machine
 from pushplan.planner import Planner
 from pushplan.planners.search import planners
 from pushplan.planners.search.session import Session
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
 
 MARKS = (0.1, 0.3, 1.0)
 """Shares of the time that plans are made with."""
-
 NEAR = 1.01
 FAMILIES = ("everyday", "dense", "series", "gaps")
 
 
-@dataclass(frozen=True)
-class Run:
-    """Durations (s) of the plans for each share of the time, and CPU seconds to the first path; infinite if none."""
-
-    durations: tuple[float, ...]
-    first: float
-
-
-def run(scenario: Scenario, seed: int, seconds: float) -> Run:
-    """Plan with each share of the time."""
-    planner = Planner(scenario, planner="auto")
-    plans = [planner.plan(first=False, seed=seed, time_limit=m * seconds, explain=False) for m in MARKS]
-    first = plans[-1].first_solution_s
-    return Run(
-        tuple(math.inf if plan.duration is None else plan.duration for plan in plans),
-        math.inf if first is None else first,
-    )
+def scenes(family: str, count: int) -> Iterator[Scenario]:
+    match family:
+        case "everyday":
+            yield from (load_scenario(name) for name in example_names())
+        case "dense":
+            yield from dense_scenes.scenes(dense_scenes.NUMBERS[:count])
+        case _:
+            yield from (room for room in series.scenes() if ("mm" in room.name) == (family == "gaps"))
 
 
 def _nothing(*_: Any, **__: Any) -> None:
@@ -71,7 +60,6 @@ def _forward(self: Any, arcs: float) -> None:
 
 
 AGAIN = "nothing, other seeds"
-
 PARTS: dict[str, Callable[[], Any]] = {
     "nothing": nullcontext,
     AGAIN: nullcontext,
@@ -84,68 +72,50 @@ PARTS: dict[str, Callable[[], Any]] = {
 """What is left out, and how."""
 
 
-def scenes(family: str, count: int) -> Iterator[Scenario]:
-    match family:
-        case "everyday":
-            yield from (load_scenario(name) for name in example_names())
-        case "dense":
-            yield from dense_scenes.scenes(dense_scenes.NUMBERS[:count])
-        case "series":
-            yield from (room for room in series.scenes(quick=True) if "mm" not in room.name)
-        case "gaps":
-            yield from (room for room in series.scenes(quick=True) if "mm" in room.name)
+def run(scenario: Scenario, seed: int, seconds: float) -> list[float]:
+    """Return the durations (s) of the plans with each share of the time, and CPU ms to the first path."""
+    planner = Planner(scenario, planner="auto")
+    plans = [planner.plan(first=False, seed=seed, time_limit=m * seconds, explain=False) for m in MARKS]
+    first = plans[-1].first_solution_s
+    durations = [math.inf if plan.duration is None else plan.duration for plan in plans]
+    return [*durations, math.inf if first is None else 1e3 * first]
 
 
-def measure(scenario: Scenario, arguments: argparse.Namespace) -> dict[str, list[Run]]:
-    found: dict[str, list[Run]] = {}
-    for part in arguments.parts:
-        with PARTS[part]():
-            begin = 1001 if part == AGAIN else 1
-            found[part] = [run(scenario, seed, arguments.seconds) for seed in range(begin, begin + arguments.seeds)]
-    best = min(r.durations[-1] for runs in found.values() for r in runs)
-    return {
-        part: [replace(r, durations=tuple(duration / best for duration in r.durations)) for r in runs]
-        for part, runs in found.items()
-        if math.isfinite(best)
-    }
+def measure(scenario: Scenario, seeds: int, seconds: float) -> dict[str, FloatArray]:
+    """Return the rows of `run` by part, with durations over the shortest one; nothing if no run found a plan."""
+    found = {}
+    for part, left_out in PARTS.items():
+        begin = 1001 if part == AGAIN else 1
+        with left_out():
+            found[part] = np.array([run(scenario, seed, seconds) for seed in range(begin, begin + seeds)])
+    best = min(rows[:, -2].min() for rows in found.values())
+    return {part: rows / [*[best] * len(MARKS), 1.0] for part, rows in found.items() if math.isfinite(best)}
 
 
-def report(family: str, every: dict[str, list[Run]]) -> None:
-    """Print a line for each part; the mean excess is of the runs that found a plan."""
-    print(
-        f"\n{family + ', without':28} {'solved':>7}  {'within 1 % after 0.1, 0.3, 1':28} {'excess':>7} first ms, 90 %"
-    )
-    for part, runs in every.items():
-        durations, firsts = np.array([r.durations for r in runs]), 1e3 * np.array([r.first for r in runs])
-        end, near = durations[:, -1], (durations <= NEAR).mean(axis=0)
-        excess = end[np.isfinite(end)].mean() - 1.0
-        print(
-            f"{part:28} {100 * np.isfinite(end).mean():7.1f}  "
-            f"{' '.join(f'{100 * share:7.1f}' for share in near):28} {100 * excess:7.2f} "
-            f"{np.median(firsts):8.2f} {np.quantile(firsts, 0.9, method='higher'):8.2f}",
-            flush=True,
-        )
+def tenth(values: FloatArray) -> float:
+    """Return the 90th percentile of some values."""
+    return float(np.quantile(values, 0.9, method="higher"))
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--parts", nargs="+", choices=list(PARTS), default=list(PARTS))
-    parser.add_argument("--seeds", type=int, default=6)
-    parser.add_argument("--seconds", type=float, default=1.0)
-    parser.add_argument("--families", nargs="+", choices=FAMILIES, default=list(FAMILIES))
-    parser.add_argument("--scenes", type=int, default=30, help="number of dense scenes")
-    arguments = parser.parse_args()
-    time.perf_counter = time.process_time  # searches then count CPU time, whatever else the machine does
-    print(f"{Machine.this().words}, {arguments.seeds} seeds, {arguments.seconds:g} s of CPU each")
-    for family in arguments.families:
-        every: dict[str, list[Run]] = {part: [] for part in arguments.parts}
-        for scenario in scenes(family, arguments.scenes):
-            for part, runs in measure(scenario, arguments).items():
-                every[part] += runs
+def main() -> None:
+    asked = options(__doc__, families=FAMILIES, scenes=30, seeds=6, seconds=1.0)
+    for family in asked.families:
+        every: dict[str, list[FloatArray]] = {part: [] for part in PARTS}
+        for scenario in scenes(family, asked.scenes):
+            for part, rows in measure(scenario, asked.seeds, asked.seconds).items():
+                every[part].append(rows)
             print(f"{scenario.name} done", file=sys.stderr, flush=True)
-        report(family, every)
-    return 0
+        print(f"\n{family + ', without':28} solved  within 1 % after 0.1, 0.3, 1   excess, first ms, 90 %")
+        for part, found in every.items():
+            *durations, first = np.concatenate(found).T
+            end = durations[-1][np.isfinite(durations[-1])]
+            near = "".join(f"{100 * (one <= NEAR).mean():8.1f}" for one in durations)
+            print(
+                f"{part:28}{100 * len(end) / len(first):7.1f}  {near}     {100 * (end.mean() - 1.0):7.2f} "
+                f"{np.median(first):8.2f} {tenth(first):8.2f}",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

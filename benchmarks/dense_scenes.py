@@ -20,6 +20,7 @@ from pushplan.bench.schema import ProblemParameters
 from pushplan.geometry.se2 import rotate, transform_points
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
 
 Document = dict[str, Any]
 
@@ -35,16 +36,11 @@ _SHARED = yaml.safe_load((Path(__file__).parent / "passages" / "dense-a.yaml").r
 CAR: Document = {section: _SHARED[section] for section in ("floor", "objects", "contacts", "pusher")}
 """Chain and drive of the shared scenes: heavy objects that rest on their rear edges leave the drive as the limit."""
 
-KINDS = tuple(OBSTACLES)
-
 NUMBERS = (
     48, 51, 59, 61, 72, 73, 77, 78, 79, 80, 81, 84, 87, 89, 91, 96, 99, 102, 104, 108, 110, 111, 112, 115, 116, 121,
     122, 123, 125, 126, 127, 132, 133, 134, 135, 139, 141, 142, 143, 145, 146, 149, 151, 152,
 )  # fmt: skip
 """Scenes from 44 on with a path more than a tenth above the cost of the straight way; those before were tuned on."""
-
-HARD = (6, 12, 24, 42, 123, 143, 145, 153)
-"""Scenes in which first paths take longest."""
 
 
 def scene(number: int) -> Document:
@@ -53,7 +49,7 @@ def scene(number: int) -> Document:
     Raises: GeneratorError: If start and goal find no place.
     """
     rng = np.random.Generator(np.random.PCG64([17, number]))
-    kind = KINDS[number % len(KINDS)]
+    kind = [*OBSTACLES][number % len(OBSTACLES)]
     sections = CAR if kind == "car" else random_chain(rng, CHAINS)[0]
     shapes = _walls(rng) if kind == "walls" else []
     count = int(rng.integers(OBSTACLES[kind][0], OBSTACLES[kind][1] + 1))
@@ -81,20 +77,20 @@ def scenes(numbers: Sequence[int]) -> Iterator[Scenario]:
         yield scenario_from_text(scenario_yaml(scene(number)), f"scene {number}")
 
 
-def _body(sections: Document) -> np.ndarray[Any, Any]:
+def _body(sections: Document) -> FloatArray:
     """Return the corners of all moving bodies in the chain frame."""
     whole = {**sections, "start": [0, 0, 0], "goal": {"pose": [9, 0, 0]}}
     chain = scenario_from_text(scenario_yaml(whole), "chain").chain
     return np.concatenate([moving.outline for moving in chain.bodies])
 
 
-def _polygon(rng: np.random.Generator, sizes: tuple[float, float]) -> np.ndarray[Any, Any]:
+def _polygon(rng: np.random.Generator, sizes: tuple[float, float]) -> FloatArray:
     length, width = rng.uniform(*sizes, 2)
     shape = rotate(rng.uniform(-np.pi, np.pi), random_polygon(rng, length, width))
     return np.asarray(shape + rng.uniform(0.0, SIDE, 2))
 
 
-def _walls(rng: np.random.Generator) -> list[np.ndarray[Any, Any]]:
+def _walls(rng: np.random.Generator) -> list[FloatArray]:
     """Return the pieces of two or three parallel walls, each with two or three gaps."""
     pieces, count, axis = [], int(rng.integers(2, 4)), int(rng.integers(0, 2))
     for at in np.linspace(0.0, SIDE, count + 2)[1:-1] + rng.uniform(-0.15, 0.15, count):
@@ -112,8 +108,8 @@ def _walls(rng: np.random.Generator) -> list[np.ndarray[Any, Any]]:
 
 
 def _ends(
-    rng: np.random.Generator, body: np.ndarray[Any, Any], walls: list[np.ndarray[Any, Any]]
-) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any], list[Any]]:
+    rng: np.random.Generator, body: FloatArray, walls: list[FloatArray]
+) -> tuple[FloatArray, FloatArray, list[Any]]:
     """Draw start and goal clear of the walls, and their cover, with free distance before the start and behind the
     goal.
     """
@@ -129,6 +125,6 @@ def _ends(
     raise GeneratorError("start and goal find no place")
 
 
-def _covered(body: np.ndarray[Any, Any], pose: np.ndarray[Any, Any], ahead: float) -> Any:
+def _covered(body: FloatArray, pose: FloatArray, ahead: float) -> Any:
     moved = transform_points(pose, body + np.array([ahead, 0.0]))
     return shapely.MultiPoint(np.concatenate([transform_points(pose, body), moved])).convex_hull

@@ -1,8 +1,8 @@
-"""OMPL's geometric planners over Dubins' car, which the chain is for turns about two of its own points.
+"""OMPL's geometric planners over Dubins' car: a chain that turns about two of its own points is such a car.
 
 Positive combinations of a left turn about cL and a right turn about cR move m = (cL + cR) / 2 along J (cR - cL) with
 curvature 2 / |cR - cL| at most: Dubins' car of radius R = |cR - cL| / 2. OMPL searches there; every edge is a word of
-our own three arcs, swept by our own check, and the path is made of exactly these arcs.
+our own three arcs, swept by our own check, and the path consists of exactly these arcs.
 """
 
 from __future__ import annotations
@@ -28,8 +28,6 @@ from pushplan.planners.search.planners import AnytimePlanner
 from pushplan.planners.search.session import Session
 from pushplan.util.arrays import FloatArray
 
-_INSTEAD = "choose a planner that needs none, such as auto"
-
 
 @dataclass(frozen=True, eq=False)
 class Car:
@@ -53,43 +51,25 @@ class Car:
             families: (f, 3, 3) left, straight and right twists; the straight ones span the stable translations.
 
         Raises:
-            PlanningError: When there are no turns to both sides, or no stable push along J (cR - cL).
+            PlanningError: If there are no turns to both sides, or no stable push along J (cR - cL).
         """
         left, right = families[0, LEFT], families[0, RIGHT]
         if left[2] == 0.0 or right[2] == 0.0 or not families[:, STRAIGHT].any():
-            raise PlanningError(
-                f"the chain is no Dubins' car: it cannot turn to both sides and go straight; {_INSTEAD}"
-            )
+            raise PlanningError("the chain is no Dubins' car: it cannot turn to both sides and go straight")
         cors = np.array([[-twist[1], twist[0]] / twist[2] for twist in (left, right)])
         x, y = cors[1] - cors[0]
-        straight = _straight(families[:, STRAIGHT, :2], math.atan2(x, -y))
-        family = np.stack([left, straight, right])
-        middle = np.append(cors.mean(axis=0), math.atan2(x, -y))
-        return cls(family, middle, 0.5 * math.hypot(x, y))
-
-    def of_chain(self, pose: FloatArray) -> FloatArray:
-        """Return the car's pose (3,) with the chain frame at a pose."""
-        return se2.compose(pose, self.middle)
+        heading = math.atan2(x, -y)
+        straight = se2.rotate(-heading, families[:, STRAIGHT, :2])
+        leaning = np.arctan2(straight[:, 1], straight[:, 0])
+        if not leaning.min() - 1e-9 <= 0.0 <= leaning.max() + 1e-9:
+            raise PlanningError(f"the chain is no Dubins' car: a push at {heading:.3f} rad is not stable")
+        angle = heading + min(max(0.0, float(leaning.min())), float(leaning.max()))
+        family = np.stack([left, np.array([math.cos(angle), math.sin(angle), 0.0]), right])
+        return cls(family, np.append(cors.mean(axis=0), heading), 0.5 * math.hypot(x, y))
 
     def chain_at(self, state: Any) -> FloatArray:
         """Return the pose (3,) of the chain frame for an OMPL state of the car."""
-        theta = state.getYaw() - self.middle[2]
-        c, s = math.cos(theta), math.sin(theta)
-        x, y = self.middle[0], self.middle[1]
-        return np.array([state.getX() - c * x + s * y, state.getY() - s * x - c * y, theta])
-
-
-def _straight(straights: FloatArray, heading: float) -> FloatArray:
-    """Return the translation (3,) along a heading if it lies between `straights` (f, 2)."""
-    across = straights @ [-math.sin(heading), math.cos(heading)]
-    leaning = np.arctan2(across, straights @ [math.cos(heading), math.sin(heading)])
-    if not leaning.min() - 1e-9 <= 0.0 <= leaning.max() + 1e-9:
-        raise PlanningError(
-            f"the chain is no Dubins' car: its tightest turns need a push at {math.degrees(heading):.1f} deg, "
-            f"the nearest stable one is {math.degrees(np.abs(leaning).min()):.1f} deg away; {_INSTEAD}"
-        )
-    angle = heading + min(max(0.0, float(leaning.min())), float(leaning.max()))
-    return np.array([math.cos(angle), math.sin(angle), 0.0])
+        return se2.compose([state.getX(), state.getY(), state.getYaw()], se2.inverse(self.middle))
 
 
 class SweptWords(ob.MotionValidator):  # type: ignore[misc]
@@ -106,9 +86,7 @@ class SweptWords(ob.MotionValidator):  # type: ignore[misc]
 
     def word(self, begin: FloatArray, end: FloatArray) -> FloatArray | None:
         """Return the arcs (3, 4) between two poses of the chain frame; None if they are blocked."""
-        scene = self._session.problem.scene
-        _, _, arcs = connect(scene, self._car.family[None], begin, end, tries=TRIES)
-        return arcs
+        return connect(self._session.problem.scene, self._car.family[None], begin, end, tries=TRIES)[2]
 
 
 class OverDubins(AnytimePlanner):
@@ -125,18 +103,14 @@ class OverDubins(AnytimePlanner):
         """Return the geometric planner for a space information."""
 
     def rounds(self, information: PushInformation) -> Iterator[None]:
-        """Run the geometric planner again and again, and yield after each run.
-
-        Raises:
-            PlanningError: When the chain is no Dubins' car.
-        """
+        """Run the geometric planner again and again, and yield after each run."""
         session = information.session
         car = Car.from_families(session.problem.families)
         information.admit(car.family[STRAIGHT])
         over_car, words = _space(session, information.box, car)
         definition = ob.ProblemDefinition(over_car)
         ends = (session.start, session.problem.goal)
-        definition.setStartAndGoalStates(*(state_at(over_car, car.of_chain(pose)) for pose in ends))
+        definition.setStartAndGoalStates(*(state_at(over_car, se2.compose(pose, car.middle)) for pose in ends))
         planner = self.make(over_car)
         planner.setProblemDefinition(definition)
         planner.setup()
@@ -157,7 +131,6 @@ class RRTOverDubins(OverDubins):
     name, anew = "rrt-dubins", True
 
     def make(self, information: Any) -> Any:
-        """Return OMPL's planner."""
         planner = og.RRT(information)
         planner.setGoalBias(0.2)
         return planner
@@ -169,7 +142,6 @@ class BITStarOverDubins(OverDubins):
     name, anew = "bitstar-dubins", False
 
     def make(self, information: Any) -> Any:
-        """Return OMPL's planner."""
         planner = og.BITstar(information)
         planner.setStopOnSolnImprovement(True)
         planner.setUseKNearest(False)  # neighbours within a radius: ten times as many edges per second
@@ -196,14 +168,9 @@ def _space(session: Session, box: Box, car: Car) -> tuple[Any, SweptWords]:
 
 
 def _arcs(path: Any, car: Car, words: SweptWords, ends: tuple[FloatArray, FloatArray]) -> FloatArray:
-    """Return the arcs (k, 4) of our words through the states of OMPL's path.
-
-    Raises:
-        PlanningError: When OMPL claims a path of which an edge is not free.
-    """
+    """Return the arcs (k, 4) of our words through the states of OMPL's path."""
     poses = [ends[0], *(car.chain_at(state) for state in path.getStates()[1:-1]), ends[1]]
-    found = [words.word(begin, end) for begin, end in itertools.pairwise(poses)]
-    arcs = [word for word in found if word is not None]
-    if len(arcs) < len(found):
+    arcs = [words.word(begin, end) for begin, end in itertools.pairwise(poses)]
+    if any(word is None for word in arcs):
         raise PlanningError("OMPL returned a path with an edge that is not free")
-    return np.concatenate(arcs)
+    return np.concatenate([word for word in arcs if word is not None])

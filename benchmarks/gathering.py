@@ -4,23 +4,19 @@
         [--slip 0] [--physics 0] [--closed 0] [--checks 0]
 
 Each family has a drive, the side of a room (m) and a number of cubes. In each room a row at a wall is asked for.
-Three planners are compared by the way of the plate in all: `gather: auto`, `gather: never`, and the search for an
-order of objects with own goals (places 5 mm apart, each assigned so that the objects' straight ways are shortest in
-sum; any of four orientations). Every plan is checked by `row_checks`, and so are `--checks` first plans. Plans are
-executed in worlds whose objects stand 3 mm and 2 deg off and whose frictions are 20 % off: with `--slip` in the slip
-simulator, with `--physics` in MuJoCo, with `--closed` in closed loop (30 measurements a second, noise of 1 mm and
-0.3 deg, 0.1 s late).
+Compares the travel of the plate for three planners: `gather: auto`, `gather: never`, and the search for an order of
+objects with own goals (places 5 mm apart, assigned so that the sum of straight paths is least; any of four
+orientations). `row_checks` checks every plan, and `--checks` first plans. The other options execute plans in worlds
+with pose errors of 3 mm and 2 deg and frictions off by 20 %: `--slip` in the slip simulator, `--physics` in MuJoCo,
+`--closed` in closed loop (30 measurements a second, noise of 1 mm and 0.3 deg, 0.1 s late).
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
-import time
-from collections.abc import Mapping, Sequence
+from argparse import Namespace
 from copy import deepcopy
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -28,6 +24,7 @@ import shapely
 from row_checks import apart, box, put, violations
 from scipy.optimize import linear_sum_assignment
 from scipy.stats import bootstrap
+from script import options
 
 from pushplan.closed_loop import run_closed_loop
 from pushplan.errors import PlanningError
@@ -38,6 +35,7 @@ from pushplan.sim.control.rest import travel_of
 from pushplan.sim.physics.simulate import simulate_in_physics
 from pushplan.sim.slip import slip
 from pushplan.slip.world import World
+from pushplan.util.arrays import FloatArray
 
 Document = dict[str, Any]
 
@@ -65,61 +63,42 @@ WITHIN = (12e-3, np.radians(1.0))
 """How far from its place an object of the row may end, m and rad."""
 
 
-@dataclass(frozen=True)
-class Family:
-    """Rooms of one kind: `omni-4-3` is 4 x 4 m with three cubes and a robot that moves to all sides."""
+def room(family: str, seed: int) -> Document:
+    """Return the document of a room with a row at a wall; `omni-4-3` has 4 x 4 m and three cubes."""
+    random = np.random.default_rng([seed, ROOMS])
+    drive, side, count = family.split("-")
+    while (found := _drawn(random, drive == "car", float(side), int(count))) is None:
+        pass
+    return found
 
-    drive: str
-    side: float
-    count: int
 
-    @classmethod
-    def named(cls, name: str) -> Family:
-        """Return the family of a name."""
-        drive, side, count = name.split("-")
-        return cls(drive, float(side), int(count))
-
-    def room(self, seed: int) -> Document:
-        """Return the document of a room with a row at a wall."""
-        random = np.random.default_rng([seed, ROOMS])
-        while (found := self._drawn(random)) is None:
-            pass
-        return found
-
-    def _drawn(self, random: np.random.Generator) -> Document | None:
-        side, length = self.side, SIDE * self.count
-        rear = [side - length - 0.02, float(random.uniform(0.6, side - 0.6)), 0.0]
-        taken = [put(shapely.box(-0.6, -0.2, length, 0.2), rear)]
-        poses = []
-        for _ in range(self.count):
-            pose = [*random.uniform(BEHIND, side - BEHIND, 2), random.uniform(-np.pi, np.pi)]
-            shape = put(box(SIDE, SIDE), pose)
-            if any(shape.distance(other) < FAR for other in taken):
-                return None
-            taken.append(shape)
-            poses.append([float(value) for value in pose])
-        start = [*random.uniform(0.5, side - 0.5, 2), random.uniform(-np.pi, np.pi)]
-        if any(put(shapely.box(-0.5, -0.2, 0.1, 0.2), start).distance(other) < 0.05 for other in taken):
+def _drawn(random: np.random.Generator, car: bool, side: float, count: int) -> Document | None:
+    """Return a room of a side (m) if all has place."""
+    length = SIDE * count
+    rear = [side - length - 0.02, float(random.uniform(0.6, side - 0.6)), 0.0]
+    taken, objects = [put(shapely.box(-0.6, -0.2, length, 0.2), rear)], list[Document]()
+    for i in range(count):
+        pose = [*random.uniform(BEHIND, side - BEHIND, 2).tolist(), random.uniform(-np.pi, np.pi)]
+        shape = put(box(SIDE, SIDE), pose)
+        if any(shape.distance(other) < FAR for other in taken):
             return None
-        return {
-            "format": "pushplan/1",
-            "name": "room",
-            "floor": {"friction": 0.3},
-            "objects": [
-                {"name": f"o{i}", "shape": {"box": [SIDE, SIDE]}, "mass": 0.5, "pose": pose}
-                for i, pose in enumerate(poses)
-            ],
-            "goals": {"row": {"of": [f"o{i}" for i in range(self.count)], "pose": rear}},
-            "contacts": {"friction": 0.5},
-            "pusher": {"width": 0.285, "friction": 0.5},
-            "robot": {
-                "footprint": ROBOT,
-                "start": [float(value) for value in start],
-                **({"drive": CAR} if self.drive == "car" else {}),
-            },
-            "workspace": {"x": [0.0, side], "y": [0.0, side]},
-            "clearance": 0.004,
-        }
+        taken.append(shape)
+        objects.append({"name": f"o{i}", "shape": {"box": [SIDE, SIDE]}, "mass": 0.5, "pose": pose})
+    start = [*random.uniform(0.5, side - 0.5, 2).tolist(), random.uniform(-np.pi, np.pi)]
+    if any(put(shapely.box(-0.5, -0.2, 0.1, 0.2), start).distance(other) < 0.05 for other in taken):
+        return None
+    return {
+        "format": "pushplan/1",
+        "name": "room",
+        "floor": {"friction": 0.3},
+        "objects": objects,
+        "goals": {"row": {"of": [one["name"] for one in objects], "pose": rear}},
+        "contacts": {"friction": 0.5},
+        "pusher": {"width": 0.285, "friction": 0.5},
+        "robot": {"footprint": ROBOT, "start": start, **({"drive": CAR} if car else {})},
+        "workspace": {"x": [0.0, side], "y": [0.0, side]},
+        "clearance": 0.004,
+    }
 
 
 def in_order(document: Document) -> Document:
@@ -137,46 +116,54 @@ def in_order(document: Document) -> Document:
     return found
 
 
-def planned(document: Document, seconds: float, first: bool = False) -> tuple[Plan | None, float]:
-    """Return a plan, None without one, and its CPU seconds."""
-    began = time.process_time()
+def planned(document: Document, seconds: float, first: bool = False) -> Plan | None:
+    """Return a plan; None without one."""
     try:
         found = plan(scenario_from_document(document), seed=1, time_limit=seconds, first=first)
     except PlanningError:
-        return None, time.process_time() - began
-    return (found if found.solved else None), time.process_time() - began
+        return None
+    return found if found.solved else None
 
 
-def compared(document: Document, seconds: float) -> Document:
-    """Return the results of three planners in a room."""
-    result: Document = {}
-    for gather in ("auto", "never"):
-        found, _ = planned({**document, "gather": gather}, seconds)
-        result[gather] = None
-        if found is not None:
-            result[gather] = travel_of(found.segments)
-            told = json.loads(json.dumps(found.to_dict(), default=float))
-            result[f"{gather}_wrong"] = list(violations(document, told))
-            result[f"{gather}_first"] = found.first_solution_s
-    ordered, _ = planned(in_order(document), max(seconds, 5.0))
-    result["order"] = None if ordered is None else travel_of(ordered.segments)
-    return result
+def wrong_in(document: Document, found: Plan) -> list[str]:
+    """Return what the independent check finds."""
+    return list(violations(document, json.loads(json.dumps(found.to_dict(), default=float))))
 
 
-def checked(count: int, families: Sequence[str], seed: int, seconds: float) -> int:
+def compared(family: str, asked: Namespace) -> int:
+    """Print a line of the table with the results of three planners; return the number of wrong plans."""
+    travel: dict[str, list[float]] = {"auto": [], "never": [], "order": []}
+    firsts, wrong = list[float](), 0
+    for k in range(asked.rooms):
+        document = room(family, 1000 * asked.seed + k)
+        for which, travels in travel.items():
+            stated = in_order(document) if which == "order" else {**document, "gather": which}
+            found = planned(stated, max(asked.seconds, 5.0) if which == "order" else asked.seconds)
+            travels.append(np.nan if found is None else travel_of(found.segments))
+            if found is not None and which != "order":
+                wrong += bool(wrong_in(stated, found))
+                firsts += [found.first_solution_s or 0.0] * (which == "auto")
+    counts = ", ".join(str(np.isfinite(one).sum()) for one in travel.values())
+    over = " | ".join(ratios(np.divide(travel["auto"], travel[other])) for other in ("order", "never"))
+    times = f"{np.median(firsts):.2f}, {max(firsts):.2f}" if firsts else "-"
+    print(f"| {family} | {counts} of {asked.rooms} | {over} | {times} | {wrong} |", flush=True)
+    return wrong
+
+
+def checked(asked: Namespace) -> int:
     """Check first plans of rows of all families, of `auto` and `never` in turn; return the number of wrong ones."""
     plans, wrong = 0, 0
-    for k in range(2 * count):
-        name, gather = families[k % len(families)], ("auto", "never")[(k // len(families)) % 2]
-        document = {**Family.named(name).room(1000 * seed + k), "gather": gather}
-        found, _ = planned(document, seconds, first=True)
+    for k in range(2 * asked.checks):
+        family, way = asked.families[k % len(asked.families)], ("auto", "never")[(k // len(asked.families)) % 2]
+        document = {**room(family, 1000 * asked.seed + k), "gather": way}
+        found = planned(document, 5.0, first=True)
         if found is not None:
             plans += 1
-            told = list(violations(document, json.loads(json.dumps(found.to_dict(), default=float))))
+            told = wrong_in(document, found)
             wrong += bool(told)
             for text in told:
-                print(f"{name}, room {1000 * seed + k}, {gather}: {text}")
-        if plans == count:
+                print(f"{family}, room {1000 * asked.seed + k}, {way}: {text}")
+        if plans == asked.checks:
             break
     print(f"checked: {plans} first plans, {wrong} of them wrong")
     return wrong
@@ -203,82 +190,54 @@ def executed(found: Plan, seed: int, how: str) -> tuple[float, float, bool]:
     return position, angle, bool(report.jammed_at) or max(errors) > 0.5
 
 
-def ratios(rows: Sequence[Mapping[str, Any]], over: str) -> str:
-    """Return the median ratio with its interval, and the worst ratio."""
-    pairs = [(row["auto"], row[over]) for row in rows if row.get("auto") and row.get(over)]
-    if len(pairs) < 2:
+def ratios(values: FloatArray) -> str:
+    """Return the median ratio with its interval, and the worst ratio; NaN without a plan."""
+    values = values[np.isfinite(values)]
+    if len(values) < 2:
         return "-"
-    values = np.array([a / b for a, b in pairs])
     low, high = bootstrap((values,), np.median, method="percentile", random_state=1).confidence_interval
     return f"{np.median(values):.2f} ({low:.2f}-{high:.2f}), worst {values.max():.2f}"
+
+
+def with_errors(asked: Namespace, how: str, count: int) -> int:
+    """Execute plans in worlds with errors; return the number of plans that lost an object."""
+    ends = list[tuple[float, float, bool]]()
+    for k in range(20 * count):
+        family = asked.families[k % len(asked.families)]
+        found = planned(room(family, 5000 * asked.seed + k), asked.seconds, first=True)
+        if found is not None:
+            ends.append(executed(found, k + 1, how))
+        if len(ends) == count:
+            break
+    positions, _, lost = np.array(ends).T
+    inside = sum(position <= WITHIN[0] and angle <= WITHIN[1] and not gone for position, angle, gone in ends)
+    print(
+        f"{how}: errors of 3 mm / 2 deg, frictions +-20 %: {inside} of {len(ends)} rows within 12 mm / 1 deg, "
+        f"{lost.sum():.0f} lost; worst {1e3 * positions.max():.1f} mm, median {1e3 * np.median(positions):.1f} mm"
+    )
+    return int(lost.sum())
 
 
 FAMILIES = (*(f"omni-4-{n}" for n in (2, 3, 4)), "omni-6-5", "omni-6-6", "car-6-2", "car-6-3")
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rooms", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--families", nargs="+", default=FAMILIES)
-    parser.add_argument("--seconds", type=float, default=2.0)
-    parser.add_argument("--slip", type=int, default=0, help="plans that are executed with errors, in all")
-    parser.add_argument("--physics", type=int, default=0, help="the same in MuJoCo")
-    parser.add_argument("--closed", type=int, default=0, help="the same in closed loop")
-    parser.add_argument("--checks", type=int, default=0, help="first plans that are checked, in all")
-    given = parser.parse_args()
-    time.perf_counter = time.process_time  # searches then count CPU time, whatever else the machine does
+def main() -> int:
+    counts = {"slip": 0, "physics": 0, "closed": 0}
+    asked = options(__doc__, rooms=20, seed=1, families=FAMILIES, seconds=2.0, checks=0, **counts)
     wrong = 0
-    print(
-        "| family | auto, never, order solved | auto / order | auto / never | first plan, s: median, most | wrong |"
-    )
-    print("|---|---|---|---|---|---|")
-    for name in given.families if given.rooms else ():
-        family, rows = Family.named(name), []
-        for k in range(given.rooms):
-            document = family.room(1000 * given.seed + k)
-            rows.append(compared(document, given.seconds))
-        counts = [sum(row.get(which) is not None for row in rows) for which in ("auto", "never", "order")]
-        firsts = [row["auto_first"] for row in rows if "auto_first" in row]
-        bad = sum(len(row.get(f"{g}_wrong", ())) > 0 for row in rows for g in ("auto", "never"))
-        wrong += bad
+    if asked.rooms:
         print(
-            f"| {name} | {', '.join(map(str, counts))} of {len(rows)} | {ratios(rows, 'order')} | "
-            f"{ratios(rows, 'never')} | {np.median(firsts):.2f}, {max(firsts):.2f} | {bad} |"
-            if firsts
-            else f"| {name} | {', '.join(map(str, counts))} of {len(rows)} | - | - | - | {bad} |",
-            flush=True,
+            "| family | auto, never, order solved | auto / order | auto / never | first plan, s: median, most | bad |"
         )
-    if given.checks:
-        wrong += checked(given.checks, given.families, given.seed, 5.0)
-    for how in ("slip", "physics", "closed"):
-        count = getattr(given, how)
-        wrong += _with_errors(given.families, count, given, how) if count else 0
-    sys.exit(1 if wrong else 0)
-
-
-def _with_errors(families: Sequence[str], count: int, given: argparse.Namespace, how: str) -> int:
-    """Execute plans in worlds with errors; return the number of plans that lost an object."""
-    ends, k = [], 0
-    while len(ends) < count and k < 20 * count:
-        family = Family.named(families[k % len(families)])
-        found, _ = planned(family.room(5000 * given.seed + k), given.seconds, first=True)
-        k += 1
-        if found is not None:
-            ends.append(executed(found, k, how))
-            position, angle, wrong = ends[-1]
-            told = f"{len(ends)}: {1e3 * position:.1f} mm, {np.degrees(angle):.2f} deg"
-            print(told + (", lost" if wrong else ""), end="  \r", file=sys.stderr, flush=True)
-    inside = sum(p <= WITHIN[0] and t <= WITHIN[1] and not lost for p, t, lost in ends)
-    lost = sum(jammed for _, _, jammed in ends)
-    worst = max(ends)
-    print(
-        f"\n{how}: errors of 3 mm / 2 deg, frictions +-20 %: {inside} of "
-        f"{len(ends)} rows within 12 mm / 1 deg, {lost} lost; worst {1e3 * worst[0]:.1f} mm, median "
-        f"{1e3 * float(np.median([p for p, _, _ in ends])):.1f} mm"
-    )
-    return lost
+        print("|---|---|---|---|---|---|")
+        wrong += sum(compared(family, asked) for family in asked.families)
+    if asked.checks:
+        wrong += checked(asked)
+    for how in counts:
+        if count := getattr(asked, how):
+            wrong += with_errors(asked, how, count)
+    return int(wrong > 0)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,4 +1,4 @@
-"""Random chains and trees of objects, and printed figures, for scripts that measure slip."""
+"""Random chains and trees of objects."""
 
 from __future__ import annotations
 
@@ -49,42 +49,23 @@ def random_support(rng: np.random.Generator, outline: FloatArray) -> Support:
     return FeetSupport(positions, rng.dirichlet(np.full(count, 3.0)))
 
 
-def box(length: float, width: float) -> FloatArray:
-    return np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * [0.5 * length, 0.5 * width]
-
-
-def on_feet(name: str, outline: FloatArray, mass: float, pose: FloatArray) -> PushedObject:
-    return PushedObject(name, outline, mass, 0.3, FeetSupport(0.9 * outline, np.full(4, 0.25)), pose)
-
-
 def random_tree(rng: np.random.Generator) -> Chain:
-    """Return a wide box with two stacks on it, of one and of one or two boxes."""
+    """Return a wide box with two stacks on it, of one and of one or two boxes, all on four feet."""
     friction = rng.uniform(0.1, 0.5, 4)
     depth = rng.uniform(0.05, 0.1, 4)
     left, right = rng.uniform(0.025, 0.055, 2)
-    places = [
-        [depth[0] / 2, 0.0, 0.0],
-        [depth[0] + depth[1] / 2, left + 0.005, 0.0],
-        [depth[0] + depth[2] / 2, -right, 0.0],
-    ]
-    widths = [0.16, 2.0 * left, 2.0 * right - 0.01]
-    pushers = [-1, 0, 0]
+    y, width, pushers = [0.0, left + 0.005, -right], [0.16, 2.0 * left, 2.0 * right - 0.01], [-1, 0, 0]
+    rear = [0.0, depth[0], depth[0]]
     if rng.random() < 0.5:
-        places.append([depth[0] + depth[1] + depth[3] / 2, left + 0.005, 0.0])
-        widths.append(2.0 * left)
-        pushers.append(1)
+        y, width, pushers = [*y, y[1]], [*width, width[1]], [*pushers, 1]
+        rear.append(depth[0] + depth[1])
     objects, contacts = [], []
-    for i, (place, width, pusher) in enumerate(zip(places, widths, pushers, strict=True)):
-        mass = float(rng.uniform(0.3, 3.0))
-        objects.append(on_feet(f"object{i}", box(depth[i], width), mass, np.array(place)))
-        x, y = place[0] - depth[i] / 2, place[1]
-        ends = np.array([[x, y - width / 2], [x, y + width / 2]])
-        contacts.append(Contact(ends[0], ends[1], float(friction[i]), i, pusher))
+    for i, pusher in enumerate(pushers):
+        mass, corners = float(rng.uniform(0.3, 3.0)), np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+        outline = corners * [0.5 * depth[i], 0.5 * width[i]]
+        support = FeetSupport(0.9 * outline, np.full(4, 0.25))
+        pose = np.array([rear[i] + depth[i] / 2, y[i], 0.0])
+        objects.append(PushedObject(f"object{i}", outline, mass, 0.3, support, pose))
+        ends = np.array([[pose[0] - depth[i] / 2, y[i] + side * width[i] / 2] for side in (-1.0, 1.0)])
+        contacts.append(Contact(*ends, float(friction[i]), i, pusher))
     return Chain(tuple(objects), tuple(contacts), Pusher(PLATE, contacts[0].friction))
-
-
-def tell(what: str, value: float, relation: str, wanted: float) -> bool:
-    """Print a figure with its target; return whether it is met."""
-    met = {"<": value < wanted, "<=": value <= wanted, "=": value == wanted, ">=": value >= wanted}[relation]
-    print(f"{'ok  ' if met else 'MISS'} {what}: {value:.4g} (wanted {relation} {wanted:g})")
-    return met

@@ -1,6 +1,8 @@
 """Real pushes from published measurements against the slip simulator.
 
-Run `python benchmarks/real_pushes.py real_pushes.npz [--speed 10]`. The file holds pushes from
+    python benchmarks/real_pushes.py real_pushes.npz [--speed 10]
+
+The file holds pushes from
 github.com/robinzhoucmu/Pushing (Apache-2.0; the single pushes were recorded by the MIT MCube lab, Yu et al., IROS
 2016), as arrays in SI units:
 
@@ -11,7 +13,6 @@ github.com/robinzhoucmu/Pushing (Apache-2.0; the single pushes were recorded by 
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping
 from typing import Any
 
@@ -19,11 +20,11 @@ import numpy as np
 import shapely
 from finger_push import FingerPush
 from scipy.optimize import least_squares
+from script import options
 
-from pushplan.bench.store import Machine
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PushedObject
-from pushplan.mechanics.support import Support, UniformSupport
+from pushplan.mechanics.support import UniformSupport
 from pushplan.util.arrays import FloatArray, IntArray
 
 Data = Mapping[str, Any]
@@ -32,24 +33,27 @@ TIP = np.array([[0.0, 0.0, 4.75e-3]])
 TWO = np.array([[0.0, 9e-3, 2.5e-3], [0.0, -9e-3, 2.5e-3]])
 """Fingers: x, y in the hand's frame and radius, m."""
 TIP_FRICTION = 0.225
-"""The middle of what fits of others found, 0.15 to 0.30."""
+"""The middle of the values that others fitted, 0.15 to 0.30."""
 LINE_FRICTIONS = (0.25, 0.3, 0.4, 0.5, 0.6)
-"""Nobody measured it; those who planned the pushes so that nothing slips took 0.25 to 0.3 and called it cautious."""
+"""Candidates, because nobody measured it; who planned the pushes took 0.25 to 0.3 as a cautious value."""
 SHAPES = {"bigrect_3pts": "bigrect", "bigrect_ridge": "bigrect", "tri": "smalltri", "butter": "smallbutter"}
 STEP = 1e-3
 
 
-def resting_on(outline: FloatArray, support: Support) -> PushedObject:
-    return PushedObject("object", outline, 1.0, 0.3, support, np.zeros(3))
+def pushed_by(fingers: FloatArray, outline: FloatArray, friction: float) -> FingerPush:
+    """Return an object with even pressure and the fingers that push it."""
+    obj = PushedObject("object", outline, 1.0, 0.3, UniformSupport(outline), np.zeros(3))
+    return FingerPush(obj, fingers, friction)
 
 
 def off(predicted: FloatArray, measured: FloatArray) -> FloatArray:
     """Return distance (mm) and angle (deg) between poses (k, 3)."""
-    away = np.hypot(*(predicted - measured)[:, :2].T)
-    return np.column_stack([1e3 * away, np.degrees(np.abs(se2.wrap_angle(predicted[:, 2] - measured[:, 2])))])
+    return se2.pose_errors(predicted, measured) * [1e3, np.degrees(1.0)]
 
 
-# Single pushes
+def quantiles(errors: FloatArray) -> str:
+    p50, p90 = np.percentile(errors, [50, 90], axis=0).round(2)
+    return f"median {p50}, 90 % {p90} (mm, deg)"
 
 
 def outcomes(data: Data, push: FingerPush, which: IntArray) -> FloatArray:
@@ -68,7 +72,7 @@ def single_pushes(data: Data, speed: int) -> None:
     rows, others = [], []
     for k, which in sets_of(data, speed):
         outline = data[f"shape_{data['set_shape'][k]}"].astype(float)
-        push = FingerPush(resting_on(outline, UniformSupport(outline)), TIP, TIP_FRICTION)
+        push = pushed_by(TIP, outline, TIP_FRICTION)
         measured = data["push_final"][which].astype(float)
         rows.append(off(outcomes(data, push, which), measured).mean(axis=0))
         others.append([off(data[f"push_{name}"][which], measured).mean(axis=0) for name in ("quad", "poly4")])
@@ -85,9 +89,6 @@ def sets_of(data: Data, speed: int) -> list[tuple[int, IntArray]]:
     return [(k, which) for k, which in found if len(which)]
 
 
-# Pushes with two fingers
-
-
 def line_pushes(data: Data) -> None:
     """Predict the resting poses after pushes with two fingers, each run from what other runs tell.
 
@@ -101,16 +102,13 @@ def line_pushes(data: Data) -> None:
         others = np.median(errors[:, objects != name], axis=1)
         chosen[objects == name] = int(np.argmin(others[:, 0] + others[:, 1]))
     for friction, off_by in zip(LINE_FRICTIONS, errors, strict=True):
-        p50, p90 = np.percentile(off_by, [50, 90], axis=0).round(2)
-        print(f"  friction {friction:4}: median {p50}, p90 {p90} (mm, deg)")
+        print(f"  friction {friction:4}: {quantiles(off_by)}")
     found = errors[chosen, np.arange(len(samples))]
     for name in SHAPES:
         here = found[objects == name]
-        p50, p90 = np.percentile(here, [50, 90], axis=0).round(2)
         friction = LINE_FRICTIONS[chosen[objects == name][0]]
-        print(f"  {name:14} {len(here):3}: median {p50}, p90 {p90}, friction {friction} by the others")
-    p50, p90 = np.percentile(found, [50, 90], axis=0)
-    print(f"{len(found)} held-out two-finger pushes: median {p50.round(2)}, p90 {p90.round(2)} (mm, deg)")
+        print(f"  {name:14} {len(here):3}: {quantiles(here)}, friction {friction} by the others")
+    print(f"{len(found)} held-out two-finger pushes: {quantiles(found)}")
 
 
 def _with_friction(data: Data, samples: list[FloatArray], friction: float) -> FloatArray:
@@ -122,8 +120,7 @@ def _with_friction(data: Data, samples: list[FloatArray], friction: float) -> Fl
         for run in np.unique(data["line_run"][own]):
             here = own[data["line_run"][own] == run]
             resting = [samples[k][-1] for k in own if k not in here]
-            placed = outline + frame_offset(outline, resting)
-            push = FingerPush(resting_on(placed, UniformSupport(placed)), TWO, friction)
+            push = pushed_by(TWO, outline + frame_offset(outline, resting), friction)
             for k in here:
                 course = from_rest(samples[k])
                 predicted = push.push(course[0, 1:4], resampled(course[:, 4:7]))[-1]
@@ -165,14 +162,10 @@ def resampled(poses: FloatArray) -> FloatArray:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("data", help="the file real_pushes.npz")
-    parser.add_argument("--speed", type=int, default=10, help="of the single pushes, mm/s")
-    arguments = parser.parse_args()
-    print(Machine.this().words)
-    data = dict(np.load(arguments.data))
+    asked = options(__doc__, "data", speed=10)
+    data = dict(np.load(asked.data))
     line_pushes(data)
-    single_pushes(data, arguments.speed)
+    single_pushes(data, asked.speed)
 
 
 if __name__ == "__main__":

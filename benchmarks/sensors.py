@@ -1,51 +1,45 @@
 """The closed loop with errors of sensors and robots: every packaged push with each error, in the nominal world.
 
-Run `python benchmarks/sensors.py [--seeds 101 102 103] [--only NAME ...] [--filter ERROR ...] [--disturbances]
-[--jobs 2]`; prints a line an error: runs that arrive with at most three replans, travel over the plan's, and how many
-stop although nothing happened. Tuned on seeds 1 to 3, judged on 101 to 103. `--filter none --pairs 0 --seeds 1 2 3`
-are runs in which nothing is wrong.
+    python benchmarks/sensors.py [--seeds 101 102 103] [--only NAME ...] [--filter ERROR ...] [--pairs 12]
+        [--disturbances | --slides | --matrix KIND [--physics]] [--jobs 2]
 
-`--disturbances` (5 mm and 3 deg at 0.1 to 0.9 of the time, friction off by 20 %) tells how many of them are noticed
-within a second. Where they are not, the simulator says what they left: an object that stands again where it stood on
-the plate, to 2.5 mm and 0.5 deg (`position_slack`, `angle_slack`) 0.5 s later, was put back by the contact. All
-others are missed.
+Prints a line for each error, and one for each run that does not arrive. Seeds 1 to 3 were used for tuning. An error
+of the camera lies between world and controller. An error of odometry lies between controller and world: the plate
+moves otherwise than commanded, and `plate_pose` is given only in runs in which it jumps. A run arrives if the
+controller says so after at most three replans, and the goal's object is within the tolerance, by its true pose or as
+measured: a camera offset that all objects share cannot be told from another goal.
 
-`--slides` lets what a contact pushes slide along it by 10 mm a metre, from 0.1 to 0.7 of the way on, until the loop
-stops and looks, and tells how many slides are noticed before 8 mm of them were on arcs, or 15 mm anywhere. Where the
-push ended before that, there was nothing to notice.
+`--disturbances`: 5 mm and 3 deg at 0.1 to 0.9 of the time, frictions off by 20 %. Counts the disturbances that are
+noticed within a second. The contact put the others back if the object stands within 2.5 mm and 0.5 deg of its place
+on the plate 0.5 s later (`position_slack`, `angle_slack`); else they are missed.
 
-`--matrix` lets everything go wrong at once, see `ALL`, in single pushes (`--matrix single`) or plans of several
-(`--matrix several`); `--physics` does so in MuJoCo. A run is good if the controller says that it arrived, and all
-objects are within the tolerance and the camera's error of their goals by the world's poses.
+`--slides`: the objects slide along a contact by 10 mm a metre, from 0.1 to 0.7 of the path until the loop looks.
+Counts slides that are noticed before 8 mm of them lie on arcs, or 15 mm anywhere.
 
-An error of the camera is injected between world and controller, one of odometry between controller and world: the
-plate moves otherwise than it was told, and no `plate_pose` says so but in runs in which that jumps. A run arrives if
-the controller says so and the goal's object is within the tolerance, in truth or as it was measured: of a bias the
-part along the contact, or common to all that is measured, cannot be told from a goal that is elsewhere.
+`--matrix single` or `several`: everything goes wrong at once (`ALL`) in single pushes or multi-push plans, also in
+MuJoCo. A run arrives if the controller says so and all true poses are within the tolerance and the camera's error.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
-import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cache
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from closed_loop import several_pushes, way_of
+from closed_loop import WITHIN, displaced, outcome_of, several_pushes, travel_of, with_other_friction
 from numpy.typing import ArrayLike
+from script import options, share
 
-from pushplan.bench.store import Machine
 from pushplan.core.slip import Trace
 from pushplan.geometry.se2 import compose, exp, inverse, relative, rotate, twist_of, wrap_angle
 from pushplan.mechanics.contacts import carried_objects
-from pushplan.plans.execution import wilson
 from pushplan.plans.goals import tolerance_of, worst_at_goal
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import collapsed
@@ -56,20 +50,20 @@ from pushplan.sim.control.controller import Controller
 from pushplan.sim.control.jobs import Phase
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
-from pushplan.sim.control.simulated_push import Disturbance, SimulatedPush, Simulator, simulate_push
+from pushplan.sim.control.simulated_push import TIME_LIMIT, Disturbance, SimulatedPush, Simulator, simulate_push
 from pushplan.sim.physics.simulator import PhysicsSimulator
 from pushplan.slip.simulator import SlipSimulator
 from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
 
-MOST_REPLANS, MOST_EVENTS = 3, 20
-LONGEST = 200.0
-"""Simulated seconds."""
+MOST_REPLANS = 3
+LONGEST = (200.0, TIME_LIMIT)
+"""Largest simulated time of a run with one error, and with all, s."""
 DEG = math.pi / 180.0
 HEALED = 0.5
 """Time after which a contact has put back what it can, s."""
 RATE, ON_ARCS, ANYWHERE = 0.01, 8e-3, 15e-3
-"""Slides: m a metre, and by how much (m) they may go on unnoticed on arcs, and on arcs and straights together."""
+"""Slides: m a metre, and how far (m) they may go unnoticed on arcs, and on arcs and straights together."""
 BENT = 0.05
 """Curvature (1/m) from which on the plate is on an arc."""
 STOPS = ("deviation", "re-localisation")
@@ -78,21 +72,21 @@ STOPS = ("deviation", "re-localisation")
 
 @dataclass(frozen=True)
 class Errors:
-    """What is wrong with the sensors; directions and signs are drawn by seed.
+    """Errors of the sensors; directions and signs are drawn by seed.
 
     Attributes:
-        bias: m, along a direction that is one for all objects (odd seeds: in the world; even: in their own frames).
+        bias: m, along a direction that all objects share (odd draws: in the world; even: in their own frames).
         turned: rad, of every measured heading.
         clock: s, by which stamps are late.
-        unstamped: s, by which measurements are late that have no stamps.
-        odometry: Scale of the way and share that it drifts aside, and scale in turns, that the wheels go too far.
+        unstamped: s, by which measurements without stamps are late.
+        odometry: Relative errors of the wheels: distance, sideways drift over distance, and turns.
         noise: Standard deviations, m and rad.
         start: m and rad, of the plate.
         jump: m and rad, of the localisation half-way; the plate's pose is measured then.
         unseen: Share of times that an object is not seen.
         wrong: m, by which one object is seen elsewhere in one frame every 2 s.
         outage: s, without any measurement, once.
-        swapped: s, for which the first two objects are taken for one another, once.
+        swapped: s, for which the names of the first two objects are exchanged, once.
     """
 
     bias: float = 0.0
@@ -109,7 +103,7 @@ class Errors:
     swapped: float = 0.0
 
     def and_(self, other: Errors) -> Errors:
-        """Return both errors together; of the same number, the first one."""
+        """Return both errors together; if both state a number, the first one counts."""
         nominal, mine = Errors(), vars(self)
         return Errors(**{k: _either(mine[k], v, getattr(nominal, k)) for k, v in vars(other).items()})
 
@@ -139,17 +133,9 @@ ERRORS = {
     "jump 30 mm": Errors(jump=(0.03, DEG)),
     "unseen 30 %": Errors(unseen=0.3),
 }
-ALL = Errors(
-    bias=3e-3,
-    turned=0.7 * DEG,
-    clock=0.025,
-    odometry=(0.015, 0.0, 0.0),
-    unseen=0.02,
-    wrong=0.05,
-    outage=8.0,
-    swapped=2.0,
-)
-"""What goes wrong in the matrix, beside a friction of contacts that is 20 % less and an object that is displaced."""
+ODOMETRY = (0.015, 0.0, 0.0)
+ALL = Errors(3e-3, 0.7 * DEG, 0.025, odometry=ODOMETRY, unseen=0.02, wrong=0.05, outage=8.0, swapped=2.0)
+"""Errors of the matrix, beside a disturbance and a friction of contacts that is 20 % less."""
 MATRIX = {
     "single": ("two-crates", "carts", "hook", "one-box", "feet", "trapezoids"),
     "several": ("bring-it-home", "load-2", "load-16", "boxes-3", "in-a-row"),
@@ -172,21 +158,19 @@ workspace: {x: [0.0, 3.6], y: [0.0, 3.6]}
 
 @dataclass(eq=False)
 class Erring:
-    """A robot whose eyes and wheels err.
+    """A robot with errors of its camera and its wheels.
 
     Attributes:
-        controller: What it drives by.
-        errors: What is wrong.
+        controller: Controller that drives it.
+        errors: Its errors.
         random: Draws.
-        half: When the localisation jumps, s; outages begin at half of that, exchanged names at one and a half.
-        seen: The last measurement.
+        half: Time (s) at which the localisation jumps; an outage begins at half of it, exchanged names at 1.5 of it.
     """
 
     controller: Controller
     errors: Errors
     random: np.random.Generator
     half: float
-    seen: FloatArray | None = None
     due: float = 2.0
     shift: FloatArray = field(init=False)
     own: bool = field(init=False)
@@ -198,84 +182,47 @@ class Erring:
     def __post_init__(self) -> None:
         way, jump = self.random.uniform(-math.pi, math.pi, 2)
         self.own, self.sign = bool(self.random.integers(2)), float(self.random.choice([-1.0, 1.0]))
-        e = self.errors
-        turned = self.sign * e.turned
-        self.shift = np.array([e.bias * math.cos(way), e.bias * math.sin(way), turned])
+        e, pusher = self.errors, self.controller.scenario.pusher
+        self.shift = np.array([e.bias * math.cos(way), e.bias * math.sin(way), self.sign * e.turned])
         self.leap = np.array([e.jump[0] * math.cos(jump), e.jump[0] * math.sin(jump), self.sign * e.jump[1]])
         self.plate = np.array(self.controller.scenario.plate_start)
-        pusher = self.controller.scenario.pusher
         self.wheels = relative(pusher.plate_pose, pusher.wheels_pose)
 
+    def shifted(self, poses: FloatArray) -> FloatArray:
+        """Return poses with the camera's offset."""
+        return compose(poses, self.shift) if self.own else poses + self.shift
+
     def step(self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None) -> FloatArray:
-        e, rows = self.errors, None
+        """Return the actual twist of the plate."""
+        e, rows, plate = self.errors, None, None
         if object_poses is not None and measured_at is not None:
-            poses = np.asarray(object_poses)
-            poses = compose(poses, self.shift) if self.own else poses + self.shift
-            if e.wrong and now >= self.due:
-                self.due, way = now + 2.0, self.random.uniform(-math.pi, math.pi)
-                poses[self.random.integers(len(poses)), :2] += [e.wrong * math.cos(way), e.wrong * math.sin(way)]
-            if 0.0 <= now - 1.5 * self.half < e.swapped:
-                poses[:2] = poses[:2][::-1].copy()
-            rows = np.where(self.random.random(len(poses))[:, None] < e.unseen, np.nan, poses)
+            rows = self._seen(now, self.shifted(np.asarray(object_poses)))
             measured_at = None if e.unstamped else measured_at + e.clock
-            self.seen = poses
             if 0.0 <= now - 0.5 * self.half < e.outage:
                 rows = measured_at = None
-        plate = None
         if any(e.jump):
             plate = self.plate if now < self.half else compose(self.leap, self.plate)
         twist = np.asarray(self.controller.step(now, rows, measured_at, plate))
         v, crab, turn = np.array(e.odometry) * self.sign
         rolled = twist_of(self.wheels, twist)
-        done = [
-            (1 + v) * rolled[0] - crab * rolled[1],
-            (1 + v) * rolled[1] + crab * rolled[0],
-            (1 + turn) * rolled[2],
-        ]
-        done = twist_of(inverse(self.wheels), done)
+        rolled = np.array([[1.0 + v, -crab, 0.0], [crab, 1.0 + v, 0.0], [0.0, 0.0, 1.0 + turn]]) @ rolled
+        done = twist_of(inverse(self.wheels), rolled)
         self.plate = compose(self.plate, exp(done / self.controller.settings.rate))
         return done
 
-
-@dataclass(frozen=True)
-class Row:
-    """Result of one run."""
-
-    name: str
-    arrived: bool
-    outcome: str
-    error: tuple[float, float]
-    replans: int
-    travel: float
-    planned: float
-    noticed: bool | None
-    seconds: float
-    stops: int
-    """For an object off its place, before anything had happened."""
-    left: tuple[float, float]
-    """What of a disturbance is left 0.5 s later, m and rad."""
-    slid: tuple[float, float]
-    """How far a slide had gone on arcs, and at all, when it was noticed or all was over, m."""
-    events: int = 0
-    longer: float = 1.0
-    """How many lines of events are printed, and the time of the run over that of the plan."""
-
-    @property
-    def good(self) -> bool:
-        """Whether it arrived correctly."""
-        return self.arrived and self.replans <= MOST_REPLANS
-
-    @property
-    def missed(self) -> bool:
-        """Whether a lasting deviation went unnoticed for too long."""
-        usual = ControlSettings()
-        put_back = self.left[0] <= usual.position_slack and self.left[1] <= usual.angle_slack
-        late = self.slid[0] > ON_ARCS or self.slid[1] > ANYWHERE
-        return late or (self.noticed is False and not put_back)
+    def _seen(self, now: float, poses: FloatArray) -> FloatArray:
+        """Return poses with a wrong one, exchanged names, and NaN for what is not seen."""
+        e = self.errors
+        if e.wrong and now >= self.due:
+            self.due, way = now + 2.0, self.random.uniform(-math.pi, math.pi)
+            poses[self.random.integers(len(poses)), :2] += [e.wrong * math.cos(way), e.wrong * math.sin(way)]
+        if 0.0 <= now - 1.5 * self.half < e.swapped:
+            poses[:2] = poses[:2][::-1].copy()
+        return np.where(self.random.random(len(poses))[:, None] < e.unseen, np.nan, poses)
 
 
 class Sliding(SlipSimulator):
-    """A world in which what a contact pushes slides along it, from a way on and until the loop looks.
+    """A world in which the objects slide along a contact, from a distance of the plate on until the loop looks.
 
     Attributes:
         slid: How far on arcs, and at all, m.
@@ -290,7 +237,7 @@ class Sliding(SlipSimulator):
         self.slid, self.since, self._time = (0.0, 0.0), math.inf, 0.0
 
     def move(self, twist: ArrayLike, duration: float) -> Trace:
-        """Move like any world, and let the objects slide."""
+        """Move the plate, and let the objects slide."""
         trace = super().move(twist, duration)
         x, y, turn = np.asarray(twist) * duration
         step, events = float(math.hypot(x, y)), self._controller.events
@@ -300,8 +247,7 @@ class Sliding(SlipSimulator):
         noticed = any(event.kind in STOPS for event in events[self._told :])
         if self.since < math.inf and not noticed and not self.jammed and self.slid[1] <= 2.0 * ANYWHERE:
             poses = self.object_poses
-            shift = rotate(float(self.plate_pose[2]), self._side * RATE * step * self._tangent)
-            poses[self._moved, :2] += shift
+            poses[self._moved, :2] += rotate(float(self.plate_pose[2]), self._side * RATE * step * self._tangent)
             self.place(poses, self.plate_pose)
             bent = float(abs(turn) > BENT * step)
             self.slid = self.slid[0] + bent * RATE * step, self.slid[1] + RATE * step
@@ -310,7 +256,7 @@ class Sliding(SlipSimulator):
 
 @dataclass(frozen=True)
 class Job:
-    """A run to be made: names of scenario and error, the errors, the seed, and what happens."""
+    """A run to be made; `what` is `disturbances`, `slides`, `physics` or empty."""
 
     name: str
     error: str
@@ -319,154 +265,139 @@ class Job:
     what: str
 
 
+@dataclass(frozen=True)
+class Row:
+    """Result of one run.
+
+    Attributes:
+        job: The run.
+        arrived: Whether it arrived correctly.
+        words: What is printed of it if not.
+        elsewhere: Whether the controller said wrongly that it arrived.
+        replans: Number of solved replans.
+        travel: Of the plate, and planned, m.
+        seconds: CPU time.
+        lines: Number of printed events.
+        stops: Stops for an object off its place before anything had happened.
+        noticed: Whether the disturbance or the slide was noticed in time; None without one.
+        missed: Whether a lasting deviation went unnoticed for too long.
+    """
+
+    job: Job
+    arrived: bool
+    words: str
+    elsewhere: bool
+    replans: int
+    travel: tuple[float, float]
+    seconds: float
+    lines: int
+    stops: int
+    noticed: bool | None
+    missed: bool
+
+
 @cache
-def _first(name: str) -> tuple[Scenario, Plan]:
-    scenario = load_scenario(name)
+def problem(name: str) -> tuple[Scenario, Plan]:
+    """Return a scenario and its first plan."""
+    file = Path(__file__).parents[1] / "examples" / f"{name.replace('-', '_')}.yaml"
+    if name == "in-a-row":
+        scenario = scenario_from_text(IN_A_ROW)
+    elif name in MATRIX["several"] and not file.exists():
+        scenario, _ = next(several_pushes([int(name.rpartition("-")[2])]))
+    else:
+        scenario = load_scenario(file if name in MATRIX["several"] else name)
     return scenario, Controller(scenario).plan
 
 
 def run(job: Job) -> Row:
-    """Run one scenario with one error."""
-    scenario, plan = _first(job.name)
+    """Run one scenario with one error, or with all of them."""
+    (scenario, plan), whole = problem(job.name), job.error == "all"
     assert plan.trajectory is not None
-    random = np.random.default_rng([job.seed, *job.name.encode()])
+    planned, random = travel_of(plan.trajectory.poses), np.random.default_rng([job.seed, *job.name.encode()])
     controller = Controller(scenario, plan=plan)
     robot = Erring(controller, job.errors, random, 0.5 * plan.trajectory.duration)
-    world, disturbance = World.from_scenario(scenario), None
+    simulator, hits = (_whole if whole else _single)(job, controller, random)
+    delay, (position, angle) = job.errors.unstamped or 0.1, job.errors.noise
+    sensor, began, longest = Sensor(delay=delay, position=position, angle=angle), time.process_time(), LONGEST[whole]
+    rate = controller.settings.rate
+    course = simulate_push(
+        simulator.world, controller, rate, hits, sensor, job.seed, longest, None, lambda _: simulator, robot.step
+    )
+    seconds = time.process_time() - began
+    error, there = (_ends_everywhere if whole else _ends)(controller, robot, course.object_poses[-1])
+    replans, says = sum(replan.solved for replan in controller.replans), controller.phase is Phase.ARRIVED
+    since, noticed, missed = (math.inf, None, False) if whole else _noticed(controller, course, hits, simulator)
+    travel = travel_of(course.poses)
+    words = (
+        f"{job.name:14} {job.seed:4} {replans} replans, {travel:.1f} of {planned:.1f} m, {1e3 * error[0]:.1f} mm "
+        f"{error[1] / DEG:.2f} deg: {outcome_of(course, controller)}{' elsewhere' * (says and not there)}"
+    )
+    lines = len(collapsed(controller.events))
+    stops = 0 if whole else sum(e.kind == "deviation" and e.time < since for e in controller.events)
+    arrived, elsewhere = says and there and (whole or replans <= MOST_REPLANS), says and not there
+    return Row(job, arrived, words, elsewhere, replans, (travel, planned), seconds, lines, stops, noticed, missed)
+
+
+def _whole(job: Job, controller: Controller, random: np.random.Generator) -> tuple[Simulator, list[Disturbance]]:
+    """Return the simulator and the disturbance of a run in which everything goes wrong."""
+    world = World.from_scenario(controller.scenario).with_contact_friction(0.8)
+    assert controller.plan.trajectory is not None
+    hit = _kick(controller.plan.trajectory.duration, len(world.names), random)
+    return (PhysicsSimulator if job.what == "physics" else SlipSimulator)(world), [hit]
+
+
+def _single(job: Job, controller: Controller, random: np.random.Generator) -> tuple[Simulator, list[Disturbance]]:
+    """Return the simulator and the disturbances of a run with one error or two."""
+    world, trajectory = World.from_scenario(controller.scenario), controller.plan.trajectory
+    assert trajectory is not None
     if job.errors.start != (0.0, 0.0):
         world = _beside(world, job.errors.start, random)
     random = np.random.default_rng([job.seed, *f"{job.name} {job.error}".encode()])  # every error has others
     if job.what == "disturbances":
-        world, disturbance = _disturbed(world, plan.trajectory.duration, random)
-    simulator: Simulator = SlipSimulator(world)
-    planned = way_of(plan.trajectory.poses)
+        world = with_other_friction(world, random)
+        return SlipSimulator(world), [_kick(trajectory.duration, len(world.names), random)]
     if job.what == "slides":
-        begin, contact = random.uniform(0.1, 0.7) * planned, int(random.integers(len(world.names)))
-        simulator = Sliding(world, controller, begin, contact, random.choice([-1.0, 1.0]))
-    sensor = Sensor(delay=job.errors.unstamped or 0.1, position=job.errors.noise[0], angle=job.errors.noise[1])
-    began = time.process_time()
-    course = simulate_push(
-        world,
-        controller,
-        controller.settings.rate,
-        [disturbance] if disturbance else [],
-        sensor,
-        job.seed,
-        time_limit=LONGEST,
-        simulator_of=lambda _: simulator,
-        step=robot.step,
-    )
-    seconds = time.process_time() - began
-    aim = Aim.of(scenario.goal, scenario.chain, 5e-3, DEG)
-    end = course.object_poses[-1]
-    last = compose(end, robot.shift) if robot.own else end + robot.shift
-    there = any(bool((aim.errors(poses) <= 1.05 * aim.tolerance).all()) for poses in (end, last))
-    outcome = "jammed" if course.jammed else controller.reason or controller.phase.value
-    noticed, left, since, slid = None, (0.0, 0.0), math.inf, (0.0, 0.0)
-    if disturbance is not None:
-        since, left = disturbance.time, _left(course, disturbance.time)
+        begin = random.uniform(0.1, 0.7) * travel_of(trajectory.poses)
+        contact = int(random.integers(len(world.names)))
+        return Sliding(world, controller, begin, contact, random.choice([-1.0, 1.0])), []
+    return SlipSimulator(world), []
+
+
+def _ends(controller: Controller, robot: Erring, end: FloatArray) -> tuple[Sequence[float], bool]:
+    """Return the errors (m, rad) at the goal, and whether they are small for the true or the measured poses."""
+    aim = Aim.of(controller.scenario.goal, controller.scenario.chain, *WITHIN)
+    there = any(bool((aim.errors(poses) <= 1.05 * aim.tolerance).all()) for poses in (end, robot.shifted(end)))
+    return aim.errors(end).tolist(), there
+
+
+def _ends_everywhere(controller: Controller, robot: Erring, end: FloatArray) -> tuple[Sequence[float], bool]:
+    """Return the largest errors (m, rad) of all goals, and whether they are small but for the camera's error."""
+    error = worst_at_goal(controller.scenario, end)
+    allowed = np.add(tolerance_of(controller.scenario, *WITHIN), [robot.errors.bias, robot.errors.turned])
+    return error, bool((error <= allowed).all())
+
+
+def _noticed(
+    controller: Controller, course: SimulatedPush, hits: list[Disturbance], simulator: Simulator
+) -> tuple[float, bool | None, bool]:
+    """Return when the disturbance or the slide began (s), and whether it was noticed in time and missed."""
+    if hits:
+        since, usual = hits[0].time, ControlSettings()
         noticed = any(e.kind in STOPS and 0.0 <= e.time - since <= 1.0 for e in controller.events)
-    elif isinstance(simulator, Sliding):
-        since, slid = simulator.since, simulator.slid
-        noticed = any(e.kind == "deviation" and e.time >= since for e in controller.events)
-    error = aim.errors(end)
-    return Row(
-        job.name,
-        controller.phase is Phase.ARRIVED and there,
-        "arrived elsewhere" if outcome == "arrived" and not there else outcome,
-        (float(error[0]), float(error[1])),
-        sum(replan.solved for replan in controller.replans),
-        way_of(course.poses),
-        planned,
-        noticed,
-        seconds,
-        sum(e.kind == "deviation" and e.time < since for e in controller.events),
-        left,
-        slid,
-    )
-
-
-@cache
-def _problem(name: str) -> tuple[Scenario, Plan]:
-    """Return a scenario of the matrix and its first plan."""
-    if name in MATRIX["single"]:
-        return _first(name)
-    if "-" in name and name.rpartition("-")[2].isdigit():
-        scenario, _ = next(several_pushes([name]))
-        return scenario, Controller(scenario).plan
-    file = Path(__file__).parents[1] / "examples" / f"{name.replace('-', '_')}.yaml"
-    scenario = scenario_from_text(IN_A_ROW) if name == "in-a-row" else load_scenario(file)
-    return scenario, Controller(scenario).plan
-
-
-def endure(job: Job) -> Row:
-    """Run a problem of the matrix."""
-    scenario, plan = _problem(job.name)
-    assert plan.trajectory is not None
-    random = np.random.default_rng([job.seed, *job.name.encode()])
-    controller = Controller(scenario, plan=plan)
-    robot = Erring(controller, job.errors, random, 0.5 * plan.trajectory.duration)
-    world = World.from_scenario(scenario).with_contact_friction(0.8)
-    hit = _kick(plan.trajectory.duration, len(world.names), random)
-    began, made = time.process_time(), PhysicsSimulator if job.what == "physics" else SlipSimulator
-    course = simulate_push(
-        world, controller, controller.settings.rate, [hit], seed=job.seed, simulator_of=made, step=robot.step
-    )
-    allowed = np.add(tolerance_of(controller.scenario, 5e-3, DEG), [ALL.bias, ALL.turned])
-    error = worst_at_goal(controller.scenario, course.object_poses[-1])
-    says = controller.phase is Phase.ARRIVED
-    there = says and bool((np.array(error) <= allowed).all())
-    outcome = "jammed" if course.jammed else controller.reason or controller.phase.value
-    return Row(
-        job.name,
-        there,
-        "arrived elsewhere" if says and not there else outcome,
-        error,
-        sum(replan.solved for replan in controller.replans),
-        way_of(course.poses),
-        way_of(plan.trajectory.poses),
-        None,
-        time.process_time() - began,
-        0,
-        (0.0, 0.0),
-        (0.0, 0.0),
-        len(collapsed(controller.events)),
-        float(course.t[-1] / plan.trajectory.duration),
-    )
-
-
-def matrix(kind: str, only: Sequence[str], seeds: Sequence[int], what: str, jobs: int, verbose: bool) -> None:
-    """Run the problems of a kind, and print a line for each bad run, each problem, and all together."""
-    every, names = list[Row](), [name for name in MATRIX[kind] if name in (only or [name])]
-    with ProcessPoolExecutor(jobs) as pool:
-        asked = [Job(name, "all", ALL, seed, what) for name in names for seed in seeds]
-        for row, job in zip(pool.map(endure, asked), asked, strict=True):
-            every.append(row)
-            if verbose or not row.arrived or row.events > MOST_EVENTS:
-                off = f"{1e3 * row.error[0]:.1f} mm {row.error[1] / DEG:.2f} deg"
-                way = f"{row.travel:.1f} of {row.planned:.1f} m in {row.longer:.1f} of the time"
-                print(f"{row.name:14} {job.seed:4} {way}, {row.events} lines, {off}: {row.outcome}", flush=True)
-    good, told = sum(row.arrived for row in every), [row.events for row in every]
-    print(
-        f"{kind}{', MuJoCo' * (what == 'physics')}: {good} of {len(every)} good, "
-        f"{sum(row.outcome == 'arrived elsewhere' for row in every)} arrived elsewhere; travel "
-        f"{np.median([row.travel / row.planned for row in every]):.2f} of the plan's, {np.median(told):.0f} lines, "
-        f"at most {max(told)}; {sum(row.seconds for row in every):.0f} s of CPU"
-    )
-
-
-def _disturbed(world: World, duration: float, random: np.random.Generator) -> tuple[World, Disturbance]:
-    """Return a world with other frictions, and a disturbance."""
-    for name in world.names:
-        world = world.with_contact_friction(1.0 + 0.2 * random.choice([-1.0, 1.0]), name)
-        world = world.with_floor_friction(1.0 + 0.2 * random.choice([-1.0, 1.0]), name)
-    return world, _kick(duration, len(world.names), random)
+        left = _left(course, since)
+        put_back = left[0] <= usual.position_slack and left[1] <= usual.angle_slack
+        return since, noticed, not noticed and not put_back
+    if isinstance(simulator, Sliding):
+        late = simulator.slid[0] > ON_ARCS or simulator.slid[1] > ANYWHERE
+        noticed = any(e.kind == "deviation" and e.time >= simulator.since for e in controller.events)
+        return simulator.since, noticed, late
+    return math.inf, None, False
 
 
 def _kick(duration: float, count: int, random: np.random.Generator) -> Disturbance:
     way, turn = random.uniform(-math.pi, math.pi), 3.0 * DEG * random.choice([-1.0, 1.0])
     at, index = random.uniform(0.1, 0.9) * duration, int(random.integers(count))
-    return Disturbance(at, index, 5e-3 * math.cos(way), 5e-3 * math.sin(way), turn)
+    return displaced(way, turn, index, at)
 
 
 def _left(course: SimulatedPush, time: float) -> tuple[float, float]:
@@ -484,76 +415,56 @@ def _beside(world: World, off: tuple[float, float], random: np.random.Generator)
     return replace(world, start=compose(world.start, shift))
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, nargs="*", default=[101, 102, 103])
-    parser.add_argument("--only", nargs="*", help="names of scenarios")
-    parser.add_argument("--filter", nargs="*", help="parts of names of errors")
-    parser.add_argument("--pairs", type=int, default=12, help="pairs of errors, drawn by the first seed")
-    happens = parser.add_mutually_exclusive_group()
-    for what in ("disturbances", "slides"):
-        happens.add_argument(f"--{what}", dest="what", action="store_const", const=what, default="")
-    parser.add_argument("--matrix", choices=list(MATRIX), help="everything goes wrong at once, instead")
-    parser.add_argument("--physics", action="store_true", help="in MuJoCo (extra `physics`)")
-    parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--verbose", action="store_true", help="print runs that do not arrive")
-    asked = parser.parse_args()
-    time.perf_counter = time.process_time  # searches then count CPU time, whatever else the machine does
-    print(Machine.this().words)
+def jobs_of(asked: Any) -> Iterator[Job]:
+    """Yield the runs, those of one error after another."""
     if asked.matrix:
-        what = "physics" if asked.physics else ""
-        matrix(asked.matrix, asked.only, asked.seeds, what, asked.jobs, asked.verbose)
-        return 0
+        names = [name for name in MATRIX[asked.matrix] if name in (asked.only or [name])]
+        yield from (Job(n, "all", ALL, s, "physics" if asked.physics else "") for n in names for s in asked.seeds)
+        return
     errors = dict(ERRORS)
     random, names = np.random.default_rng(asked.seeds[0]), list(ERRORS)[1:]
     for _ in range(asked.pairs):
         first, second = (names[i] for i in random.choice(len(names), 2, replace=False))
         errors[f"{first}, {second}"] = ERRORS[first].and_(ERRORS[second])
-    if asked.filter:
-        errors = {name: e for name, e in errors.items() if any(part in name for part in asked.filter)}
-    scenarios = [n for n in example_names() if load_scenario(n).kind == "push" and n in (asked.only or [n])]
-    jobs = [Job(n, e, errors[e], s, asked.what) for e in errors for n in scenarios for s in asked.seeds]
-    every: list[Row] = []
-    with ProcessPoolExecutor(asked.jobs) as pool:
-        rows: Callable[[], Row] = iter(pool.map(run, jobs, chunksize=len(asked.seeds))).__next__
-        for name in errors:
-            found = [rows() for _ in range(len(scenarios) * len(asked.seeds))]
-            every += found
-            print(f"{name:30} {_words(found)}", flush=True)
-            for row in found if asked.verbose else ():
-                if not row.good or row.missed or row.stops:
-                    print(f"    {row.name}: {_told(row)}")
-    print(f"{'all':30} {_words(every)}")
-    return 0
+    pushes = [n for n in example_names() if load_scenario(n).kind == "push" and n in (asked.only or [n])]
+    what = "disturbances" if asked.disturbances else "slides" if asked.slides else ""
+    for error, stated in errors.items():
+        if any(part in error for part in asked.filter or [error]):
+            yield from (Job(name, error, stated, seed, what) for name in pushes for seed in asked.seeds)
 
 
-def _told(row: Row) -> str:
-    left, slid = row.left, row.slid
-    off = f"{1e3 * row.error[0]:.1f} mm {row.error[1] / DEG:.2f} deg"
-    way = f"{row.replans} replans, {row.travel:.1f} of {row.planned:.1f} m, {off}: {row.outcome}"
-    way += f"; {row.stops} stops for nothing" if row.stops else ""
-    if row.missed:
-        way += f"; missed: left {1e3 * left[0]:.1f} mm {left[1] / DEG:.2f} deg"
-        way += f", slid {1e3 * slid[0]:.1f} mm on arcs of {1e3 * slid[1]:.1f} mm"
-    return way
-
-
-def _words(rows: list[Row]) -> str:
-    good = sum(row.good for row in rows)
-    low, high = wilson(good, len(rows))
-    travel = np.array([row.travel / row.planned for row in rows])
-    far = sum(row.travel > 2.0 * row.planned + 1.0 for row in rows)
-    noticed = f", {sum(row.stops > 0 for row in rows)} stop for nothing"
-    if any(row.noticed is not None for row in rows):
-        seen, missed = (sum(bool(row.noticed) and not row.missed for row in rows), sum(row.missed for row in rows))
-        rest = "ended before" if any(row.slid[1] for row in rows) else "put back"
-        noticed += f"; {seen} noticed, {len(rows) - seen - missed} {rest}, {missed} missed"
+def summary(rows: list[Row]) -> str:
+    """Return the figures of some runs."""
+    travel, planned = np.array([row.travel for row in rows]).T
+    noticed, missed = sum(row.noticed is True and not row.missed for row in rows), sum(row.missed for row in rows)
+    told = f"; {noticed} noticed, {missed} missed" if any(row.noticed is not None for row in rows) else ""
+    arrived, elsewhere = sum(row.arrived for row in rows), sum(row.elsewhere for row in rows)
     return (
-        f"{good:3} of {len(rows):3} ({100 * low:.0f} to {100 * high:.0f} %), travel {np.median(travel):.2f}, "
-        f"{far} beyond 2 x + 1 m, {np.mean([row.replans for row in rows]):.1f} replans, "
-        f"{np.mean([row.seconds for row in rows]):.1f} s{noticed}"
+        f"{share(arrived, len(rows))} arrive, {elsewhere} elsewhere; "
+        f"travel {np.median(travel / planned):.2f} of the plan's, {(travel > 2.0 * planned + 1.0).sum()} beyond 2 x "
+        f"+ 1 m; {np.mean([row.replans for row in rows]):.1f} replans, at most {max(row.lines for row in rows)} "
+        f"lines, {sum(row.seconds for row in rows):.0f} s of CPU; {sum(row.stops > 0 for row in rows)} stop for "
+        f"nothing{told}"
     )
 
 
+def main() -> None:
+    modes = {"disturbances": False, "slides": False, "matrix": str, "physics": False}
+    asked = options(__doc__, seeds=(101, 102, 103), only=(str,), filter=(str,), pairs=12, **modes, jobs=1)
+    every: list[Row] = []
+    with ProcessPoolExecutor(asked.jobs) as pool:
+        made = pool.map(run, jobs_of(asked), chunksize=len(asked.seeds))
+        for error, rows in groupby(made, key=lambda row: row.job.error):
+            found = [*rows]
+            every += found
+            print(
+                f"{error:30} {summary(found)}",
+                *(row.words for row in found if not row.arrived),
+                sep="\n    ",
+                flush=True,
+            )
+    print(f"{'together':30} {summary(every)}")
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

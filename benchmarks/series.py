@@ -106,8 +106,8 @@ def corridor(clearance: float, length: float = 3.0) -> Scenario:
     return _scenario(name, walls, (end + 2.0, 4.0), [0.6, 1.2, 0.0], [end + 1.4, 2.8, 0.0])
 
 
-def scenes(quick: bool = False) -> Iterator[Scenario]:
-    """Yield the rooms of the benchmark tables; if `quick`, only those that take milliseconds."""
+def scenes() -> Iterator[Scenario]:
+    """Yield the rooms of the benchmark tables."""
     yield snake(8)
     for side in (8, 10):
         for seed in range(1, 4):
@@ -117,17 +117,6 @@ def scenes(quick: bool = False) -> Iterator[Scenario]:
         yield three_walls(clearance)
         yield gap(clearance)
         yield corridor(clearance)
-    if quick:
-        return
-    yield snake(20)
-    for seed in range(1, 4):
-        yield maze(14, seed)
-    for seed in (2, 3):
-        yield office(10, seed)
-    for seed in (1, 2, 3):
-        yield office(20, seed)
-    for clearance in (0.1, 0.02):
-        yield three_walls(clearance)
 
 
 PLATE = 0.20

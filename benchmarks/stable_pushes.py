@@ -1,7 +1,8 @@
 """411 real pushes with two fingers, stable and unstable: does the margin predict which contacts held?
 
-Run `python benchmarks/stable_pushes.py [--seed 58] [--draws 20] [--plot docs/real-pushes.png]`. It prints every
-figure next to what is wanted. `stable_pushes.csv` has recordings of a laboratory
+    python benchmarks/stable_pushes.py [--seed 58] [--draws 20] [--jobs 1] [--plot docs/real-pushes.png]
+
+Prints figures, those with a target next to it. `stable_pushes.csv` has recordings of a laboratory
 (github.com/robinzhoucmu/MLab_EXP, Apache-2.0):
 
 * An aluminium right triangle (legs 150 mm, 1.518 kg) on three feet or its flat underside, pushed by a plate with two
@@ -11,15 +12,13 @@ figure next to what is wanted. `stable_pushes.csv` has recordings of a laborator
 * `f_n, f_t`: mean force along the approach and to its left; useless where `onset` is below 0.06.
 * The tips' heading is off the edge by 0.58 deg (mode of all pushes). The script takes it off.
 
-A push was kept if the object moved against the plate by less than 1.5 mm along and across and 1 deg, and slipped
-clearly beyond twice that. No motion is fitted: friction comes from the recorded forces (`slides`), loads of the feet
-from the centre of mass, heights from the drawing.
+A push is kept if the object moves on the plate by less than 1.5 mm along and across and 1 deg, and slips clearly
+beyond twice that. No motion is fitted: friction comes from the recorded forces (`slides`), loads of the feet from the
+centre of mass, heights from the drawing.
 """
 
 from __future__ import annotations
 
-import argparse
-import csv
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -28,9 +27,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from random_chains import tell
+import pandas as pd
+from matplotlib.figure import Figure
+from scipy.stats import mannwhitneyu
+from script import options, tell
 
-from pushplan.bench.store import Machine
+from pushplan.drawing.palette import ARRIVED, MISSED
 from pushplan.geometry import se2
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
@@ -58,49 +60,39 @@ SLIPPING = 12
 
 @dataclass(frozen=True, eq=False)
 class Push:
-    """One push; metres and radians."""
+    """One push.
 
-    row: dict[str, str]
+    Attributes:
+        support: One of `FEET`, or `patch`.
+        plate: Pose (3,) of the plate in the object's frame before the push, m and rad.
+        twist: Twist (3,) of the plate in its own frame, times the duration of the push.
+        poses: Poses (101, 3) of the plate in the object's frame before the push.
+        after: Final pose (3,) of the object in the same frame, corrected for the heading of the tips.
+        ratio: Ratio of the forces along and across the plate; NaN if they were not measured.
+    """
 
-    def number(self, name: str) -> float:
-        return float(self.row[name])
+    support: str
+    plate: FloatArray
+    twist: FloatArray
+    poses: FloatArray
+    after: FloatArray
+    ratio: float
 
-    @cached_property
-    def support(self) -> str:
-        return self.row["support"]
-
-    @cached_property
-    def plate(self) -> FloatArray:
-        """Pose (3,) of the plate in the object's frame before the push."""
-        place = [1e-3 * self.number("px"), 1e-3 * self.number("py")]
-        return np.array([*place, np.arctan2(self.number("ay"), self.number("ax"))])
-
-    @cached_property
-    def twist(self) -> FloatArray:
-        """Twist (3,) of the plate in its own frame, times the duration of the push."""
-        x, y = self.number("mx"), self.number("my")
-        if self.row["kind"] == "trans":
-            return np.array([*se2.rotate(-self.plate[2], 1e-3 * self.number("amount") * np.array([x, y])), 0.0])
-        turn = np.radians(self.number("amount"))
-        centre = se2.transform_points(se2.inverse(self.plate), 1e-3 * np.array([[x, y]]))[0]
-        return turn * np.array([centre[1], -centre[0], 1.0])
-
-    @cached_property
-    def poses(self) -> FloatArray:
-        """Poses (101, 3) of the plate in the frame of the object before the push."""
-        return se2.compose(self.plate, se2.exp(np.linspace(0.0, 1.0, 101)[:, None] * self.twist))
-
-    @cached_property
-    def after(self) -> FloatArray:
-        """Final pose (3,) of the object in the same frame, corrected for the heading of the tips."""
-        pre, post = (
-            np.array(
-                [1e-3 * self.number(f"{k}_x"), 1e-3 * self.number(f"{k}_y"), np.radians(self.number(f"{k}_deg"))]
-            )
-            for k in ("pre", "post")
-        )
-        on_plate = se2.relative(self.poses[-1], se2.relative(pre, post))
-        return se2.compose(self.poses[-1], se2.compose([0.0, 0.0, HEADING], on_plate))
+    @classmethod
+    def of(cls, row: Any) -> Push:
+        """Return the push of a row of the file."""
+        plate = np.array([1e-3 * row.px, 1e-3 * row.py, np.arctan2(row.ay, row.ax)])
+        if row.kind == "trans":
+            twist = np.array([*se2.rotate(-plate[2], 1e-3 * row.amount * np.array([row.mx, row.my])), 0.0])
+        else:
+            centre = se2.transform_points(se2.inverse(plate), 1e-3 * np.array([[row.mx, row.my]]))[0]
+            twist = np.radians(row.amount) * np.array([centre[1], -centre[0], 1.0])
+        poses = se2.compose(plate, se2.exp(np.linspace(0.0, 1.0, 101)[:, None] * twist))
+        pre = np.array([1e-3 * row.pre_x, 1e-3 * row.pre_y, np.radians(row.pre_deg)])
+        post = np.array([1e-3 * row.post_x, 1e-3 * row.post_y, np.radians(row.post_deg)])
+        on_plate = se2.relative(poses[-1], se2.relative(pre, post))
+        after = se2.compose(poses[-1], se2.compose([0.0, 0.0, HEADING], on_plate))
+        return cls(row.support, plate, twist, poses, after, abs(row.f_t / row.f_n) if row.onset > 0.06 else np.nan)
 
     @cached_property
     def moved(self) -> FloatArray:
@@ -119,19 +111,15 @@ class Push:
         if feet := FEET.get(self.support):
             loads = np.linalg.solve(np.vstack([np.ones(3), np.transpose(feet)]), [1.0, *CENTRE])
             height, support = TIPS + UNDERSIDE, {"feet": [[*p, float(w)] for p, w in zip(feet, loads, strict=True)]}
-        triangle: dict[str, Any] = {
-            "name": "triangle",
-            "shape": {"polygon": CORNERS},
-            "mass": 1.518,
-            "support": support,
-        }
+        pose, shape = se2.inverse(self.plate).tolist(), {"polygon": CORNERS}
+        triangle = {"name": "triangle", "shape": shape, "mass": 1.518, "support": support, "pose": pose}
         return scenario_from_document(
             {
                 "format": "pushplan/1",
                 "name": "stable-push",
                 "floor": {"friction": 0.29},
                 "contacts": {"friction": friction},
-                "objects": [{**triangle, "pose": se2.inverse(self.plate).tolist()}],
+                "objects": [triangle],
                 "pusher": {"width": 0.05, "friction": friction, "contact_height": height},
                 "start": self.plate.tolist(),
                 "goal": {"pose": [1.0, 0.0, 0.0]},
@@ -157,27 +145,20 @@ class Push:
 
 def read() -> list[Push]:
     """Return all pushes."""
-    lines = Path(__file__).with_suffix(".csv").read_text("utf-8").splitlines()
-    return [Push(row) for row in csv.DictReader(line for line in lines if not line.startswith("#"))]
+    return [Push.of(row) for row in pd.read_csv(Path(__file__).with_suffix(".csv"), comment="#").itertuples()]
 
 
 def area(kept: FloatArray, slipped: FloatArray) -> float:
-    """Return how often a kept push has a larger margin than one that slipped: the area under the ROC curve."""
-    above = kept[:, None] - slipped
-    return float((above > 0.0).mean() + 0.5 * (above == 0.0).mean())
+    """Return the area under the ROC curve: how often a kept push has a larger margin than one that slipped."""
+    return float(mannwhitneyu(kept, slipped).statistic) / (len(kept) * len(slipped))
 
 
 def slides(pushes: list[Push]) -> None:
     """Print the ratio of forces while both tips slide, and while the object sticks."""
-
-    def ratios(chosen: list[Push]) -> FloatArray:
-        return np.array([abs(p.number("f_t") / p.number("f_n")) for p in chosen if p.number("onset") > 0.06])
-
-    sliding = ratios([p for p in pushes if abs(p.moved[1]) > 2.0 * KEPT[1] and abs(p.moved[2]) < KEPT[2]])
-    low, middle, high = np.percentile(sliding, [25, 50, 75])
-    print(f"  forces of {len(sliding)} pushes in which both tips slid: {middle:.2f} ({low:.2f} to {high:.2f})")
-    sticking = ratios([p for p in pushes if p.size < 1.0])
-    print(f"  of {len(sticking)} that were kept: up to {sticking.max():.2f}")
+    slid = [p.ratio for p in pushes if abs(p.moved[1]) > 2.0 * KEPT[1] and abs(p.moved[2]) < KEPT[2]]
+    low, middle, high = np.nanpercentile(slid, [25, 50, 75])
+    print(f"  forces while both tips slide: {middle:.2f} ({low:.2f} to {high:.2f}, {np.isfinite(slid).sum()} pushes)")
+    print(f"  of those that were kept: up to {np.nanmax([p.ratio for p in pushes if p.size < 1.0]):.2f}")
 
 
 def margins(pushes: list[Push]) -> bool:
@@ -222,26 +203,19 @@ def learned(chosen: list[Push]) -> tuple[float, float, float]:
 def identified(pushes: list[Push], seed: int, draws: int, jobs: int) -> bool:
     """Let identification learn the friction from a dozen pushes that slipped, on three feet, drawn at random."""
     slipping = [p for p in pushes if p.size > 2.0 and p.support == "30_90_30"]
-    random, rows = np.random.default_rng(seed), []
+    random = np.random.default_rng(seed)
     chosen = [[slipping[i] for i in random.choice(len(slipping), SLIPPING, replace=False)] for _ in range(draws)]
     with ProcessPoolExecutor(jobs) as pool:
-        for row in pool.map(learned, chosen):
-            rows.append(row)
-            print(f"  {row[1]:.3f}, from {row[0]:.3f} to {row[2]:.3f}", flush=True)
-    low, middle, high = np.transpose(rows)
-    off = abs(float(np.median(middle)) - FRICTION)
+        low, middle, high = np.transpose([*pool.map(learned, chosen)])
     print(f"  {draws} draws of {SLIPPING} (seed {seed}): medians from {middle.min():.3f} to {middle.max():.3f}")
+    off = abs(float(np.median(middle)) - FRICTION)
     good = tell(f"sliding friction identified, the median of {draws} draws: off {FRICTION} by", off, "<=", 0.03)
     holds = float(((low <= FRICTION) & (high >= FRICTION)).sum())
     return good & tell(f"intervals of {draws} that hold {FRICTION}", holds, ">=", 0.9 * draws)
 
 
-def draw(pushes: list[Push], path: str) -> None:
+def draw(pushes: list[Push], path: Path) -> None:
     """Draw how far each push slipped over its margin, with sliding and with tabulated friction."""
-    from matplotlib.figure import Figure
-
-    from pushplan.drawing.palette import ARRIVED, MISSED
-
     figure = Figure(figsize=(10.0, 4.2), layout="constrained")
     sizes = np.array([p.size for p in pushes])
     of = {"kept": (sizes < 1.0, ARRIVED), "between": ((sizes >= 1.0) & (sizes <= 2.0), "#7d8794")}
@@ -255,27 +229,15 @@ def draw(pushes: list[Push], path: str) -> None:
         axes.axvline(SURE, color="black", linewidth=0.8, linestyle="--")
         axes.set(yscale="log", xlabel="predicted margin", title=title, xlim=(-1.0, 0.45))
         wrong, all_ = int(((sizes > 2.0) & (values > SURE)).sum()), int((values > SURE).sum())
-        axes.text(
-            0.99,
-            0.97,
-            f"{wrong} of {all_} above {SURE}\nslip clearly",
-            ha="right",
-            va="top",
-            transform=axes.transAxes,
-        )
+        told = f"{wrong} of {all_} above {SURE}\nslip clearly"
+        axes.text(0.99, 0.97, told, ha="right", va="top", transform=axes.transAxes)
     figure.axes[0].set_ylabel("measured slip, 1 = 1.5 mm or 1 deg")
     figure.axes[0].legend(loc="lower left")
     figure.savefig(path, dpi=110)
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seed", type=int, default=58, help="seed of the draws")
-    parser.add_argument("--draws", type=int, default=20, help="draws of twelve pushes; 0 for none")
-    parser.add_argument("--jobs", type=int, default=1, help="draws in parallel")
-    parser.add_argument("--plot", metavar="FILE", help="draw motion over margin")
-    asked = parser.parse_args()
-    print(Machine.this().words)
+    asked = options(__doc__, seed=58, draws=20, jobs=1, plot=Path)
     pushes = read()
     slides(pushes)
     good = margins(pushes)

@@ -1,30 +1,29 @@
-"""Problems that `auto` leaves unsolved although another planner of the package solves them: 310, by CPU time.
+"""Problems that `auto` leaves unsolved although another planner of pushplan solves them: 310, by CPU time.
 
-Run `python benchmarks/unsolved.py [--kinds maze ...] [--seeds 3] [--seconds 2] [--from 0] [--share 1]`.
-Every problem is put to `auto` with default settings until it has a plan; those that it does not solve with every seed
-are put to the planners of OMPL that the package offers. Printed for each kind of problem: runs of `auto`
-with a plan, CPU time to it, problems that are proven to have no way, those that no planner solves, and those that
-another planner solves and `auto` does not, by name. The exit status is 1 when there is one. No problem here was
-looked at when the planner was made; `--from` draws others.
+    python benchmarks/unsolved.py [--kinds maze ...] [--seeds 3] [--seconds 2] [--begin 0] [--share 1]
+
+`auto` searches every problem with default settings until it has a plan. OMPL's planners that pushplan offers search
+those that it does not solve with every seed. Prints for each kind of problem: runs of `auto` with a plan, CPU time to
+it, problems that are proven infeasible, those that no planner solves, and those that another planner solves and
+`auto` does not, by name; these make the exit code 1. No problem was used for tuning; `--begin` draws others.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
-import time
+from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from itertools import pairwise
+from contextlib import suppress
+from itertools import count, pairwise
 from typing import Any
 
 import dense_scenes
 import numpy as np
 import series
+from script import options
 
-from pushplan.bench.random_problems import GeneratorError, generate, random_chain, scenario_yaml
+from pushplan.bench.random_problems import generate, random_chain, scenario_yaml
 from pushplan.bench.schema import ProblemParameters
-from pushplan.bench.store import Machine
 from pushplan.errors import PushplanError
 from pushplan.planner import Planner
 from pushplan.plans.plan import Plan
@@ -72,19 +71,15 @@ def office(number: int) -> Scenario:
 
 def walled(name: str, rng: np.random.Generator, walls: list[Any], start: Any, goal: Any) -> Scenario:
     """Return a room of 6 x 4 m with walls, given by their corners."""
-    return scenario_from_text(
-        scenario_yaml(
-            {
-                "name": name,
-                **chain(rng),
-                "start": np.round(start, 4).tolist(),
-                "goal": {"pose": np.round(goal, 4).tolist()},
-                "workspace": {"x": [0.0, 6.0], "y": [0.0, 4.0]},
-                "obstacles": [{"polygon": np.round(wall, 4).tolist()} for wall in walls],
-            }
-        ),
-        name,
-    )
+    sections = {
+        "name": name,
+        **chain(rng),
+        "start": np.round(start, 4).tolist(),
+        "goal": {"pose": np.round(goal, 4).tolist()},
+        "workspace": {"x": [0.0, 6.0], "y": [0.0, 4.0]},
+        "obstacles": [{"polygon": np.round(wall, 4).tolist()} for wall in walls],
+    }
+    return scenario_from_text(scenario_yaml(sections), name)
 
 
 def _bar(begin: Any, end: Any) -> Any:
@@ -153,93 +148,62 @@ KINDS: dict[str, tuple[Callable[[int], Scenario], int]] = {
 }
 
 
-@dataclass
-class Tally:
-    """Results of one kind of problem: CPU seconds to the plans of `auto`, and counts of problems or runs."""
-
-    firsts: list[float] = field(default_factory=list)
-    runs: int = 0
-    problems: int = 0
-    proven: int = 0
-    nobody: int = 0
-    missed: list[str] = field(default_factory=list)
-
-
 def problems(kind: str, begin: int, share: float) -> Iterator[Scenario]:
     """Yield the problems of a kind; numbers with a blocked start or goal are skipped."""
-    make, count = KINDS[kind]
-    number, wanted = begin, max(1, round(share * count))
-    while wanted:
-        try:
+    make, total = KINDS[kind]
+    wanted = max(1, round(share * total))
+    for number in count(begin):
+        with suppress(PushplanError):
             scenario = make(number)
             Planner(scenario)
-        except (GeneratorError, PushplanError):
-            pass
-        else:
-            wanted -= 1
             yield scenario
-        number += 1
+            wanted -= 1
+        if not wanted:
+            return
 
 
-def first_plan(scenario: Scenario, planner: str, seed: int, limit: float) -> Plan:
-    """Search until there is a plan, for at most `limit` s of CPU time."""
-    return Planner(scenario, planner=planner).plan(first=True, seed=seed, time_limit=limit)
+def measure(scenario: Scenario, seeds: int, seconds: float) -> tuple[str, list[float]]:
+    """Return what became of a problem, and the CPU times (s) to the plans of `auto`.
 
+    Returns:
+        `solved` (with every seed or by nobody else), `proven`, `nobody`, or the name with the counts of the others.
+    """
 
-def measure(kind: str, given: argparse.Namespace) -> Tally:
-    """Solve the problems of a kind with `auto`, and its unsolved ones with the other planners."""
-    tally, seeds = Tally(), range(1, given.seeds + 1)
-    for scenario in problems(kind, given.begin, given.share):
-        tally.problems += 1
-        found = [first_plan(scenario, "auto", seed, given.seconds) for seed in seeds]
-        own = sum(plan.solved for plan in found)
-        tally.runs += len(found)
-        tally.firsts += [plan.first_solution_s for plan in found if plan.first_solution_s is not None]
-        if own == len(found):
-            continue
-        if any(cause.proven for plan in found for cause in plan.diagnosis):
-            tally.proven += 1
-            continue
-        others = {
-            planner: sum(first_plan(scenario, planner, seed, given.seconds).solved for seed in seeds)
-            for planner in STOCK
-        }
-        solving = ", ".join(f"{planner} {count}" for planner, count in others.items() if count)
-        if solving:
-            tally.missed.append(f"{scenario.name} (auto {own}, {solving} of {given.seeds})")
-        elif not own:
-            tally.nobody += 1
-        print(f"{scenario.name}: auto {own}, others {solving or 'none'}", file=sys.stderr, flush=True)
-    return tally
+    def plans(planner: str) -> list[Plan]:
+        searched = Planner(scenario, planner=planner)
+        return [searched.plan(first=True, seed=seed, time_limit=seconds) for seed in range(1, seeds + 1)]
+
+    found = plans("auto")
+    firsts = [plan.first_solution_s for plan in found if plan.first_solution_s is not None]
+    if len(firsts) == seeds:
+        return "solved", firsts
+    if any(cause.proven for plan in found for cause in plan.diagnosis):
+        return "proven", firsts
+    others = {planner: sum(plan.solved for plan in plans(planner)) for planner in STOCK}
+    solving = ", ".join(f"{planner} {number}" for planner, number in others.items() if number)
+    print(f"{scenario.name}: auto {len(firsts)}, others {solving or 'none'}", file=sys.stderr, flush=True)
+    if solving:
+        return f"{scenario.name} (auto {len(firsts)}, {solving} of {seeds})", firsts
+    return "solved" if firsts else "nobody", firsts
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--kinds", nargs="+", choices=list(KINDS), default=list(KINDS))
-    parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--seconds", type=float, default=2.0, help="CPU time of each search")
-    parser.add_argument("--from", dest="begin", type=int, default=0, help="number of the first problem of a kind")
-    parser.add_argument("--share", type=float, default=1.0, help="of the problems of each kind")
-    given = parser.parse_args()
-    time.perf_counter = time.process_time  # searches then count CPU time, whatever else the machine does
-    print(f"{Machine.this().words}, {given.seeds} seeds, {given.seconds:g} s of CPU each")
-    print(
-        "| problems | solved by `auto`, runs | median, 90 %, most to the plan | proven to have no way | solved by "
-        "nobody | by others |"
-    )
+    asked = options(__doc__, kinds=tuple(KINDS), seeds=3, seconds=2.0, begin=0, share=1.0)
+    print("| problems | solved by `auto`, runs | median, 90 %, most | proven infeasible | by nobody | by others |")
     print("|---|---|---|---|---|---|")
-    missed = []
-    for kind in given.kinds:
-        tally = measure(kind, given)
-        missed += tally.missed
-        at = 1e3 * np.quantile(tally.firsts or [np.nan], [0.5, 0.9, 1.0], method="higher")
-        times = ", ".join(f"{one:.3g}" for one in at)
+    missed: list[str] = []
+    for kind in asked.kinds:
+        rows = [measure(one, asked.seeds, asked.seconds) for one in problems(kind, asked.begin, asked.share)]
+        ends, firsts = Counter(end for end, _ in rows), [first for _, some in rows for first in some]
+        named = [end for end in ends if end not in ("solved", "proven", "nobody")]
+        missed += named
+        times = 1e3 * np.quantile(firsts or [np.nan], [0.5, 0.9, 1.0], method="higher")
         print(
-            f"| {kind}, {tally.problems} | {len(tally.firsts)} of {tally.runs} | {times} ms | "
-            f"{tally.proven} | {tally.nobody} | {len(tally.missed)} |",
+            f"| {kind}, {len(rows)} | {len(firsts)} of {asked.seeds * len(rows)} | "
+            f"{', '.join(f'{one:.3g}' for one in times)} ms | {ends['proven']} | {ends['nobody']} | {len(named)} |",
             flush=True,
         )
-    print("\n".join(["", *missed]) if missed else "\nnothing that others solve is left unsolved")
+    print("", *(missed or ["nothing that others solve is left unsolved"]), sep="\n")
     return bool(missed)
 
 

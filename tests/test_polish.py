@@ -213,7 +213,7 @@ def test_ranking_by_time_is_never_slower_than_ranking_by_travel(name: str) -> No
 SERIES = runpy.run_path(str(Path(__file__).parents[1] / "benchmarks" / "series.py"))
 
 
-@pytest.mark.parametrize("scenario", list(SERIES["scenes"](quick=True)), ids=lambda scenario: scenario.name)
+@pytest.mark.parametrize("scenario", list(SERIES["scenes"]()), ids=lambda scenario: scenario.name)
 def test_rooms_in_series_are_solved(scenario: Scenario) -> None:
     found = pushplan.plan(scenario, first=True, seed=1, iterations=100_000, time_limit=600.0)
     assert found.solved, found.reason
