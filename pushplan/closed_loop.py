@@ -37,6 +37,8 @@ from pushplan.util.arrays import FloatArray
 
 CONTROL = "pushplan.control"
 """Name of the metadata in a closed loop's log: settings, sensor and disturbances, as JSON."""
+TIME_ROUNDING = 1e-6
+"""Of times in logs, s."""
 ROUNDING = 1e-6
 """Tolerance of recomputed twists, m/s and rad/s: measured angles are rounded when they are stored as quaternions."""
 JAMMED = "no motion of the objects satisfies all contacts"
@@ -332,8 +334,15 @@ def check_closed_loop(run: RecordedRun) -> list[Check]:
         raise RunLogError(str(run.path), f"the settings of the closed loop cannot be read: {error}") from error
     execution, feedback = run.execution, run.feedback
     _, margins = _judged(run.scenario, run.plan, feedback, execution)
+    cut = math.isnan(execution.goal_error[0])
+    if cut:  # the last margin is of a twist that came later; events of that time are in the log before the samples
+        margins[-1:] = execution.margins[-1:]
+        until = execution.t[-1:].max(initial=-math.inf) + TIME_ROUNDING
+        events = tuple(event for event in feedback.events if event.time <= until)
+        replans = tuple(replan for replan in feedback.replans if replan.time <= until)
+        feedback = Feedback(feedback.measured, events, replans)
     checks = [check_way(execution), series_check("margin", execution.t, execution.margins, margins)]
-    if not math.isnan(execution.goal_error[0]):
+    if not cut:
         off = _errors_at_end(run.scenario, run.plan, feedback.replans, execution.objects[-1])
         checks.append(Check("goal error", float(np.abs(np.subtract(off, execution.goal_error)).max())))
     if settings is not None:

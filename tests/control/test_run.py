@@ -100,6 +100,7 @@ def test_a_loop_writes_what_has_happened_as_it_goes(run: ClosedLoopRun, back: Re
     np.testing.assert_array_equal(measured.t, run.simulated.measured.t[: len(measured.t)])
     assert [event.kind for event in stopped[:2]] == ["plan", "disturbance"]
     assert stopped == there(back.feedback).events[: len(stopped)]
+    assert [check.text for check in check_closed_loop(cut) if not check.matches] == []
 
 
 def test_events_that_repeat_one_another_are_one_line_with_their_count() -> None:
