@@ -1,28 +1,30 @@
 """Attacks on robustness and data safety: hostile files, invalid calls, kills, outputs.
 
-Run `python benchmarks/attacks.py -o DIR [--only PART ...] [--count N] [--seed 1]`. A whole run takes hours.
+    python benchmarks/attacks.py -o DIR [--only PART ...] [--count N] [--seed 1]
+
+A whole run takes hours.
 
 - *scenarios*: scenarios of every kind (one push, several, several objects, maps, uncertainty), each key mutated in
-  turn. Each is refused with words or planned. What is called solved is judged by code that plans do not use: goals,
-  collisions, contacts. Its log is read and verified.
+  turn. Each is refused with words or planned. Code that plans do not use checks solved ones: goals, collisions,
+  contacts. The log is read and verified.
 - *mutations*: logs of six kinds with bytes altered at random. Each is read, or refused as damaged (exit code 2), or a
   mismatch (4); and recovered without any other error.
 - *tampering*: in logs that are sound as files a value is changed, or a record dropped or repeated, in every topic,
   metadata and attachment. `replay --verify` has to notice.
-- *forgeries*: logs that lie and are sound otherwise: of plans that are none in the scenario stated (an obstacle, a
-  limit, another start, ...), or of other numbers. `replay --verify` must confirm none.
-- *bombs*: maps, drawings, YAML, logs and motions that would take gigabytes or hours if nothing bounded that.
-- *calls*: silly numbers and objects handed to what users call from Python; what should pickle is pickled.
-- *kills*: SIGKILL at random moments of plans, trials, closed loops, rearrangements and batches. What they had told by
-  then is in what is left, which is read, verified and, of batches, resumed.
+- *forgeries*: logs of plans that are invalid in the stated scenario (an obstacle, a limit, another start, ...), or of
+  other numbers; they are sound otherwise. `replay --verify` must confirm none.
+- *bombs*: maps, drawings, YAML, logs and motions that would need gigabytes or hours without limits.
+- *calls*: invalid numbers and objects as arguments of the Python interface; what should pickle is pickled.
+- *kills*: SIGKILL at random moments of plans, trials, closed loops and rearrangements. Everything that they reported
+  is in the remaining log, which is read and verified.
 - *interrupts*: Ctrl-C at random moments of commands and programs, imports included; no process aborts.
-- *outputs*: every output option of every command against a device, a full and a closed file system in a mount
-  namespace of their own, and against a link, a pipe and a folder in DIR.
+- *outputs*: every output option of every command against a full and a closed file system in a mount namespace of
+  their own, and against a link, a pipe and a folder in DIR.
 
-Every attack but kills, interrupts and outputs is a process of its own in a temporary folder. Wrong are: a traceback
-or "a defect", another exit code than those that are meant, more than 500 MB, more than 10 s of a processor beyond the
-time limit, a program that is started, a file written elsewhere. What is done is kept in DIR and not done again.
-Prints a table; exits 1 when anything was wrong.
+Every attack but kills, interrupts and outputs is a process of its own in a temporary folder. It is wrong if it ends
+with a traceback or another exit code than those that are meant, uses more than 500 MB, or more than 10 s of CPU time
+beyond the time limit, starts a program, or writes a file elsewhere. DIR keeps the results; they are not made again.
+Prints a table; exits 1 if anything was wrong.
 """
 
 from __future__ import annotations
@@ -32,35 +34,33 @@ import json
 import os
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a child of threads that spin would wait for them
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from attacking import bombs, calls, interrupts, kills, logs, outputs, scenarios  # noqa: E402 (tests have just been added)
-from attacking.measured import Attack, Row  # noqa: E402
-
-Attacks = Iterator[tuple[str, Attack]]
+from attacking import bombs, calls, interrupts, kills, logs, outputs, scenarios  # noqa: E402 (tests were just added)
+from attacking.measured import Attacks, Row  # noqa: E402
 
 PARTS: dict[str, tuple[int, Callable[[Path, int, int], Attacks]]] = {
-    "scenarios": (1000, lambda folder, count, seed: scenarios.attacks(count, seed)),
+    "scenarios": (1000, scenarios.attacks),
     "mutations": (1000, logs.mutations),
     "tampering": (2000, logs.tampering),
-    "forgeries": (1000, lambda folder, count, seed: logs.forgeries(count)),
-    "bombs": (200, lambda folder, count, seed: bombs.attacks(count, seed)),
-    "calls": (300, lambda folder, count, seed: calls.attacks(count, seed)),
-    "kills": (100, lambda folder, count, seed: kills.attacks(count, seed)),
-    "interrupts": (200, lambda folder, count, seed: interrupts.attacks(count, seed)),
-    "outputs": (1, lambda folder, count, seed: outputs.attacks(folder)),
+    "forgeries": (1000, logs.forgeries),
+    "bombs": (200, bombs.attacks),
+    "calls": (300, calls.attacks),
+    "kills": (100, kills.attacks),
+    "interrupts": (200, interrupts.attacks),
+    "outputs": (1, outputs.attacks),
 }
-"""How many of each are made by default, and how."""
+"""Default number of attacks, and their source."""
 
 
 def main() -> int:
     """Attack, print the results and return the exit code."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", required=True, metavar="DIR")
     parser.add_argument("--only", nargs="*", choices=[*PARTS], default=[*PARTS])
     parser.add_argument("--count", type=int, help="of each part, in place of the usual ones")
@@ -77,7 +77,7 @@ def main() -> int:
 
 
 def _done(path: Path, attacks: Attacks) -> list[Row]:
-    """Run the attacks that have no result yet; return all results."""
+    """Make the attacks that have no result yet; return all results."""
     lines = path.read_text().splitlines() if path.exists() else []
     rows = {str(row["key"]): row for row in map(json.loads, lines)}
     found: list[Row] = []
@@ -107,7 +107,7 @@ def _print(part: str, rows: list[Row]) -> int:
     for (group, verdict), count in sorted(Counter((r["group"], r["verdict"]) for r in rows).items()):
         print(f"  {group:28}{verdict:52}{count:5}")
     if part == "scenarios":
-        print(f"  {scenarios.told(rows)}")
+        print(f"  {scenarios.coverage_of(rows)}")
     sys.stdout.flush()
     return wrong
 

@@ -67,5 +67,5 @@ def random_tree(rng: np.random.Generator) -> Chain:
         pose = np.array([rear[i] + depth[i] / 2, y[i], 0.0])
         objects.append(PushedObject(f"object{i}", outline, mass, 0.3, support, pose))
         ends = np.array([[pose[0] - depth[i] / 2, y[i] + side * width[i] / 2] for side in (-1.0, 1.0)])
-        contacts.append(Contact(*ends, float(friction[i]), i, pusher))
+        contacts.append(Contact(ends[0], ends[1], float(friction[i]), i, pusher))
     return Chain(tuple(objects), tuple(contacts), Pusher(PLATE, contacts[0].friction))

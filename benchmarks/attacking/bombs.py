@@ -6,15 +6,15 @@ import json
 import os
 import struct
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from random import Random
 from typing import Any
 
 import yaml
-from attacking.measured import Attack, Row, commanded, measured
-from attacking.scenarios import DOCUMENTS, LIMIT
+from attacking.measured import Attacks, Row, commanded, judged, measured, wrong
+from attacking.scenarios import DOCUMENTS, LIMIT, OPTIONS
 from store.test_hostile import FILES
 
 from pushplan.errors import PushplanError
@@ -29,30 +29,32 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
 
 
 def png(width: int, height: int, row: bytes, rows: int | None = None) -> bytes:
-    """Return a picture with one byte of grey per cell whose rows are all equal, or alternate with the inverse."""
+    """Return a picture with one byte of grey per cell whose rows alternate with their inverse."""
     packer = zlib.compressobj(9)
-    other = bytes(255 - value for value in row)
-    data = b"".join(
-        packer.compress(b"\0" + (other if k % 2 else row)) for k in range(height if rows is None else rows)
-    )
+    both = b"\0" + row, b"\0" + bytes(255 - value for value in row)
+    data = b"".join(packer.compress(both[k % 2]) for k in range(height if rows is None else rows)) + packer.flush()
     head = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
-    return (
-        b"\x89PNG\r\n\x1a\n" + _chunk(b"IHDR", head) + _chunk(b"IDAT", data + packer.flush()) + _chunk(b"IEND", b"")
-    )
+    return b"\x89PNG\r\n\x1a\n" + _chunk(b"IHDR", head) + _chunk(b"IDAT", data) + _chunk(b"IEND", b"")
 
 
-def _map(
-    folder: Path, picture: bytes | None, image: str = "office.png", told: Mapping[str, Any] | None = None
-) -> list[str]:
-    """Write a scenario with a map of a picture; None names a pipe instead; `told` is the map's file."""
-    documents = yaml.safe_load(DOCUMENTS.read_text())
-    (folder / "attack.yaml").write_text(json.dumps(documents["scenarios"]["mapped"]))
-    (folder / "office.yaml").write_text(json.dumps({**documents["map"], "image": image, **(told or {})}))
+def _stated(name: str) -> Any:
+    return yaml.safe_load(DOCUMENTS.read_text())["scenarios"][name]
+
+
+def _plan(folder: Path, document: Any) -> list[str]:
+    (folder / "attack.yaml").write_text(json.dumps(document))
+    return ["plan", "attack.yaml"]
+
+
+def _map(folder: Path, picture: bytes | None, image: str = "office.png", **stated: Any) -> list[str]:
+    """Write a scenario with a map of a picture; None makes a pipe instead; `stated` are keys of the map's file."""
+    made = {**yaml.safe_load(DOCUMENTS.read_text())["map"], "image": image, **stated}
+    (folder / "office.yaml").write_text(json.dumps(made))
     if picture is None:
         os.mkfifo(folder / image)
     else:
         (folder / image).write_bytes(picture)
-    return ["plan", str(folder / "attack.yaml")]
+    return _plan(folder, _stated("mapped"))
 
 
 def _checkers(folder: Path, random: Random) -> list[str]:
@@ -76,18 +78,16 @@ def _claimed(folder: Path, random: Random) -> list[str]:
 
 
 def _grey(folder: Path, random: Random) -> list[str]:
-    head = random.choice(
-        ("P5 99999 99999 255\n", "P2 9 9 255\n1 2", "P5 -4 4 255\n", "P6 4 4 65535\n", "P5 8 8 70000\n")
-    )
+    heads = "P5 99999 99999 255\n", "P2 9 9 255\n1 2", "P5 -4 4 255\n", "P6 4 4 65535\n", "P5 8 8 70000\n"
+    head = random.choice(heads)
     return _map(folder, head.encode() + bytes(random.choice((0, 64, 4096))), "office.pgm")
 
 
 def _program(folder: Path, random: Random) -> list[str]:
     eps = b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\n(x) (w) file\nshowpage\n"
     image = random.choice(("office.eps", "office.png", "office.pgm"))
-    return _map(
-        folder, random.choice((eps, b"GIF89a" + bytes(99), b"BM" + bytes(60), b"\0\0\1\0" + bytes(60))), image
-    )
+    others = b"GIF89a" + bytes(99), b"BM" + bytes(60), b"\0\0\1\0" + bytes(60)
+    return _map(folder, random.choice((eps, *others)), image)
 
 
 def _no_picture(folder: Path, random: Random) -> list[str]:
@@ -100,7 +100,7 @@ def _odd_map(folder: Path, random: Random) -> list[str]:
         {"origin": [1e300, 0, 0]}, {"origin": [0, 0, 1e9]}, {"occupied_thresh": -1}, {"image": "../../etc/passwd"},
         {"image": "/dev/zero"}, {"image": "/dev/stdin"}, {"image": "x" * 5000}, {"mode": "raw" * 9},
     ]  # fmt: skip
-    return _map(folder, png(64, 64, bytes(range(64))), told=random.choice(odd))
+    return _map(folder, png(64, 64, bytes(range(64))), **random.choice(odd))
 
 
 def _uses(folder: Path, random: Random) -> list[str]:
@@ -159,33 +159,28 @@ def _text(folder: Path, random: Random) -> list[str]:
         "floor: " + "9:" * 20_000 + "9", "{? [" + "a," * 60_000 + "] : 1}", "# " * 500_000, "k: 1\n" * 90_000,
     )  # fmt: skip
     (folder / "attack.yaml").write_text(random.choice(odd))
-    return [random.choice(("check", "plan")), str(folder / "attack.yaml")]
+    return [random.choice(("check", "plan")), "attack.yaml"]
 
 
 def _motion(folder: Path, random: Random) -> list[str]:
     """Return limits, sizes and paths whose motions last for hours, or have millions of samples."""
-    document = yaml.safe_load(DOCUMENTS.read_text())["scenarios"][random.choice(("mapped", "faces", "rich"))]
+    document = _stated(random.choice(("mapped", "faces", "rich")))
     document.pop("obstacles", None)
     small = random.choice((1e-9, 1e-6, 1e-4, 3e-4, 1e-3, 1e-2))
     limits = document["pusher"].setdefault("limits", {})
-    for key in random.sample(
-        ("speed", "acceleration", "jerk", "angular_speed", "angular_acceleration", "angular_jerk"), 2
-    ):
-        limits[key] = small
+    names = "speed", "acceleration", "jerk", "angular_speed", "angular_acceleration", "angular_jerk"
+    limits |= dict.fromkeys(random.sample(names, 2), small)
     if random.random() < 0.3:
         document["goal"]["pose"] = [random.choice((30.0, 1e3, 1e5)), 0.0, 0.0]
         document.pop("workspace", None)
     if random.random() < 0.3:
-        document["pushes" if "pushes" in document else "planner"] = (
-            {"most": 60} if "pushes" in document else {"gap": 0.0}
-        )
-    (folder / "attack.yaml").write_text(json.dumps(document))
-    return ["plan", str(folder / "attack.yaml")]
+        document |= {"pushes": {"most": 60}} if "pushes" in document else {"planner": {"gap": 0.0}}
+    return _plan(folder, document)
 
 
 def _many(folder: Path, random: Random) -> list[str]:
     """Return objects, corners, feet and obstacles up to their limits and beyond."""
-    document = yaml.safe_load(DOCUMENTS.read_text())["scenarios"]["rich"]
+    document = _stated("rich")
     count = random.choice((50, 500, 5000, 12_000))
     match random.choice(("obstacles", "objects", "feet", "corners")):
         case "obstacles":
@@ -200,8 +195,7 @@ def _many(folder: Path, random: Random) -> list[str]:
         case _:
             corners = [[-0.05 + 0.1 * k / count, -0.04 - 1e-3 * (k % 2)] for k in range(count + 1)]
             document["objects"][1]["shape"] = {"polygon": [*corners, [0.05, 0.04], [-0.05, 0.04]]}
-    (folder / "attack.yaml").write_text(json.dumps(document))
-    return ["plan", str(folder / "attack.yaml")]
+    return _plan(folder, document)
 
 
 def _log(folder: Path, random: Random) -> list[str]:
@@ -209,7 +203,7 @@ def _log(folder: Path, random: Random) -> list[str]:
     for _ in range(random.choice((0, random.randint(1, 5))) if made else 0):
         made[random.randrange(len(made))] ^= 1 << random.randrange(8)
     (folder / "attack.mcap").write_bytes(made)
-    return ["replay", str(folder / "attack.mcap"), *random.choice(([], ["--verify"]))]
+    return ["replay", "attack.mcap", *random.choice(([], ["--verify"]))]
 
 
 BOMBS: dict[str, tuple[Bomb, ...]] = {
@@ -221,37 +215,28 @@ BOMBS: dict[str, tuple[Bomb, ...]] = {
 }
 
 
-def attacks(count: int, seed: int) -> Iterator[tuple[str, Attack]]:
+def attacks(folder: Path, count: int, seed: int) -> Attacks:
     """Yield bombs of every kind in turn."""
-    turns = dict.fromkeys(BOMBS, 0)
     for k in range(count):
-        kind = list(BOMBS)[k % len(BOMBS)]
-        bomb = BOMBS[kind][turns[kind] % len(BOMBS[kind])]
-        turns[kind] += 1
-        key = f"{seed}-bomb-{k}"
-        yield key, partial(_attack, kind, bomb, key)
-
-
-def _attack(kind: str, bomb: Bomb, key: str) -> Row:
-    name = bomb.__name__.strip("_")
-    return {"group": kind, "bomb": name, **measured(partial(_dropped, bomb, key), LIMIT)}
+        turn, number = divmod(k, len(BOMBS))
+        kind, bombs = [*BOMBS.items()][number]
+        bomb, key = bombs[turn % len(bombs)], f"{seed}-bomb-{k}"
+        yield key, partial(measured, partial(_dropped, bomb, key), LIMIT, group=kind, bomb=bomb.__name__.strip("_"))
 
 
 def _dropped(bomb: Bomb, key: str, folder: Path) -> Row:
-    words = bomb(folder, Random(key))
+    words, log = bomb(folder, Random(key)), folder / "run.mcap"
     if len(words) == 1:
-        read = read_svg_outlines if words[0].endswith("svg") else read_csv_outlines
         try:
-            read(words[0])
+            (read_svg_outlines if words[0].endswith("svg") else read_csv_outlines)(words[0])
         except PushplanError:
             return {"verdict": "refused"}
         return {"verdict": "read"}
     if words[0] == "plan":
-        words += ["--time-limit", str(LIMIT), "--no-page", "--no-code", "-o", str(folder / "run.mcap")]
-    code, _, err = commanded([*words, "--json"])
-    verdict = {0: "done", 2: "refused", 3: "no plan", 4: "mismatch"}.get(code, "WRONG")
-    if (folder / "run.mcap").exists():
-        replayed, _, said = commanded(["replay", str(folder / "run.mcap"), "--verify", "--json"])
+        words += ["--time-limit", str(LIMIT), *OPTIONS[:2], "-o", str(log)]
+    code, _, err = commanded(*words, "--json")
+    if log.exists():
+        replayed, _, said = commanded("replay", log, "--verify", "--json")
         if replayed != 0:
-            return {"verdict": "WRONG", "why": f"its own log: exit code {replayed}: {said[-600:]}"}
-    return {"verdict": verdict, "why": "" if verdict != "WRONG" else f"exit code {code}: {err[-800:]}"}
+            return wrong(f"its own log: exit code {replayed}: {said[-600:]}")
+    return judged(code, err, {0: "done", 2: "refused", 3: "no plan", 4: "mismatch"})

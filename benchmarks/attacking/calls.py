@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import math
 import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
 from random import Random
 from typing import Any
 
 import numpy as np
-from attacking.measured import Attack, Row, measured
+from attacking.measured import Attacks, Row, measured, wrong
 
 import pushplan
 from pushplan.closed_loop import run_closed_loop
@@ -64,11 +64,17 @@ def planner() -> Planner:
     return Planner(scenario(), time_limit=0.5)
 
 
+def world() -> World:
+    return World.from_scenario(scenario())
+
+
 def _settings(name: str, value: Any) -> object:
     return pushplan.plan(scenario(), **{"time_limit": 0.2, "first": True, name: value})
 
 
 def _trial(name: str, value: Any) -> object:
+    if name == "samples" and value in (2**40, 1e308, 10**400):
+        return None  # that many samples are meant
     return pushplan.trial(plan(), **{"samples": 2, "jobs": 1, name: value})
 
 
@@ -80,40 +86,37 @@ def _controlled(value: Any, **more: Any) -> object:
     return Controller(plan()).step(0.0, value, **more)
 
 
+def _made(kind: Callable[..., object], name: str, value: Any) -> object:
+    return kind(**{name: value})
+
+
 Call = Callable[[Any], object]
+SETTINGS = "time_limit", "seed", "iterations", "margin", "gap"
 WITH_NUMBERS: dict[str, Call] = {
-    **{f"plan({name})": partial(_settings, name) for name in ("time_limit", "seed", "iterations", "margin", "gap")},
-    **{
-        f"PlanSettings({name})": lambda value, name=name: PlanSettings(**{name: value})  # type: ignore[misc]
-        for name in ("time_limit", "seed", "iterations", "margin", "gap")
-    },
-    "trial(samples)": lambda value: _trial("samples", value) if value not in (2**40, 1e308, 10**400) else None,
+    **{f"plan({name})": partial(_settings, name) for name in SETTINGS},
+    **{f"PlanSettings({name})": partial(_made, PlanSettings, name) for name in SETTINGS},
+    "trial(samples)": partial(_trial, "samples"),
     "trial(seed)": partial(_trial, "seed"),
     **{
-        f"TrialUncertainty({name})": lambda value, name=name: TrialUncertainty(**{name: value})  # type: ignore[misc]
+        f"TrialUncertainty({name})": partial(_made, TrialUncertainty, name)
         for name in ("contact_friction", "load", "position", "angle")
     },
     "closed loop(seed)": partial(_loop, "seed"),
     "Disturbance(time)": lambda value: Disturbance(value, 0, 0.0, 0.0, 0.0),
     "Disturbance(x)": lambda value: Disturbance(1.0, 0, value, 0.0, 0.0),
-    "closed loop(Disturbance(index))": lambda value: _loop(
-        "disturbances", [Disturbance(1.0, value, 0.0, 0.001, 0.0)]
-    ),
+    "closed loop(index)": lambda value: _loop("disturbances", [Disturbance(1.0, value, 0.0, 0.001, 0.0)]),
+    **{f"Sensor({name})": partial(_made, Sensor, name) for name in ("rate", "delay", "position", "angle")},
     **{
-        f"Sensor({name})": lambda value, name=name: Sensor(**{name: value})  # type: ignore[misc]
-        for name in ("rate", "delay", "position", "angle")
-    },
-    **{
-        f"ControlSettings({name})": lambda value, name=name: ControlSettings(**{name: value})  # type: ignore[misc]
+        f"ControlSettings({name})": partial(_made, ControlSettings, name)
         for name in ("rate", "looks", "friction", "patience", "replans")
     },
     "path.poses_at": lambda value: plan().path.poses_at([value]),  # type: ignore[union-attr]
     "trajectory.poses_at": lambda value: plan().trajectory.poses_at([value]),  # type: ignore[union-attr]
     "Controller.step(now)": lambda value: Controller(plan()).step(value),
     "Controller.step(measured_at)": lambda value: _controlled(np.zeros((2, 3)), measured_at=value),
-    "World.with_contact_friction": lambda value: World.from_scenario(scenario()).with_contact_friction(value),
-    "World.with_mass": lambda value: World.from_scenario(scenario()).with_mass(value),
-    "World.with_floor_friction": lambda value: World.from_scenario(scenario()).with_floor_friction(value, "far"),
+    "World.with_contact_friction": lambda value: world().with_contact_friction(value),
+    "World.with_mass": lambda value: world().with_mass(value),
+    "World.with_floor_friction": lambda value: world().with_floor_friction(value, "far"),
 }
 WITH_POSES: dict[str, Call] = {
     "plan(start)": lambda value: planner().plan(start=value, first=True),
@@ -127,71 +130,65 @@ WITH_POSES: dict[str, Call] = {
     "ecof": lambda value: pushplan.ecof(scenario().chain.objects[0], value),
     "Controller.step(poses)": _controlled,
     "Controller.step(plate)": lambda value: _controlled(None, plate_pose=value),
-    "SlipSimulator.move": lambda value: SlipSimulator(World.from_scenario(scenario())).move(value, 0.01),
-    "with_object_poses": lambda value: World.from_scenario(scenario()).with_object_poses(value),
+    "SlipSimulator.move": lambda value: SlipSimulator(world()).move(value, 0.01),
+    "with_object_poses": lambda value: world().with_object_poses(value),
 }
 WITH_OTHERS: dict[str, Call] = {
-    "load_scenario": lambda value: pushplan.load_scenario(value),
-    "load_run": lambda value: pushplan.load_run(value),
-    "verify_log": lambda value: pushplan.verify_log(value),
+    "load_scenario": pushplan.load_scenario,
+    "load_run": pushplan.load_run,
+    "verify_log": pushplan.verify_log,
     "scenario_from_document": scenario_from_document,
     "stable_set": lambda value: pushplan.stable_set(scenario().chain, value),
-    "plan(planner)": partial(_settings, "planner"),
-    "plan(stable_set)": partial(_settings, "stable_set"),
-    "plan(cost)": partial(_settings, "cost"),
+    **{f"plan({name})": partial(_settings, name) for name in ("planner", "stable_set", "cost")},
     "run(log)": lambda value: pushplan.run(scenario(), log=value, time_limit=0.2, first=True),
     "trial(simulator)": partial(_trial, "simulator"),
     "plot_plan": lambda value: pushplan.plot_plan(plan(), value),
     "plot_stable_sets": lambda value: plot_stable_sets(scenario().chain, [stable()], value),
     "identify": lambda value: pushplan.identify([value]),
     "Follower": lambda value: Follower(value),
-    "with_load_shifted": lambda value: World.from_scenario(scenario()).with_mass(1.1, value),
+    "with_load_shifted": lambda value: world().with_mass(1.1, value),
 }
 PICKLED: dict[str, Callable[[], object]] = {
     "Scenario": scenario, "Plan": plan, "StableSet": stable, "Planner": planner,
     "Controller": lambda: Controller(plan()), "Follower": lambda: Follower(plan()),
-    "World": lambda: World.from_scenario(scenario()), "Trials": lambda: _trial("seed", 1),
-    "PlanSettings": lambda: PlanSettings(seed=3),
+    "World": world, "Trials": lambda: _trial("seed", 1), "PlanSettings": lambda: PlanSettings(seed=3),
 }  # fmt: skip
 
 
 def every() -> list[tuple[str, Callable[[], object]]]:
     """Return name and call of every attack."""
-    found: list[tuple[str, Callable[[], object]]] = []
-    for calls, values in ((WITH_NUMBERS, NUMBERS), (WITH_POSES, POSES), (WITH_OTHERS, OTHERS)):
-        found += [(f"{name} {value!r:.40}", partial(call, value)) for name, call in calls.items() for value in values]
-    return found
+    tables = (WITH_NUMBERS, NUMBERS), (WITH_POSES, POSES), (WITH_OTHERS, OTHERS)
+    return [
+        (f"{name} {value!r:.40}", partial(call, value))
+        for calls, values in tables
+        for name, call in calls.items()
+        for value in values
+    ]
 
 
-def attacks(count: int, seed: int) -> Iterator[tuple[str, Attack]]:
+def attacks(folder: Path, count: int, seed: int) -> Attacks:
     """Yield `count` of the calls, and all pickles."""
     stable(), plan(), planner()
     for name, make in PICKLED.items():
-        yield f"{seed}-pickle-{name}", partial(_pickled, name, make)
+        yield f"{seed}-pickle-{name}", partial(measured, partial(_pickled, make), group="pickle")
     known = every()
     Random(seed).shuffle(known)
     for k, (name, call) in enumerate(known[: count - len(PICKLED)]):
-        yield f"{seed}-call-{k}-{name}", partial(_called, name, call)
+        group = name.partition("(")[0].partition(" ")[0].partition(".")[0]
+        yield f"{seed}-call-{k}-{name}", partial(measured, partial(_called, call), 0.5, group=group)
 
 
-def _pickled(name: str, make: Callable[[], object]) -> Row:
-    def work(folder: Path) -> Row:
-        again = pickle.loads(pickle.dumps(make()))
-        return {
-            "verdict": "pickles" if type(again).__name__ in (name, "EcofSet", "IntervalSet") or again else "WRONG"
-        }
-
-    return {"group": "pickle", **measured(work)}
+def _pickled(make: Callable[[], object], folder: Path) -> Row:
+    made = make()
+    same = type(pickle.loads(pickle.dumps(made))) is type(made)
+    return {"verdict": "pickles"} if same else wrong("another type")
 
 
-def _called(name: str, call: Callable[[], object]) -> Row:
-    def work(folder: Path) -> Row:
-        try:
-            call()
-        except PushplanError as error:
-            return {"verdict": "an error of pushplan" if str(error).strip() else "WRONG", "said": str(error)[:200]}
-        except TypeError as error:  # what is no number, no path, no set at all
-            return {"verdict": "a TypeError", "said": str(error)[:200]}
-        return {"verdict": "an answer"}
-
-    return {"group": name.partition("(")[0].partition(" ")[0].partition(".")[0], **measured(work, 0.5)}
+def _called(call: Callable[[], object], folder: Path) -> Row:
+    try:
+        call()
+    except PushplanError as error:
+        return {"verdict": "an error of pushplan" if str(error).strip() else "WRONG", "said": str(error)[:200]}
+    except TypeError as error:  # what is no number, no path, no set at all
+        return {"verdict": "a TypeError", "said": str(error)[:200]}
+    return {"verdict": "an answer"}

@@ -8,11 +8,11 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
 from functools import cache, partial
+from pathlib import Path
 from random import Random
 
-from attacking.measured import Attack, Row
+from attacking.measured import Attacks, Row, wrong
 
 PYTHON = [sys.executable, "-c"]
 PUSHPLAN = [sys.executable, "-m", "pushplan"]
@@ -26,11 +26,11 @@ PROGRAMS = {
 }
 
 
-def attacks(count: int, seed: int) -> Iterator[tuple[str, Attack]]:
+def attacks(folder: Path, count: int, seed: int) -> Attacks:
     """Yield interrupts of all programs in turn; half of them get a second one."""
-    names = [*PROGRAMS]
     for k in range(count):
-        yield f"{seed}-interrupt-{k}", partial(attack, names[k % len(names)], Random(f"{seed}-interrupt-{k}"))
+        key = f"{seed}-interrupt-{k}"
+        yield key, partial(attack, [*PROGRAMS][k % len(PROGRAMS)], Random(key))
 
 
 def attack(name: str, random: Random) -> Row:
@@ -47,11 +47,11 @@ def attack(name: str, random: Random) -> Row:
             _, said = process.communicate(timeout=600.0)
         except subprocess.TimeoutExpired:
             process.kill()
-            return {"group": name, "verdict": "WRONG", "why": "it goes on", "moment": moment}
+            return {"group": name, "moment": moment, **wrong("it goes on")}
     code, text = process.returncode, said.decode(errors="replace")
     row: Row = {"group": name, "moment": moment, "code": code}
     if code in (-signal.SIGABRT, -signal.SIGSEGV) or "defect" in text or "terminate called" in text:
-        return {**row, "verdict": "WRONG", "why": text[-1500:]}
+        return row | wrong(text[-1500:])
     return {**row, "verdict": "done before" if code == 0 else "interrupted"}
 
 

@@ -11,7 +11,7 @@ from random import Random
 from typing import Any
 
 import yaml
-from attacking.measured import Attack, Row, commanded, measured
+from attacking.measured import Attacks, Row, commanded, judged, measured, wrong
 from google.protobuf.message import Message as ProtobufMessage
 from kinds import FAST, MULTI
 from mcap import records
@@ -24,29 +24,33 @@ from pushplan.closed_loop import run_closed_loop
 from pushplan.errors import RunLogError
 from pushplan.logging.reader import load_run
 from pushplan.plans.robustness import TrialUncertainty
-from pushplan.scenario.file import example_text, scenario_from_document
+from pushplan.plans.run import Run
+from pushplan.scenario.file import example_text, scenario_from_document, scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.simulated_push import Disturbance
 from pushplan.trial import write_trial
 
+KINDS = ("push", "several-pushes", "rearrangement", "closed-loop", "trial", "trials")
 SLIPPERY = TrialUncertainty(contact_friction=0.6, load=0.3, position=2e-3)
+DAMAGED = {2: "refused as damaged (2)", 4: "a mismatch (4)"}
 
 
 def sound(folder: Path) -> dict[str, Path]:
     """Return a sound log of every kind, written once for a folder."""
-    logs = {
-        name: folder / f"sound-{name}.mcap"
-        for name in ("push", "several-pushes", "rearrangement", "closed-loop", "trial", "trials")
-    }
+    logs = {kind: folder / f"sound-{kind}.mcap" for kind in KINDS}
     if all(path.exists() for path in logs.values()):
         return logs
-    plain, options = pushplan.load_scenario("two-crates"), {"seed": 1, "first": True, "time_limit": 60.0}
-    run = pushplan.run(plain, log=logs["push"], **options)  # type: ignore[arg-type]
-    several = pushplan.scenario_from_text(MULTI)
-    pushplan.run(several, log=logs["several-pushes"], **options)  # type: ignore[arg-type]
-    apart = pushplan.scenario_from_text(FAST["rearrangement"])
-    pushplan.run(apart, log=logs["rearrangement"], **options)  # type: ignore[arg-type]
-    run_closed_loop(_short(), disturbances=[Disturbance(1.0, 1, 0.0, -5e-3, 0.05)], log=logs["closed-loop"])
+
+    def recorded(kind: str, scenario: Scenario) -> Run:
+        return pushplan.run(scenario, log=logs[kind], seed=1, first=True, time_limit=60.0)
+
+    run = recorded("push", pushplan.load_scenario("two-crates"))
+    recorded("several-pushes", scenario_from_text(MULTI))
+    recorded("rearrangement", scenario_from_text(FAST["rearrangement"]))
+    # A push of 3 s, because the verification of a closed loop repeats all of its control.
+    goal = {"pose": [0.5, 0.1, "15 deg"], "of": "far"}
+    short = scenario_from_document({**yaml.safe_load(example_text("free-space")), "goal": goal})
+    run_closed_loop(short, disturbances=[Disturbance(1.0, 1, 0.0, -5e-3, 0.05)], log=logs["closed-loop"])
     trials = pushplan.trial(run.plan, 3, uncertainty=SLIPPERY, seed=3, log=logs["trials"])
     write_trial(trials, trials.worst, logs["trial"])
     for path in logs.values():
@@ -54,25 +58,12 @@ def sound(folder: Path) -> dict[str, Path]:
     return logs
 
 
-def _short() -> Scenario:
-    """Return a push of 3 s, because the verification of a closed loop repeats all of its control."""
-    stated = yaml.safe_load(example_text("free-space"))
-    return scenario_from_document({**stated, "goal": {"pose": [0.5, 0.1, "15 deg"], "of": "far"}})
-
-
-def mutations(folder: Path, count: int, seed: int) -> Iterator[tuple[str, Attack]]:
+def mutations(folder: Path, count: int, seed: int) -> Attacks:
     """Yield logs with bits flipped, pieces left out, repeated or overwritten, or cut off."""
     logs = sound(folder)
-    data = {kind: path.read_bytes() for kind, path in logs.items()}
     for k in range(count):
-        kind, key = list(logs)[k % len(logs)], f"{seed}-mutation-{k}"
-        yield (
-            key,
-            lambda kind=kind, key=key: {  # type: ignore[misc]
-                "group": kind,
-                **measured(partial(_taken, mutated(data[kind], Random(key)))),
-            },
-        )
+        kind, key = KINDS[k % len(KINDS)], f"{seed}-mutation-{k}"
+        yield key, partial(measured, partial(_mutated, logs[kind], key), group=kind)
 
 
 def mutated(log: bytes, random: Random) -> bytes:
@@ -97,27 +88,22 @@ def mutated(log: bytes, random: Random) -> bytes:
     return bytes(made)
 
 
-WORDS = {0: "harmless", 2: "refused as damaged (2)", 4: "a mismatch (4)"}
-
-
-def _taken(data: bytes, folder: Path) -> Row:
-    """Verify a log by the command, and recover it."""
+def _mutated(log: Path, key: str, folder: Path) -> Row:
+    """Verify a mutated log by the command, and recover it."""
     path = folder / "evil.mcap"
-    path.write_bytes(data)
-    code, _, err = commanded(["replay", str(path), "--verify", "--json"])
-    if code not in WORDS:
-        return {"verdict": "WRONG", "why": f"exit code {code}: {err[-600:]}"}
+    path.write_bytes(mutated(log.read_bytes(), Random(key)))
+    code, _, err = commanded("replay", path, "--verify", "--json")
+    row = judged(code, err, {0: "harmless", **DAMAGED})
     try:
         load_run(path, recover=True)
     except RunLogError:
-        return {"verdict": WORDS[code]}
-    return {"verdict": WORDS[code] + ("" if code == 0 else ", recovered in part")}
+        return row
+    return {**row, "verdict": row["verdict"] + ", recovered in part" * (code in DAMAGED)}
 
 
-def tampering(folder: Path, count: int, seed: int) -> Iterator[tuple[str, Attack]]:
+def tampering(folder: Path, count: int, seed: int) -> Attacks:
     """Yield sound files with a value changed, a record dropped or repeated: each topic, metadata and attachment."""
-    logs = sound(folder)
-    groups = []
+    logs, groups = sound(folder), []
     for kind, path in logs.items():
         alike: dict[str, list[Any]] = {}
         for name, found in record_names(path).items():
@@ -128,52 +114,39 @@ def tampering(folder: Path, count: int, seed: int) -> Iterator[tuple[str, Attack
     for k in range(count):
         kind, name, found, how = groups[k % len(groups)]
         key = f"{seed}-tampering-{k}"
-        yield key, partial(_tampered, logs[kind], kind, name, found, how, key)
+        yield key, partial(measured, partial(_tampered, logs[kind], name, found, how, key), group=kind)
 
 
-def _tampered(log: Path, kind: str, name: str, found: list[Any], how: str, key: str) -> Row:
-    random = Random(key)
+def _tampered(log: Path, name: str, found: list[Any], how: str, key: str, folder: Path) -> Row:
+    random, done = Random(key), list[int]()
     victim = random.choice(found)
     instead, what = _instead(victim, name, how, random)
     if not what:
-        return {"group": kind, "verdict": "nothing to change", "seconds": 0.0, "mb": 0.0}
+        return {"verdict": "nothing to change"}
 
-    def work(folder: Path) -> Row:
-        done: list[int] = []
+    def edit(record: Any) -> Iterator[Any]:
+        if not done and record == victim:
+            done.append(1)
+            yield from instead
+        else:
+            yield record
 
-        def edit(record: Any) -> Iterator[Any]:
-            if not done and record == victim:
-                done.append(1)
-                yield from instead
-            else:
-                yield record
-
-        path = rewritten(log, folder / "altered.mcap", edit)
-        assert done
-        code, _, err = commanded(["replay", str(path), "--verify", "--json"])
-        if code in (2, 4):
-            return {"verdict": f"{how}: {WORDS[code]}"}
-        return {"verdict": "WRONG", "why": f"{name}: {what}: exit code {code} {err[-400:]}"}
-
-    return {"group": kind, "what": f"{name} {what}", **measured(work)}
+    path = rewritten(log, folder / "altered.mcap", edit)
+    assert done
+    code, _, err = commanded("replay", path, "--verify", "--json")
+    return {"what": f"{name} {what}", **judged(code, err, {code: f"{how}: {word}" for code, word in DAMAGED.items()})}
 
 
-def forgeries(count: int) -> Iterator[tuple[str, Attack]]:
+def forgeries(folder: Path, count: int, seed: int) -> Attacks:
     """Yield forged logs: plans that are invalid in the stated scenario, or wrong numbers."""
     for forgery in FORGERIES[:count]:
-        key = f"{forgery.kind}: {forgery.name}"
-        yield key, lambda forgery=forgery: {"group": forgery.kind, **measured(partial(_forged, forgery))}  # type: ignore[misc]
+        yield f"{forgery.kind}: {forgery.name}", partial(measured, partial(_forged, forgery), group=forgery.kind)
 
 
 def _forged(forgery: Forgery, folder: Path) -> Row:
-    path = folder / "forged.mcap"
-    forgery.write(path)
-    code, _, err = commanded(["replay", str(path), "--verify", "--json"])
-    if code == 0:
-        return {"verdict": "WRONG", "why": "confirmed"}
-    return (
-        {"verdict": WORDS[code]} if code in WORDS else {"verdict": "WRONG", "why": f"exit code {code}: {err[-600:]}"}
-    )
+    forgery.write(folder / "forged.mcap")
+    code, _, err = commanded("replay", folder / "forged.mcap", "--verify", "--json")
+    return judged(code, err, DAMAGED) if code else wrong("confirmed")
 
 
 def _instead(victim: Any, name: str, how: str, random: Random) -> tuple[list[Any], str]:
@@ -181,12 +154,11 @@ def _instead(victim: Any, name: str, how: str, random: Random) -> tuple[list[Any
     if how != "changed":
         return [victim, victim] if how == "repeated" else [], how
     if isinstance(victim, records.Metadata):
-        words = dict(victim.metadata)
-        word = random.choice(sorted(words))
-        words[word] = random.choice((words[word] + "1", words[word][:-1], ""))
-        if words == victim.metadata:
-            words[word] = "x"
-        return [replace(victim, metadata=words)], f"{word} = {words[word]!r:.60}"
+        word = random.choice(sorted(victim.metadata))
+        old = victim.metadata[word]
+        new = random.choice((old + "1", old[:-1], ""))
+        new = "x" if new == old else new
+        return [replace(victim, metadata={**victim.metadata, word: new})], f"{word} = {new!r:.60}"
     if isinstance(victim, records.Attachment):
         data = bytearray(victim.data)
         at = random.randrange(len(data))
@@ -199,8 +171,12 @@ def _instead(victim: Any, name: str, how: str, random: Random) -> tuple[list[Any
     if random.random() < 0.2:
         word = random.choice(("log_time", "publish_time", "sequence"))
         return [replace(victim, **{word: getattr(victim, word) + random.choice((1, 10**6))})], word
-    kind = next(topic.message for topic in schemas.TOPICS if topic.name == name)
-    message = kind.FromString(victim.data)
+    return _other_message(victim, name, random)
+
+
+def _other_message(victim: Any, name: str, random: Random) -> tuple[list[Any], str]:
+    """Return a message with one value changed, and what was changed."""
+    message = next(topic.message for topic in schemas.TOPICS if topic.name == name).FromString(victim.data)
     leaves = [*_leaves(message)]
     if not leaves:
         return [victim], ""
@@ -216,14 +192,10 @@ def _instead(victim: Any, name: str, how: str, random: Random) -> tuple[list[Any
 
 
 def _leaves(message: Any) -> Iterator[tuple[Any, str, int | None]]:
+    """Yield holder, field and index (None for a single value) of every value in a message."""
     for field, value in message.ListFields():
-        if isinstance(value, str | bytes | int | float | ProtobufMessage):
-            if isinstance(value, ProtobufMessage):
-                yield from _leaves(value)
-            else:
-                yield message, field.name, None
-            continue
-        for k, member in enumerate(value):
+        single = isinstance(value, str | bytes | int | float | ProtobufMessage)
+        for k, member in [(None, value)] if single else enumerate(value):
             if isinstance(member, ProtobufMessage):
                 yield from _leaves(member)
             else:

@@ -12,7 +12,7 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from threading import Timer
 from typing import Any
@@ -20,24 +20,31 @@ from typing import Any
 from pushplan.cli.main import main
 
 Row = dict[str, Any]
-Attack = Callable[[], Row]
+Attacks = Iterator[tuple[str, Callable[[], Row]]]
+"""Key and function of each attack; its row has a `group` and a `verdict`."""
 
 MOST_MB, MOST_SECONDS = 500.0, 10.0
-"""What an attack may take of memory, and of a processor beyond the time limit that it states."""
+"""Largest memory of an attack, and largest CPU time beyond its time limit."""
 
 TAKEN: list[float] = []
-"""Processor time of each command in this process, s."""
+"""CPU time of each command in this process, s."""
 
 _STARTS = {"subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "os.spawn", "os.fork", "os.forkpty"}
 _WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT
 
 
-def measured(work: Callable[[Path], Row], limit: float = 0.0) -> Row:
-    """Do an attack in a child and an empty folder; return what it says, what it takes, and a verdict.
+def wrong(why: str) -> Row:
+    """Return the row of an attack that ended as it must not."""
+    return {"verdict": "WRONG", "why": why}
+
+
+def measured(work: Callable[[Path], Row], limit: float = 0.0, **fields: Any) -> Row:
+    """Do an attack in a child and an empty folder; return its row, with time, memory and a verdict.
 
     Args:
         work: Gets the folder, which is the working directory, too; its row has a `verdict`.
-        limit: Seconds that it may search by its own words.
+        limit: Time limit of its search, s.
+        fields: Further fields of the row.
     """
     reading, writing = os.pipe()
     with tempfile.TemporaryDirectory(prefix="attack-") as folder:
@@ -52,16 +59,12 @@ def measured(work: Callable[[Path], Row], limit: float = 0.0) -> Row:
             told = pipe.read()
         _, status, used = os.wait4(child, 0)
         watch.cancel()
-    row: Row = json.loads(told) if told else {"verdict": "WRONG", "why": f"ended by status {status}", "mb": 0.0}
+    row: Row = fields | (json.loads(told) if told else wrong(f"ended by status {status}") | {"mb": 0.0})
     row.setdefault("seconds", used.ru_utime + used.ru_stime)
-    why = row.get("why", "")
-    if row["mb"] > MOST_MB:
-        why += f"; {row['mb']:.0f} MB"
-    if row["seconds"] > limit + MOST_SECONDS:
-        why += f"; {row['seconds']:.1f} s"
-    if row.get("outside"):
-        why += f"; {row['outside']}"
-    return {**row, "verdict": "WRONG", "why": why} if why else row
+    why = [row.get("why"), row.get("outside")]
+    why += [f"{row['mb']:.0f} MB"] * (row["mb"] > MOST_MB)
+    why += [f"{row['seconds']:.1f} s"] * (row["seconds"] > limit + MOST_SECONDS)
+    return row | wrong("; ".join(filter(None, why))) if any(why) else row
 
 
 def _attacked(work: Callable[[Path], Row], folder: Path, writing: int) -> None:
@@ -69,14 +72,15 @@ def _attacked(work: Callable[[Path], Row], folder: Path, writing: int) -> None:
     outside: list[str] = []
 
     def hook(event: str, args: tuple[Any, ...]) -> None:
+        before = len(outside)
         if event in _STARTS:
             outside.append(f"{event} {args[:2]}")
-            raise PermissionError(outside[-1])  # told, and not done
         elif event == "open" and isinstance(args[0], str | bytes) and (args[2] or 0) & _WRITES:
             path = os.path.realpath(os.fsdecode(args[0]))
             if not path.startswith((os.path.realpath(folder), "/dev/null")):
                 outside.append(f"wrote {path}")
-                raise PermissionError(outside[-1])
+        if len(outside) > before:
+            raise PermissionError(outside[-1])  # told, and not done
 
     os.chdir(folder)
     os.environ["PUSHPLAN_RUNS"] = str(folder / "runs")
@@ -86,7 +90,7 @@ def _attacked(work: Callable[[Path], Row], folder: Path, writing: int) -> None:
     try:
         row = work(folder)
     except BaseException:
-        row = {"verdict": "WRONG", "why": traceback.format_exc()[-1500:]}
+        row = wrong(traceback.format_exc()[-1500:])
     taken = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     row |= {"seconds": max(TAKEN)} if TAKEN else {}
     row |= {"mb": taken / 1024.0, "outside": "; ".join(outside)[:300]}
@@ -94,11 +98,16 @@ def _attacked(work: Callable[[Path], Row], folder: Path, writing: int) -> None:
     os._exit(0)
 
 
-def commanded(words: list[str]) -> tuple[int, str, str]:
+def commanded(*words: object) -> tuple[int, str, str]:
     """Run a command of pushplan in this process; return its exit code, its output and its errors."""
     out, err = io.StringIO(), io.StringIO()
     began = time.process_time()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        code = main(words)
+        code = main([str(word) for word in words])
     TAKEN.append(time.process_time() - began)
     return code, out.getvalue(), err.getvalue()
+
+
+def judged(code: int, errors: str, meant: Mapping[int, str]) -> Row:
+    """Return the row of a command's exit code: one of those that are meant, or wrong."""
+    return {"verdict": meant[code]} if code in meant else wrong(f"exit code {code}: {errors[-800:]}")

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import shapely
 import yaml
-from attacking.measured import Attack, Row, commanded, measured
+from attacking.measured import Attacks, Row, commanded, measured, wrong
 from mutators import mutated_document, places
 
 from pushplan.drawing.scene import Scene
@@ -21,12 +21,12 @@ from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
 from pushplan.mechanics.chain import BodyKind
 from pushplan.scenario.file import example_names, load_scenario
-from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import CircleObstacle
 from pushplan.verification import verify_run
 
 LIMIT = 0.5
 """Time limit of each plan, s."""
+OPTIONS = ("--no-page", "--no-code", "--json")
 
 DOCUMENTS = Path(__file__).with_name("documents.yaml")
 """Scenarios with the keys that packaged ones leave out, and a map's file."""
@@ -45,51 +45,38 @@ def documents() -> dict[str, Any]:
     return {**packaged, **yaml.safe_load(DOCUMENTS.read_text())["scenarios"]}
 
 
-def keys_of(document: Any, prefix: str = "") -> Iterator[str]:
-    """Yield the dotted keys of a document, without the numbers of list members."""
-    if isinstance(document, dict):
-        for key, value in document.items():
-            yield f"{prefix}{key}"
-            yield from keys_of(value, f"{prefix}{key}.")
-    elif isinstance(document, list):
-        for value in document:
-            yield from keys_of(value, prefix)
+def holders(node: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the dotted keys of a document, without the numbers of list members, and the sections that hold them."""
+    if isinstance(node, dict):
+        for key, value in node.items():
+            yield f"{prefix}{key}", node
+            yield from holders(value, f"{prefix}{key}.")
+    elif isinstance(node, list):
+        for value in node:
+            yield from holders(value, prefix)
 
 
-def attacks(count: int, seed: int) -> Iterator[tuple[str, Attack]]:
+def attacks(folder: Path, count: int, seed: int) -> Attacks:
     """Yield mutated scenarios: every key of every document in turn, half of them with further mutations."""
     known = documents()
-    pairs = sorted({(key, name) for name, document in known.items() for key in keys_of(document)})
+    pairs = sorted({(key, name) for name, document in known.items() for key, _ in holders(document)})
     turns = sorted(pairs, key=lambda pair: ([other for _, other in pairs if other == pair[1]], pair))
     seen: dict[str, list[tuple[str, str]]] = {}
     for key, name in turns:
         seen.setdefault(key, []).append((key, name))
     rounds = [group[k % len(group)] for k in range(count // len(seen) + 1) for group in seen.values()]
+    packaged = example_names()
     for k, (key, name) in enumerate(rounds[:count]):
-        yield f"{seed}-scenario-{k}", partial(_attack, known[name], name, key, f"{seed}-{k}")
-
-
-def _attack(document: Any, name: str, key: str, seed: str) -> Row:
-    random = Random(seed)
-    made = _mutated_at(document, key, random)
-    if random.random() < 0.5:
-        made = mutated_document(made, random)
-    row = measured(partial(_planned, made, name, random), LIMIT)
-    return {"group": _kind(name), "place": key, **row} | ({"document": made} if row["verdict"] == "WRONG" else {})
-
-
-def _kind(name: str) -> str:
-    return "packaged" if name in example_names() else name
+        work = partial(_planned, known[name], name, key, f"{seed}-{k}")
+        group = "packaged" if name in packaged else name
+        yield f"{seed}-scenario-{k}", partial(measured, work, LIMIT, group=group, place=key)
 
 
 def _mutated_at(document: Any, key: str, random: Random) -> Any:
     """Return a document with one of the values under a dotted key mutated."""
     copied = json.loads(json.dumps(document))
     last = key.rpartition(".")[2]
-    found = [
-        holder for dotted, holder in _holders(copied) if dotted == key and isinstance(holder, dict) and last in holder
-    ]
-    holder = random.choice(found)
+    holder = random.choice([holder for dotted, holder in holders(copied) if dotted == key])
     if random.random() < 0.4:
         holder[last] = _scaled(holder[last], random)
         return copied
@@ -110,48 +97,41 @@ def _scaled(value: Any, random: Random) -> Any:
     return value * 3.0 ** random.uniform(-1.0, 1.0) * random.choice((1.0, 1.0, 1.0, 1.0, -1.0, 1e-3, 1e3))
 
 
-def _holders(node: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    if isinstance(node, dict):
-        for key, value in node.items():
-            yield f"{prefix}{key}", node
-            yield from _holders(value, f"{prefix}{key}.")
-    elif isinstance(node, list):
-        for value in node:
-            yield from _holders(value, prefix)
-
-
-def _planned(document: Any, name: str, random: Random, folder: Path) -> Row:
-    """Plan a mutated document."""
-    told, image = yaml.safe_load(DOCUMENTS.read_text())["map"], bytearray(picture())
+def _planned(document: Any, name: str, key: str, seed: str, folder: Path) -> Row:
+    """Mutate a document and plan it; a row that is wrong holds the mutated document."""
+    random = Random(seed)
+    made = _mutated_at(document, key, random)
+    if random.random() < 0.5:
+        made = mutated_document(made, random)
+    stated, image = yaml.safe_load(DOCUMENTS.read_text())["map"], bytearray(picture())
     if name == "mapped" and random.random() < 0.5:
-        told = mutated_document(told, random)
+        stated = mutated_document(stated, random)
     if name == "mapped" and random.random() < 0.2:
         image[random.randrange(len(image))] ^= 1 << random.randrange(8)
-    (folder / "office.yaml").write_text(json.dumps(told), errors="replace")
+    (folder / "office.yaml").write_text(json.dumps(stated), errors="replace")
     (folder / "office.pgm").write_bytes(image)
-    path = folder / "attack.yaml"
-    path.write_text(json.dumps(document), errors="replace")
-    log = folder / "run.mcap"
+    path, log = folder / "attack.yaml", folder / "run.mcap"
+    path.write_text(json.dumps(made), errors="replace")
     first = ["--first"] if random.random() < 0.5 else []
-    words = ["plan", str(path), "--time-limit", str(LIMIT), "--no-page", "--no-code", "--json", "-o", str(log)]
-    code, out, err = commanded([*words, *first])
+    row = _judged(log, *commanded("plan", path, "--time-limit", LIMIT, *OPTIONS, "-o", log, *first))
+    return row | ({"document": made} if row["verdict"] == "WRONG" else {})
+
+
+def _judged(log: Path, code: int, out: str, err: str) -> Row:
+    """Return the result of a command: it refuses with words, or its log is verified."""
     if code == 2:
-        message = json.loads(out)["error"]["message"]
-        return {"verdict": "refused" if message else "WRONG", "why": "" if message else "no message"}
+        return {"verdict": "refused"} if json.loads(out)["error"]["message"] else wrong("no message")
     if code not in (0, 3):
-        return {"verdict": "WRONG", "why": f"exit code {code}: {err[-800:]}"}
+        return wrong(f"exit code {code}: {err[-800:]}")
     run = load_run(log, messages=True)
-    report = verify_run(run)
-    why = "; ".join(check.text for check in report.mismatches)
-    if code == 0:
-        why += wrongly_solved(run)
-    return {"verdict": "WRONG" if why else "solved" if code == 0 else "no plan", "why": why}
+    why = "; ".join(check.text for check in verify_run(run).mismatches) + (wrongly_solved(run) if code == 0 else "")
+    return wrong(why) if why else {"verdict": "no plan" if code else "solved"}
 
 
 def wrongly_solved(run: RecordedRun) -> str:
     """Return what is wrong with an execution that is called a solution: contacts, goals, collisions; empty if none.
 
-    No code of the searches, or of the validation of plans, is used.
+    It uses no code of the searches, or of the validation of plans.
     """
     execution, scenario = run.execution, run.scenario
     if execution is None or execution.loss is not None:
@@ -173,27 +153,25 @@ def _reached(goal: Any, ends: Any, places: Any, names: list[str]) -> bool:
 
 
 def _collision(run: RecordedRun) -> str:
+    """Return the first collision in 200 poses of an execution; empty if there is none."""
     scenario, execution = run.scenario, run.execution
     assert execution is not None
     obstacles = shapely.STRtree([_obstacle(one) for one in scenario.obstacles])
-    limits = _limits(scenario)
+    limits = None if scenario.workspace is None else shapely.Polygon(scenario.workspace.outline)
     for k in np.unique(np.linspace(0, len(execution.t) - 1, 200).astype(int)):
-        objects = []
+        objects: dict[str, shapely.Polygon] = {}
         for body in Scene.of(scenario).bodies:
-            place = execution.poses[k]
-            if body.kind is BodyKind.OBJECT:
+            place, own = execution.poses[k], body.kind is BodyKind.OBJECT
+            if own:
                 place = execution.objects[k, execution.names.index(body.name)]
             shape = shapely.Polygon(transform_points(place, body.outline)).buffer(-1e-6)
-            if obstacles.query(shape, predicate="intersects").size:
-                return f"solved, and {body.name} meets an obstacle at {execution.t[k]:.2f} s"
-            if limits is not None and not limits.contains(shape):
-                return f"solved, and {body.name} leaves the workspace at {execution.t[k]:.2f} s"
-            if body.kind is BodyKind.OBJECT:
-                objects.append((body.name, shape))
-        for i, (name, shape) in enumerate(objects):
-            for other, beside in objects[:i]:
-                if shape.intersects(beside):
-                    return f"solved, and {name} overlaps {other} at {execution.t[k]:.2f} s"
+            met = ["an obstacle"] if obstacles.query(shape, predicate="intersects").size else []
+            met += [] if limits is None or limits.contains(shape) else ["the limits of the workspace"]
+            met += [name for name, other in objects.items() if own and shape.intersects(other)]
+            if met:
+                return f"solved, and {body.name} meets {met[0]} at {execution.t[k]:.2f} s"
+            if own:
+                objects[body.name] = shape
     return ""
 
 
@@ -203,11 +181,7 @@ def _obstacle(obstacle: Any) -> shapely.Geometry:
     return shapely.Polygon(obstacle.outline)
 
 
-def _limits(scenario: Scenario) -> shapely.Geometry | None:
-    return None if scenario.workspace is None else shapely.Polygon(scenario.workspace.outline)
-
-
-def told(rows: list[Row]) -> str:
+def coverage_of(rows: list[Row]) -> str:
     """Return the number of mutated keys, and the keys of the schema that are not among them."""
     schema = json.loads((Path(__file__).parents[2] / "pushplan" / "scenario.schema.json").read_text())
     declared = {str(name) for holder, key in places(schema) if key == "properties" for name in holder[key]}
