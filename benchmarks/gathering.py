@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 import shapely
-from row_checks import apart, box, put, violations
+from row_checks import apart, box, pose_of, put, violations
 from scipy.optimize import linear_sum_assignment
 from scipy.stats import bootstrap
 from script import options
@@ -76,16 +76,16 @@ def _drawn(random: np.random.Generator, car: bool, side: float, count: int) -> D
     """Return a room of a side (m) if all has place."""
     length = SIDE * count
     rear = [side - length - 0.02, float(random.uniform(0.6, side - 0.6)), 0.0]
-    taken, objects = [put(shapely.box(-0.6, -0.2, length, 0.2), rear)], list[Document]()
+    taken, objects = [put(shapely.box(-0.6, -0.2, length, 0.2), pose_of(rear))], list[Document]()
     for i in range(count):
         pose = [*random.uniform(BEHIND, side - BEHIND, 2).tolist(), random.uniform(-np.pi, np.pi)]
-        shape = put(box(SIDE, SIDE), pose)
+        shape = put(box(SIDE, SIDE), pose_of(pose))
         if any(shape.distance(other) < FAR for other in taken):
             return None
         taken.append(shape)
         objects.append({"name": f"o{i}", "shape": {"box": [SIDE, SIDE]}, "mass": 0.5, "pose": pose})
     start = [*random.uniform(0.5, side - 0.5, 2).tolist(), random.uniform(-np.pi, np.pi)]
-    if any(put(shapely.box(-0.5, -0.2, 0.1, 0.2), start).distance(other) < 0.05 for other in taken):
+    if any(put(shapely.box(-0.5, -0.2, 0.1, 0.2), pose_of(start)).distance(other) < 0.05 for other in taken):
         return None
     return {
         "format": "pushplan/1",
@@ -185,7 +185,7 @@ def executed(found: Plan, seed: int, how: str) -> tuple[float, float, bool]:
         position, angle = run.goal_errors
         return position, angle, run.outcome != "arrived"
     report = simulate_in_physics(found, world) if how == "physics" else slip(found, world)
-    errors = [apart(tuple(a), tuple(b)) for a, b in zip(report.objects[-1], report.wanted, strict=True)]
+    errors = [apart(pose_of(a), pose_of(b)) for a, b in zip(report.objects[-1], report.wanted, strict=True)]
     position, angle = (float(value) for value in report.object_errors.max(axis=0))
     return position, angle, bool(report.jammed_at) or max(errors) > 0.5
 

@@ -22,13 +22,12 @@ THICK = 0.05
 
 
 def snake(lanes: int = 8, width: float = 1.6, length: float = 6.0, gap: float = 1.0) -> Scenario:
-    """Return lanes side by side, joined by gaps at alternate ends."""
+    """Return lanes side by side, joined by gaps at alternate ends; the goal of an even number is on the left."""
     walls = []
     for k in range(1, lanes):
-        open_at = length - gap if k % 2 else 0.0
-        y = k * width
-        walls.append((0.0 if k % 2 else gap, y - THICK / 2, open_at if k % 2 else length, y + THICK / 2))
-    end = [length - 0.7, (lanes - 0.5) * width, 0.0] if lanes % 2 else [0.7, (lanes - 0.5) * width, np.pi]
+        begin, y = 0.0 if k % 2 else gap, k * width
+        walls.append((begin, y - THICK / 2, begin + length - gap, y + THICK / 2))
+    end = [0.7, (lanes - 0.5) * width, np.pi]
     return _scenario(f"snake-{lanes}", walls, (length, lanes * width), [0.7, width / 2, 0.0], end)
 
 
@@ -81,29 +80,18 @@ def office(side: int, seed: int, room: float = 3.0, door: float = 1.0, closed: f
     )
 
 
-def three_walls(clearance: float) -> Scenario:
-    """Return three walls across a room, each with a gap that leaves `clearance`, m, beside the plate."""
-    walls = []
-    for x, y in ((3.0, 2.2), (6.0, 3.8), (9.0, 2.6)):
-        half = PLATE / 2 + clearance
-        walls += [(x, 0.0, x + 0.1, y - half), (x, y + half, x + 0.1, 6.0)]
-    name = f"three-walls-{1e3 * clearance:g}mm"
-    return _scenario(name, walls, (12.0, 6.0), [1.0, 3.0, 0.0], [11.0, 3.0, 0.0])
+def gaps(name: str, clearance: float, ends: list[tuple[float, float, float]], *stated: Any) -> Scenario:
+    """Return a room with walls across, each with a gap that leaves a clearance (m) on both sides of the plate.
 
-
-def gap(clearance: float) -> Scenario:
-    """Return one wall with a gap that leaves `clearance`, m, beside the plate."""
-    half = PLATE / 2 + clearance
-    walls = [(2.0, 0.0, 2.1, 2.0 - half), (2.0, 2.0 + half, 2.1, 4.0)]
-    return _scenario(f"gap-{1e3 * clearance:g}mm", walls, (4.0, 4.0), [0.6, 1.2, 0.0], [3.4, 2.8, 0.0])
-
-
-def corridor(clearance: float, length: float = 3.0) -> Scenario:
-    """Return a thick wall with a gap that leaves `clearance`, m, beside the plate."""
-    half, end = PLATE / 2 + clearance, 2.0 + length
-    walls = [(2.0, 0.0, end, 2.0 - half), (2.0, 2.0 + half, end, 4.0)]
-    name = f"corridor-{1e3 * clearance:g}mm"
-    return _scenario(name, walls, (end + 2.0, 4.0), [0.6, 1.2, 0.0], [end + 1.4, 2.8, 0.0])
+    Args:
+        name: Beginning of the scenario's name.
+        clearance: m.
+        ends: Begin and end of each wall along x, and the middle of its gap, m.
+        stated: Size of the room, start and goal.
+    """
+    half, (_, height) = PLATE / 2 + clearance, stated[0]
+    walls = [wall for x, end, y in ends for wall in ((x, 0.0, end, y - half), (x, y + half, end, height))]
+    return _scenario(f"{name}-{1e3 * clearance:g}mm", walls, *stated)
 
 
 def scenes() -> Iterator[Scenario]:
@@ -114,9 +102,10 @@ def scenes() -> Iterator[Scenario]:
             yield maze(side, seed)
     yield office(10, 1)
     for clearance in (0.01, 0.003):
-        yield three_walls(clearance)
-        yield gap(clearance)
-        yield corridor(clearance)
+        three = [(3.0, 3.1, 2.2), (6.0, 6.1, 3.8), (9.0, 9.1, 2.6)]
+        yield gaps("three-walls", clearance, three, (12.0, 6.0), [1.0, 3.0, 0.0], [11.0, 3.0, 0.0])
+        yield gaps("gap", clearance, [(2.0, 2.1, 2.0)], (4.0, 4.0), [0.6, 1.2, 0.0], [3.4, 2.8, 0.0])
+        yield gaps("corridor", clearance, [(2.0, 5.0, 2.0)], (7.0, 4.0), [0.6, 1.2, 0.0], [6.4, 2.8, 0.0])
 
 
 PLATE = 0.20
