@@ -1,10 +1,12 @@
 """Whole rooms: is a plan for many objects ever worse than a greedy loop?
 
     python benchmarks/rooms.py [--objects 10] [--rooms 18] [--seed 7000] [--limit 10] [--greedy-limit 40]
+        [--backwards]
 
-Rooms of three kinds (goals on a grid, on shelves along the walls, anywhere) and three drives, drawn by seed. The
-greedy loop plans each object by itself with the others as obstacles, delivers the nearest one that can be delivered,
-and goes on until none can. It uses the public `pushplan.plan` only.
+Rooms of three kinds (goals on a grid, on shelves along the walls, anywhere) and three drives, drawn by seed. With
+`--backwards` an arc leads each object from its start to its goal, past all others as they stand then, in some order.
+The greedy loop plans each object by itself with the others as obstacles, delivers the nearest one that can be
+delivered, and goes on until none can. It uses the public `pushplan.plan` only.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import shapely
 from script import options
 
 import pushplan
@@ -25,6 +28,7 @@ from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.goals import Poses
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import PolygonObstacle
+from pushplan.util.arrays import FloatArray
 
 DRIVES: tuple[tuple[str, Any], ...] = (
     ("omnidirectional", "omnidirectional"),
@@ -71,6 +75,44 @@ def _on_shelf(shelf: int, at: int, pitch: float, side: float) -> list[float]:
     wall, row = shelf % 3, shelf // 3
     deep, along = (side - 0.45 - 0.5 * row if wall == 1 else 0.45 + 0.5 * row), 0.8 + pitch * at
     return [deep, along, 0.0] if wall == 2 else [along, deep, 0.0]
+
+
+def led_backwards(document: dict[str, Any], seed: int) -> dict[str, Any]:
+    """Return a room whose objects, taken off their goals one after another, stand where one push brings them back.
+
+    Each stands at the beginning of an arc that is free of all other objects as they stand at that moment, together
+    with the robot behind the object. How the robot gets from push to push is not looked at.
+    """
+    random = np.random.default_rng([seed, 1])
+    floor = shapely.box(*(document["workspace"][axis][end] for end in (0, 1) for axis in "xy")).buffer(-0.02)
+    robot = shapely.Point(document["robot"]["start"][:2]).buffer(0.4)
+    box = np.array(shapely.box(-0.12, -0.12, 0.12, 0.12).exterior.coords)
+    pushed = np.array(shapely.box(-0.5, -0.14, 0.1, 0.14).exterior.coords)
+    poses = {name: np.array(goal["pose"]) for name, goal in document["goals"].items()}
+    left = list(poses)
+    tries = 400 * len(left)
+    while left and (tries := tries - 1):
+        name = left[random.integers(len(left))]
+        turn, length = random.choice([0.0, random.uniform(-0.8, 0.8)]), random.uniform(0.4, 3.0)
+        face = np.array([0.0, 0.0, 0.5 * math.pi * random.integers(4)])
+        back = np.linspace(0.0, -length, 2 + int(length / 0.1))
+        arc = se2.exp(np.outer(back, [1.0, 0.0, turn]))
+        along = se2.compose(se2.compose(poses[name], face), arc)
+        swept = shapely.union_all(_placed(pushed, along))
+        others = _placed(box, np.array([poses[other] for other in poses if other != name]))
+        met = shapely.intersects(swept, others).any() or _placed(box, along[-1:])[0].intersects(robot)
+        if floor.contains(swept) and not met:
+            poses[name] = se2.compose(along[-1], -face)
+            left.remove(name)
+    if left:
+        raise ValueError(f"{document['name']}: no arc leads back from {', '.join(left)}")
+    objects = [entry | {"pose": poses[entry["name"]].tolist()} for entry in document["objects"]]
+    return document | {"name": f"{document['name']}-backwards", "objects": objects}
+
+
+def _placed(corners: FloatArray, poses: FloatArray) -> Any:
+    """Return a polygon with corners (k, 2) at each of poses (n, 3)."""
+    return shapely.polygons([se2.transform_points(pose, corners) for pose in poses])
 
 
 def _apart(
@@ -123,11 +165,13 @@ def _deliver(scenario: Scenario, name: str, starts: dict[str, Any], plate: Any) 
 
 
 def main() -> None:
-    asked = options(__doc__, objects=10, rooms=18, seed=7000, limit=10.0, greedy_limit=40.0)
+    asked = options(__doc__, objects=10, rooms=18, seed=7000, limit=10.0, greedy_limit=40.0, backwards=False)
     solved = by_greedy = lost = fewer = 0
     firsts = []
     for number in range(asked.rooms):
-        scenario = scenario_from_document(room(number, asked.objects, asked.seed))
+        document = room(number, asked.objects, asked.seed)
+        document = led_backwards(document, asked.seed + number) if asked.backwards else document
+        scenario = scenario_from_document(document)
         done, spent = greedy(scenario, asked.greedy_limit)
         began = time.process_time()
         plan = pushplan.plan(scenario, seed=1, first=True, time_limit=asked.limit)

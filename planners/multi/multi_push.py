@@ -178,8 +178,12 @@ class MultiPushSearch(TaskSearch):
             explain=lambda: _explanation(room, query, found, limit),
         )
 
-    def why_not(self) -> str:
-        """Return the reasons for failure that start and goals alone show; empty if they show none."""
+    def why_not(self, or_perhaps: bool = False) -> str:
+        """Return the reasons for failure that start and goals alone show; empty if they show none.
+
+        Args:
+            or_perhaps: Whether to return otherwise that the robot can drive up to a part of the faces only.
+        """
         try:
             goals = free_goals(self.scenario)
         except PlanningError as error:
@@ -187,7 +191,8 @@ class MultiPushSearch(TaskSearch):
         room = self.room(0)
         query = Query(backed_off(room, self.scenario), np.array(self.scenario.start), goals)
         found = search(room, query, Limits(math.inf, first=True, iterations=0), 0)
-        return "; ".join(reason.text for reason in _reasons(room, query, found))
+        shown = "; ".join(reason.text for reason in _reasons(room, query, found))
+        return shown or (_few_faces(room, query, found) if or_perhaps else "")
 
     def _proof(self) -> Diagnosis | None:
         """Return a proof that the robot cannot reach the load or bring it to a goal; None without one."""
@@ -303,9 +308,9 @@ def _explanation(
     """Return the reasons why a search found no plan, proven ones first."""
     reasons = sorted(_reasons(room, query, found), key=lambda reason: not reason.proven)
     if not reasons:
-        first = [room.contacts[k].mode.place.face for k in np.flatnonzero(found.begins & found.leaves)]
-        faces = ", ".join(dict.fromkeys(first))
-        text = f"the search was still running after {found.looked_at} pushes and transits (first pushes: {faces})"
+        text = f"the search was still running after {found.looked_at} pushes and transits"
+        few = _few_faces(room, query, found)
+        text += f"; {few}" if few else ""
         reasons = [Diagnosis("time", text, False)]
     words = "; ".join(reason.text for reason in reasons)
     if not any(reason.proven for reason in reasons):
@@ -319,7 +324,7 @@ def _reasons(room: PushRoom, query: Query, found: Found) -> Iterator[Diagnosis]:
         what = "at the start, the robot has no room to drive up to any allowed face"
         yield _no_room(room, query.load[None], what + _offset_hint(room, query.load[None]))
         return
-    faces = ", ".join(dict.fromkeys(contact.mode.place.face for contact in usable))
+    faces = _faces(usable)
     if not (found.begins & found.leaves).any():
         what = f"at the start, the robot can drive up to {faces} only, and an obstacle blocks a push from there"
         # If every settling push ends in a collision, no longer push is free either.
@@ -336,6 +341,20 @@ def _reasons(room: PushRoom, query: Query, found: Found) -> Iterator[Diagnosis]:
     if not found.arrives:
         what = f"the robot found no transit to the first push ({faces})"
         yield Diagnosis(BOXED_IN, what, False)
+
+
+def _faces(contacts: Iterable[Contact]) -> str:
+    return ", ".join(dict.fromkeys(contact.mode.place.face for contact in contacts))
+
+
+def _few_faces(room: PushRoom, query: Query, found: Found) -> str:
+    """Return that the robot can drive up to a part of the faces only at the start; empty if it reaches them all."""
+    shut = [contact for contact, begins in zip(room.contacts, found.begins, strict=True) if not begins]
+    if not shut:
+        return ""
+    usable = [contact for contact in room.contacts if contact not in shut]
+    where = f"at the start, the robot can drive up to {_faces(usable)} only"
+    return where + _offset_hint(replace(room, contacts=tuple(shut)), query.load[None])
 
 
 def _offset_hint(room: PushRoom, loads: FloatArray) -> str:

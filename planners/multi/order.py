@@ -487,16 +487,19 @@ class Order:
 
     def why_not(self, now: Situation, piece: int) -> str:
         """Return why a remaining piece is not delivered, as far as it is known."""
-        return self._reason(now, piece) or "no pushes to its goal were found among the other objects"
+        shown = self._reason(now, piece)
+        perhaps = "" if shown else self._reason(now, piece, or_perhaps=True)
+        unknown = "no pushes to its goal were found among the other objects"
+        return shown or (f"{unknown}; {perhaps}" if perhaps else unknown)
 
-    def _reason(self, now: Situation, piece: int) -> str:
-        """Return the reason at the start or the goals that prevents a delivery; empty if there is none."""
+    def _reason(self, now: Situation, piece: int, or_perhaps: bool = False) -> str:
+        """Return what prevents a delivery at the start or the goals, or perhaps does; empty if nothing is known."""
         own = self._pieces[piece]
         takers = [self._on_goal(now, piece, goal) - {piece} for goal in range(len(own.goals))]
         if all(takers):
             names = ", ".join(f"'{self._pieces[k].name}'" for k in sorted(frozenset().union(*takers)))
             return f"its goal is taken by {names}"
-        return own.search.with_obstacles(posed(self._pieces, now, piece, own.goals)).why_not()
+        return own.search.with_obstacles(posed(self._pieces, now, piece, own.goals)).why_not(or_perhaps)
 
     def _parking(self, now: Situation, piece: int) -> tuple[Goal, ...]:
         """Return places for a piece away from all goals, nearest first: along straight pushes and around it."""

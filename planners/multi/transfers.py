@@ -27,6 +27,10 @@ from pushplan.util.arrays import FloatArray, frozen
 SAME = 1e-6
 """Hausdorff distance below which a body covers the same area at two goals, m."""
 
+LEAD = 0.5
+"""Length of the straight way, beyond the retreat, that the robot needs free behind a goal, m. With less than it needs
+to turn between the goals, the inner ones of a grid would count as open to the last."""
+
 
 @dataclass(frozen=True, eq=False)
 class Piece:
@@ -238,7 +242,7 @@ def depths(pieces: tuple[Piece, ...]) -> list[int]:
         scenario, modes = piece.search.scenario, [contact.packed for contact in piece.search.room(0).contacts]
         robots = [
             np.concatenate([shapely.get_coordinates(area_at(scenario.chain.carried, mode.robot_at(NOWHERE, back)))
-                            for back in (0.0, mode.retreat)])
+                            for back in (0.0, mode.retreat + LEAD)])
             for mode in modes
         ]  # fmt: skip
         swept = [

@@ -17,14 +17,16 @@ from pushplan.core.driving import shortest_drives
 from pushplan.errors import ScenarioError
 from pushplan.geometry import se2
 from pushplan.planner import Planner, plan
+from pushplan.planners.multi.order import Order
 from pushplan.planners.multi.rearrangement import RearrangementSearch
 from pushplan.planners.multi.room import TOLERANCE_USED
 from pushplan.planners.multi.tours import Ends, Rooms, Tours
 from pushplan.planners.multi.transfers import Situation, depths
+from pushplan.planners.outcome import Budget
 from pushplan.planners.validator import Validator
 from pushplan.plans.goals import worst_at_goal
 from pushplan.plans.plan import Plan
-from pushplan.plans.settings import PlanSettings
+from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
 
@@ -155,6 +157,23 @@ def test_an_object_without_a_face_for_a_plate_is_refused() -> None:
         boxes({"a": (HERE, THERE)}, objects=objects)
 
 
+def test_the_faces_that_the_robot_reaches_in_a_corner_are_named() -> None:
+    walls = {
+        "workspace": {"x": [0.84, 4.0], "y": [0.84, 4.0]},
+        "robot": {**problem_document()["robot"], "start": [3.0, 3.0, 0.0]},
+    }
+    found = plan(boxes({"a": ((1.0, 1.0), (2.5, 2.5))}, **walls), first=True, iterations=2)
+    assert not found.solved
+    assert found.reason.endswith("; at the start, the robot can drive up to front, left only")
+    scenario = boxes({"a": ((1.0, 1.0), (2.5, 2.5)), "b": ((2.0, 2.0), (3.2, 3.2))}, **walls)
+    pieces = RearrangementSearch.of(scenario, PlanSettings().completed(scenario)).pieces
+    starts = np.array([scenario.task.by_name[piece.name].start for piece in pieces])
+    now = Situation(scenario.transport.robot_start, starts, frozenset({0, 1}))
+    order = Order(pieces, Budget(0.0, LIMIT, 1), Observer())
+    assert order.why_not(now, 0).endswith("at the start, the robot can drive up to front, left only")
+    assert order.why_not(now, 1) == "no pushes to its goal were found among the other objects"
+
+
 @pytest.mark.parametrize("gap", [0.001, 0.005])
 def test_goals_beside_one_another_use_the_tolerance_for_a_wide_plate(gap: float) -> None:
     # Plate and box of 0.2 and 0.15 m: at the exact goals, the plate touches the neighbour's rear.
@@ -169,11 +188,13 @@ def test_goals_beside_one_another_use_the_tolerance_for_a_wide_plate(gap: float)
     assert off_goals(found) < 0.01
 
 
-def test_a_grid_is_filled_from_its_middle() -> None:
+@pytest.mark.parametrize("pitch", [0.45, 0.65])
+def test_a_grid_is_filled_from_its_middle(pitch: float) -> None:
+    """Between wider columns there is room for the robot, but not to turn with a box."""
     pieces = RearrangementSearch.of(
         boxes({
-            f"b{i}{j}": ((0.5 + i, 0.3), (1.5 + 0.45 * i, 1.5 + 0.45 * j)) if j == 0 else
-            ((0.5 + i, 0.5 + 3.0 * (j - 1)), (1.5 + 0.45 * i, 1.5 + 0.45 * j))
+            f"b{i}{j}": ((0.5 + i, 0.3), (1.5 + pitch * i, 1.5 + pitch * j)) if j == 0 else
+            ((0.5 + i, 0.5 + 3.0 * (j - 1)), (1.5 + pitch * i, 1.5 + pitch * j))
             for i in range(3) for j in range(3)
         }), PlanSettings()).pieces  # fmt: skip
     assert depths(pieces) == [0, 0, 0, 0, 1, 0, 0, 0, 0]
