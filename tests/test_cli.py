@@ -24,6 +24,7 @@ from pushplan.cli import console as console_module
 from pushplan.cli.console import Console, Progress
 from pushplan.cli.main import main
 from pushplan.errors import PlanningError
+from pushplan.logging.runs import RunsError, run_numbered
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.template import DRIVES
 from pushplan.sets.named import stable_set
@@ -328,3 +329,12 @@ def test_terminal_control_characters_are_escaped_and_other_text_stays() -> None:
     text = "".join(map(chr, range(ord(" "), ord("~") + 1))) + "äß é ° × … 方"
     assert printable(text) == text
     assert printable("a\n\tb\r", keep="\n\t") == "a\n\tb\\r"
+
+
+def test_runs_are_numbered_from_the_last_one(tmp_path: Path) -> None:
+    names = [f"2026010{day}T000000.000Z-a-seed1.mcap" for day in (1, 2, 3)]
+    for name in names:
+        (tmp_path / name).touch()
+    assert [run_numbered(tmp_path, number).name for number in (1, 2, 3)] == names[::-1]
+    with pytest.raises(RunsError, match="there is no run @4; 3 are recorded"):
+        run_numbered(tmp_path, 4)

@@ -1,6 +1,7 @@
 """A robot that follows base twists ends at the plan's end, also as a ROS 2 node."""
 
 import runpy
+from dataclasses import replace
 from functools import cache
 from math import radians
 from pathlib import Path
@@ -199,3 +200,10 @@ def test_the_node_drives_to_the_goal_with_messages_of_ros_2(log: Path, monkeypat
     (footprint,) = messages.sent("footprint")
     corners = np.array([[p.x, p.y] for p in footprint.polygon.points])
     np.testing.assert_allclose(corners, node.follower.footprint, atol=1e-6)  # 32 bits
+
+
+def test_a_run_without_a_timed_plan_cannot_be_followed() -> None:
+    scenario = pushed("omnidirectional").scenario
+    for run in (replace(pushed("omnidirectional"), segments=()), SimpleNamespace(plan=None, scenario=scenario)):
+        with pytest.raises(pushplan.PushplanError, match="push: there is no plan to follow"):
+            Follower(run)  # type: ignore[arg-type]

@@ -3,6 +3,7 @@
 import json
 import runpy
 import sys
+from dataclasses import replace
 from functools import reduce
 from importlib.util import find_spec
 from pathlib import Path
@@ -25,7 +26,7 @@ from pushplan.sim.physics import simulate as physics
 from pushplan.sim.physics.engine import PhysicsSettings
 from pushplan.sim.physics.model import build_model, joint_coordinates
 from pushplan.sim.physics.simulate import STEPS, simulate_in_physics
-from pushplan.sim.physics.simulator import sliding_speed
+from pushplan.sim.physics.simulator import PhysicsSimulator, sliding_speed
 from pushplan.sim.report import ContactReport
 from pushplan.slip.world import World
 from pushplan.util.arrays import FloatArray
@@ -251,3 +252,21 @@ def test_the_sliding_speed_is_that_of_the_fastest_corner() -> None:
     corners = [transform_points(pose, obj.outline_chain) for pose in frames[:2] for obj in chain.objects]
     apart = np.concatenate(corners[:3]) - np.concatenate(corners[3:])
     assert sliding_speed(chain, frames, dt) == pytest.approx(np.hypot(*apart.T).max() / dt, rel=1e-3)
+
+
+@needs_engine
+def test_wrenches_are_about_the_moved_frame(make_chain: ChainMaker) -> None:
+    chain = make_chain.boxes(2)
+    aside = replace(chain, pusher=replace(chain.pusher, outline=np.add(chain.pusher.outline, [0.0, 0.02])))
+    plate = aside.pusher.plate_pose
+    np.testing.assert_allclose(plate, [0.0, 0.02, 0.0], atol=1e-12)
+    ways, found = exp(np.linspace(0.0, 0.02, 201)[:, None] * [1.0, 0.05, 0.4]), []
+    for held, frames in ((aside, ways), (None, compose(ways, plate))):
+        simulator = PhysicsSimulator(World.from_chain(aside))
+        simulator.hold(held)
+        found.append(simulator.move_along(frames))
+    about_frame, about_plate = found
+    np.testing.assert_allclose(about_frame[:, :2], about_plate[:, :2], atol=1e-9)
+    moment = about_plate[:, 2] - plate[1] * about_plate[:, 0]
+    np.testing.assert_allclose(about_frame[:, 2], moment, atol=1e-9)
+    assert np.abs(about_plate[-1, :2]).min() > 0.01

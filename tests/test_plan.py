@@ -36,7 +36,7 @@ from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import PolygonObstacle
 from pushplan.sets.named import stable_set, stable_set_over
 from pushplan.sim.kinematic import execute
-from pushplan.util.names import PLANNERS
+from pushplan.util.names import APPROACH, PLANNERS
 
 PATIENT = 60.0
 """Time limit that no test reaches, so that results do not depend on the machine."""
@@ -261,3 +261,20 @@ def test_a_full_turn_of_the_robot_does_not_turn_the_pushed_object(turns: int) ->
     np.testing.assert_allclose(found.objects[-1], alone.objects[-1], atol=1e-6)
     later = np.interp(alone.t + spun[0].duration, found.t, found.margins[:, 0])
     assert np.nanmedian(np.abs(later - alone.margins[:, 0])) < 1e-6  # contacts are checked at times of the push
+
+
+def test_a_sampled_path_has_every_knot_and_no_longer_gap_than_asked() -> None:
+    poses = path().sampled(0.05)
+    for knot in (*path().knots, path().end):
+        assert np.abs(poses - knot).max(axis=1).min() < 1e-12
+    steps = se2.log(se2.relative(poses[:-1], poses[1:]))
+    assert np.hypot(steps[:, 0], steps[:, 1]).max() < 0.05 + 1e-9
+
+
+def test_only_an_approach_and_a_close_touch_resting_objects(crates: pushplan.Plan) -> None:
+    (push,) = crates.segments
+    assert push.load is not None
+    assert push.touched == ()
+    assert replace(push, kind=APPROACH).touched == ("near", "far")
+    assert replace(push, kind=APPROACH, load=None).touched == ()
+    assert replace(push, onto="box").touched == ("box",)

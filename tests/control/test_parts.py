@@ -31,6 +31,7 @@ from pushplan.sim.control.sensing import Measurements, Sensor, Sightings
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.simulated_push import Disturbance, disturbed
 from pushplan.sim.follower import Drive
+from pushplan.sim.intake import Intake
 from pushplan.util.arrays import FloatArray
 
 NOISE, AHEAD = np.array([1e-3, 5e-3]), np.array([[1.0, 0.0]])
@@ -462,3 +463,16 @@ def test_what_a_slide_was_taken_for_is_forgotten_and_what_is_known_well_is_not(
     else:
         np.testing.assert_allclose(found, scales - 1.0, atol=4e-3)
         np.testing.assert_allclose(found, taken, atol=1e-3)
+
+
+def test_invalid_covariances_are_dropped_and_valid_ones_give_the_largest_deviation() -> None:
+    told: list[str] = []
+    intake = Intake(told.append)
+    one, other = np.diag([4e-6, 1e-6, 9e-4]), np.array([[2e-6, 1e-6, 0.0], [1e-6, 2e-6, 0.0], [0.0, 0.0, 1e-4]])
+    np.testing.assert_allclose(there(intake.deviations(one, 2)), [2e-3, 3e-2])
+    np.testing.assert_allclose(there(intake.deviations([other, one], 2)), [2e-3, 3e-2])
+    np.testing.assert_allclose(there(intake.deviations(other, 2)), [np.sqrt(3e-6), 1e-2])
+    assert not told
+    for wrong in (np.full((3, 3), np.inf), -one, np.tril(other)):
+        assert intake.deviations(wrong, 2) is None
+    assert all("an invalid covariance" in line for line in told)

@@ -178,3 +178,20 @@ def test_contact_heights_do_not_depend_on_the_pusher() -> None:
     (finding,) = check_scenario(scenario_from_text(HIGH.replace("[30 mm, 50 mm]", "0.09")))
     assert finding.where == "pusher"
     assert "up to" in finding.what
+
+
+@pytest.mark.parametrize("uncertain", ["a", "b"])
+def test_one_load_with_an_interval_is_enough(uncertain: str) -> None:
+    masses = {"a": 1.0, "b": 1.0} | {uncertain: [1.0, 2.0]}
+    stated = {
+        "format": "pushplan/1",
+        "floor": {"friction": 0.3},
+        "objects": [
+            {"name": name, "shape": {"box": [0.2, 0.2]}, "mass": mass, "pose": [k + 1.0, 1.0, 0.0]}
+            for k, (name, mass) in enumerate(masses.items())
+        ],
+        "pusher": {"width": 0.24, "friction": 0.5},
+        "robot": {"footprint": {"box": [0.35, 0.24], "pose": [-0.175, 0.0, 0.0]}, "start": [0.0, 0.0, 0.0]},
+        "goals": {"a": {"pose": [1.0, 3.0, 0.0]}, "b": {"pose": [2.0, 3.0, 0.0]}},
+    }
+    assert scenario_from_document(stated).has_intervals

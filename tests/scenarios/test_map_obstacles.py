@@ -310,3 +310,11 @@ def test_any_region_is_covered_by_polygons_without_holes(seed: int, share: float
         whole = shapely.union_all([shapely.Polygon(outline) for outline in outlines])
         assert shapely.area(shapely.difference(region, shapely.buffer(whole, 1e-9))) < 1e-9
         assert shapely.area(whole) == pytest.approx(shapely.area(grown), rel=1e-5)
+
+
+def test_keys_that_a_map_leaves_out_have_the_values_of_map_server(tmp_path: Path) -> None:
+    file = _map(tmp_path, _room())
+    stated = read_ros_map(file)
+    file.write_text("\n".join(MAP.format(0.0).splitlines()[:3]))
+    for one, other in zip(stated.obstacles, read_ros_map(file).obstacles, strict=True):
+        np.testing.assert_array_equal(one.outline, other.outline)

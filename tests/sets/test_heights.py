@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 from conftest import ChainMaker, there
+from scipy.optimize import linprog
 
 import pushplan.core.contacts as contacts
 import pushplan.core.uncertain as uncertain
@@ -14,7 +15,7 @@ from pushplan.errors import SupportError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY
 from pushplan.mechanics.dynamics import ContactDynamics
-from pushplan.mechanics.heights import counts_by_centre, inertia_shifts, load_areas, tipping_room
+from pushplan.mechanics.heights import _most, counts_by_centre, inertia_shifts, load_areas, tipping_room
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.packed import pack_chain
 from pushplan.mechanics.support import FeetSupport
@@ -287,3 +288,12 @@ def test_a_contact_transmits_less_if_any_load_that_it_carries_can_move(make_chai
     spans[high] = (0.02, 0.04)
     found = stable_set_over(cubes(make_chain, spans), "stable").contact_margin_values(twists)
     assert (found[:, 0] < 0.85 * low[:, 0]).all()
+
+
+def test_the_largest_sum_of_parts_is_that_of_a_linear_program() -> None:
+    rng = np.random.default_rng(5)
+    for count in (1, 2, 5, 9):
+        values, parts = rng.normal(size=count), np.sort(rng.uniform(-1.0, 1.0, (count, 2)), axis=1)
+        parts[0] = -parts[1:].sum(axis=0)[::-1] + [-0.1, 0.1]  # sums of 0 are possible
+        best = linprog(-values, A_eq=np.ones((1, count)), b_eq=[0.0], bounds=parts.tolist())
+        assert _most(values, parts) == pytest.approx(-best.fun)

@@ -17,6 +17,7 @@ from scenarios.conftest import Changed
 import pushplan
 from pushplan.closed_loop import ClosedLoopRun
 from pushplan.geometry import se2
+from pushplan.planners.multi.row_places import _walls
 from pushplan.planners.validator import Validator
 from pushplan.plans.goals import errors_at_goal
 from pushplan.plans.load import row_load
@@ -418,3 +419,16 @@ def test_a_stated_order_is_kept_even_if_another_one_is_cheaper() -> None:
         plan = solved(document({"pose": [3.0, 2.0, 0.0], "order": order}, objects=objects))
         orders.append(sorted("abc", key=lambda name: float(plan.segments[-1].after[name][0])))
     assert orders[1] == ["a", "b", "c"] != orders[0]
+
+
+def test_the_front_of_a_row_runs_along_the_wall_that_is_stated() -> None:
+    room = {"x": [0.0, 4.0], "y": [-1.0, 5.0]}
+    for wall, begin, end, heading in (
+        ("xmin", (0.0, -1.0), (0.0, 5.0), np.pi), ("xmax", (4.0, -1.0), (4.0, 5.0), 0.0),
+        ("ymin", (0.0, -1.0), (4.0, -1.0), -0.5 * np.pi), ("ymax", (0.0, 5.0), (4.0, 5.0), 0.5 * np.pi),
+    ):  # fmt: skip
+        ((first, last, ahead),) = _walls(scenario_from_document(document({"wall": wall}, workspace=room)))
+        np.testing.assert_allclose([first, last], [begin, end], atol=0.02)
+        inwards = -np.array([np.cos(heading), np.sin(heading)])
+        assert min((first - begin) @ inwards, (last - end) @ inwards) > 0.0
+        assert ahead == heading

@@ -333,3 +333,11 @@ def test_slipping_objects_end_at_the_poses_of_the_physics_engine(
     assert not physics.kept
     assert np.hypot(off[:, 0], off[:, 1]).max() < 2e-4
     assert np.degrees(np.abs(off[:, 2])).max() < 0.2
+
+
+def test_contacts_can_lose_nearly_all_of_their_friction() -> None:
+    world = scattered(1).with_contact_friction(0.05)
+    assert [c.friction for c in world.chain.contacts] == [
+        pytest.approx(0.05 * c.friction) for c in scattered(1).chain.contacts
+    ]
+    assert world.other_friction == pytest.approx(0.05 * 0.15)

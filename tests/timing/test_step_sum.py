@@ -160,3 +160,14 @@ def test_touches_are_found_exactly_where_the_clearance_is_not_kept(make_chain: C
         assert (np.diff(touches.times) >= 0.0).all()
         touched += bool(len(touches.times))
     assert 1 < touched < 9
+
+
+def test_tables_of_another_shape_are_refused() -> None:
+    levels, centers, widths = np.zeros((3, 3)), np.array([0.5, 1.0]), np.full((2, 2), 0.1)
+    timing.step_sum(levels, centers, widths)
+    for wrong in (widths[:1], widths[:, :1], np.full((2, 3), 0.1)):
+        with pytest.raises(ValueError, match=r"widths must be \(m, 2\)"):
+            timing.step_sum(levels, centers, wrong)
+    for other in (levels[:2], levels[:, :2]):
+        with pytest.raises(ValueError, match=r"levels must be \(m \+ 1, 3\)"):
+            timing.step_sum(other, centers, widths)
