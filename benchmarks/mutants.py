@@ -29,6 +29,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -105,63 +106,61 @@ class Mutant(NamedTuple):
 
 def python_mutants(path: str, source: str) -> Iterator[Mutant]:
     """Yield the changes of a Python file; texts and raised errors stay."""
-    starts = [0]
-    for line in source.splitlines(keepends=True):
-        starts.append(starts[-1] + len(line))
+    lines = source.splitlines(keepends=True)
+    starts = [0, *accumulate(map(len, lines))]
 
     def place(line: int, column: int) -> int:  # `ast` counts bytes
-        text = source[starts[line - 1] : starts[line]].encode()
-        return starts[line - 1] + len(text[:column].decode())
+        return starts[line - 1] + len(lines[line - 1].encode()[:column].decode())
 
-    def begin(node: ast.expr) -> int:
-        return place(node.lineno, node.col_offset)
-
-    def end(node: ast.expr) -> int:
-        return place(node.end_lineno or 0, node.end_col_offset or 0)
-
-    def between(left: ast.expr, operator: ast.AST, right: ast.expr) -> Iterator[Mutant]:
-        sign, *others = OPERATORS.get(type(operator), ("",))
-        at = source.find(f" {sign} ", end(left), begin(right)) + 1
-        if sign and at:
-            yield from (Mutant(path, at, at + len(sign), other) for other in others)
+    def span(node: ast.expr) -> tuple[int, int]:
+        return place(node.lineno, node.col_offset), place(node.end_lineno or 0, node.end_col_offset or 0)
 
     def visit(node: ast.AST) -> Iterator[Mutant]:
-        if isinstance(node, ast.Raise | ast.JoinedStr | ast.Import | ast.ImportFrom | ast.AnnAssign):
-            children: list[ast.AST] = [node.value] if isinstance(node, ast.AnnAssign) and node.value else []
-        elif isinstance(node, ast.FunctionDef):
-            children = [*node.body]
-        else:
-            children = [*ast.iter_child_nodes(node)]
+        match node:
+            case ast.Raise() | ast.JoinedStr() | ast.Import() | ast.ImportFrom():
+                children: list[ast.AST] = []
+            case ast.AnnAssign():
+                children = [node.value] if node.value else []
+            case ast.FunctionDef():
+                children = [*node.body]
+            case _:
+                children = [*ast.iter_child_nodes(node)]
         for child in children:
             yield from visit(child)
-        if isinstance(node, ast.BinOp):
-            yield from between(node.left, node.op, node.right)
-        elif isinstance(node, ast.Compare):
-            for left, operator, right in zip(
-                [node.left, *node.comparators], node.ops, node.comparators, strict=False
-            ):
-                yield from between(left, operator, right)
-        elif isinstance(node, ast.BoolOp):
-            for left, right in zip(node.values, node.values[1:], strict=False):
-                yield from between(left, node.op, right)
-        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.Not | ast.Invert):
-            yield Mutant(path, begin(node), begin(node.operand), "")
-        elif isinstance(node, ast.Attribute) and node.attr == "T":
-            yield Mutant(path, end(node.value), end(node), "")
-        elif isinstance(node, ast.Attribute) and node.attr in NAMES:
-            yield Mutant(path, end(node) - len(node.attr), end(node), NAMES[node.attr])
-        elif (
-            isinstance(node, ast.Call)
-            and isinstance(node.func, ast.Name)
-            and node.func.id in ("min", "max", "any", "all")
-        ):
-            yield Mutant(path, begin(node.func), end(node.func), NAMES[node.func.id])
-        elif isinstance(node, ast.Constant) and isinstance(node.value, float):
-            yield Mutant(path, begin(node), end(node), repr(1.1 * node.value or 0.1))
-        elif isinstance(node, ast.Constant) and type(node.value) is int and node.value in (0, 1):
-            yield Mutant(path, begin(node), end(node), str(1 - node.value))
+        yield from (Mutant(path, *change) for change in _changes(node, source, span))
 
     yield from visit(ast.parse(source))
+
+
+def _changes(
+    node: ast.AST, source: str, span: Callable[[ast.expr], tuple[int, int]]
+) -> Iterator[tuple[int, int, str]]:
+    """Yield begin, end and replacement of the changes of one node."""
+    operators: list[tuple[ast.expr, ast.AST, ast.expr]] = []
+    match node:
+        case ast.BinOp():
+            operators = [(node.left, node.op, node.right)]
+        case ast.Compare():
+            operators = [*zip([node.left, *node.comparators], node.ops, node.comparators, strict=False)]
+        case ast.BoolOp():
+            operators = [(left, node.op, right) for left, right in pairwise(node.values)]
+        case ast.UnaryOp(op=ast.USub() | ast.Not() | ast.Invert()):
+            yield span(node)[0], span(node.operand)[0], ""
+        case ast.Attribute(attr="T"):
+            yield span(node.value)[1], span(node)[1], ""
+        case ast.Attribute() if node.attr in NAMES:
+            yield span(node)[1] - len(node.attr), span(node)[1], NAMES[node.attr]
+        case ast.Call(func=ast.Name(id="min" | "max" | "any" | "all" as name)):
+            yield *span(node.func), NAMES[name]
+        case ast.Constant(value=float(value)):
+            yield *span(node), repr(1.1 * value or 0.1)
+        case ast.Constant(value=0 | 1) if type(node.value) is int:
+            yield *span(node), str(1 - node.value)
+    for left, operator, right in operators:
+        sign, *others = OPERATORS.get(type(operator), ("",))
+        at = source.find(f" {sign} ", span(left)[1], span(right)[0]) + 1
+        if sign and at:
+            yield from ((at, at + len(sign), other) for other in others)
 
 
 def core_mutants(path: str, source: str) -> Iterator[Mutant]:
@@ -169,12 +168,10 @@ def core_mutants(path: str, source: str) -> Iterator[Mutant]:
     at, raw = 0, False
     for line in source.splitlines(keepends=True):
         code = line.partition("//")[0]
-        if not (raw or "#include" in code or "template" in code or '"' in code):
-            for pattern, others in IN_CORE:
-                for match in re.finditer(pattern, code):
-                    yield from (
-                        Mutant(path, at + match.start(), at + match.end(), match.expand(other)) for other in others
-                    )
+        for pattern, others in () if raw or re.search('#include|template|"', code) else IN_CORE:
+            for match in re.finditer(pattern, code):
+                begin, end = at + match.start(), at + match.end()
+                yield from (Mutant(path, begin, end, match.expand(other)) for other in others)
         raw = 'R"(' in code or (raw and ')"' not in code)
         at += len(line)
 
@@ -274,19 +271,6 @@ def measure(folder: Path, checkout: Path, digest: str) -> int:
     return int(pytest.main(["-q", "-n", "0", "-p", "no:cacheprovider", "tests", *ignored], plugins=[Watch()]))
 
 
-class InOrder:
-    """Runs tests in a given order."""
-
-    def __init__(self, tests: list[str]) -> None:
-        self._order = {test: k for k, test in enumerate(tests)}
-
-    @pytest.hookimpl(wrapper=True)
-    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> Iterator[None]:
-        """Sort them after all others have."""
-        yield
-        items.sort(key=lambda item: self._order.get(item.nodeid, 0))
-
-
 class Checkout:
     """A copy of the checkout in which mutants are tested."""
 
@@ -306,12 +290,9 @@ class Checkout:
         file, core = self.folder / mutant.path, "/core/" in mutant.path
         before, times = file.read_text(encoding="utf-8"), file.stat()
         line = before.count("\n", 0, mutant.begin) + 1
-        chosen, left = list[str](), self.limit
-        for test in tests.of_core(mutant.path) if core else tests.of_line(mutant.path, line):
-            left -= tests.seconds.get(test, 0.0)
-            if chosen and left < 0.0:
-                break
-            chosen.append(test)
+        fitting = tests.of_core(mutant.path) if core else tests.of_line(mutant.path, line)
+        spent = accumulate(tests.seconds.get(test, 0.0) for test in fitting)
+        chosen = [test for k, (test, by) in enumerate(zip(fitting, spent, strict=True)) if k == 0 or by <= self.limit]
         if not chosen:
             return SURVIVED, "no test runs it"
         file.write_text(before[: mutant.begin] + mutant.text + before[mutant.end :], encoding="utf-8")
@@ -326,19 +307,25 @@ class Checkout:
                 shutil.copy2(self.folder.with_name("core"), self._core)
 
     def end_of(self, tests: list[str]) -> tuple[str, str]:
-        """Return how some tests end, and the one that failed."""
+        """Return how some tests end, which run in this order, and the one that failed."""
+        order = {test: k for k, test in enumerate(tests)}
+
+        class InOrder:
+            @pytest.hookimpl(wrapper=True)
+            def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> Iterator[None]:
+                yield  # all others sort them before
+                items.sort(key=lambda item: order.get(item.nodeid, 0))
+
         words = ["-q", "-x", "-n", "0", "-p", "no:cacheprovider", *tests]
         cpu = 30 + int(3.0 * self.limit)
-        code = in_fork(self.folder, lambda: int(pytest.main(words, plugins=[InOrder(tests)])), cpu, self._output)
-        said = [
-            line for line in self._output.read_text(errors="replace").splitlines() if line[:5] in ("FAILE", "ERROR")
-        ]
+        code = in_fork(self.folder, lambda: int(pytest.main(words, plugins=[InOrder()])), cpu, self._output)
+        output = self._output.read_text(errors="replace")
+        said = [line for line in output.splitlines() if line.startswith(("FAILED", "ERROR"))]
         if code in (pytest.ExitCode.USAGE_ERROR, pytest.ExitCode.NO_TESTS_COLLECTED) and not said:
-            raise SystemExit(self._output.read_text(errors="replace"))
+            raise SystemExit(output)
         stopped = code in (-signal.SIGXCPU, -signal.SIGALRM)
-        return STOPPED if stopped else NOTICED if code else SURVIVED, "".join(said[-1:])[
-            :150
-        ] or f"{len(tests)} tests"
+        end = STOPPED if stopped else NOTICED if code else SURVIVED
+        return end, said[-1][:150] if said else f"{len(tests)} tests"
 
 
 def every_mutant(only: list[str]) -> list[Mutant]:
