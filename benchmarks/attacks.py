@@ -4,27 +4,26 @@
 
 A whole run takes hours.
 
-- *scenarios*: scenarios of every kind (one push, several, several objects, maps, uncertainty), each key mutated in
-  turn. Each is refused with words or planned. Code that plans do not use checks solved ones: goals, collisions,
-  contacts. The log is read and verified.
-- *mutations*: logs of six kinds with bytes altered at random. Each is read, or refused as damaged (exit code 2), or a
+- *scenarios*: scenarios of every kind with each key mutated in turn. Each is refused with words or planned. Code that
+  plans do not use checks solved ones: goals, collisions, contacts. The log is read and verified.
+- *mutations*: logs of six kinds with random bytes altered. Each is read, or refused as damaged (exit code 2), or a
   mismatch (4); and recovered without any other error.
-- *tampering*: in logs that are sound as files a value is changed, or a record dropped or repeated, in every topic,
-  metadata and attachment. `replay --verify` has to notice.
-- *forgeries*: logs of plans that are invalid in the stated scenario (an obstacle, a limit, another start, ...), or of
-  other numbers; they are sound otherwise. `replay --verify` must confirm none.
+- *tampering*: logs with a value changed, or a record dropped or repeated, in every topic, metadata and attachment.
+  `replay --verify` has to notice.
+- *forgeries*: sound logs of plans that are invalid in the stated scenario, or of other numbers.
+  `replay --verify` must confirm none.
 - *bombs*: maps, drawings, YAML, logs and motions that would need gigabytes or hours without limits.
 - *calls*: invalid numbers and objects as arguments of the Python interface; what should pickle is pickled.
-- *kills*: SIGKILL at random moments of plans, trials, closed loops and rearrangements. Everything that they reported
-  is in the remaining log, which is read and verified.
+- *kills*: SIGKILL at random moments of plans, trials, closed loops and rearrangements. The remaining log holds
+  everything that they reported, and is verified.
 - *interrupts*: Ctrl-C at random moments of commands and programs, imports included; no process aborts.
-- *outputs*: every output option of every command against a full and a closed file system in a mount namespace of
-  their own, and against a link, a pipe and a folder in DIR.
+- *outputs*: every output option against a full and a closed file system in a mount namespace of their own, and
+  against a link, a pipe and a folder in DIR.
 
 Every attack but kills, interrupts and outputs is a process of its own in a temporary folder. It is wrong if it ends
-with a traceback or another exit code than those that are meant, uses more than 500 MB, or more than 10 s of CPU time
-beyond the time limit, starts a program, or writes a file elsewhere. DIR keeps the results; they are not made again.
-Prints a table; exits 1 if anything was wrong.
+with a traceback or an unexpected exit code, uses more than 500 MB, or more than 10 s of CPU time beyond the time
+limit, starts a program, or writes a file elsewhere. DIR keeps the results; they are not made again. Prints a table;
+exits 1 if anything was wrong.
 """
 
 from __future__ import annotations

@@ -32,8 +32,8 @@ from pushplan.util.arrays import FloatArray
 HERE = Path(__file__).resolve()
 LIMIT = 10.0
 """CPU seconds of a search for a first path, at most."""
-FREE = 0.7
-"""A search that takes no more ms than this found a free steering path."""
+FREE = 0.7e-3
+"""A search that takes no longer (s) found a free steering path."""
 Answers = tuple[FloatArray, FloatArray]
 
 
@@ -106,7 +106,7 @@ def ask_all(here: Checkout, there: Checkout, seeds: int, first: bool) -> Answers
 def report(family: str, firsts: Answers, bests: Answers) -> None:
     """Print the figures of a family, those of the other checkout in brackets."""
     (first, whole, by), (before, whole_before, _) = (np.moveaxis(one, 2, 0) for one in firsts)
-    searched = by.any(axis=1) | (np.median(first, axis=1) > 1e-3 * FREE)
+    searched = by.any(axis=1) | (np.median(first, axis=1) > FREE)
     print(f"\n{family}: {len(first)} scenes, {first.shape[1]} seeds; CPU time, in brackets of the other checkout")
     for what, figure in (
         ("solved, %", lambda one: 100 * np.isfinite(one).mean()),

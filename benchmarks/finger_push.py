@@ -43,17 +43,10 @@ class FingerPush:
         return pack_bodies([self.obj], [*pieces, *discs], pairs, length)
 
     def push(self, object_pose: FloatArray, hand_poses: FloatArray) -> FloatArray:
-        """Move the hand through poses and return those of the object.
-
-        Args:
-            object_pose: (3,) where the object is at the beginning, in the world.
-            hand_poses: (m + 1, 3) poses of the hand in the world, one step between two.
-
-        Returns:
-            (m + 1, 3) poses of the object.
+        """Move the hand through poses (m + 1, 3) and return those of the object (m + 1, 3), all in the world.
 
         Raises:
-            PushplanError: When the object jams.
+            PushplanError: If the object jams.
         """
         simulation = core.Simulation(self.packed, object_pose[None], hand_poses[0])
         motions = steps_of(hand_poses)

@@ -41,26 +41,15 @@ Document = dict[str, Any]
 
 ROBOT = {"box": [0.42, 0.285], "pose": [-0.24, 0.0, 0.0]}
 CAR = {"car": {"axle": [-0.30, 0.0, 0.0], "min_radius": 1.0}}
-SIDE = 0.15
-"""Of a cube, m."""
-
 ROOMS = 2982917237528477029
 """With this number rooms are those of the tables."""
-
-BETWEEN = 5e-3
-"""What the search for an order leaves between two places, m."""
-
-FAR = 0.35
-"""Objects, the row and the robot are so far apart at first, m."""
-
-BEHIND = 0.6
-"""Objects are so far from the walls, m: the robot has room behind each of their faces."""
-
-POSITION, ANGLE = 3e-3, np.radians(2.0)
-"""How far objects stand off where the plan has them, m and rad."""
-
-WITHIN = (12e-3, np.radians(1.0))
-"""How far from its place an object of the row may end, m and rad."""
+SIDE, BETWEEN = 0.15, 5e-3
+"""Side of a cube, and gap between two goals in the search for an order, m."""
+FAR, BEHIND = 0.35, 0.6
+"""Distances of objects, row and robot from one another, and from the walls, m: with room behind each face."""
+OFF, WITHIN = np.array([3e-3, 3e-3, np.radians(2.0)]), (12e-3, np.radians(1.0))
+"""Largest pose errors of the objects, and largest errors in the row at the end, m and rad."""
+FAMILIES = (*(f"omni-4-{n}" for n in (2, 3, 4)), "omni-6-5", "omni-6-6", "car-6-2", "car-6-3")
 
 
 def room(family: str, seed: int) -> Document:
@@ -172,7 +161,7 @@ def checked(asked: Namespace) -> int:
 def off(world: World, random: np.random.Generator) -> World:
     """Return a world with pose errors and other frictions."""
     poses = np.array(world.object_poses)
-    poses += random.uniform(-1.0, 1.0, poses.shape) * [POSITION, POSITION, ANGLE]
+    poses += random.uniform(-1.0, 1.0, poses.shape) * OFF
     world = world.with_object_poses(poses)
     return world.with_contact_friction(random.uniform(0.8, 1.2)).with_floor_friction(random.uniform(0.8, 1.2))
 
@@ -216,9 +205,6 @@ def with_errors(asked: Namespace, how: str, count: int) -> int:
         f"{lost.sum():.0f} lost; worst {1e3 * positions.max():.1f} mm, median {1e3 * np.median(positions):.1f} mm"
     )
     return int(lost.sum())
-
-
-FAMILIES = (*(f"omni-4-{n}" for n in (2, 3, 4)), "omni-6-5", "omni-6-6", "car-6-2", "car-6-3")
 
 
 def main() -> int:

@@ -1,4 +1,4 @@
-"""Scenarios on four feet per object with known loads, so that a plan and a physics engine have the same knowledge."""
+"""Scenarios on four feet per object with known loads, so that plan and physics engine use the same ones."""
 
 from __future__ import annotations
 
@@ -21,15 +21,9 @@ FEET = 4
 
 
 def on_feet(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the document of a scenario with every object on four feet; centres of mass stay where they are.
+    """Return the document of a scenario with every object on four feet; centres of mass stay.
 
     Objects on four feet with known loads keep these.
-
-    Args:
-        document: What a scenario file holds; it refers to no other file.
-
-    Raises:
-        ScenarioError: When it states no valid scenario.
     """
     changed: dict[str, Any] = deepcopy(dict(document))
     for stated, obj in zip(changed["objects"], scenario_from_document(document).chain.objects, strict=True):
@@ -41,10 +35,10 @@ def on_feet(document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def four_feet(obj: PushedObject) -> FloatArray:
-    """Return feet (4, 3), x, y and load, near the four corners of an object, under it even where it is not convex.
+    """Return feet (4, 3), x, y and load, near the four corners of an object, also if it is not convex.
 
-    Each is the point farthest out along a diagonal of what is left of the outline without its rim. The loads are as
-    even as the centre of mass allows.
+    Each is the point of the outline without its rim that lies farthest along a diagonal. The loads are as even as the
+    centre of mass allows.
     """
     sides = np.ptp(obj.outline, axis=0)
     core = shapely.Polygon(obj.outline).buffer(-INSET * sides.min(), join_style="mitre")

@@ -26,13 +26,14 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from closed_loop import WITHIN, displaced, outcome_of, several_pushes, travel_of, with_other_friction
 from numpy.typing import ArrayLike
 from script import options, share
@@ -104,14 +105,13 @@ class Errors:
 
     def and_(self, other: Errors) -> Errors:
         """Return both errors together; if both state a number, the first one counts."""
-        nominal, mine = Errors(), vars(self)
-        return Errors(**{k: _either(mine[k], v, getattr(nominal, k)) for k, v in vars(other).items()})
 
+        def either(mine: Any, theirs: Any, nominal: Any) -> Any:
+            if isinstance(mine, tuple):
+                return tuple(map(either, mine, theirs, nominal))
+            return theirs if mine == nominal else mine
 
-def _either(mine: Any, other: Any, nominal: Any) -> Any:
-    if isinstance(mine, tuple):
-        return tuple(map(_either, mine, other, nominal))
-    return other if mine == nominal else mine
+        return Errors(*map(either, *(vars(one).values() for one in (self, other, Errors()))))
 
 
 ERRORS = {
@@ -156,37 +156,25 @@ workspace: {x: [0.0, 3.6], y: [0.0, 3.6]}
 """
 
 
-@dataclass(eq=False)
 class Erring:
     """A robot with errors of its camera and its wheels.
 
-    Attributes:
+    Args:
         controller: Controller that drives it.
         errors: Its errors.
         random: Draws.
         half: Time (s) at which the localisation jumps; an outage begins at half of it, exchanged names at 1.5 of it.
     """
 
-    controller: Controller
-    errors: Errors
-    random: np.random.Generator
-    half: float
-    due: float = 2.0
-    shift: FloatArray = field(init=False)
-    own: bool = field(init=False)
-    sign: float = field(init=False)
-    plate: FloatArray = field(init=False)
-    wheels: FloatArray = field(init=False)
-    leap: FloatArray = field(init=False)
-
-    def __post_init__(self) -> None:
-        way, jump = self.random.uniform(-math.pi, math.pi, 2)
-        self.own, self.sign = bool(self.random.integers(2)), float(self.random.choice([-1.0, 1.0]))
-        e, pusher = self.errors, self.controller.scenario.pusher
+    def __init__(self, controller: Controller, errors: Errors, random: np.random.Generator, half: float) -> None:
+        self.controller, self.errors, self.random, self.half, self.due = controller, errors, random, half, 2.0
+        way, jump = random.uniform(-math.pi, math.pi, 2)
+        self.own, self.sign = bool(random.integers(2)), float(random.choice([-1.0, 1.0]))
+        e, scenario = errors, controller.scenario
         self.shift = np.array([e.bias * math.cos(way), e.bias * math.sin(way), self.sign * e.turned])
         self.leap = np.array([e.jump[0] * math.cos(jump), e.jump[0] * math.sin(jump), self.sign * e.jump[1]])
-        self.plate = np.array(self.controller.scenario.plate_start)
-        self.wheels = relative(pusher.plate_pose, pusher.wheels_pose)
+        self.plate = np.array(scenario.plate_start)
+        self.wheels = relative(scenario.pusher.plate_pose, scenario.pusher.wheels_pose)
 
     def shifted(self, poses: FloatArray) -> FloatArray:
         """Return poses with the camera's offset."""
@@ -265,37 +253,6 @@ class Job:
     what: str
 
 
-@dataclass(frozen=True)
-class Row:
-    """Result of one run.
-
-    Attributes:
-        job: The run.
-        arrived: Whether it arrived correctly.
-        words: What is printed of it if not.
-        elsewhere: Whether the controller said wrongly that it arrived.
-        replans: Number of solved replans.
-        travel: Of the plate, and planned, m.
-        seconds: CPU time.
-        lines: Number of printed events.
-        stops: Stops for an object off its place before anything had happened.
-        noticed: Whether the disturbance or the slide was noticed in time; None without one.
-        missed: Whether a lasting deviation went unnoticed for too long.
-    """
-
-    job: Job
-    arrived: bool
-    words: str
-    elsewhere: bool
-    replans: int
-    travel: tuple[float, float]
-    seconds: float
-    lines: int
-    stops: int
-    noticed: bool | None
-    missed: bool
-
-
 @cache
 def problem(name: str) -> tuple[Scenario, Plan]:
     """Return a scenario and its first plan."""
@@ -309,8 +266,17 @@ def problem(name: str) -> tuple[Scenario, Plan]:
     return scenario, Controller(scenario).plan
 
 
-def run(job: Job) -> Row:
-    """Run one scenario with one error, or with all of them."""
+def run(job: Job) -> dict[str, Any]:
+    """Run one scenario with one error, or with all of them.
+
+    Returns:
+        error: Name of the error.
+        arrived, elsewhere: Whether it arrived, and whether the controller said so wrongly.
+        words: Text about the run.
+        replans, lines, stops: Numbers of solved replans, of printed events, of stops before anything happened.
+        travel, planned, seconds: Travel of the plate and of the plan, m, and CPU time, s.
+        noticed, missed: Whether the disturbance or the slide was noticed in time (None without one), or missed.
+    """
     (scenario, plan), whole = problem(job.name), job.error == "all"
     assert plan.trajectory is not None
     planned, random = travel_of(plan.trajectory.poses), np.random.default_rng([job.seed, *job.name.encode()])
@@ -319,23 +285,27 @@ def run(job: Job) -> Row:
     simulator, hits = (_whole if whole else _single)(job, controller, random)
     delay, (position, angle) = job.errors.unstamped or 0.1, job.errors.noise
     sensor, began, longest = Sensor(delay=delay, position=position, angle=angle), time.process_time(), LONGEST[whole]
-    rate = controller.settings.rate
-    course = simulate_push(
-        simulator.world, controller, rate, hits, sensor, job.seed, longest, None, lambda _: simulator, robot.step
-    )
-    seconds = time.process_time() - began
+    rate, made = controller.settings.rate, lambda _: simulator
+    course = simulate_push(simulator.world, controller, rate, hits, sensor, job.seed, longest, None, made, robot.step)
+    seconds, travel, events = time.process_time() - began, travel_of(course.poses), controller.events
     error, there = (_ends_everywhere if whole else _ends)(controller, robot, course.object_poses[-1])
     replans, says = sum(replan.solved for replan in controller.replans), controller.phase is Phase.ARRIVED
-    since, noticed, missed = (math.inf, None, False) if whole else _noticed(controller, course, hits, simulator)
-    travel = travel_of(course.poses)
-    words = (
-        f"{job.name:14} {job.seed:4} {replans} replans, {travel:.1f} of {planned:.1f} m, {1e3 * error[0]:.1f} mm "
-        f"{error[1] / DEG:.2f} deg: {outcome_of(course, controller)}{' elsewhere' * (says and not there)}"
-    )
-    lines = len(collapsed(controller.events))
-    stops = 0 if whole else sum(e.kind == "deviation" and e.time < since for e in controller.events)
-    arrived, elsewhere = says and there and (whole or replans <= MOST_REPLANS), says and not there
-    return Row(job, arrived, words, elsewhere, replans, (travel, planned), seconds, lines, stops, noticed, missed)
+    since, noticed, missed = (0.0, None, False) if whole else _noticed(controller, course, hits, simulator)
+    return {
+        "error": job.error,
+        "arrived": says and there and (whole or replans <= MOST_REPLANS),
+        "elsewhere": says and not there,
+        "words": f"{job.name:14} {job.seed:4} {replans} replans, {travel:.1f} of {planned:.1f} m, "
+        f"{1e3 * error[0]:.1f} mm {error[1] / DEG:.2f} deg: {outcome_of(course, controller)}",
+        "replans": replans,
+        "lines": len(collapsed(events)),
+        "stops": sum(event.kind == "deviation" and event.time < since for event in events),
+        "travel": travel,
+        "planned": planned,
+        "seconds": seconds,
+        "noticed": noticed,
+        "missed": missed,
+    }
 
 
 def _whole(job: Job, controller: Controller, random: np.random.Generator) -> tuple[Simulator, list[Disturbance]]:
@@ -433,37 +403,30 @@ def jobs_of(asked: Any) -> Iterator[Job]:
             yield from (Job(name, error, stated, seed, what) for name in pushes for seed in asked.seeds)
 
 
-def summary(rows: list[Row]) -> str:
+def summary(rows: pd.DataFrame) -> str:
     """Return the figures of some runs."""
-    travel, planned = np.array([row.travel for row in rows]).T
-    noticed, missed = sum(row.noticed is True and not row.missed for row in rows), sum(row.missed for row in rows)
-    told = f"; {noticed} noticed, {missed} missed" if any(row.noticed is not None for row in rows) else ""
-    arrived, elsewhere = sum(row.arrived for row in rows), sum(row.elsewhere for row in rows)
+    told = f"; {(rows.noticed.eq(True) & ~rows.missed).sum()} noticed, {rows.missed.sum()} missed"
     return (
-        f"{share(arrived, len(rows))} arrive, {elsewhere} elsewhere; "
-        f"travel {np.median(travel / planned):.2f} of the plan's, {(travel > 2.0 * planned + 1.0).sum()} beyond 2 x "
-        f"+ 1 m; {np.mean([row.replans for row in rows]):.1f} replans, at most {max(row.lines for row in rows)} "
-        f"lines, {sum(row.seconds for row in rows):.0f} s of CPU; {sum(row.stops > 0 for row in rows)} stop for "
-        f"nothing{told}"
+        f"{share(rows.arrived.sum(), len(rows))} arrive, {rows.elsewhere.sum()} elsewhere; "
+        f"travel {(rows.travel / rows.planned).median():.2f} of the plan's, "
+        f"{(rows.travel > 2.0 * rows.planned + 1.0).sum()} beyond 2 x + 1 m; {rows.replans.mean():.1f} replans, "
+        f"at most {rows.lines.max()} lines, {rows.seconds.sum():.0f} s of CPU; {(rows.stops > 0).sum()} stop for "
+        f"nothing{told if rows.noticed.notna().any() else ''}"
     )
 
 
 def main() -> None:
     modes = {"disturbances": False, "slides": False, "matrix": str, "physics": False}
     asked = options(__doc__, seeds=(101, 102, 103), only=(str,), filter=(str,), pairs=12, **modes, jobs=1)
-    every: list[Row] = []
+    every: list[dict[str, Any]] = []
     with ProcessPoolExecutor(asked.jobs) as pool:
         made = pool.map(run, jobs_of(asked), chunksize=len(asked.seeds))
-        for error, rows in groupby(made, key=lambda row: row.job.error):
+        for error, rows in groupby(made, key=lambda row: row["error"]):
             found = [*rows]
             every += found
-            print(
-                f"{error:30} {summary(found)}",
-                *(row.words for row in found if not row.arrived),
-                sep="\n    ",
-                flush=True,
-            )
-    print(f"{'together':30} {summary(every)}")
+            bad = (row["words"] for row in found if not row["arrived"])
+            print(f"{error:30} {summary(pd.DataFrame(found))}", *bad, sep="\n    ", flush=True)
+    print(f"{'together':30} {summary(pd.DataFrame(every))}")
 
 
 if __name__ == "__main__":
