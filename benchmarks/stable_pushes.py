@@ -44,7 +44,7 @@ from pushplan.util.arrays import FloatArray
 
 FRICTION = 0.35
 """Of contacts that slide: the ratio of recorded forces (`slides`)."""
-OTHERS = {"sticking, as a tilt test gives it": 0.50, "tabulated, in the authors' scripts": 0.95}
+OTHERS = {0.50: "sticking, as a tilt test gives it", 0.95: "tabulated, in the authors' scripts"}
 HEADING = np.radians(0.58)
 KEPT = np.array([1.5e-3, 1.5e-3, np.radians(1.0)])
 FEET = {
@@ -130,9 +130,9 @@ class Push:
         """Return the margin of the push."""
         return float(self.scenario(friction).stable_set().margin(self.twist[None])[0])
 
-    def predicted(self, friction: float) -> FloatArray:
+    def predicted(self) -> FloatArray:
         """Return the final pose (3,) of the object in the slip simulator."""
-        world = World.from_scenario(self.scenario(friction))
+        world = World.from_scenario(self.scenario(FRICTION))
         return simulate_poses(np.arange(101.0), self.poses, world).objects[-1, 0]
 
     @property
@@ -148,11 +148,6 @@ def read() -> list[Push]:
     return [Push.of(row) for row in pd.read_csv(Path(__file__).with_suffix(".csv"), comment="#").itertuples()]
 
 
-def area(kept: FloatArray, slipped: FloatArray) -> float:
-    """Return the area under the ROC curve: how often a kept push has a larger margin than one that slipped."""
-    return float(mannwhitneyu(kept, slipped).statistic) / (len(kept) * len(slipped))
-
-
 def slides(pushes: list[Push]) -> None:
     """Print the ratio of forces while both tips slide, and while the object sticks."""
     slid = [p.ratio for p in pushes if abs(p.moved[1]) > 2.0 * KEPT[1] and abs(p.moved[2]) < KEPT[2]]
@@ -163,34 +158,36 @@ def slides(pushes: list[Push]) -> None:
 
 def margins(pushes: list[Push]) -> bool:
     """Compare margins and ends of pushes with what was measured, for each support and for other frictions."""
-    sizes = np.array([p.size for p in pushes])
-    kept, clear = sizes < 1.0, sizes > 2.0
-    values = {friction: np.array([p.margin(friction) for p in pushes]) for friction in (FRICTION, *OTHERS.values())}
-    found = values[FRICTION]
-    for name in (*FEET, "patch"):
-        here = np.array([p.support == name for p in pushes])
+    table = pd.DataFrame({"support": [p.support for p in pushes], "size": [p.size for p in pushes]})
+    for friction in (FRICTION, *OTHERS):
+        table[friction] = [p.margin(friction) for p in pushes]
+
+    def counts(rows: pd.DataFrame) -> str:
+        return f"{(rows['size'] < 1.0).sum():3} kept, {(rows['size'] > 2.0).sum():3} clear slips"
+
+    def area(rows: pd.DataFrame, friction: float) -> float:
+        """Return the area under the ROC curve: how often a kept push has a larger margin than one that slipped."""
+        kept, slipped = rows.loc[rows["size"] < 1.0, friction], rows.loc[rows["size"] > 2.0, friction]
+        return float(mannwhitneyu(kept, slipped).statistic) / (len(kept) * len(slipped))
+
+    for support, rows in table.groupby("support"):
+        above = [int(((rows["size"] > 2.0) & (rows[FRICTION] > least)).sum()) for least in (0.0, SURE)]
         print(
-            f"  {name:9} {here.sum():3}: kept {(kept & here).sum():2}, clear slips {(clear & here).sum():3}, area "
-            f"{area(found[kept & here], found[clear & here]):.3f}, clear slips above 0 and {SURE}: "
-            f"{(clear & here & (found > 0.0)).sum()} and {(clear & here & (found > SURE)).sum()}"
+            f"  {support:9} {len(rows):3}: {counts(rows)}, area {area(rows, FRICTION):.3f}, clear slips above 0 and "
+            f"{SURE}: {above[0]} and {above[1]}"
         )
-    for friction, all_ in values.items():
-        above, what = all_ > SURE, {v: k for k, v in OTHERS.items()}.get(friction, "sliding")
-        print(
-            f"  friction {friction:.2f} ({what}): {above.sum():3} above {SURE}: {(kept & above).sum():2} kept, "
-            f"{(clear & above).sum():3} clear slips; area {area(all_[kept], all_[clear]):.3f}"
-        )
+    for friction in (FRICTION, *OTHERS):
+        rows, what = table[table[friction] > SURE], OTHERS.get(friction, "sliding")
+        told = f"{len(rows):3} above {SURE}: {counts(rows)}; area {area(table, friction):.3f}"
+        print(f"  friction {friction:.2f} ({what}): {told}")
     slipped = [p for p in pushes if p.size > 2.0]
-    off = np.array([p.predicted(FRICTION) - p.after for p in slipped])
-    ends = np.column_stack([1e3 * np.hypot(*off[:, :2].T), np.degrees(np.abs(se2.wrap_angle(off[:, 2])))])
-    gone = [1e3 * float(np.hypot(*p.moved[:2])) for p in slipped]
-    p50, p90 = np.percentile(ends, [50, 90], axis=0).round(2)
-    print(
-        f"  ends of {len(ends)} clear slips (median {np.median(gone):.1f} mm on the plate): off by {p50}, 90 % {p90}"
-    )
-    print(f"  of all clear slips {100.0 * (found[clear] < 0.0).mean():.1f} % have a margin below 0")
-    good = tell(f"{len(pushes)} pushes, area under the ROC curve", area(found[kept], found[clear]), ">=", 0.95)
-    return good & tell(f"clear slips with a margin above {SURE}", float((clear & (found > SURE)).sum()), "<=", 2)
+    ends = se2.pose_errors(*(np.array(one) for one in zip(*((p.predicted(), p.after) for p in slipped), strict=True)))
+    gone = 1e3 * np.median([np.hypot(*p.moved[:2]) for p in slipped])
+    p50, p90 = np.percentile(ends * [1e3, np.degrees(1.0)], [50, 90], axis=0).round(2)
+    print(f"  ends of {len(ends)} clear slips (median {gone:.1f} mm on the plate): off by {p50}, 90 % {p90}")
+    good = tell(f"{len(pushes)} pushes, area under the ROC curve", area(table, FRICTION), ">=", 0.95)
+    slips = ((table["size"] > 2.0) & (table[FRICTION] > SURE)).sum()
+    return good & tell(f"clear slips with a margin above {SURE}", slips, "<=", 2)
 
 
 def learned(chosen: list[Push]) -> tuple[float, float, float]:
