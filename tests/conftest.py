@@ -64,14 +64,39 @@ Value = TypeVar("Value")
 Captured = pytest.CaptureFixture[str]
 Patch = pytest.MonkeyPatch
 
-LONG = ("test_docs", "test_every_kind", "test_screens", "test_controller", "test_run", "test_view")
-"""Files that take 45 to 10 s of CPU time; others take less, or mostly sleep."""
+LONG = [
+    "test_docs",
+    "test_controller",
+    "test_every_kind",
+    "test_store",
+    "test_batch",
+    "test_run",
+    "test_forgeries",
+    "test_stall",
+    "test_screens",
+    "test_rewritten",
+    "test_trials",
+    "test_core_calls",
+    "test_view",
+    "test_lower_bound",
+    "test_suite",
+]
+"""Files that take 70 to 8 s, the longest first."""
 
 
 def there(value: Value | None) -> Value:
     """Return a value that must not be None."""
     assert value is not None
     return value
+
+
+def identify_roughly(patch: Patch) -> None:
+    """Take a quarter of the samples, members and starts: intervals of a few unknowns are as long."""
+    patch.setattr("pushplan.sim.identify.posterior.ENOUGH", 50.0)
+    patch.setattr("pushplan.sim.identify.posterior.MEMBERS", 20)
+    patch.setattr("pushplan.sim.identify.posterior._LOOK", 30)
+    patch.setattr("pushplan.sim.identify.identify.LOOKED_AT", 32)
+    patch.setattr("pushplan.sim.identify.identify.STARTS", 2)
 
 
 def heed_interrupts() -> None:

@@ -19,7 +19,7 @@ from typing import Any
 import click
 import numpy as np
 import pytest
-from conftest import Captured, Patch, there
+from conftest import Captured, Patch, identify_roughly, there
 from PIL import Image
 from rough import first_plans, rough_identification, slow_controllers
 
@@ -124,7 +124,8 @@ def test_every_command_and_all_code_run_in_the_order_of_the_page(
 
 
 def _identify_once(patch: Patch) -> None:
-    """Reuse the result of the first identification, which takes 10 s, in all others of a page."""
+    """Identify roughly, and reuse the result of the first identification in all others of a page."""
+    identify_roughly(patch)
     found = list[Identification]()
 
     def identified(*args: Any, **kwargs: Any) -> Identification:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from conftest import ChainMaker, there
+from conftest import ChainMaker, identify_roughly, there
 from scipy.special import logsumexp
 
 import pushplan
@@ -61,13 +61,8 @@ def pushed(
 
 @pytest.fixture(scope="module", autouse=True)
 def _rougher() -> Iterator[None]:
-    """Half of the samples, members and starts: intervals of these few unknowns are as long."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pushplan.sim.identify.posterior.ENOUGH", 50.0)
-        patch.setattr("pushplan.sim.identify.posterior.MEMBERS", 20)
-        patch.setattr("pushplan.sim.identify.posterior._LOOK", 30)
-        patch.setattr("pushplan.sim.identify.identify.LOOKED_AT", 32)
-        patch.setattr("pushplan.sim.identify.identify.STARTS", 2)
+        identify_roughly(patch)
         yield
 
 
