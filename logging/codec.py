@@ -78,7 +78,7 @@ _MEMORY = 24
 
 
 class CodecError(PushplanError, ValueError):
-    """Error of bytes that `encode` has not written."""
+    """Raised when bytes do not come from `encode`."""
 
 
 def encode(value: object) -> bytes:

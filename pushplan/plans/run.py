@@ -85,7 +85,7 @@ class Replan:
     Attributes:
         time: Time of the attempt, s.
         result: The plan; None if start or chain are invalid for planning.
-        reason: Why there is no plan; empty if there is one.
+        reason: Reason why there is no plan; empty if there is one.
         seconds: CPU time, s; NaN if read from a log.
         rest: Whether it plans all remaining pushes, not only the current one.
     """

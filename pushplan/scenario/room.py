@@ -120,7 +120,7 @@ def placement_errors(what: str, bodies: Sequence[tuple[str, FloatArray]], room: 
     """Yield a sentence for every body that leaves the workspace or is too near to an obstacle.
 
     Args:
-        what: `start` or `goal`, for the sentences.
+        what: `start` or `goal`, as the sentences say it.
         bodies: Names and outlines (v, 2) in the world.
         room: Scenario with the obstacles, the workspace and the clearance.
     """

@@ -97,7 +97,7 @@ LOADS = ("border", "tilt", "foot")
 
 @dataclass(frozen=True)
 class Unknown:
-    """One unknown number; its prior is uniform between its ends.
+    """An unknown number whose prior is uniform between two limits.
 
     Attributes:
         kind: `contact_friction`, `floor_ratio`, `border`, `tilt`, `foot` or `floor_friction`.
