@@ -212,6 +212,8 @@ class Film(Still):
         axes.set_xlim(0.0, float(execution.t[-1]) or 1.0)
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(colors=FAINT)
+        axes.set_ylabel("margin", color=FAINT)
+        axes.annotate("s", (1.0, 0.0), (0, -4), "axes fraction", "offset points", color=FAINT, ha="right", va="top")
         margin_ticks(axes, kept)
         named = worst_contacts(execution)
         for place, k in enumerate(named):
