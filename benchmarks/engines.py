@@ -21,8 +21,11 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
-from ablation import FAMILIES, scenes, tenth
-from script import options
+
+if "--serve" in sys.argv:
+    sys.path[0] = str(Path.cwd() / "benchmarks")  # scenes of the checkout that answers
+
+from ablation import FAMILIES, scenes
 
 import pushplan
 from pushplan.planners.search import planners
@@ -105,6 +108,8 @@ def ask_all(here: Checkout, there: Checkout, seeds: int, first: bool) -> Answers
 
 def report(family: str, firsts: Answers, bests: Answers) -> None:
     """Print the figures of a family, those of the other checkout in brackets."""
+    from ablation import tenth  # the other checkout may have none
+
     (first, whole, by), (before, whole_before, _) = (np.moveaxis(one, 2, 0) for one in firsts)
     searched = by.any(axis=1) | (np.median(first, axis=1) > FREE)
     print(f"\n{family}: {len(first)} scenes, {first.shape[1]} seeds; CPU time, in brackets of the other checkout")
@@ -123,6 +128,8 @@ def report(family: str, firsts: Answers, bests: Answers) -> None:
 
 
 def main() -> None:
+    from script import options  # the other checkout may have none
+
     asked = options(__doc__, "other", families=FAMILIES, seeds=20, best_seeds=6, scenes=22)
     for family in asked.families:
         here, there = (Checkout(folder, family, asked.scenes) for folder in (HERE.parents[1], asked.other.resolve()))
