@@ -11,6 +11,7 @@ delivered, and goes on until none can. It uses the public `pushplan.plan` only.
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Sequence
@@ -81,33 +82,38 @@ def led_backwards(document: dict[str, Any], seed: int) -> dict[str, Any]:
     """Return a room whose objects, taken off their goals one after another, stand where one push brings them back.
 
     Each stands at the beginning of an arc that is free of all other objects as they stand at that moment, together
-    with the robot behind the object. How the robot gets from push to push is not looked at.
+    with the robot behind the object and 0.7 m behind the robot at the beginning, from where it comes. How it gets
+    there is not looked at.
     """
-    random = np.random.default_rng([seed, 1])
+    draws = (_starts(document, np.random.default_rng([seed, attempt])) for attempt in itertools.count())
+    poses = next(found for found in draws if found)
+    objects = [entry | {"pose": poses[entry["name"]].tolist()} for entry in document["objects"]]
+    return document | {"name": f"{document['name']}-backwards", "objects": objects}
+
+
+def _starts(document: dict[str, Any], random: np.random.Generator) -> dict[str, FloatArray]:
+    """Return the start (3,) of each object; empty if 200 tries for each were not enough."""
     floor = shapely.box(*(document["workspace"][axis][end] for end in (0, 1) for axis in "xy")).buffer(-0.02)
     robot = shapely.Point(document["robot"]["start"][:2]).buffer(0.4)
     box = np.array(shapely.box(-0.12, -0.12, 0.12, 0.12).exterior.coords)
-    pushed = np.array(shapely.box(-0.5, -0.14, 0.1, 0.14).exterior.coords)
+    pushed, behind = (np.array(shapely.box(x, -0.14, 0.1, 0.14).exterior.coords) for x in (-0.5, -1.2))
     poses = {name: np.array(goal["pose"]) for name, goal in document["goals"].items()}
     left = list(poses)
-    tries = 400 * len(left)
-    while left and (tries := tries - 1):
+    for _ in range(200 * len(left)):
         name = left[random.integers(len(left))]
         turn, length = random.choice([0.0, random.uniform(-0.8, 0.8)]), random.uniform(0.4, 3.0)
         face = np.array([0.0, 0.0, 0.5 * math.pi * random.integers(4)])
         back = np.linspace(0.0, -length, 2 + int(length / 0.1))
-        arc = se2.exp(np.outer(back, [1.0, 0.0, turn]))
-        along = se2.compose(se2.compose(poses[name], face), arc)
-        swept = shapely.union_all(_placed(pushed, along))
+        along = se2.compose(se2.compose(poses[name], face), se2.exp(np.outer(back, [1.0, 0.0, turn])))
+        swept = shapely.union_all([*_placed(pushed, along), *_placed(behind, along[-1:])])
         others = _placed(box, np.array([poses[other] for other in poses if other != name]))
         met = shapely.intersects(swept, others).any() or _placed(box, along[-1:])[0].intersects(robot)
         if floor.contains(swept) and not met:
             poses[name] = se2.compose(along[-1], -face)
             left.remove(name)
-    if left:
-        raise ValueError(f"{document['name']}: no arc leads back from {', '.join(left)}")
-    objects = [entry | {"pose": poses[entry["name"]].tolist()} for entry in document["objects"]]
-    return document | {"name": f"{document['name']}-backwards", "objects": objects}
+            if not left:
+                return poses
+    return {}
 
 
 def _placed(corners: FloatArray, poses: FloatArray) -> Any:

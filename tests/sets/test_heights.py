@@ -296,4 +296,4 @@ def test_the_largest_sum_of_parts_is_that_of_a_linear_program() -> None:
         values, parts = rng.normal(size=count), np.sort(rng.uniform(-1.0, 1.0, (count, 2)), axis=1)
         parts[0] = -parts[1:].sum(axis=0)[::-1] + [-0.1, 0.1]  # sums of 0 are possible
         best = linprog(-values, A_eq=np.ones((1, count)), b_eq=[0.0], bounds=parts.tolist())
-        assert _most(values, parts) == pytest.approx(-best.fun)
+        assert _most(values, parts) == pytest.approx(-there(best.fun))
