@@ -38,7 +38,7 @@ from pushplan.util.arrays import FloatArray
 CONTROL = "pushplan.control"
 """Name of the metadata in a closed loop's log: settings, sensor and disturbances, as JSON."""
 TIME_ROUNDING = 1e-6
-"""Of times in logs, s."""
+"""Tolerance of times in logs, s."""
 ROUNDING = 1e-6
 """Tolerance of recomputed twists, m/s and rad/s: measured angles are rounded when they are stored as quaternions."""
 JAMMED = "no motion of the objects satisfies all contacts"

@@ -182,7 +182,7 @@ class MultiPushSearch(TaskSearch):
         """Return the reasons for failure that start and goals alone show; empty if they show none.
 
         Args:
-            or_perhaps: Whether to return otherwise that the robot can drive up to a part of the faces only.
+            or_perhaps: Whether to return, if they show none, which faces the robot can drive up to, unless all.
         """
         try:
             goals = free_goals(self.scenario)
@@ -348,7 +348,7 @@ def _faces(contacts: Iterable[Contact]) -> str:
 
 
 def _few_faces(room: PushRoom, query: Query, found: Found) -> str:
-    """Return that the robot can drive up to a part of the faces only at the start; empty if it reaches them all."""
+    """Return which faces the robot can drive up to at the start; empty if it can drive up to all of them."""
     shut = [contact for contact, begins in zip(room.contacts, found.begins, strict=True) if not begins]
     if not shut:
         return ""

@@ -493,7 +493,10 @@ class Order:
         return shown or (f"{unknown}; {perhaps}" if perhaps else unknown)
 
     def _reason(self, now: Situation, piece: int, or_perhaps: bool = False) -> str:
-        """Return what prevents a delivery at the start or the goals, or perhaps does; empty if nothing is known."""
+        """Return the reason at the start or the goals that prevents a delivery; empty if there is none.
+
+        With `or_perhaps`, return otherwise which faces the robot can drive up to, unless all.
+        """
         own = self._pieces[piece]
         takers = [self._on_goal(now, piece, goal) - {piece} for goal in range(len(own.goals))]
         if all(takers):
