@@ -258,7 +258,7 @@ class BlendSearch:
         return None
 
     def _touches(self, trajectory: Trajectory) -> Touches:
-        """Return the collisions of the motion, with a clearance that covers its samples too.
+        """Return the collisions of the motion, with enough clearance for the arcs between its samples.
 
         The validator assumes a constant twist between samples. The motion's deviation from it is added to the
         required clearance. If it is too large, the samples are checked instead.

@@ -36,7 +36,7 @@ LINE_STYLES: tuple[Any, ...] = ("solid", "dashed", "dotted", "dashdot", (0, (6, 
 _WIDTH, _MAX_HEIGHT, _LEGEND_WIDTH, _LEFT, _AXIS = 4.4, 7.5, 3.2, 0.7, 0.52
 
 _ACROSS = 14
-"""Longest name written across the push, letters; a name along the push can have twice as many."""
+"""Number of letters up to which a name is written across the push; along the push it can have twice as many."""
 _DASHED: Any = (0, (4, 2))
 _NAMED = 2
 """Largest number of contacts for which each has a label."""
