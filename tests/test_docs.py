@@ -199,8 +199,8 @@ def test_every_named_command_exists_with_its_options(page: Path) -> None:
 def test_links_and_pictures_exist(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text("utf-8")):
         if not target.startswith(("https://", "#")):
-            # Beside an installed wheel there are no sources but those in the package.
-            places = page.parent / target, Path(there(pushplan.__file__)).parent / target
+            package = Path(there(pushplan.__file__)).parent  # beside an installed wheel the only sources
+            places = (parent / target for parent in (page.parent, package.parent, package))
             assert any(place.is_file() for place in places), target
 
 
