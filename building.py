@@ -1,7 +1,7 @@
 """How the compiled core is built. setuptools imports this, by its path in `pyproject.toml`.
 
 Run `python building.py` after a change of the core: it compiles every source by itself, keeps what it has compiled in
-`build/core`, and so compiles only what has changed.
+`build/core`, and so compiles only what has changed. `pip install -e .` keeps what it has compiled in `build/joined`.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class BuildCore(build_ext):
         """Compile what is not compiled yet, and link."""
         more = os.environ.get("PUSHPLAN_CORE_FLAGS", "").split()  # those of sanitizers, see .ci/sanitize
         kept = os.environ.get("PUSHPLAN_CORE_OBJECTS")
-        folder = Path(kept or self.build_temp)
+        folder = Path(kept or ("build/joined" if self.editable_mode else self.build_temp))
         folder.mkdir(parents=True, exist_ok=True)
 
         def compiled(unit: str) -> str:
