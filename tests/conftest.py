@@ -91,7 +91,7 @@ def there(value: Value | None) -> Value:
 
 
 def identify_roughly(patch: Patch) -> None:
-    """Take a quarter of the samples, members and starts: intervals of a few unknowns are as long."""
+    """Identify with few samples, members and starts: intervals of a few unknowns are as long."""
     patch.setattr("pushplan.sim.identify.posterior.ENOUGH", 50.0)
     patch.setattr("pushplan.sim.identify.posterior.MEMBERS", 20)
     patch.setattr("pushplan.sim.identify.posterior._LOOK", 30)

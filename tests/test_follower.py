@@ -6,6 +6,7 @@ from functools import cache
 from math import radians
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -204,6 +205,7 @@ def test_the_node_drives_to_the_goal_with_messages_of_ros_2(log: Path, monkeypat
 
 def test_a_run_without_a_timed_plan_cannot_be_followed() -> None:
     scenario = pushed("omnidirectional").scenario
-    for run in (replace(pushed("omnidirectional"), segments=()), SimpleNamespace(plan=None, scenario=scenario)):
+    runs: list[Any] = [replace(pushed("omnidirectional"), segments=()), SimpleNamespace(plan=None, scenario=scenario)]
+    for run in runs:
         with pytest.raises(pushplan.PushplanError, match="push: there is no plan to follow"):
-            Follower(run)  # type: ignore[arg-type]
+            Follower(run)

@@ -178,21 +178,20 @@ class MultiPushSearch(TaskSearch):
             explain=lambda: _explanation(room, query, found, limit),
         )
 
-    def why_not(self, or_perhaps: bool = False) -> str:
-        """Return the reasons for failure that start and goals alone show; empty if they show none.
+    def why_not(self) -> tuple[str, str]:
+        """Return what start and goals alone show: the reasons for failure, or else the faces that can be reached.
 
-        Args:
-            or_perhaps: Whether to return, if they show none, which faces the robot can drive up to, unless all.
+        Both are empty if they show none and the robot can drive up to all faces.
         """
         try:
             goals = free_goals(self.scenario)
         except PlanningError as error:
-            return str(error)
+            return str(error), ""
         room = self.room(0)
         query = Query(backed_off(room, self.scenario), np.array(self.scenario.start), goals)
         found = search(room, query, Limits(math.inf, first=True, iterations=0), 0)
-        shown = "; ".join(reason.text for reason in _reasons(room, query, found))
-        return shown or (_few_faces(room, query, found) if or_perhaps else "")
+        reasons = "; ".join(reason.text for reason in _reasons(room, query, found))
+        return reasons, "" if reasons else _few_faces(room, query, found)
 
     def _proof(self) -> Diagnosis | None:
         """Return a proof that the robot cannot reach the load or bring it to a goal; None without one."""
@@ -309,8 +308,7 @@ def _explanation(
     reasons = sorted(_reasons(room, query, found), key=lambda reason: not reason.proven)
     if not reasons:
         text = f"the search was still running after {found.looked_at} pushes and transits"
-        few = _few_faces(room, query, found)
-        text += f"; {few}" if few else ""
+        text = "; ".join(filter(None, (text, _few_faces(room, query, found))))
         reasons = [Diagnosis("time", text, False)]
     words = "; ".join(reason.text for reason in reasons)
     if not any(reason.proven for reason in reasons):

@@ -176,7 +176,7 @@ class Order:
             best = self._freed(best)
         if best.here.left and not self._over():
             best = min(best, self._in_order(begun, STAGES[len(soon) :]), key=_worth)
-        while not self._over() and any(not self._reason(best.here, piece) for piece in best.here.left):
+        while not self._over() and any(not self._reason(best.here, piece)[0] for piece in best.here.left):
             self._seed, self._known = self._seed + 1, {}
             best = min(best, self._by_layers(begun[0]), key=_worth)
         return best
@@ -487,22 +487,18 @@ class Order:
 
     def why_not(self, now: Situation, piece: int) -> str:
         """Return why a remaining piece is not delivered, as far as it is known."""
-        shown = self._reason(now, piece)
-        perhaps = "" if shown else self._reason(now, piece, or_perhaps=True)
+        reason, faces = self._reason(now, piece)
         unknown = "no pushes to its goal were found among the other objects"
-        return shown or (f"{unknown}; {perhaps}" if perhaps else unknown)
+        return reason or "; ".join(filter(None, (unknown, faces)))
 
-    def _reason(self, now: Situation, piece: int, or_perhaps: bool = False) -> str:
-        """Return the reason at the start or the goals that prevents a delivery; empty if there is none.
-
-        With `or_perhaps`, return otherwise which faces the robot can drive up to, unless all.
-        """
+    def _reason(self, now: Situation, piece: int) -> tuple[str, str]:
+        """Return the reason at the start or the goals that prevents a delivery, or else the faces in reach."""
         own = self._pieces[piece]
         takers = [self._on_goal(now, piece, goal) - {piece} for goal in range(len(own.goals))]
         if all(takers):
             names = ", ".join(f"'{self._pieces[k].name}'" for k in sorted(frozenset().union(*takers)))
-            return f"its goal is taken by {names}"
-        return own.search.with_obstacles(posed(self._pieces, now, piece, own.goals)).why_not(or_perhaps)
+            return f"its goal is taken by {names}", ""
+        return own.search.with_obstacles(posed(self._pieces, now, piece, own.goals)).why_not()
 
     def _parking(self, now: Situation, piece: int) -> tuple[Goal, ...]:
         """Return places for a piece away from all goals, nearest first: along straight pushes and around it."""
