@@ -104,7 +104,7 @@ Item = Message | Attachment | Metadata
 
 
 class DamageError(Exception):
-    """Error of invalid bytes; `offset` counts from the beginning of the file."""
+    """Bytes are invalid; `offset` counts from the beginning of the file."""
 
     def __init__(self, what: str, offset: int) -> None:
         self.what, self.offset = what, offset

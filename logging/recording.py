@@ -29,7 +29,7 @@ Where = Path | str | Literal[False] | None
 
 
 class IncompleteLogError(OutputError):
-    """Error of a finished run whose log is incomplete.
+    """The log of a finished run is incomplete.
 
     Attributes:
         run: Result of the run: a `Run`, a `ClosedLoopRun` or `Trials`.

@@ -32,7 +32,7 @@ _NAME = re.compile(r"\d{8}T\d{6}\.\d{3}Z-[\w.+-]+-seed-?\d+(-\d+)?\.mcap(\.parti
 
 
 class RunsError(PushplanError, ValueError):
-    """Error of a reference to a recorded run that does not exist."""
+    """A reference names no recorded run."""
 
 
 def runs_folder(asked: Path | str | None = None) -> Path:

@@ -21,7 +21,7 @@ _PIXELS, _VIEW = 2.0, 800.0
 
 
 class FrameNamesError(PushplanError, ValueError):
-    """Error of frame names that cannot be used."""
+    """A frame name cannot be used."""
 
 
 @dataclass(frozen=True)

@@ -216,6 +216,7 @@ def test_files_of_the_user_are_replaced_only_on_request(capsys: Captured) -> Non
         assert Path(name).read_text() == "format: pushplan/1"
         assert main([*words, "--overwrite"]) == 0
         assert main(words) == 0  # now it is a benchmark folder
+    assert main(["view", "one-box", "--overwrite"]) == 2  # it writes no file
 
 
 def test_a_folder_with_other_files_is_refused_as_output_of_a_benchmark(capsys: Captured) -> None:

@@ -253,7 +253,7 @@ map_option = click.option(
     "--map",
     "maps",
     type=PATH,
-    metavar="FILE",
+    metavar="MAP",
     multiple=True,
     help="Add the obstacles of a ROS map (YAML); can be repeated.",
 )

@@ -13,7 +13,7 @@ from pushplan.util.naming import optional
 
 
 class PhysicsError(PushplanError):
-    """Error of a physics simulation that is impossible or diverges."""
+    """A physics simulation is impossible or diverges."""
 
 
 def engine() -> Any:
