@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import ChainMaker, pressure_of, there
+from conftest import ChainMaker, Patch, pressure_of, there
 from test_contacts import slack
 
 from pushplan.geometry import se2
+from pushplan.mechanics import uncertain
 from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject, inertia_of
 from pushplan.mechanics.contacts import carried_objects
 from pushplan.mechanics.dynamics import ContactDynamics, dynamic_margins, dynamic_rows
@@ -169,3 +170,14 @@ def test_no_sample_is_below_the_worst_case(make_chain: ChainMaker, n: int, seed:
             assert (least.size >= real.size - 1e-9).all()
         promised += below(contacts, chain, twists, rates)
     assert promised > 50
+
+
+def test_a_few_motions_at_a_time_have_the_same_bounds(make_chain: ChainMaker, monkeypatch: Patch) -> None:
+    chain = make_chain.random(5, 2, feet=True)
+    contacts, (twists, rates) = ContactDynamics(chain, interval=widened(chain)), motions(chain, 5)
+    least, forces = contacts.inertia(twists, rates), contacts.interval_inertia.forces(twists, rates)
+    monkeypatch.setattr(uncertain, "_AT_ONCE", 100)
+    part = contacts.inertia(twists, rates)
+    np.testing.assert_array_equal(part.rows, least.rows)
+    np.testing.assert_array_equal(part.size, least.size)
+    np.testing.assert_array_equal(contacts.interval_inertia.forces(twists, rates), forces)

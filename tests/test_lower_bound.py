@@ -9,7 +9,7 @@ from conftest import there
 from plans_of import load_plain
 
 import pushplan.planners.infeasible.ways as ways
-from pushplan.core.problem import find_words
+from pushplan.core.problem import find_words, remaining
 from pushplan.geometry import se2
 from pushplan.planner import plan
 from pushplan.planners.controls import control_segments, steering_families
@@ -37,6 +37,13 @@ clearance: 0.01
 def bound_of(scenario: Scenario) -> float:
     controls = Posing().controls(scenario.with_margin(0.0), scenario.stable_set())
     return lower_bound(scenario, controls.segments)
+
+
+def test_the_quick_bound_is_straight_travel_plus_the_smaller_turn_of_headings_of_any_size() -> None:
+    rng = np.random.default_rng(1)
+    for pose, goal in rng.uniform(-12.0, 12.0, (50, 2, 3)):
+        away, turn = se2.pose_error(pose, goal)
+        assert remaining(pose, goal) == pytest.approx(away + TURN_WEIGHT * turn)
 
 
 def test_without_obstacles_the_bound_is_straight_travel_plus_the_needed_turns() -> None:

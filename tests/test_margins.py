@@ -194,6 +194,14 @@ def test_shifted_objects_touch_with_their_outline_and_turned_ones_carry_others_a
             np.testing.assert_allclose(off.places[i], place, atol=1e-12)
 
 
+def test_the_robustness_is_told_with_two_digits_rounded_down() -> None:
+    robustness = Robustness(0.6789, 0.0339, 1.29, 0.01259, np.radians(9.99), 0.123)
+    assert robustness.sentence().startswith(
+        "one at a time: contact friction -32 %,\nfloor friction ±3.3 %, load ±120 % or more,\n"
+        "position 12 mm, heading 9.9 deg;\nall together: 0.12 x"
+    )
+
+
 @pytest.mark.parametrize("name", [name for name in STRAIGHT if name != "five-objects"])  # it takes seconds
 def test_every_margin_is_positive_just_below_the_robustness_and_one_is_not_just_above(name: str) -> None:
     scenario = load_scenario(name)

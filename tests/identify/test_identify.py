@@ -20,10 +20,10 @@ from pushplan.logging.writer import RunLogWriter
 from pushplan.mechanics.support import FeetSupport
 from pushplan.planner import plan
 from pushplan.scenario.file import scenario_from_document
-from pushplan.sim.identify.identify import identify_pushes
+from pushplan.sim.identify.identify import _mean_force, identify_pushes
 from pushplan.sim.identify.measured_push import Identification, MeasuredPush, piece_of, with_learned
 from pushplan.sim.identify.posterior import NOISES, SPREADS, TAILS, USUAL, Likelihood, Near, sample
-from pushplan.sim.identify.unknowns import PressedOutline, Unknowns
+from pushplan.sim.identify.unknowns import PressedOutline, Unknowns, _broken_stick
 from pushplan.sim.report import ContactReport
 from pushplan.sim.slip import simulate_poses
 from pushplan.slip.world import World
@@ -170,6 +170,22 @@ def test_poses_before_and_after_pushes_are_enough() -> None:
     assert one.high - one.low < 0.1
     with pytest.raises(PushplanError, match="measured at 1 times; at least 2 are needed"):
         MeasuredPush(pushes[0].plate_poses, np.concatenate([rare[:1], np.full_like(rare[1:], np.nan)]))
+
+
+def test_the_mean_force_is_that_of_all_pushes_in_any_direction() -> None:
+    still, wrenches = np.zeros((3, 3)), np.array([[3.0, 4.0, 9.0], [0.0, -5.0, 1.0], [-5.0, 0.0, 2.0]])
+    pushes = [MeasuredPush(still, np.zeros((3, 1, 3)), wrenches=force * wrenches) for force in (1.0, 2.0)]
+    assert _mean_force(pushes) == pytest.approx(7.5)
+
+
+def test_the_prior_of_loads_on_feet_is_uniform() -> None:
+    """As of Dirichlet's distribution: equal means, and variances (k - 1) / (k^2 (k + 1))."""
+    for k in (2, 3, 5):
+        points = np.random.default_rng(k).random((4000, k - 1))
+        loads = np.array([_broken_stick(one) for one in points])
+        np.testing.assert_allclose(loads.sum(axis=1), 1.0)
+        np.testing.assert_allclose(loads.mean(axis=0), 1.0 / k, atol=0.015)
+        np.testing.assert_allclose(loads.var(axis=0), (k - 1) / (k**2 * (k + 1)), rtol=0.1)
 
 
 def test_measured_forces_tell_the_size_of_floor_friction() -> None:

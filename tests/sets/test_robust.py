@@ -120,3 +120,18 @@ def test_the_worst_pressure_attains_the_bound(make_chain: ChainMaker) -> None:
                 assert low < loaded.contact_margins([twist])[0, k] < high
                 tried += 1
     assert tried > 10
+
+
+@pytest.mark.parametrize("high", [False, True])
+@pytest.mark.parametrize("solid", [False, True])
+def test_the_margin_is_that_of_the_least_row(solid: bool, high: bool) -> None:
+    """Quick bounds decide which rows are computed, and must be below them, most of all where they are tight."""
+    rng = np.random.default_rng(4)
+    for _ in range(12):
+        area = random_area(rng, solid, high)
+        packed = pack_centred(placed_on(area, rng))
+        twists = rng.normal(size=(80, 3))
+        twists[:60, 2] *= 10.0 ** rng.uniform(-4.0, 0.0, 60)
+        rows, sizes = uncertain.rows_of(packed, twists)
+        expected = (rows / sizes[..., None]).min(axis=(1, 2))
+        np.testing.assert_allclose(uncertain.margins_of(packed, twists, -1e9), expected, atol=2e-4)

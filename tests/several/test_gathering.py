@@ -26,6 +26,7 @@ from pushplan.plans.run import Replan
 from pushplan.plans.segment import Segment
 from pushplan.plans.settings import Observer
 from pushplan.scenario.file import scenario_from_document
+from pushplan.scenario.goals import End
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.jobs import push_job
 from pushplan.sim.control.rest import RestPlanner
@@ -273,6 +274,32 @@ def test_the_validator_refuses_invalid_closes(made: tuple[Scenario, Plan]) -> No
     assert "not at the wall" in Validator(at_wall).flaw(segments, None)
     given = scenario_from_document(document({"of": ["c", "b", "a"], "pose": [3, 2, 0], "order": "given"}))
     assert "has the order" in Validator(given).flaw(segments, None)
+
+
+@pytest.mark.parametrize(
+    ("wall", "middle", "normal"),
+    [
+        ("xmin", [-0.4, 1.0], np.pi),
+        ("xmax", [4.2, 1.0], 0.0),
+        ("ymin", [1.0, -0.3], -np.pi / 2),
+        ("ymax", [1.0, 3.7], np.pi / 2),
+    ],
+)
+def test_a_row_is_at_its_wall_when_its_front_faces_it_from_near(
+    wall: str, middle: list[float], normal: float
+) -> None:
+    scenario = scenario_from_document(document({"wall": wall}, workspace={"x": [-0.4, 4.2], "y": [-0.3, 3.7]}))
+    ahead = np.array([np.cos(normal), np.sin(normal)])
+
+    def shortfall(gap: float, heading: float = normal) -> str:
+        away = gap + 0.075 + 0.15 * np.arange(3)
+        places = {name: np.array([*(middle - off * ahead), heading]) for name, off in zip("cba", away, strict=True)}
+        end = End(scenario.task.by_name, places, heading, scenario.workspace, scenario.clearance)
+        return scenario.task.goals[0].shortfall(end)
+
+    assert shortfall(0.0055) == ""
+    assert "is not at the wall" in shortfall(0.0065)
+    assert "at 'a', is not at the wall" in shortfall(0.0055, normal + np.pi)
 
 
 def test_loads_of_a_row_are_flush_and_have_the_intervals_of_their_objects() -> None:

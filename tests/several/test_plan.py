@@ -78,6 +78,23 @@ def test_a_plan_that_was_tampered_with_is_refused(planned: tuple[Scenario, Plan]
     assert words in validator.flaw(segments, plan.execution)
 
 
+def test_a_transit_that_the_wheels_cannot_drive_is_refused_also_for_its_last_arc(
+    planned: tuple[Scenario, Plan],
+) -> None:
+    scenario, plan = planned
+    transit = plan.segments[0]
+    aside = np.array([[0.0, 1.0, 0.0]])
+
+    def flaw(twists: Any, lengths: Any) -> str:
+        path = replace(transit.path, twists=twists, lengths=np.array(lengths))
+        return Validator(scenario).flaw_of(replace(transit, path=path, trajectory=None))
+
+    ahead = transit.path
+    assert flaw(ahead.twists, ahead.lengths) == ""
+    refused = flaw(np.concatenate([ahead.twists, aside]), [*ahead.lengths, 1e-3])
+    assert ("0 m/s ahead, 1 m/s sideways" in refused) == (scenario.pusher.drive.kind != "omnidirectional")
+
+
 def test_a_row_of_boxes_is_taken_from_its_other_end(problem: Problem) -> None:
     scenario = problem("omnidirectional", boxes=3, goal={"pose": [0.7, 1.0, 0.0]})
     found = plan(scenario, first=True, time_limit=60.0)

@@ -17,7 +17,7 @@ from pushplan.core.driving import shortest_drives
 from pushplan.errors import ScenarioError
 from pushplan.geometry import se2
 from pushplan.planner import Planner, plan
-from pushplan.planners.multi.order import Order
+from pushplan.planners.multi.order import Order, _is_inside
 from pushplan.planners.multi.rearrangement import RearrangementSearch
 from pushplan.planners.multi.room import TOLERANCE_USED
 from pushplan.planners.multi.tours import Ends, Rooms, Tours
@@ -29,6 +29,7 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import Workspace
 
 LIMIT = 60.0
 HERE, THERE = (1.0, 1.0), (1.0, 2.0)
@@ -73,6 +74,14 @@ def off_goals(found: Plan) -> float:
     """Return the largest errors (m, rad) at the end of a plan."""
     after = found.segments[-1].after
     return max(worst_at_goal(found.scenario, np.stack([after[name] for name in found.scenario.poses])))
+
+
+def test_places_to_put_a_body_aside_keep_their_distance_from_every_side_of_the_workspace() -> None:
+    workspace, far = Workspace(1.0, 3.0, -2.0, -1.0), np.array([1.051, -1.949, 2.949, -1.051])
+    assert workspace.outline.tolist() == [[1.0, -2.0], [3.0, -2.0], [3.0, -1.0], [1.0, -1.0]]
+    assert _is_inside(shapely.box(*far), workspace)
+    for near in far + 0.002 * np.diag([-1.0, -1.0, 1.0, 1.0]):
+        assert not _is_inside(shapely.box(*near), workspace)
 
 
 @pytest.mark.parametrize(("ways", "orders"), [
