@@ -50,21 +50,11 @@ def _nothing(*_: Any, **__: Any) -> None:
     return None
 
 
-def _forward(self: Any, arcs: float) -> None:
-    """Run the rounds of `LatticeRounds.run` from the start only."""
-    session, pathless = self._session, not self._session.solved
-    while sum(self._tried) < arcs and not session.finished:
-        self._search(0)
-        if pathless and session.solved:
-            return
-
-
 AGAIN = "nothing, other seeds"
 PARTS: dict[str, Callable[[], Any]] = {
     "nothing": nullcontext,
     AGAIN: nullcontext,
     "lattice": lambda: mock.patch.object(planners.LatticeRounds, "run", _nothing),
-    "lattice back from the goal": lambda: mock.patch.object(planners.LatticeRounds, "run", _forward),
     "OMPL's trees": lambda: mock.patch.object(planners.MeetingTrees, "grow", _nothing),
     "bottlenecks": lambda: mock.patch.object(planners.Ways, "run", _nothing),
     "refining": lambda: mock.patch.object(Session, "refine", _nothing),

@@ -92,9 +92,9 @@ def workloads(loaded: Callable[[], Any]) -> None:
     core.collision.Shapes(shapes.corners, shapes.starts, shapes.bounds)
     problem, state = pushplan.ompl.pose(scenario)[0].session.problem, np.array([1], dtype=np.uint64)
     grid, goal = np.array([-0.5, -0.5, 0.05]), problem.goal
-    away = core.search.floor_distances(problem.scene, grid, 50, 50, 0.05, scenario.start[:2], goal[:2])
-    lattice = core.search.Lattice(problem, scenario.start, np.zeros(2), grid, *away)
-    lattice.plant(False, np.array([-0.5, -0.5, 2.0, 2.0]), 0.1, 0.3, 0.15, 1 << 12)
+    away = core.search.floor_distances(problem.scene, grid, 50, 50, 0.05, goal[:2])
+    lattice = core.search.Lattice(problem, scenario.start, np.zeros(2), grid, away)
+    lattice.plant(np.array([-0.5, -0.5, 2.0, 2.0]), 0.1, 0.3, 0.15, 1 << 12)
     lattice.expand(state, math.inf, 300)
     path = np.array([[*problem.families[0, 1], 0.3]])
     core.improve.vary(problem, scenario.start, path, state)

@@ -37,7 +37,7 @@ def _tree(*parents: float) -> Any:
 
 
 def _floor(scene: Any, rows: int, side: float = 0.1) -> object:
-    return floor_distances(scene, np.array([0.0, 0.0, side]), 10, rows, 0.05, PLACE, PLACE)
+    return floor_distances(scene, np.array([0.0, 0.0, side]), 10, rows, 0.05, PLACE)
 
 
 def _extended(problem: Problem, row: int, bound: float = 9.0, back: bool = True) -> object:
@@ -91,14 +91,12 @@ def _asked_again_and_again(lattice: Lattice) -> None:
 def test_an_object_in_use_refuses_other_threads(problem: Problem) -> None:
     scene, start = problem.scene, np.zeros(3)
     grid = np.array([-0.5, -0.5, 0.05])
-    lattice = Lattice(
-        problem, start, PLACE, grid, *floor_distances(scene, grid, 50, 50, 0.05, PLACE, problem.goal[:2])
-    )
+    lattice = Lattice(problem, start, PLACE, grid, floor_distances(scene, grid, 50, 50, 0.05, problem.goal[:2]))
     working, refused = threading.Event(), threading.Event()
 
     def work() -> None:
         while not refused.is_set():
-            lattice.plant(False, SQUARE, 0.02, 0.1, 0.03, 1 << 15)
+            lattice.plant(SQUARE, 0.02, 0.1, 0.03, 1 << 15)
             working.set()
             lattice.expand(np.array([1], dtype=np.uint64), math.inf, 20_000)
 
@@ -112,6 +110,15 @@ def test_an_object_in_use_refuses_other_threads(problem: Problem) -> None:
         refused.set()
         thread.join()
     assert len(lattice.nodes) > 1
+
+
+@pytest.mark.parametrize("room", [0, -4, 12, 1 << 23])
+def test_the_room_of_a_search_is_a_power_of_two_up_to_a_limit(problem: Problem, room: int) -> None:
+    grid = np.array([-0.5, -0.5, 0.05])
+    away = floor_distances(problem.scene, grid, 50, 50, 0.05, problem.goal[:2])
+    lattice = Lattice(problem, np.zeros(3), PLACE, grid, away)
+    with pytest.raises(ValueError, match=f"power of two up to 2\\^22, not {room}"):
+        lattice.plant(SQUARE, 0.02, 0.1, 0.03, room)
 
 
 @pytest.mark.parametrize("bound", [1.0, 10.0, 1e7])

@@ -41,20 +41,18 @@ MOST_CELLS = 512
 """Maximum number of floor cells along the longer side."""
 
 
-def floor_of(problem: Problem, start: FloatArray, box: Box) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the travel distances of the body's middle on a floor grid, from the start and from the goal.
+def floor_of(problem: Problem, box: Box) -> tuple[FloatArray, FloatArray]:
+    """Return the travel distances of the body's middle to the goal on a floor grid.
 
     A cell is blocked if an obstacle is nearer than a quarter of the body's width (or length, if that is less). Cells
     are small enough that no thin wall is missed.
 
     Args:
         problem: Push problem.
-        start: (3,) pose of the chain frame.
         box: (xmin, ymin, xmax, ymax) that the grid covers, m.
 
     Returns:
-        (3,) lower left corner of the grid and side of its cells, m; distances (nx, ny) from the start and from the
-        goal, m; see `floor_distances`.
+        (3,) lower left corner of the grid and side of its cells, m; distances (nx, ny), m; see `floor_distances`.
     """
     extent = Extent.of(problem)
     quarter = 0.25 * min(extent.width, extent.front - extent.back)
@@ -63,9 +61,8 @@ def floor_of(problem: Problem, start: FloatArray, box: Box) -> tuple[FloatArray,
     nx, ny = (max(1, math.ceil((box[k + 2] - box[k]) / cell)) for k in (0, 1))
     point = problem.scene.with_body(flatten([_SPECK]), np.array([0.0, 0.0, 2.0 * _SPECK[1, 0]]))
     grid, middle = np.array([box[0], box[1], cell]), middle_of(problem)[:2]
-    places = [se2.transform_points(pose, middle) for pose in (start, problem.goal)]
-    to_start, to_goal = floor_distances(point, grid, nx, ny, max(quarter, 0.71 * cell), *places)
-    return grid, to_start, to_goal
+    goal = se2.transform_points(problem.goal, middle)
+    return grid, floor_distances(point, grid, nx, ny, max(quarter, 0.71 * cell), goal)
 
 
 COARSEST, WIDEST = 0.03, 2.5
@@ -89,7 +86,7 @@ ITERATIONS = 0.125
 
 
 class LatticeRounds:
-    """Rounds of the lattice search, from the start and back from the goal.
+    """Rounds of the lattice search.
 
     Args:
         session: Session of the search.
@@ -101,24 +98,23 @@ class LatticeRounds:
         share = COARSEST * math.hypot(box[2] - box[0], box[3] - box[1])
         self._coarsest = min(share, WIDEST * Extent.of(session.problem).width)
         self._lattice: Lattice | None = None
-        self._rounds, self._tried = [0, 0], [0, 0]
+        self._rounds = self._tried = 0
 
     def run(self, arcs: float) -> None:
         """Run rounds until a total number of arcs was tried or a first path is found."""
         session, pathless = self._session, not self._session.solved
-        while sum(self._tried) < arcs and not session.finished:
-            back = int(self._tried[1] < self._tried[0])
-            self._search(back)
+        while self._tried < arcs and not session.finished:
+            self._search()
             if pathless and session.solved:
                 return
 
-    def _search(self, back: int) -> None:
+    def _search(self) -> None:
         """Search until no path can be cheaper than the bound, and offer the best one found."""
         session = self._session
-        self._rounds[back] += 1
-        number = self._rounds[back]
+        self._rounds += 1
+        number = self._rounds
         # The level is the exponent of 2 in the round's number: Luby's sequence 0, 1, 0, 2, 0, 1, 0, 3, ...
-        lattice = self.planted(min((number & -number).bit_length() - 1, 7), back)
+        lattice = self.planted(min((number & -number).bit_length() - 1, 7))
         # In every other round, a path can be 15 % longer than the best one, because polishing may make it the best.
         excess, over = (1.0, 1.15)[number // 2 % 2], False
         bound = excess * session.best.horizon
@@ -127,11 +123,11 @@ class LatticeRounds:
             bound, over = lattice.expand(session.random, bound, 1_000)
             tried = lattice.tried - before
             session.spent(tried, round(ITERATIONS * tried))
-        self._tried[back] += lattice.tried + SET_UP
+        self._tried += lattice.tried + SET_UP
         session.spent(0, round(ITERATIONS * SET_UP))
         if lattice.path is not None:
             session.offer(lattice.path)
-        elif not back:
+        else:
             nodes = lattice.nodes
             session.note_nearest(nodes[:, :3], lambda node: branch(nodes, node))
 
@@ -140,8 +136,8 @@ class LatticeRounds:
         """The nodes (n, 9) of the last round, a copy."""
         return np.zeros((0, 9)) if self._lattice is None else self._lattice.nodes
 
-    def planted(self, level: int, back: int) -> Lattice:
-        """Return a new search on a level, from the start or back from the goal."""
+    def planted(self, level: int) -> Lattice:
+        """Return a new search on a level."""
         session = self._session
         if self._lattice is None:
             self._lattice = self._with_distances()
@@ -151,16 +147,16 @@ class LatticeRounds:
         shift = np.array([side * random(session.random), side * random(session.random), 0.0, 0.0])
         room = min(FIRST_ROOM << level, MOST_ROOM)
         # Arcs of 1.5 sides are just long enough to leave a cell.
-        self._lattice.plant(bool(back), np.array(self._box) - shift, side, 2.0 * math.pi / headings, 1.5 * side, room)
+        self._lattice.plant(np.array(self._box) - shift, side, 2.0 * math.pi / headings, 1.5 * side, room)
         return self._lattice
 
     def _with_distances(self) -> Lattice:
-        """Return the lattice with the distances from start and goal that all rounds share."""
+        """Return the lattice with the distances from the goal that all rounds share."""
         session, problem = self._session, self._session.problem
         middle = middle_of(problem)
         key = (*self._box, *middle, Extent.of(problem).width)
         if key not in session.common.room:
-            session.common.room[key] = floor_of(problem, session.start, self._box)
+            session.common.room[key] = floor_of(problem, self._box)
         return Lattice(problem, session.start, middle, *session.common.room[key])
 
 

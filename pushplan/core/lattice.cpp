@@ -53,8 +53,11 @@ class FreeCells {
     std::vector<char> free_;
 };
 
+} // namespace
+
 // Dijkstra's algorithm over the cells and their diagonals.
-std::vector<double> distances_from(std::int64_t place, const FreeCells &free, const Grid &grid) {
+std::vector<double> floor_distances(const Scene &point, const Grid &grid, double least, std::int64_t place) {
+    const FreeCells free(point, grid, least);
     const std::int64_t rows = grid.rows, columns = grid.columns;
     const double through_blocked = static_cast<double>(columns + rows) * grid.side;
     std::vector<double> away(static_cast<std::size_t>(columns * rows), INF);
@@ -83,16 +86,8 @@ std::vector<double> distances_from(std::int64_t place, const FreeCells &free, co
     return away;
 }
 
-} // namespace
-
-std::array<std::vector<double>, 2> floor_distances(const Scene &point, const Grid &grid, double least,
-                                                   const std::array<std::int64_t, 2> &places) {
-    const FreeCells free(point, grid, least);
-    return {distances_from(places[0], free, grid), distances_from(places[1], free, grid)};
-}
-
-void Lattice::plant(bool back, const Area &area, const LatticeSizes &sizes, std::int64_t room) {
-    back_ = back, area_ = area, sizes_ = sizes, room_ = static_cast<std::size_t>(room);
+void Lattice::plant(const Area &area, const LatticeSizes &sizes, std::int64_t room) {
+    area_ = area, sizes_ = sizes, room_ = static_cast<std::size_t>(room);
     nodes_.clear();
     nodes_.reserve(room_);
     queue_.clear();
@@ -100,7 +95,7 @@ void Lattice::plant(bool back, const Area &area, const LatticeSizes &sizes, std:
     cells_.clear(2 * room_);
     if (costs_.size() < 2 * room_)
         costs_.resize(2 * room_);
-    nodes_.push_back({ends_[back], 0.0, -1.0, {}});
+    nodes_.push_back({start_, 0.0, -1.0, {}});
     queue_.push_back({0.0, 0});
     tried_ = 0;
     partner_ = -1;
@@ -123,14 +118,13 @@ double Lattice::left(const Pose &pose) const {
     const double c = std::cos(pose.theta), s = std::sin(pose.theta);
     const double px = pose.x + c * middle_[0] - s * middle_[1];
     const double py = pose.y + s * middle_[0] + c * middle_[1];
-    const Pose &target = ends_[!back_];
-    const Words words = find_words(problem_->families[0], back_ ? target : pose, back_ ? pose : target);
+    const Words words = find_words(problem_->families[0], pose, problem_->goal);
     double word = INF;
     for (const Word &other : words)
         word = std::min(word, other.cost);
     if (words.count == 0)
-        word = remaining(pose, target);
-    return std::max(word, away_[!back_][grid_.cell(px, py)]);
+        word = remaining(pose, problem_->goal);
+    return std::max(word, away_[grid_.cell(px, py)]);
 }
 
 // Try an arc of a node.
@@ -147,8 +141,7 @@ void Lattice::grow(std::int64_t parent, int number, double bound, Random &random
     ++tried_;
     const Pose from = nodes_[parent].pose;
     const double cost = nodes_[parent].cost + length;
-    const Twist driven = back_ ? twist.reversed() : twist;
-    const Pose pose = step(from, driven, length);
+    const Pose pose = step(from, twist, length);
     // Cheap tests first, because the collision check takes most of the time.
     const std::int64_t key = key_of(pose);
     if (key == 0)
@@ -157,7 +150,7 @@ void Lattice::grow(std::int64_t parent, int number, double bound, Random &random
     if (cells_[slot] == key && costs_[slot] <= cost)
         return;
     const double promise = cost + (std::isinf(bound) ? HEURISTIC_WEIGHT : 1.0) * left(pose);
-    if (promise >= bound || !sweep_is_free(problem.scene, from, driven, length))
+    if (promise >= bound || !sweep_is_free(problem.scene, from, twist, length))
         return;
     cells_[slot] = key, costs_[slot] = cost;
     nodes_.push_back({pose, cost, static_cast<double>(parent), {twist, length}});
@@ -183,9 +176,8 @@ std::pair<double, bool> Lattice::expand(double bound, std::int64_t arcs, Random 
         const std::size_t slot = cells_.slot_of(key);
         if (cells_[slot] == key && costs_[slot] < node.cost) // a cheaper node has since reached its cell
             continue;
-        const Pose &target = ends_[!back_];
-        const Connection found = connect(problem_->scene, problem_->first_family(), back_ ? target : node.pose,
-                                         back_ ? node.pose : target, bound - node.cost, TRIES);
+        const Connection found = connect(problem_->scene, problem_->first_family(), node.pose, problem_->goal,
+                                         bound - node.cost, TRIES);
         if (node.cost + found.cost < bound) {
             bound = node.cost + found.cost;
             partner_ = entry.row;
@@ -203,15 +195,8 @@ std::vector<Arc> Lattice::path() const {
     std::vector<Arc> path;
     if (partner_ < 0)
         return path;
-    std::int64_t row = partner_;
-    if (!back_) {
-        trace(nodes_, row, path);
-        append_word(word_, path);
-        return path;
-    }
-    path.assign(word_.begin(), word_.end());
-    for (; nodes_[row].parent >= 0.0; row = static_cast<std::int64_t>(nodes_[row].parent))
-        path.push_back(nodes_[row].arc);
+    trace(nodes_, partner_, path);
+    append_word(word_, path);
     return path;
 }
 

@@ -26,32 +26,29 @@ struct Grid {
     }
 };
 
-// Return for every cell the lengths of the paths to two cells, through cells whose middles keep `least` (m) from
+// Return for every cell the length of the path to one cell, through cells whose middles keep `least` (m) from
 // everything. The moving body of the scene is a point. A step to or from another cell costs as much as a path along the
 // whole floor. So a gap that the cells miss is not closed, but searched last.
-std::array<std::vector<double>, 2> floor_distances(const Scene &point, const Grid &grid, double least,
-                                                   const std::array<std::int64_t, 2> &places);
+std::vector<double> floor_distances(const Scene &point, const Grid &grid, double least, std::int64_t place);
 
 // Sizes of a search: side (m) and angle (rad) of a cell, and typical length of an arc (m of cost).
 struct LatticeSizes {
     double side, angle, arc;
 };
 
-// A search from the start to the goal, or back from the goal. The next search reuses the memory.
+// A search from the start to the goal. The next search reuses the memory.
 class Lattice {
   public:
     mutable Lock lock;
 
     // `middle` is the reference point of the floor distances on the body, chain frame, m. `away` holds the distances to
-    // the start and to the goal.
+    // the goal.
     Lattice(std::shared_ptr<const Problem> problem, const Pose &start, const std::array<double, 2> &middle,
-            const Grid &grid, std::array<std::vector<double>, 2> away)
-        : problem_(std::move(problem)), ends_{start, problem_->goal}, middle_(middle), grid_(grid),
-          away_(std::move(away)) {}
+            const Grid &grid, std::vector<double> away)
+        : problem_(std::move(problem)), start_(start), middle_(middle), grid_(grid), away_(std::move(away)) {}
 
-    // Begin with the start alone, or with the goal (`back`). Cells cover the area; `room` is the maximum number of
-    // nodes.
-    void plant(bool back, const Area &area, const LatticeSizes &sizes, std::int64_t room);
+    // Begin with the start alone. Cells cover the area; `room` is the maximum number of nodes.
+    void plant(const Area &area, const LatticeSizes &sizes, std::int64_t room);
 
     // Expand nodes, lowest estimate first, until about `arcs` arcs were tried or no estimate is below the bound. The
     // bound is the upper limit of a path's cost, m. It falls to the cost of each path found. Return the final bound,
@@ -80,12 +77,11 @@ class Lattice {
     void grow(std::int64_t parent, int number, double bound, Random &random);
 
     std::shared_ptr<const Problem> problem_;
-    std::array<Pose, 2> ends_;
+    Pose start_;
     std::array<double, 2> middle_;
     Grid grid_;
-    std::array<std::vector<double>, 2> away_;
+    std::vector<double> away_;
 
-    bool back_ = false;
     Area area_{};
     LatticeSizes sizes_{};
     std::size_t room_ = 0;
@@ -94,7 +90,7 @@ class Lattice {
     CellTable cells_;
     std::vector<double> costs_; // cost of the cheapest node in each slot's cell
     std::int64_t tried_ = 0;
-    std::int64_t partner_ = -1; // the node at one end of the best path's last steering path
+    std::int64_t partner_ = -1; // the node at which the best path's last steering path begins
     std::array<Arc, 3> word_{};
 };
 

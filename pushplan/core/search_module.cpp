@@ -161,16 +161,13 @@ std::array<double, 2> to_place(const Numbers &array) {
 }
 
 Lattice to_lattice(const Shared &problem, const Numbers &start, const Numbers &middle, const Numbers &grid,
-                   const Numbers &to_start, const Numbers &to_goal) {
-    const auto first = table(to_start), second = table(to_goal);
-    if (first.rows != second.rows || first.columns != second.columns)
-        throw std::invalid_argument("distances to the start and to the goal must have the same cells");
-    const auto cells = first.rows * first.columns;
+                   const Numbers &away) {
+    const auto of = table(away);
+    const auto cells = of.rows * of.columns;
     for (std::ptrdiff_t i = 0; i < cells; ++i)
-        require_number(first.data[i] + second.data[i], "a distance");
-    return Lattice(
-        problem, to_pose(start), to_place(middle), to_grid(grid, first.rows, first.columns),
-        {std::vector<double>(first.data, first.data + cells), std::vector<double>(second.data, second.data + cells)});
+        require_number(of.data[i], "a distance");
+    return Lattice(problem, to_pose(start), to_place(middle), to_grid(grid, of.rows, of.columns),
+                   std::vector<double>(of.data, of.data + cells));
 }
 
 void bind_lattice(nb::module_ &m) {
@@ -182,8 +179,7 @@ void bind_lattice(nb::module_ &m) {
         start: (3,) start pose.
         middle: (2 or more,) reference point of the floor distances on the body, chain frame, m.
         grid: (3,) lower left corner and side of the floor cells, m.
-        to_start: (nx, ny) distances from the start around the obstacles, m.
-        to_goal: (nx, ny) distances from the goal around the obstacles, m.
+        away: (nx, ny) distances from the goal around the obstacles, m.
 
     Attributes:
         path: Best path (k, 4); None if there is none.
@@ -191,10 +187,10 @@ void bind_lattice(nb::module_ &m) {
         nodes: Copy of the nodes (n, 9); see `Tree.nodes`.
     )")
         .def(MadeBy(&to_lattice), nb::arg("problem"), nb::arg("start"), nb::arg("middle"), nb::arg("grid"),
-             nb::arg("to_start"), nb::arg("to_goal"))
+             nb::arg("away"))
         .def(
             "plant",
-            [](Lattice &self, bool back, const Numbers &box, double side, double angle, double arc, std::int64_t room) {
+            [](Lattice &self, const Numbers &box, double side, double angle, double arc, std::int64_t room) {
                 const InUse use(self.lock);
                 if (room < 1 || (room & (room - 1)) != 0 || room > std::int64_t{1} << 22)
                     throw std::invalid_argument("the room for nodes must be a power of two up to 2^22, not " +
@@ -203,13 +199,12 @@ void bind_lattice(nb::module_ &m) {
                 const double longer = std::max(area.xmax - area.xmin, area.ymax - area.ymin);
                 require_cells(longer / require_positive(side, "side"), "cells of the box");
                 require_cells(2.0 * PI / require_positive(angle, "angle"), "cells of a turn");
-                self.plant(back, area, {side, angle, require_positive(arc, "arc")}, room);
+                self.plant(area, {side, angle, require_positive(arc, "arc")}, room);
             },
-            nb::arg("back"), nb::arg("box"), nb::arg("side"), nb::arg("angle"), nb::arg("arc"), nb::arg("room"), R"(
+            nb::arg("box"), nb::arg("side"), nb::arg("angle"), nb::arg("arc"), nb::arg("room"), R"(
     Begin a search with the start alone.
 
     Args:
-        back: Whether to search from the goal back to the start instead.
         box: (4,) xmin, ymin, xmax, ymax that the cells cover, m.
         side: Side of a cell, m.
         angle: Angle of a cell, rad.
@@ -243,25 +238,20 @@ void bind_lattice(nb::module_ &m) {
     m.def(
         "floor_distances",
         [](const Scene &point, const Numbers &grid, std::ptrdiff_t columns, std::ptrdiff_t rows, double least,
-           const Numbers &start, const Numbers &goal) {
+           const Numbers &place) {
             const Grid cells = to_grid(grid, columns, rows);
-            std::array<std::int64_t, 2> places;
-            for (int k = 0; k < 2; ++k) {
-                const auto [x, y] = to_place(k == 0 ? start : goal);
-                places[k] = cells.cell(x, y);
-            }
+            const auto [x, y] = to_place(place);
             require_finite(least, "least");
-            std::array<std::vector<double>, 2> away;
+            std::vector<double> away;
             {
                 nb::gil_scoped_release free;
-                away = floor_distances(point, cells, least, places);
+                away = floor_distances(point, cells, least, cells.cell(x, y));
             }
-            return std::make_tuple(to_numpy(std::move(away[0]), {columns, rows}),
-                                   to_numpy(std::move(away[1]), {columns, rows}));
+            return to_numpy(std::move(away), {columns, rows});
         },
-        nb::arg("point"), nb::arg("grid"), nb::arg("columns"), nb::arg("rows"), nb::arg("least"), nb::arg("start"),
-        nb::arg("goal"), R"(
-    Return the lengths (columns, rows) of paths to the start and to the goal, m.
+        nb::arg("point"), nb::arg("grid"), nb::arg("columns"), nb::arg("rows"), nb::arg("least"), nb::arg("place"),
+        R"(
+    Return the lengths (columns, rows) of paths to a place, m.
 
     The paths lead through cells whose middles keep `least` from everything. A step to or from another cell costs as
     much as a path along the whole floor. So a gap that the cells miss is not closed, but searched last.
@@ -272,8 +262,7 @@ void bind_lattice(nb::module_ &m) {
         columns: Number of cells along x.
         rows: Number of cells along y.
         least: Distance from everything, m.
-        start: (2,) position of the start, m.
-        goal: (2,) position of the goal, m.
+        place: (2,) position, m.
     )");
 }
 
