@@ -1,10 +1,11 @@
 """Whole rooms: is a plan for many objects ever worse than a greedy loop?
 
     python benchmarks/rooms.py [--objects 10] [--rooms 18] [--seed 7000] [--limit 10] [--greedy-limit 40]
-        [--backwards]
+        [--backwards] [--door]
 
 Rooms of three kinds (goals on a grid, on shelves along the walls, anywhere) and three drives, drawn by seed. With
 `--backwards` an arc leads each object from its start to its goal, past all others as they stand then, in some order.
+With `--door` a wall with a door of 0.9 m divides rooms with goals anywhere, and every fourth object has no goal.
 The greedy loop plans each object by itself with the others as obstacles, delivers the nearest one that can be
 delivered, and goes on until none can. It uses the public `pushplan.plan` only.
 """
@@ -40,9 +41,9 @@ KINDS = ("grid", "shelves", "random")
 BOX = [0.2, 0.2]
 
 
-def room(number: int, count: int, seed: int) -> dict[str, Any]:
+def room(number: int, count: int, seed: int, door: bool) -> dict[str, Any]:
     """Return a scenario file's document: all kinds with all drives, gaps between goals from 0.3 to 0.6 m."""
-    kind, (drive, section) = KINDS[number % 3], DRIVES[(number // 3) % 3]
+    kind, (drive, section) = "random" if door else KINDS[number % 3], DRIVES[(number // 3) % 3]
     pitch, side = BOX[0] + (0.3, 0.45, 0.6)[(number // 9) % 3], max(4.0, 1.6 * math.sqrt(count) + 2.0)
     random = np.random.default_rng([seed + number, count, KINDS.index(kind)])
     if kind == "grid":
@@ -52,12 +53,13 @@ def room(number: int, count: int, seed: int) -> dict[str, Any]:
     elif kind == "shelves":
         goals = [_on_shelf(*divmod(k, max(1, int((side - 1.2) / pitch))), pitch, side) for k in range(count)]
     else:
-        goals = [[*place, 0.5 * math.pi * random.integers(4)] for place in _apart(random, count, side, pitch, [])]
-    starts = _apart(random, count, side, BOX[0] + 0.4, [goal[:2] for goal in goals])
+        places = _apart(random, count, side, pitch, [], door)
+        goals = [[*place, 0.5 * math.pi * random.integers(4)] for place in places]
+    starts = _apart(random, count, side, BOX[0] + 0.4, [goal[:2] for goal in goals], door)
     poses = [[*place, random.uniform(-math.pi, math.pi)] for place in starts]
     return {
         "format": "pushplan/1",
-        "name": f"{kind}-{drive}-{count}-{seed + number}",
+        "name": f"{'door' if door else kind}-{drive}-{count}-{seed + number}",
         "floor": {"friction": 0.3},
         "objects": [{"name": f"box{k}", "shape": {"box": BOX}, "mass": 2.0, "pose": p} for k, p in enumerate(poses)],
         "pusher": {"width": 0.24, "friction": 0.5},
@@ -66,9 +68,16 @@ def room(number: int, count: int, seed: int) -> dict[str, Any]:
             "drive": section,
             "start": [0.6, 0.6, 0.7],
         },
-        "goals": {f"box{k}": {"pose": goal, "symmetry": 4} for k, goal in enumerate(goals)},
+        "goals": {f"box{k}": {"pose": goal, "symmetry": 4} for k, goal in enumerate(goals) if not door or k % 4},
         "workspace": {"x": [0.0, side], "y": [0.0, side]},
+        "obstacles": _wall(0.5 * side, random.uniform(1.0, side - 1.0), side) if door else [],
     }
+
+
+def _wall(x: float, y: float, side: float) -> list[dict[str, Any]]:
+    """Return a wall across the room at x with a door at y."""
+    parts = ((0.0, y - 0.45), (y + 0.45, side))
+    return [{"polygon": [[x - 0.05, a], [x + 0.05, a], [x + 0.05, b], [x - 0.05, b]]} for a, b in parts]
 
 
 def _on_shelf(shelf: int, at: int, pitch: float, side: float) -> list[float]:
@@ -122,13 +131,14 @@ def _placed(corners: FloatArray, poses: FloatArray) -> Any:
 
 
 def _apart(
-    random: np.random.Generator, count: int, side: float, least: float, others: Sequence[Any]
+    random: np.random.Generator, count: int, side: float, least: float, others: Sequence[Any], door: bool
 ) -> list[list[float]]:
-    """Return places with a smallest distance from one another, from other places and from the robot's start."""
+    """Return places with a smallest distance from one another, from other places, the robot's start and a wall."""
     found: list[list[float]] = []
     while len(found) < count:
         place = random.uniform(0.5, side - 0.5, 2).tolist()
-        if all(math.dist(place, other) >= least for other in (*found, *others, [0.25, 0.25], [0.6, 0.6])):
+        near = any(math.dist(place, other) < least for other in (*found, *others, [0.25, 0.25], [0.6, 0.6]))
+        if not (near or (door and abs(place[0] - 0.5 * side) < 0.5)):
             found.append(place)
     return found
 
@@ -171,11 +181,13 @@ def _deliver(scenario: Scenario, name: str, starts: dict[str, Any], plate: Any) 
 
 
 def main() -> None:
-    asked = options(__doc__, objects=10, rooms=18, seed=7000, limit=10.0, greedy_limit=40.0, backwards=False)
+    asked = options(
+        __doc__, objects=10, rooms=18, seed=7000, limit=10.0, greedy_limit=40.0, backwards=False, door=False
+    )
     solved = by_greedy = lost = fewer = 0
     firsts = []
     for number in range(asked.rooms):
-        document = room(number, asked.objects, asked.seed)
+        document = room(number, asked.objects, asked.seed, asked.door)
         document = led_backwards(document, asked.seed + number) if asked.backwards else document
         scenario = scenario_from_document(document)
         done, spent = greedy(scenario, asked.greedy_limit)

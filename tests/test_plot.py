@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import Patch, there
-from kinds import KINDS, made
+from kinds import FAST, KINDS, made
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
@@ -24,8 +24,10 @@ from pushplan.drawing.sets import plot_stable_sets
 from pushplan.drawing.trials import plot_trials
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
+from pushplan.planner import plan
 from pushplan.plans.execution import TrialEnd
 from pushplan.plans.plan import Plan
+from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.parts import Workspace
 from pushplan.sets.named import stable_set
 from pushplan.sim.identify.measured_push import Estimate
@@ -98,6 +100,15 @@ def test_nothing_in_a_picture_covers_its_key_or_spills(kind: str, tmp_path: Path
         _assert_nothing_covered(figure)
         sizes = [float(text.get_fontsize()) for text in figure.findobj(Text) if isinstance(text, Text)]
         assert min(sizes) >= 6.0
+
+
+def test_the_title_of_a_partial_plan_counts_all_goals(tmp_path: Path, monkeypatch: Patch) -> None:
+    figures, scenario = _kept_figures(monkeypatch), scenario_from_text(FAST["partial"])
+    found = plan(scenario, first=True, seed=1, time_limit=60.0)
+    plot_plan(found, tmp_path / "p.png")
+    assert found.undelivered.keys() == {"stuck"}
+    texts = {text.get_text() for text in figures[0].findobj(Text) if isinstance(text, Text)}
+    assert "one-is-stuck: partial plan, 2 of 3 delivered" in texts
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])

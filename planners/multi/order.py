@@ -61,7 +61,7 @@ whether to begin at the start instead of at the end of the tours).
 The limits are batches, not seconds, so that one seed gives the same order on any machine.
 """
 
-SOON, SOON_MOST = 3, 60
+SOON, SOON_MOST = 3, 25
 """Number of stages tried at once for up to `MOST` bodies, and the limit of transfers for each body."""
 
 QUICK = ((0, 0), (3, 0), (0, 1), (0, 2), (0, 3), (0, 4))
@@ -73,8 +73,8 @@ GREEDY = (*QUICK, (15, 0), (15, 1), (15, 2))
 ROUNDS = 6
 """Number of greedy attempts. Each begins with the bodies that the last one left."""
 
-FREED = 24
-"""Maximum number of bodies put aside to deliver more."""
+FREED, AGAIN = 24, 3
+"""Maximum number of bodies put aside to deliver more, and of attempts with other places and more effort."""
 
 PLACES = 4
 """Number of places tried for an obstructing body."""
@@ -174,11 +174,14 @@ class Order:
             best = min(best, self._delivered(begun[1]), key=_worth)
         if best.here.left and not self._over():
             best = self._freed(best)
+        for _ in range(AGAIN):
+            if best.here.left and not self._over():
+                best = self._freed(best, again=True)
         if best.here.left and not self._over():
-            best = min(best, self._in_order(begun, STAGES[len(soon) :]), key=_worth)
+            best = min(best, self._in_order(begun, STAGES), key=_worth)
         while not self._over() and any(not self._reason(best.here, piece)[0] for piece in best.here.left):
             self._seed, self._known = self._seed + 1, {}
-            best = min(best, self._by_layers(begun[0]), key=_worth)
+            best = min(best, self._freed(self._by_layers(begun[0])), key=_worth)
         return best
 
     def _in_order(
@@ -243,27 +246,35 @@ class Order:
             first |= plan.here.left
         return best
 
-    def _freed(self, plan: PartialPlan) -> PartialPlan:
-        """Return a plan that puts bodies aside, one at a time, as long as this delivers more."""
+    def _freed(self, plan: PartialPlan, again: bool = False) -> PartialPlan:
+        """Return a plan that puts bodies aside, one at a time, as long as this delivers more.
+
+        Args:
+            plan: Plan to extend.
+            again: Whether only bodies on goals move, to random places, and more effort is spent on deliveries.
+        """
         for _ in range(FREED):
-            more = next(self._with_one_aside(plan), None)
+            more = next(self._with_one_aside(plan, again), None)
             if more is None or not more.here.left:
                 return more or plan
             plan = more
         return plan
 
-    def _with_one_aside(self, plan: PartialPlan) -> Iterator[PartialPlan]:
-        """Yield plans that put one body aside and then deliver more."""
-        for piece in self._in_the_way(plan.here):
+    def _with_one_aside(self, plan: PartialPlan, again: bool) -> Iterator[PartialPlan]:
+        """Yield plans that put one body aside and then deliver more; see `_freed`."""
+        rounds = GREEDY if again else QUICK
+        for piece in dict.fromkeys(self._on_goals(plan.here)) if again else self._in_the_way(plan.here):
             places = self._parking(plan.here, piece)
+            if again:
+                places = self._few(places)
             if self._over():
                 return
             step = self._search(plan.here, piece, places, delivers=False) if places else None
             if step is not None:
                 # Remaining pieces come first, because the piece put aside could shut them in again.
-                more = self._delivered(self._extended_by(plan, (step,)), QUICK, plan.here.left)
+                more = self._delivered(self._extended_by(plan, (step,)), rounds, plan.here.left)
                 if len(more.here.left) <= len(plan.here.left):
-                    more = self._delivered(more, QUICK)
+                    more = self._delivered(more, rounds)
                 if len(more.here.left) < len(plan.here.left):
                     yield more
 
@@ -307,8 +318,7 @@ class Order:
                 places = () if one.delivers else self._parking(here, one.piece)
                 step = self._delivery(here, one.piece, EFFORT) if one.delivers else None
                 if places:
-                    few = self._random.choice(len(places), min(PLACES, len(places)), replace=False)
-                    step = self._search(here, one.piece, tuple(places[k] for k in few), delivers=False)
+                    step = self._search(here, one.piece, self._few(places), delivers=False)
                 if step is None:
                     break
                 steps.append(step)
@@ -469,15 +479,16 @@ class Order:
 
     def _in_the_way(self, now: Situation) -> Iterator[int]:
         """Yield pieces that may obstruct: on goals, near remaining ones, the remaining ones, then all others."""
-        on_goals = [
-            k
-            for piece in sorted(now.left)
-            for goal in range(len(self._pieces[piece].goals))
-            for k in sorted(self._on_goal(now, piece, goal))
-        ]
         near = [k for piece in sorted(now.left) for k in self._near(now, piece)]
         away = np.hypot(*(now.poses - now.plate)[:, :2].T)
-        yield from dict.fromkeys([*on_goals, *near, *sorted(now.left), *np.argsort(away, kind="stable").tolist()])
+        yield from dict.fromkeys(
+            [*self._on_goals(now), *near, *sorted(now.left), *np.argsort(away, kind="stable").tolist()]
+        )
+
+    def _on_goals(self, now: Situation) -> list[int]:
+        """Return the pieces on goals of remaining ones."""
+        left = [(piece, goal) for piece in sorted(now.left) for goal in range(len(self._pieces[piece].goals))]
+        return [k for piece, goal in left for k in sorted(self._on_goal(now, piece, goal))]
 
     def _near(self, now: Situation, piece: int) -> list[int]:
         """Return the pieces near a piece or its goals, nearest first."""
@@ -508,6 +519,11 @@ class Order:
         places = [p for p in (*own.pushed_straight(pose, AWAY), *self._scattered(pose)) if _is_free(own, p, taken)]
         nearest = sorted(places, key=lambda p: math.hypot(*(p - pose)[:2]))[:MOST_PLACES]
         return tuple(Goal.of_chain(p, tolerance) for p in nearest)
+
+    def _few(self, places: tuple[Goal, ...]) -> tuple[Goal, ...]:
+        """Return some random places."""
+        few = self._random.choice(len(places), min(PLACES, len(places)), replace=False)
+        return tuple(places[k] for k in few)
 
     def _taken(self, now: Situation, piece: int) -> BaseGeometry:
         """Return the area of the other pieces and of the remaining pieces' goals, with a buffer."""

@@ -4,71 +4,19 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from pushplan.core.pushes import PackedMode
 from pushplan.core.samples import descend, pushed_at_random, random_descent
 from pushplan.geometry import se2
 from pushplan.planners.multi.graph import Graph, PushSequence
 from pushplan.planners.multi.room import PushRoom, Query
+from pushplan.planners.multi.routes import crossings, routes
 from pushplan.planners.problem import sampling_box
 from pushplan.util.arrays import BoolArray, FloatArray
-
-CROSSED = 100_000
-"""Pairs of pushes whose crossings are computed in one batch: about 10 ms and 20 MB."""
-
-
-def crossings(start: FloatArray, goals: FloatArray, modes: list[PackedMode]) -> Iterator[FloatArray]:
-    """Yield poses (k, 3) where a straight push from the start, or after a tight turn there, meets one to a goal."""
-    directions = np.array([se2.rotate(mode.contact[2], mode.settling[:2]) for mode in modes])  # in the load's frame
-    pairs, turned = [(start, goal) for goal in goals], []
-    for mode in modes:
-        for goal in goals:
-            after = [*_turned_to(start, float(goal[2]), mode, 1.0)]
-            before = [*_turned_to(goal, float(start[2]), mode, -1.0)]
-            pairs += [*((pose, goal) for pose in after), *((start, pose) for pose in before)]
-            turned += [*after, *before]
-    yield np.array(turned).reshape(-1, 3)
-    for some in np.array_split(np.array(pairs), -(-len(pairs) * len(modes) ** 2 // CROSSED)):
-        yield _straight_crossings(some[:, 0], some[:, 1], directions)
-
-
-def _straight_crossings(starts: FloatArray, ends: FloatArray, directions: FloatArray) -> FloatArray:
-    """Return poses (k, 3) where straight pushes in directions (m, 2) from n starts meet those to n ends."""
-    same = np.abs(se2.wrap_angle(ends[:, 2] - starts[:, 2])) <= 1e-9  # straight pushes keep the heading
-    starts, away = starts[same], se2.relative(starts[same], ends[same])[:, None, None]
-    first, last = directions[:, None], directions
-    across = _cross(first, last)
-    across = np.where(np.abs(across) < 1e-6, np.inf, across)  # parallel lines do not meet
-    ahead, rest = _cross(away, last) / across, _cross(first, away) / across
-    n, i, j = np.nonzero((ahead > 0.0) & (rest > 0.0))
-    steps = ahead[n, i, j, None] * directions[i]
-    return se2.compose(starts[n], np.column_stack([steps, np.zeros(len(n))]))
-
-
-def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
-    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])
-
-
-def _turned_to(pose: FloatArray, heading: float, mode: PackedMode, sense: float) -> Iterator[FloatArray]:
-    """Yield the poses where the tightest turns, forward or backward, bring a load to a heading."""
-    for letter in (0, 2):
-        twist = mode.families[0, letter]
-        if twist[2] == 0.0:
-            continue
-        angle = float((sense * np.sign(twist[2]) * (heading - pose[2])) % (2.0 * np.pi))
-        if 1e-9 < angle < math.pi + 1e-9:
-            yield _moved(pose, mode, twist, sense * angle / abs(twist[2]))
-
-
-def _moved(pose: FloatArray, mode: PackedMode, twist: FloatArray, length: float) -> FloatArray:
-    """Return the load pose (3,) after motion along a twist in the contact's frame over a length."""
-    contact = se2.compose(se2.compose(pose, mode.contact), se2.exp(twist * length))
-    return se2.compose(contact, se2.inverse(mode.contact))
 
 
 class Sampler:
@@ -245,6 +193,7 @@ def search(
     began = time.perf_counter()
     modes = [contact.packed for contact in room.contacts]
     graph = Graph(room, query, seed, partial(limits.over, -1))
+    ways = routes(room, query, graph.changes)
     sampler: Sampler | None = None  # most first plans need no sampler
     best: PushSequence | None = None
     first: float | None = None
@@ -272,6 +221,8 @@ def search(
                 if over():
                     break
             poses, waiting = poses[:CROSSINGS], poses[CROSSINGS:]
+        elif best is None and batches % 2 and len(some := next(ways, query.goals[:0])):
+            poses = some
         elif len(waiting):
             poses, waiting = waiting, waiting[:0]
         else:

@@ -233,8 +233,9 @@ class _Steps:
 def _title(plan: Plan, scene: Scene, executed: bool, letters: int) -> str:
     """Return the title: the outcome of the plan or of another execution."""
     if not plan.solved:
-        done = len(plan.scenario.goals) - len(plan.undelivered)
-        outcome = f": partial plan, {done} of {len(plan.scenario.goals)} delivered" if plan.segments else ": no plan"
+        done = len(plan.scenario.goals)  # a partial plan has the goals that it reaches
+        total = done + len(plan.undelivered)
+        outcome = f": partial plan, {done} of {total} delivered" if plan.segments else ": no plan"
         return cut(plan.scenario.name, max(8, letters - len(outcome))) + outcome
     if executed:
         replans = sum(mark.kind == "replan" for mark in scene.marks)

@@ -76,6 +76,34 @@ def off_goals(found: Plan) -> float:
     return max(worst_at_goal(found.scenario, np.stack([after[name] for name in found.scenario.poses])))
 
 
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_box_without_a_goal_leaves_the_goal_of_another_one_among_many(seed: int) -> None:
+    """`e` must go farther than to the nearest place, for `d` has to pass."""
+    upper, lower, right = (0.7, 2.0), (0.7, 1.35), (2.0, 1.35)
+    starts = {
+        "a": (2.0, 2.0),
+        "b": (1.35, 1.35),
+        "c": (0.7, 0.7),
+        "d": (2.0, 0.7),
+        "e": upper,
+        "f": right,
+        "g": lower,
+    }
+    goals = {"a": right, "b": lower, "c": (0.7, 0.7), "d": upper, "f": (2.0, 2.0), "g": (1.35, 1.35)}
+    box = {"shape": {"box": [0.2, 0.2]}, "mass": 1.0}
+    scenario = scenario_from_document({
+        "format": "pushplan/1",
+        "floor": {"friction": 0.3},
+        "objects": [{"name": name, "pose": [*start, 0.0], **box} for name, start in starts.items()],
+        "goals": {name: {"pose": [*goal, 0.0], "symmetry": 4} for name, goal in goals.items()},
+        "pusher": {"width": 0.2, "friction": 0.5},
+        "robot": {"footprint": {"box": [0.3, 0.2], "pose": [-0.18, 0.0, 0.0]}, "start": [0.36, 0.3, 0.0]},
+        "workspace": {"x": [0.0, 3.2], "y": [0.0, 3.2]},
+    })  # fmt: skip
+    found = plan(scenario, seed=seed, first=True, iterations=1_000, time_limit=60.0)
+    assert found.solved, found.reason
+
+
 def test_places_to_put_a_body_aside_keep_their_distance_from_every_side_of_the_workspace() -> None:
     workspace, far = Workspace(1.0, 3.0, -2.0, -1.0), np.array([1.051, -1.949, 2.949, -1.051])
     assert workspace.outline.tolist() == [[1.0, -2.0], [3.0, -2.0], [3.0, -1.0], [1.0, -1.0]]

@@ -248,6 +248,20 @@ def test_pushes_pass_goals_at_the_nearest_of_many_poses(problem: Problem) -> Non
     assert passed > 0
 
 
+@pytest.mark.parametrize("seed", range(1, 5))
+@pytest.mark.parametrize("heading", [0.0, 0.7])
+def test_a_box_goes_through_a_door_beside_its_way_with_any_seed(problem: Problem, heading: float, seed: int) -> None:
+    """Straight pushes along the wall, through the door and back; sampling alone finds this in seconds, if at all."""
+    walls = [[[1.96, -0.2], [2.04, -0.2], [2.04, 2.0], [1.96, 2.0]], [[1.96, 2.8], [2.04, 2.8], [2.04, 4], [1.96, 4]]]
+    room = {"workspace": {"x": [-0.2, 4.2], "y": [-0.2, 4.0]}, "obstacles": [{"polygon": wall} for wall in walls]}
+    goal, robot = {"pose": [3.0, 0.9, 0.0], "of": "b0"}, {"start": [0.5, 0.5, 0.0]}
+    scenario = problem(
+        "omnidirectional", start=[1.0, 0.8, heading], goal=goal, robot=robot, pushes={"most": 4}, **room
+    )
+    found = plan(scenario, seed=seed, first=True, iterations=6, time_limit=60.0)
+    assert found.solved, found.reason
+
+
 def test_many_goals_and_offsets_need_little_memory_and_respect_the_time_limit(problem: Problem) -> None:
     around = [[1.0 + np.cos(a), 1.0 + np.sin(a), float(a)] for a in np.linspace(0.0, 6.0, 24)]
     pusher = {"faces": "all", "offsets": ["-20 mm", 0, "20 mm"]}
