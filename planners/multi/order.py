@@ -61,8 +61,8 @@ whether to begin at the start instead of at the end of the tours).
 The limits are batches, not seconds, so that one seed gives the same order on any machine.
 """
 
-SOON, SOON_MOST = 3, 25
-"""Number of stages tried at once for up to `MOST` bodies, and the limit of transfers for each body."""
+SOON, SOON_MOST = 3, 200
+"""Number of stages tried at once for up to `MOST` bodies, and the limit of transfers."""
 
 QUICK = ((0, 0), (3, 0), (0, 1), (0, 2), (0, 3), (0, 4))
 """Quick rounds of greedy deliveries: (batches of poses for one transfer, level of its margins)."""
@@ -165,7 +165,7 @@ class Order:
             self._depths = depths(self._pieces)
         best, soon = begun[1], STAGES[:SOON] if len(now.left) <= MOST else ()
         if best.here.left and soon:
-            self._turn = self.looked_at + SOON_MOST * len(now.left)
+            self._turn = self.looked_at + SOON_MOST
             best = min(best, self._in_order(begun, soon), key=_worth)
             self._turn = math.inf
         if best.here.left and not self._over():
