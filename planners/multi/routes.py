@@ -22,8 +22,8 @@ from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 CROSSED = 100_000
 """Pairs of pushes whose crossings are computed in one batch: about 10 ms and 20 MB."""
 
-STEP, LINES = 0.25, 96
-"""Distance of grid lines, as a share of the narrowest object's width, and maximum number along each axis."""
+STEP, NODES = 0.25, 36_000
+"""Distance of grid lines, as a share of the narrowest object's width, and approximate maximum number of nodes."""
 
 ROUTES = 3
 """Number of routes for each heading."""
@@ -124,11 +124,12 @@ def _lines(room: PushRoom, axis: float, through: FloatArray) -> tuple[FloatArray
     corners = se2.rotate(-axis, np.array([[xmin, ymin], [xmax, ymin], [xmax, ymax], [xmin, ymax]]))
     low, high = corners.min(axis=0), corners.max(axis=0)
     step = STEP * min(float(np.ptp(obj.outline, axis=0).min()) for obj in room.scenario.chain.objects)
+    most = int(math.sqrt(NODES / len(room.contacts)))
     inner = se2.rotate(-axis, through[:, :2])
     first, second = (
         np.unique(np.append(np.linspace(low[k], high[k], count), inner[:, k]).round(DECIMALS))
         for k in (0, 1)
-        for count in [min(math.ceil((high[k] - low[k]) / step) + 1, LINES)]
+        for count in [min(math.ceil((high[k] - low[k]) / step) + 1, most)]
     )
     return first, second
 
