@@ -2,7 +2,7 @@
 
 The search first follows the cheapest tour (`tours`). If this leaves some bodies, it delivers all bodies greedily
 again: deepest goals first, layer by layer, and bodies that the last attempt left before all others. Then it puts
-obstructing bodies aside as long as this delivers more.
+obstructing bodies aside as long as this delivers more, those on goals also to other places.
 
 If some bodies are still left, a depth-first search follows. It brings a body to its goal only if every other
 remaining body still has a plan (or waits for another body to leave its goal). If no body can be brought, an
@@ -177,7 +177,9 @@ class Order:
         for _ in range(AGAIN):
             if best.here.left and not self._over():
                 best = self._freed(best, again=True)
-        if best.here.left and not self._over():
+        if (
+            best.here.left and not self._over()
+        ):  # from the first stage on, for the limit may have cut the short search
             best = min(best, self._in_order(begun, STAGES), key=_worth)
         while not self._over() and any(not self._reason(best.here, piece)[0] for piece in best.here.left):
             self._seed, self._known = self._seed + 1, {}

@@ -35,7 +35,7 @@ SAME = 1e-9
 """Tolerance within which two numbers of poses are equal, m and rad."""
 
 DECIMALS = 9
-"""Decimals (in m) to which grid lines are compared."""
+"""Decimals to which grid lines (m) and headings (rad) are compared."""
 
 SQUARE = 0.02
 """Largest deviation of a push direction from the grid's axes, rad."""
@@ -58,7 +58,7 @@ def crossings(start: FloatArray, goals: FloatArray, modes: list[PackedMode]) -> 
 
 def _straight_crossings(starts: FloatArray, ends: FloatArray, directions: FloatArray) -> FloatArray:
     """Return poses (k, 3) where straight pushes in directions (m, 2) from n starts meet those to n ends."""
-    same = np.abs(se2.wrap_angle(ends[:, 2] - starts[:, 2])) <= 1e-9  # straight pushes keep the heading
+    same = np.abs(se2.wrap_angle(ends[:, 2] - starts[:, 2])) <= SAME  # straight pushes keep the heading
     starts, away = starts[same], se2.relative(starts[same], ends[same])[:, None, None]
     first, last = directions[:, None], directions
     across = _cross(first, last)
@@ -80,7 +80,7 @@ def _turned_to(pose: FloatArray, heading: float, mode: PackedMode, sense: float)
         if twist[2] == 0.0:
             continue
         angle = float((sense * np.sign(twist[2]) * (heading - pose[2])) % (2.0 * np.pi))
-        if 1e-9 < angle < math.pi + 1e-9:
+        if SAME < angle < math.pi + SAME:
             yield _moved(pose, mode, twist, sense * angle / abs(twist[2]))
 
 
@@ -106,7 +106,7 @@ def routes(room: PushRoom, query: Query, changes: FloatArray) -> Iterator[FloatA
         changes: (m, m) lower bounds of the cost of contact changes, m.
     """
     modes, known = [contact.packed for contact in room.contacts], np.concatenate([query.load[None], query.goals])
-    turns = np.unique(se2.wrap_angle(known[:, 2] - query.load[2]).round(9))
+    turns = np.unique(se2.wrap_angle(known[:, 2] - query.load[2]).round(DECIMALS))
     for heading in (query.load[2] + turns[np.argsort(np.abs(turns))]).tolist():
         begins = _ends(query.load, heading, modes, 1.0)
         ends = np.concatenate([_ends(goal, heading, modes, -1.0) for goal in query.goals])
